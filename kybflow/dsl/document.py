@@ -1,0 +1,105 @@
+"""The mission as written, typed, with a span on everything: what `shape` makes, `check` judges and `lower` turns into a
+plan. Names are still names; quantities are SI; `like`, imports and parameters are gone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from kybflow.dsl.plan import Cause
+from kybflow.dsl.source import Span, Text
+from kybflow.geometry import Vec3
+from kybflow.site import Airframe, Box
+
+if TYPE_CHECKING:
+    from kybflow.catalog import PartSpec
+
+
+@dataclass(frozen=True, slots=True)
+class PartUse:
+    """A part in its place: `{use: fence, margin: 20 cm}`. `spans` holds the span of each parameter that was written."""
+
+    name: Text
+    spec: PartSpec
+    params: Any
+    label: str
+    span: Span
+    spans: dict[str, Span] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """One arrow as written; `span` is the whole of it, `target.span` the name of its goal."""
+
+    cause: Cause
+    target: Text
+    span: Span
+    when: Text | None = None
+    event: Text | None = None
+    after: float | None = None
+    hold: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """One entry of `behaviors:`. `inherited` is true when it came through `like`."""
+
+    name: Text
+    part: PartUse
+    transitions: tuple[Transition, ...]
+    span: Span
+    inherited: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorUse:
+    part: PartUse
+    healthy: Text | None
+    recover_after: float
+    for_at_most: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """One vehicle. `begin` is the name of the first state: the one written, else the first behavior."""
+
+    name: Text
+    airframe: Airframe
+    start: Vec3
+    start_span: Span
+    heading: float
+    estimators: tuple[EstimatorUse, ...]
+    processors: tuple[PartUse, ...]
+    tracker: PartUse
+    supervisors: tuple[PartUse, ...]
+    driver: PartUse
+    begin: Text
+    states: dict[str, State]
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A mission parameter after `--set`: its value (SI; a vector for a position), its dimension's name."""
+
+    name: str
+    type: str
+    value: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A whole mission as written."""
+
+    mission: Text
+    summary: str
+    target: Text
+    parameters: dict[str, Parameter]
+    fence: Box | None
+    fence_span: Span | None
+    control_rate: int
+    control_span: Span | None
+    hover_limit: float
+    time_limit: float
+    vehicles: dict[str, Vehicle]
+    expect: tuple[Text, ...]

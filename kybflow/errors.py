@@ -1,0 +1,49 @@
+"""Every exception that kybflow raises on purpose.
+
+KybflowError
+├── UnitError       a quantity that can't be read: what was found, what was expected
+├── PartError       a part whose declaration is wrong (a programmer's mistake)
+├── Refused         a part that can't start, with the reason
+├── EstimateMissing a part asked for an estimate where there is none
+├── OptionRefused   a change of an option that was not made, with the reason
+└── DriverError     a driver or device that failed
+
+Mistakes in a mission are not exceptions: they are collected as diagnostics (`kybflow.dsl.diagnostics`).
+"""
+
+from __future__ import annotations
+
+
+class KybflowError(Exception):
+    """The root of every error that kybflow raises on purpose."""
+
+
+class UnitError(KybflowError):
+    """A quantity that can't be read in the dimension that its place asks for.
+
+    `hint` is the way out, one line, or empty.
+    """
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+class PartError(KybflowError):
+    """A part whose declaration is wrong; raised when the part is loaded."""
+
+
+class Refused(KybflowError):
+    """Raised from a behavior's constructor: it can't start here, and why."""
+
+
+class EstimateMissing(KybflowError):
+    """A part asked for the vehicle's estimate where no estimator has one."""
+
+
+class OptionRefused(KybflowError):
+    """A change of a run-time option that was not made, and why."""
+
+
+class DriverError(KybflowError):
+    """A driver, a link or a device that failed."""

@@ -1,0 +1,132 @@
+"""`@params`: a part's parameters, written once.
+
+From the declaration come the decoding of the YAML, the JSON Schema, the table that `kybflow parts` prints, and the
+option at run time: type and unit from the annotation, help, default and bounds from `param`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import types
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, TypeVar, Union, dataclass_transform, get_args, get_origin, get_type_hints
+
+from kybflow.errors import PartError
+from kybflow.units import Dimension, Vec3
+
+T = TypeVar("T")
+_KEY = "kybflow"
+RESERVED = frozenset({"do", "use", "as", "then", "next", "failed", "within", "for"})
+
+
+@dataclass(frozen=True, slots=True)
+class _Facts:
+    help: str
+    above: float | None
+    at_least: float | None
+    below: float | None
+    at_most: float | None
+    read_only: bool
+
+
+def param(
+    help: str,
+    *,
+    default: Any = dataclasses.MISSING,
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+    at_most: float | None = None,
+    read_only: bool = False,
+) -> Any:
+    """A parameter: its help, its default (SI) and its bounds (SI; for a vector they hold for each number)."""
+    facts = _Facts(help, above, at_least, below, at_most, read_only)
+    return dataclasses.field(default=default, metadata={_KEY: facts}, kw_only=True)
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(param,))
+def params(cls: type[T]) -> type[T]:
+    """Make `cls` a frozen value whose fields are parameters."""
+    return dataclass(frozen=True)(cls)
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One parameter, as the compiler, the schema and the options see it.
+
+    shape is one of: scalar, vector, path (of vectors), integer, boolean, text, choice. `dimension` is set for the first
+    three; `choices` for the last.
+    """
+
+    name: str
+    shape: str
+    dimension: Dimension | None
+    choices: tuple[str, ...]
+    optional: bool
+    required: bool
+    default: Any
+    help: str
+    above: float | None
+    at_least: float | None
+    below: float | None
+    at_most: float | None
+    read_only: bool
+
+    def outside(self, value: float) -> str | None:
+        """Which bound `value` (SI) breaks, in words, or None."""
+        if self.above is not None and not value > self.above:
+            return f"must be above {self.above:g}"
+        if self.at_least is not None and not value >= self.at_least:
+            return f"must be at least {self.at_least:g}"
+        if self.below is not None and not value < self.below:
+            return f"must be below {self.below:g}"
+        if self.at_most is not None and not value <= self.at_most:
+            return f"must be at most {self.at_most:g}"
+        return None
+
+
+@functools.cache
+def fields_of(cls: type) -> tuple[Field, ...]:
+    """The parameters that `cls` declares, in order. Raises PartError when a declaration is wrong."""
+    hints = get_type_hints(cls, include_extras=True)
+    return tuple(_field(cls, f, hints[f.name]) for f in dataclasses.fields(cls))
+
+
+def _field(cls: type, field: dataclasses.Field[Any], hint: Any) -> Field:
+    facts = field.metadata.get(_KEY)
+    where = f"{cls.__module__}.{cls.__name__}.{field.name}"
+    if facts is None:
+        raise PartError(f"{where} is declared without `param(...)`")
+    if field.name in RESERVED:
+        raise PartError(f"{where}: a parameter may not be called `{field.name}`")
+    hint, optional = _strip_optional(hint)
+    shape, dimension, choices = _shape(where, hint)
+    required = field.default is dataclasses.MISSING
+    default = None if required else field.default
+    return Field(
+        field.name, shape, dimension, choices, optional, required, default,
+        facts.help, facts.above, facts.at_least, facts.below, facts.at_most, facts.read_only,
+    )  # fmt: skip
+
+
+def _strip_optional(hint: Any) -> tuple[Any, bool]:
+    if get_origin(hint) in (Union, types.UnionType):
+        rest = [a for a in get_args(hint) if a is not type(None)]
+        if len(rest) == 1:
+            return rest[0], True
+    return hint, False
+
+
+def _shape(where: str, hint: Any) -> tuple[str, Dimension | None, tuple[str, ...]]:
+    simple = {int: "integer", bool: "boolean", str: "text"}
+    if hint in simple:
+        return simple[hint], None, ()
+    if get_origin(hint) is Literal:
+        return "choice", None, tuple(get_args(hint))
+    if get_origin(hint) is Annotated:
+        base, dimension = get_args(hint)[:2]
+        shapes = {float: "scalar", Vec3: "vector", tuple[Vec3, ...]: "path"}
+        if base in shapes and isinstance(dimension, Dimension):
+            return shapes[base], dimension, ()
+    raise PartError(f"{where}: a parameter can't have the type {hint!r}; use the types of kybflow.units")

@@ -1,0 +1,180 @@
+"""What flows: measurements, estimates, setpoints, commands, alarms and events.
+
+Immutable values of plain floats. Time is integer nanoseconds since the clock's zero (`Time`); every signal that is true
+at some time carries it. World frame ENU, body frame FLU, SI units (REP 103).
+"""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum
+from typing import NamedTuple
+
+from kybflow.errors import EstimateMissing
+from kybflow.geometry import Quat, Vec3
+
+Time = int
+NS = 1_000_000_000
+"""Nanoseconds in a second."""
+
+
+class MeasurementKind(Enum):
+    """What a sensor stream carries; an estimator needs kinds, a driver provides kinds."""
+
+    POSE = "pose"
+    BATTERY = "battery"
+
+
+class Pose(NamedTuple):
+    """A pose from outside, as motion capture gives it: `time` is when it was true, not when it arrived."""
+
+    time: Time
+    position: Vec3
+    attitude: Quat
+
+
+class Battery(NamedTuple):
+    """The battery as the vehicle reports it; `remaining` is 0 to 1."""
+
+    time: Time
+    remaining: float
+    voltage: float
+
+
+Measurement = Pose | Battery
+
+
+class Estimate(NamedTuple):
+    """What the vehicle believes of itself at `time`.
+
+    position, velocity in the world; attitude body to world; angular_velocity in the body. `source` is the estimator's
+    name, `age` the seconds since the newest measurement in it was true, `spread` its standard deviation in metres.
+    """
+
+    time: Time
+    position: Vec3
+    velocity: Vec3
+    attitude: Quat
+    angular_velocity: Vec3
+    source: str
+    age: float
+    spread: float
+
+
+class Truth(NamedTuple):
+    """The state as the simulator knows it; only the recorder and the expectations may read it."""
+
+    position: Vec3
+    velocity: Vec3
+    attitude: Quat
+    angular_velocity: Vec3
+
+
+class SetpointKind(Enum):
+    """What a setpoint asks the tracker to follow. IDLE asks for rotors at rest, on the ground."""
+
+    IDLE = "idle"
+    POSITION = "position"
+    VELOCITY = "velocity"
+    ACCELERATION = "acceleration"
+
+
+class Setpoint(NamedTuple):
+    """Where the vehicle should be now, and how it should move.
+
+    The kind says which field is followed: POSITION has all of position, velocity and acceleration (feed-forward, zero
+    when at rest) and jerk; VELOCITY has no position; ACCELERATION has neither. `heading` or `heading_rate` is held.
+    """
+
+    kind: SetpointKind
+    position: Vec3 | None = None
+    velocity: Vec3 | None = None
+    acceleration: Vec3 | None = None
+    jerk: Vec3 | None = None
+    heading: float | None = None
+    heading_rate: float = 0.0
+
+
+class CommandKind(Enum):
+    """What a tracker gives and a driver accepts."""
+
+    ATTITUDE_THRUST = "attitude_thrust"
+
+
+class Command(NamedTuple):
+    """Attitude and thrust for the on-board controller.
+
+    attitude: body to world. thrust: newtons along body z; zero with `armed` false stops the rotors. rates: body rates to
+    feed forward. heading: what the sender believes the heading to be now, for an on-board filter that can't see it (an
+    autopilot takes it from external vision in the same way); None when nobody knows.
+    """
+
+    attitude: Quat
+    thrust: float
+    rates: Vec3
+    heading: float | None
+    armed: bool = True
+
+
+class Reaction(IntEnum):
+    """What the failsafe does, in order of severity; the severest of a tick wins."""
+
+    WARN = 1
+    BRAKE = 2
+    LAND = 3
+    LAND_BLIND = 4
+
+
+class Alarm(NamedTuple):
+    """A bound that was crossed: an event's name (past tense), what to do, why, the measured value and the bound."""
+
+    event: str
+    reaction: Reaction
+    reason: str
+    value: float
+    bound: float
+
+
+class Done(NamedTuple):
+    """A behavior's last update: it ended as it should, and this setpoint still counts."""
+
+    setpoint: Setpoint
+
+
+class Failed(NamedTuple):
+    """A behavior's last update: it could not do its work, and why; the setpoint still counts."""
+
+    setpoint: Setpoint
+    reason: str
+
+
+class Event(NamedTuple):
+    """Something that happened. `name` is in the past tense; `at` is the mission line that caused it, or empty."""
+
+    time: Time
+    name: str
+    vehicle: str
+    fields: dict[str, str | float | bool | None]
+    at: str = ""
+
+
+class Tick(NamedTuple):
+    """What a vehicle's parts see in one tick.
+
+    now: the tick's time. dt: seconds since the vehicle's last tick. elapsed: seconds since the behavior was entered.
+    fleet: the frozen estimates of every vehicle (None for a vehicle without one), by name. setpoint: what the tracker
+    followed in the last tick.
+    """
+
+    now: Time
+    dt: float
+    elapsed: float
+    estimate: Estimate | None
+    battery: Battery | None
+    setpoint: Setpoint | None
+    fleet: dict[str, Estimate | None]
+
+    def known(self) -> Estimate:
+        """The estimate; raises EstimateMissing where there is none."""
+        if self.estimate is None:
+            raise EstimateMissing("no estimator has an estimate")
+        return self.estimate
