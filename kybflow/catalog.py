@@ -1,9 +1,9 @@
 """Finds parts; knows no part by name.
 
-A part is found by its file: `kybflow/runtime/behaviors/circle.py` is the behavior `circle`. A package of a lab offers
-its own through the entry-point group `kybflow.parts`: each entry names a package that has the same folders
-(`behaviors/`, `estimators/`, ...) as modules. Names are listed without importing anything; a part is imported when it is
-asked for.
+A part is found by its file: `kybflow/runtime/behaviors/circle.py` is the behavior `circle`. A
+package of a lab offers its own through the entry-point group `kybflow.parts`: each entry names a
+package that has the same folders (`behaviors/`, `estimators/`, ...) as modules. Names are listed
+without importing anything; a part is imported when it is asked for.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ GROUP = "kybflow.parts"
 
 @dataclass(frozen=True)
 class PartSpec:
-    """A part as the catalog gives it: its class, its parameters' class, their fields, its own words."""
+    """A part as the catalog gives it: its class, its parameters' class, their fields, its own
+    words."""
 
     kind: str
     name: str
@@ -60,7 +61,8 @@ class Catalog:
         return tuple(sorted(self._modules.get(kind, {})))
 
     def get(self, kind: str, name: str) -> PartSpec:
-        """The part; imports its module. Raises KeyError for an unknown name, PartError for a wrong declaration."""
+        """The part; imports its module. Raises KeyError for an unknown name, PartError for a wrong
+        declaration."""
         key = (kind, name)
         if key not in self._specs:
             self._specs[key] = _load(kind, name, self._modules[kind][name])
@@ -74,7 +76,8 @@ class Catalog:
 
 @functools.cache
 def load_catalog() -> Catalog:
-    """The catalog of everything installed. Raises PartError when two packages offer the same part."""
+    """The catalog of everything installed. Raises PartError when two packages offer the same
+    part."""
     modules: dict[str, dict[str, str]] = {kind: {} for kind in BASES}
     for kind in BASES:
         _scan(modules[kind], f"{_HOMES.get(kind, 'kybflow.runtime')}.{kind}")
@@ -108,19 +111,22 @@ def _load(kind: str, name: str, module_name: str) -> PartSpec:
     ]
     if not classes:
         expected = "".join(word.capitalize() for word in name.split("_"))
-        raise PartError(f"{module_name} should define the class `{expected}({BASES[kind].__name__}[...])`")
+        raise PartError(
+            f"{module_name} should define the class `{expected}({BASES[kind].__name__}[...])`"
+        )
     cls = classes[0]
-    params = _params_of(cls)
     if not module.__doc__:
         raise PartError(f"{module_name} has no docstring")
+    params = _params_of(cls)
     return PartSpec(kind, name, cls, params, fields_of(params), module.__doc__)
 
 
-def _params_of(cls: type[Any]) -> type[Any]:
+def _params_of(cls: type[Any]) -> Any:
     for base in getattr(cls, "__orig_bases__", ()):
         for argument in getattr(base, "__args__", ()):
             if inspect.isclass(argument):
                 return argument
     raise PartError(
-        f"{cls.__module__}.{cls.__name__} should name its parameters: `class {cls.__name__}(Base[MyParams])`"
+        f"{cls.__module__}.{cls.__name__} should name its parameters: "
+        f"`class {cls.__name__}(Base[MyParams])`"
     )

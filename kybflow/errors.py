@@ -8,7 +8,8 @@ KybflowError
 ├── OptionRefused   a change of an option that was not made, with the reason
 └── DriverError     a driver or device that failed
 
-Mistakes in a mission are not exceptions: they are collected as diagnostics (`kybflow.dsl.diagnostics`).
+Mistakes in a mission are not exceptions: they are collected as diagnostics
+(`kybflow.dsl.diagnostics`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Rotations and vectors as tuples of floats, and the only frame conversions.
 
-World frame ENU, body frame FLU (REP 103). Quaternions are (w, x, y, z), unit length, body to world: `rotate(q, v)`
-takes a body vector to the world. Angles in radians. Plain floats, because a NumPy array costs ten times as much as the
-arithmetic on three numbers.
+World frame ENU, body frame FLU (REP 103). Quaternions are (w, x, y, z), unit length, body to world:
+`rotate(q, v)` takes a body vector to the world. Angles in radians. Plain floats, because a NumPy
+array costs ten times as much as the arithmetic on three numbers.
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ def body_z(q: Quat) -> Vec3:
 
 
 def heading_of(q: Quat) -> float:
-    """Heading: the angle of the body's x axis about world z, from world x (east), counter-clockwise."""
+    """Heading: the angle of the body's x axis about world z, from world x (east), counter-
+    clockwise."""
     w, x, y, z = q
     return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
@@ -132,10 +133,11 @@ def to_euler(q: Quat) -> Vec3:
 
 
 def from_thrust_direction(direction: Vec3, heading: float) -> Quat:
-    """The attitude whose z axis is `direction` (need not be unit length, z > 0) and whose heading is `heading`.
+    """The attitude whose z axis is `direction` (need not be unit length, z > 0) and whose heading
+    is `heading`.
 
-    The shortest rotation from world z to `direction`, after a turn about z that leaves the heading as asked
-    (Mellinger and Kumar, ICRA 2011, eq. 6-8, in quaternion form).
+    The shortest rotation from world z to `direction`, after a turn about z that leaves the heading
+    as asked (Mellinger and Kumar, ICRA 2011, eq. 6-8, in quaternion form).
     """
     n = norm(direction)
     zx, zy, zz = direction[0] / n, direction[1] / n, direction[2] / n

@@ -1,7 +1,8 @@
-"""What conditions and expectations may ask of a vehicle: each name, its type and how it is read, written once.
+"""What conditions and expectations may ask of a vehicle: each name, its type and how it is read,
+written once.
 
-The compiler reads the types, the runtime the getters. In a condition `view.state` is the estimate; in an expectation it
-is the truth where a simulator knows it.
+The compiler reads the types, the runtime the getters. In a condition `view.state` is the estimate;
+in an expectation it is the truth where a simulator knows it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from kybflow.units import ANGLE, DURATION, LENGTH, RATIO, SPEED, VOLTAGE, Dimens
 
 
 class Unavailable(Exception):
-    """The value can't be known now (no estimate yet, no battery report): a comparison with it is false."""
+    """The value can't be known now (no estimate yet, no battery report): a comparison with it is
+    false."""
 
 
 class State(NamedTuple):
@@ -52,7 +54,8 @@ class View(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Observable:
-    """One name. `dimension` None: a name (of a state, of an estimator), compared with `==` and `!=`."""
+    """One name. `dimension` None: a name (of a state, of an estimator), compared with `==` and
+    `!=`."""
 
     help: str
     dimension: Dimension | None
@@ -74,19 +77,35 @@ def _velocity_error(view: View) -> float:
 
 
 OBSERVABLES: dict[str, Observable] = {
-    "state.altitude": Observable("Height above the world's zero.", LENGTH, lambda v: v.state.position[2]),
+    "state.altitude": Observable(
+        "Height above the world's zero.", LENGTH, lambda v: v.state.position[2]
+    ),
     "state.x": Observable("Position east.", LENGTH, lambda v: v.state.position[0]),
     "state.y": Observable("Position north.", LENGTH, lambda v: v.state.position[1]),
     "state.speed": Observable("Norm of the velocity.", SPEED, lambda v: norm(v.state.velocity)),
     "state.climb": Observable("Vertical speed, up.", SPEED, lambda v: v.state.velocity[2]),
-    "state.tilt": Observable("Angle between body z and world z.", ANGLE, lambda v: tilt_of(v.state.attitude)),
-    "state.heading": Observable("Heading from east.", ANGLE, lambda v: heading_of(v.state.attitude)),
-    "battery.remaining": Observable("Charge left, 0 to 100 %.", RATIO, lambda v: v.battery.remaining),
+    "state.tilt": Observable(
+        "Angle between body z and world z.", ANGLE, lambda v: tilt_of(v.state.attitude)
+    ),
+    "state.heading": Observable(
+        "Heading from east.", ANGLE, lambda v: heading_of(v.state.attitude)
+    ),
+    "battery.remaining": Observable(
+        "Charge left, 0 to 100 %.", RATIO, lambda v: v.battery.remaining
+    ),
     "battery.voltage": Observable("Voltage of the battery.", VOLTAGE, lambda v: v.battery.voltage),
-    "estimate.age": Observable("Age of the newest measurement in the estimate.", DURATION, lambda v: v.age),
-    "estimate.spread": Observable("Standard deviation of the position.", LENGTH, lambda v: v.spread),
-    "position_error": Observable("Distance from the setpoint before tracking.", LENGTH, _position_error),
-    "velocity_error": Observable("Norm of the velocity's difference from the setpoint's.", SPEED, _velocity_error),
+    "estimate.age": Observable(
+        "Age of the newest measurement in the estimate.", DURATION, lambda v: v.age
+    ),
+    "estimate.spread": Observable(
+        "Standard deviation of the position.", LENGTH, lambda v: v.spread
+    ),
+    "position_error": Observable(
+        "Distance from the setpoint before tracking.", LENGTH, _position_error
+    ),
+    "velocity_error": Observable(
+        "Norm of the velocity's difference from the setpoint's.", SPEED, _velocity_error
+    ),
     "elapsed": Observable("Time in the present behavior.", DURATION, lambda v: v.elapsed),
     "behavior": Observable("Name of the present state.", None, lambda v: v.behavior),
     "estimator": Observable("Name of the estimator in use.", None, lambda v: v.estimator),

@@ -1,7 +1,8 @@
 """`@params`: a part's parameters, written once.
 
-From the declaration come the decoding of the YAML, the JSON Schema, the table that `kybflow parts` prints, and the
-option at run time: type and unit from the annotation, help, default and bounds from `param`.
+From the declaration come the decoding of the YAML, the JSON Schema, the table that `kybflow parts`
+prints, and the option at run time: type and unit from the annotation, help, default and bounds from
+`param`.
 """
 
 from __future__ import annotations
@@ -10,7 +11,17 @@ import dataclasses
 import functools
 import types
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, TypeVar, Union, dataclass_transform, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    TypeVar,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from kybflow.errors import PartError
 from kybflow.units import Dimension, Vec3
@@ -40,7 +51,8 @@ def param(
     at_most: float | None = None,
     read_only: bool = False,
 ) -> Any:
-    """A parameter: its help, its default (SI) and its bounds (SI; for a vector they hold for each number)."""
+    """A parameter: its help, its default (SI) and its bounds (SI; for a vector they hold for each
+    number)."""
     facts = _Facts(help, above, at_least, below, at_most, read_only)
     return dataclasses.field(default=default, metadata={_KEY: facts}, kw_only=True)
 
@@ -55,8 +67,8 @@ def params(cls: type[T]) -> type[T]:
 class Field:
     """One parameter, as the compiler, the schema and the options see it.
 
-    shape is one of: scalar, vector, path (of vectors), integer, boolean, text, choice. `dimension` is set for the first
-    three; `choices` for the last.
+    shape is one of: scalar, vector, path (of vectors), integer, boolean, text, choice. `dimension`
+    is set for the first three; `choices` for the last.
     """
 
     name: str
@@ -87,8 +99,9 @@ class Field:
 
 
 @functools.cache
-def fields_of(cls: type) -> tuple[Field, ...]:
-    """The parameters that `cls` declares, in order. Raises PartError when a declaration is wrong."""
+def fields_of(cls: Any) -> tuple[Field, ...]:
+    """The parameters that `cls` declares, in order. Raises PartError when a declaration is
+    wrong."""
     hints = get_type_hints(cls, include_extras=True)
     return tuple(_field(cls, f, hints[f.name]) for f in dataclasses.fields(cls))
 
@@ -129,4 +142,6 @@ def _shape(where: str, hint: Any) -> tuple[str, Dimension | None, tuple[str, ...
         shapes = {float: "scalar", Vec3: "vector", tuple[Vec3, ...]: "path"}
         if base in shapes and isinstance(dimension, Dimension):
             return shapes[base], dimension, ()
-    raise PartError(f"{where}: a parameter can't have the type {hint!r}; use the types of kybflow.units")
+    raise PartError(
+        f"{where}: a parameter can't have the type {hint!r}; use the types of kybflow.units"
+    )

@@ -1,8 +1,9 @@
 """What a part is: one base class for each kind.
 
-A part is one file with its docstring, its `@params` and its class; the file name is the name used in YAML. Parts are
-passive: none sleeps, starts a thread, prints, reads a clock or draws from a global generator. `self.params` is replaced
-as a whole when an option changes, between ticks; read it in every update.
+A part is one file with its docstring, its `@params` and its class; the file name is the name used
+in YAML. Parts are
+passive: none sleeps, starts a thread, prints, reads a clock or draws from a global generator.
+`self.params` is replaced as a whole when an option changes, between ticks; read it in every update.
 """
 
 from __future__ import annotations
@@ -35,22 +36,25 @@ if TYPE_CHECKING:
     import random
 
 __all__ = [
-    "AIR", "GROUND", "MOVING", "Behavior", "Driver", "Entry", "Estimator", "Field", "Flight", "Footprint", "Leg", "Link",
-    "Part", "Processor", "Seat", "Session", "Supervisor", "Tracker", "fields_of", "param", "params",
+    "AIR", "GROUND", "MOVING", "Behavior", "Driver", "Entry", "Estimator", "Field", "Flight",
+    "Footprint", "Leg", "Link", "Part", "Processor", "Seat", "Session", "Supervisor", "Tracker",
+    "fields_of", "param", "params",
 ]  # fmt: skip
 
 P = TypeVar("P")
 
 
 class Part(ABC, Generic[P]):
-    """The root of every part. `kind` is the plural that names its folder and its group in the catalog."""
+    """The root of every part. `kind` is the plural that names its folder and its group in the
+    catalog."""
 
     kind: ClassVar[str]
     params: P
 
 
 class Flight(Enum):
-    """Where a vehicle is between behaviors. MOVING is neither: a take-off or a landing was left before its end."""
+    """Where a vehicle is between behaviors. MOVING is neither: a take-off or a landing was left
+    before its end."""
 
     GROUND = "ground"
     AIR = "air"
@@ -61,7 +65,8 @@ class Flight(Enum):
 
 
 class Leg(NamedTuple):
-    """One flight type of a behavior: it may begin at `start`, and its normal end leaves the vehicle at `end`."""
+    """One flight type of a behavior: it may begin at `start`, and its normal end leaves the vehicle
+    at `end`."""
 
     start: Flight
     end: Flight
@@ -71,9 +76,11 @@ GROUND, AIR, MOVING = Flight.GROUND, Flight.AIR, Flight.MOVING
 
 
 class Entry(NamedTuple):
-    """What a behavior is entered with. setpoint: the last one that the tracker followed, None on the ground.
+    """What a behavior is entered with. setpoint: the last one that the tracker followed, None on
+    the ground.
 
-    hover_thrust: newtons that the tracker believes hold the vehicle now.
+    hover_thrust: newtons that the tracker believes hold the vehicle now. flight: where the vehicle
+    is; a missing setpoint does not mean that it is on the ground.
     """
 
     now: Time
@@ -81,11 +88,13 @@ class Entry(NamedTuple):
     estimate: Estimate | None
     setpoint: Setpoint | None
     hover_thrust: float
+    flight: Flight = Flight.AIR
 
     @property
     def position(self) -> Vec3:
-        """Where the new behavior begins: the last setpoint where the vehicle follows one (within 0.3 m), else the
-        estimate, else the start. Beginning at the setpoint leaves no step in the trajectory."""
+        """Where the new behavior begins: the last setpoint where the vehicle follows one (within
+        0.3 m), else the estimate, else the start. Beginning at the setpoint leaves no step in the
+        trajectory."""
         wanted = self.setpoint.position if self.setpoint else None
         if self.estimate is None:
             return wanted or self.site.start
@@ -95,15 +104,17 @@ class Entry(NamedTuple):
 
     @property
     def heading(self) -> float:
-        """The heading to hold: the last setpoint's, else the estimate's, else the start's. Radians."""
+        """The heading to hold: the last setpoint's, else the estimate's, else the start's.
+        Radians."""
         if self.setpoint is not None and self.setpoint.heading is not None:
             return self.setpoint.heading
         return heading_of(self.estimate.attitude) if self.estimate else self.site.heading
 
 
 class Footprint(NamedTuple):
-    """Where a behavior will go, for the static checks: `points` bound its path (metres, world), `speed` is its fastest
-    (m/s), `exit` where its normal end leaves the vehicle, None when it can't be told."""
+    """Where a behavior will go, for the static checks: `points` bound its path (metres, world),
+    `speed` is its fastest (m/s), `exit` where its normal end leaves the vehicle, None when it can't
+    be told."""
 
     points: tuple[Vec3, ...]
     speed: float
@@ -113,9 +124,10 @@ class Footprint(NamedTuple):
 class Behavior(Part[P]):
     """Decides where the vehicle should be. Made when its state is entered, dropped when it is left.
 
-    The constructor may raise Refused with a reason. The engine calls `update` once a tick while the state is active; it
-    returns a Setpoint, or Done or Failed with the last one (or a Command, when it `emits` a kind of command, to steer
-    the on-board controller without tracker and estimate). Whatever it raises fails its vehicle into the failsafe.
+    The constructor may raise Refused with a reason. The engine calls `update` once a tick while the
+    state is active; it returns a Setpoint, or Done or Failed with the last one (or a Command, when
+    it `emits` a kind of command, to steer the on-board controller without tracker and estimate).
+    Whatever it raises fails its vehicle into the failsafe.
     """
 
     kind = "behaviors"
@@ -152,7 +164,8 @@ class Behavior(Part[P]):
 class Estimator(Part[P]):
     """Turns measurements into an estimate. Lives as long as its vehicle.
 
-    Called once a tick with the measurements of the kinds in `needs` that arrived since the last tick, oldest first;
+    Called once a tick with the measurements of the kinds in `needs` that arrived since the last
+    tick, oldest first;
     returns the estimate at `now`, or None as long as it has none.
     """
 
@@ -169,9 +182,10 @@ class Estimator(Part[P]):
 class Processor(Part[P]):
     """Bends a setpoint on its way to the tracker; a callable. Made anew at each take-off.
 
-    `accepts` maps each kind of setpoint that it takes to the kind it returns. Called once a tick, in the order of the
-    mission, while a behavior with an estimate flies; `safety` ones from take-off to touch-down, the others only in
-    behaviors that stay in the air. Returns the setpoint, or an Alarm that asks for a reaction.
+    `accepts` maps each kind of setpoint that it takes to the kind it returns. Called once a tick,
+    in the order of the mission, while a behavior with an estimate flies; `safety` ones from take-
+    off to touch-down, the others only in behaviors that stay in the air. Returns the setpoint, or
+    an Alarm that asks for a reaction.
     """
 
     kind = "processors"
@@ -186,7 +200,8 @@ class Processor(Part[P]):
 
 
 class Tracker(Part[P]):
-    """Turns a setpoint into a command. Made anew at each take-off. `accepts` kinds of setpoint, `gives` a command."""
+    """Turns a setpoint into a command. Made anew at each take-off. `accepts` kinds of setpoint,
+    `gives` a command."""
 
     kind = "trackers"
     accepts: ClassVar[frozenset[SetpointKind]]
@@ -205,8 +220,9 @@ class Tracker(Part[P]):
 
 
 class Supervisor(Part[P]):
-    """Watches one bound and reports; it never acts. Lives as long as its vehicle; `always` ones are in every vehicle,
-    named in the mission or not. Called once a tick, before anything else is decided."""
+    """Watches one bound and reports; it never acts. Lives as long as its vehicle; `always` ones are
+    in every vehicle, named in the mission or not. Called once a tick, before anything else is
+    decided."""
 
     kind = "supervisors"
     always: ClassVar[bool] = False
@@ -219,7 +235,8 @@ class Supervisor(Part[P]):
 
 
 class Seat(NamedTuple):
-    """One vehicle that a driver is to open: its place in the world and the driver's parameters for it."""
+    """One vehicle that a driver is to open: its place in the world and the driver's parameters for
+    it."""
 
     site: Site
     params: Any
@@ -248,14 +265,16 @@ class Session(ABC):
 
     @abstractmethod
     def advance(self, now: Time) -> None:
-        """Let the world go on until `now`; a simulated one steps its physics. Raises DriverError."""
+        """Let the world go on until `now`; a simulated one steps its physics. Raises
+        DriverError."""
 
     @abstractmethod
     def close(self) -> None: ...
 
 
 class Driver(Part[P]):
-    """Opens the vehicles that fly on it. `accepts` kinds of command, `provides` kinds of measurement."""
+    """Opens the vehicles that fly on it. `accepts` kinds of command, `provides` kinds of
+    measurement."""
 
     kind = "drivers"
     accepts: ClassVar[frozenset[CommandKind]]
@@ -265,7 +284,8 @@ class Driver(Part[P]):
     @classmethod
     @abstractmethod
     def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
-        """Open every vehicle of `seats` in one session; `generator` is the only source of chance. Raises DriverError."""
+        """Open every vehicle of `seats` in one session; `generator` is the only source of chance.
+        Raises DriverError."""
 
     @classmethod
     def step_rate(cls, params: P) -> float | None:

@@ -1,7 +1,7 @@
 """What flows: measurements, estimates, setpoints, commands, alarms and events.
 
-Immutable values of plain floats. Time is integer nanoseconds since the clock's zero (`Time`); every signal that is true
-at some time carries it. World frame ENU, body frame FLU, SI units (REP 103).
+Immutable values of plain floats. Time is integer nanoseconds since the clock's zero (`Time`); every
+signal that is true at some time carries it. World frame ENU, body frame FLU, SI units (REP 103).
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ class MeasurementKind(Enum):
 
 
 class Pose(NamedTuple):
-    """A pose from outside, as motion capture gives it: `time` is when it was true, not when it arrived."""
+    """A pose from outside, as motion capture gives it: `time` is when it was true, not when it
+    arrived."""
 
     time: Time
     position: Vec3
@@ -46,8 +47,9 @@ Measurement = Pose | Battery
 class Estimate(NamedTuple):
     """What the vehicle believes of itself at `time`.
 
-    position, velocity in the world; attitude body to world; angular_velocity in the body. `source` is the estimator's
-    name, `age` the seconds since the newest measurement in it was true, `spread` its standard deviation in metres.
+    position, velocity in the world; attitude body to world; angular_velocity in the body. `source`
+    is the estimator's name, `age` the seconds since the newest measurement in it was true, `spread`
+    its standard deviation in metres.
     """
 
     time: Time
@@ -81,8 +83,9 @@ class SetpointKind(Enum):
 class Setpoint(NamedTuple):
     """Where the vehicle should be now, and how it should move.
 
-    The kind says which field is followed: POSITION has all of position, velocity and acceleration (feed-forward, zero
-    when at rest) and jerk; VELOCITY has no position; ACCELERATION has neither. `heading` or `heading_rate` is held.
+    The kind says which field is followed: POSITION has all of position, velocity and acceleration
+    (feed-forward, zero when at rest) and jerk; VELOCITY has no position; ACCELERATION has neither.
+    `heading` or `heading_rate` is held.
     """
 
     kind: SetpointKind
@@ -103,9 +106,10 @@ class CommandKind(Enum):
 class Command(NamedTuple):
     """Attitude and thrust for the on-board controller.
 
-    attitude: body to world. thrust: newtons along body z; zero with `armed` false stops the rotors. rates: body rates to
-    feed forward. heading: what the sender believes the heading to be now, for an on-board filter that can't see it (an
-    autopilot takes it from external vision in the same way); None when nobody knows.
+    attitude: body to world. thrust: newtons along body z; zero with `armed` false stops the rotors.
+    rates: body rates to feed forward. heading: what the sender believes the heading to be now, for
+    an on-board filter that can't see it (an autopilot takes it from external vision in the same
+    way); None when nobody knows.
     """
 
     attitude: Quat
@@ -125,7 +129,8 @@ class Reaction(IntEnum):
 
 
 class Alarm(NamedTuple):
-    """A bound that was crossed: an event's name (past tense), what to do, why, the measured value and the bound."""
+    """A bound that was crossed: an event's name (past tense), what to do, why, the measured value
+    and the bound."""
 
     event: str
     reaction: Reaction
@@ -148,7 +153,8 @@ class Failed(NamedTuple):
 
 
 class Event(NamedTuple):
-    """Something that happened. `name` is in the past tense; `at` is the mission line that caused it, or empty."""
+    """Something that happened. `name` is in the past tense; `at` is the mission line that caused
+    it, or empty."""
 
     time: Time
     name: str
@@ -160,9 +166,10 @@ class Event(NamedTuple):
 class Tick(NamedTuple):
     """What a vehicle's parts see in one tick.
 
-    now: the tick's time. dt: seconds since the vehicle's last tick. elapsed: seconds since the behavior was entered.
-    fleet: the frozen estimates of every vehicle (None for a vehicle without one), by name. setpoint: what the tracker
-    followed in the last tick.
+    now: the tick's time. dt: seconds since the vehicle's last tick. elapsed: seconds since the
+    behavior was entered.
+    fleet: the frozen estimates of every vehicle (None for a vehicle without one), by name.
+    setpoint: what the tracker followed in the last tick.
     """
 
     now: Time

@@ -11,20 +11,31 @@ from kybflow.units import Angle, Damping, Duration, Force, Inertias, Length, Mas
 
 @params
 class Airframe:
-    """A quadrotor as its maker describes it; the simulator may build one that differs, as real ones do."""
+    """A quadrotor as its maker describes it; the simulator may build one that differs, as real ones
+    do."""
 
     mass: Mass = param("Mass, ready to fly.", above=0.0)
     diameter: Length = param("From rotor hub to rotor hub, diagonally.", above=0.0)
     inertia: Inertias = param("Moments of inertia about body x, y, z.")
     thrust: Force = param("Largest thrust of one rotor.", above=0.0)
-    torque_ratio: Length = param("Drag torque of a rotor per newton of its thrust.", default=0.016, above=0.0)
+    torque_ratio: Length = param(
+        "Drag torque of a rotor per newton of its thrust.", default=0.016, above=0.0
+    )
     rotor_time: Duration = param("Time constant of a rotor's first-order lag.", above=0.0)
-    drag: Damping = param("Rotor drag on the body, per unit of mass, in the rotor plane.", default=0.0, at_least=0.0)
-    tilt: Angle = param("Largest tilt that a tracker may command.", default=0.349, above=0.0, below=1.3)
+    drag: Damping = param(
+        "Rotor drag on the body, per unit of mass, in the rotor plane.", default=0.0, at_least=0.0
+    )
+    tilt: Angle = param(
+        "Largest tilt that a tracker may command.", default=0.349, above=0.0, below=1.3
+    )
     speed: Speed = param("Largest speed that a mission may ask for.", default=1.0, above=0.0)
-    climb: Speed = param("Largest vertical speed that a mission may ask for.", default=1.0, above=0.0)
+    climb: Speed = param(
+        "Largest vertical speed that a mission may ask for.", default=1.0, above=0.0
+    )
     endurance: Duration = param("Hovering time on a full battery.", default=900.0, above=0.0)
-    voltage_spread: Ratio = param("Voltage lost from full to empty.", default=0.2, at_least=0.0, below=0.5)
+    voltage_spread: Ratio = param(
+        "Voltage lost from full to empty.", default=0.2, at_least=0.0, below=0.5
+    )
 
     @property
     def arm(self) -> float:
@@ -56,9 +67,17 @@ class Box(NamedTuple):
         )
 
     def outside_by(self, p: Vec3) -> float:
-        """How far `p` is beyond the nearest face that it has crossed: positive outside, negative inside."""
+        """How far `p` is beyond the nearest face that it has crossed: positive outside, negative
+        inside."""
         low, high = self.low, self.high
-        return max(low[0] - p[0], p[0] - high[0], low[1] - p[1], p[1] - high[1], low[2] - p[2], p[2] - high[2])
+        return max(
+            low[0] - p[0],
+            p[0] - high[0],
+            low[1] - p[1],
+            p[1] - high[1],
+            low[2] - p[2],
+            p[2] - high[2],
+        )
 
 
 class Site(NamedTuple):

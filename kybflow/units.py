@@ -1,7 +1,8 @@
 """Dimensions, their units, and the annotated types that carry them: the unit is in the type.
 
-`Length` is a plain `float` in metres for the reader and for mypy; the dimension in its annotation is what the compiler
-reads to decode `1.2 m`, to write the JSON Schema and to print the table of parameters. Inside kybflow every value is SI.
+`Length` is a plain `float` in metres for the reader and for mypy; the dimension in its annotation
+is what the compiler reads to decode `1.2 m`, to write the JSON Schema and to print the table of
+parameters. Inside kybflow every value is SI.
 """
 
 from __future__ import annotations
@@ -37,10 +38,16 @@ DEG = math.pi / 180.0
 
 NUMBER = Dimension("number", "", {}, "2")
 LENGTH = Dimension("length", "m", {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3}, "1.2 m")
-SPEED = Dimension("speed", "m/s", {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6}, "0.5 m/s")
-ACCELERATION = Dimension("acceleration", "m/s^2", {"m/s^2": 1.0, "m/s2": 1.0, "cm/s^2": 1e-2}, "2 m/s^2")
+SPEED = Dimension(
+    "speed", "m/s", {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6}, "0.5 m/s"
+)
+ACCELERATION = Dimension(
+    "acceleration", "m/s^2", {"m/s^2": 1.0, "m/s2": 1.0, "cm/s^2": 1e-2}, "2 m/s^2"
+)
 ANGLE = Dimension("angle", "rad", {"deg": DEG, "rad": 1.0}, "20 deg", bare_allowed=False)
-ANGULAR_RATE = Dimension("angular rate", "rad/s", {"deg/s": DEG, "rad/s": 1.0}, "50 deg/s", bare_allowed=False)
+ANGULAR_RATE = Dimension(
+    "angular rate", "rad/s", {"deg/s": DEG, "rad/s": 1.0}, "50 deg/s", bare_allowed=False
+)
 DURATION = Dimension("duration", "s", {"s": 1.0, "ms": 1e-3, "min": 60.0}, "300 ms")
 FREQUENCY = Dimension("frequency", "Hz", {"Hz": 1.0, "kHz": 1e3}, "120 Hz")
 MASS = Dimension("mass", "kg", {"kg": 1.0, "g": 1e-3}, "1.05 kg")
@@ -53,8 +60,8 @@ VOLTAGE = Dimension("voltage", "V", {"V": 1.0, "mV": 1e-3}, "14.8 V")
 DIMENSIONS: dict[str, Dimension] = {
     d.name: d
     for d in (
-        NUMBER, LENGTH, SPEED, ACCELERATION, ANGLE, ANGULAR_RATE, DURATION, FREQUENCY, MASS, INERTIA, FORCE, RATIO,
-        DAMPING, VOLTAGE,
+        NUMBER, LENGTH, SPEED, ACCELERATION, ANGLE, ANGULAR_RATE, DURATION, FREQUENCY, MASS,
+        INERTIA, FORCE, RATIO, DAMPING, VOLTAGE,
     )
 }  # fmt: skip
 
@@ -84,12 +91,14 @@ _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\
 def parse_quantity(text: str, dimension: Dimension) -> float:
     """The value of `text` in the SI unit of `dimension`.
 
-    Raises UnitError, with what was found and what was expected, when the text is no finite quantity, has no unit where
-    one is needed, or has a unit of another dimension.
+    Raises UnitError, with what was found and what was expected, when the text is no finite
+    quantity, has no unit where one is needed, or has a unit of another dimension.
     """
     match = _QUANTITY.match(text)
     if match is None:
-        raise UnitError(f"`{text}` is not {_article(dimension)}", f"write it like `{dimension.example}`")
+        raise UnitError(
+            f"`{text}` is not {_article(dimension)}", f"write it like `{dimension.example}`"
+        )
     value = float(match[1])
     unit = (match[2] or "").strip()
     factor = _factor(text, match[1], unit, dimension)
@@ -113,7 +122,9 @@ def _factor(text: str, number: str, unit: str, dimension: Dimension) -> float:
                 f"write it like `{dimension.example}`",
             )
     known = ", ".join(f"`{u}`" for u in dimension.units) or "none"
-    raise UnitError(f"`{unit}` is no unit of {dimension.name}", f"the units of {dimension.name} are {known}")
+    raise UnitError(
+        f"`{unit}` is no unit of {dimension.name}", f"the units of {dimension.name} are {known}"
+    )
 
 
 def _article(dimension: Dimension) -> str:

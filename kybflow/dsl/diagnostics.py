@@ -1,4 +1,5 @@
-"""A diagnostic is a value: a code, one terse sentence, a span, notes and one help line. Rendering lives elsewhere."""
+"""A diagnostic is a value: a code, one terse sentence, a span, notes and one help line. Rendering
+lives elsewhere."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ class Severity(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One finding. `label` is written under the marked text, `notes` and `help` below it, one line each."""
+    """One finding. `label` is written under the marked text, `notes` and `help` below it, one line
+    each."""
 
     code: str
     message: str
@@ -42,7 +44,8 @@ def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The help line for an unknown name: the nearest known one, or all of them when none is near and they are few."""
+    """The help line for an unknown name: the nearest known one, or all of them when none is near
+    and they are few."""
     names = sorted(set(known))
     near = get_close_matches(name, names, n=1, cutoff=0.6)
     if near:

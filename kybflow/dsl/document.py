@@ -1,5 +1,6 @@
-"""The mission as written, typed, with a span on everything: what `shape` makes, `check` judges and `lower` turns into a
-plan. Names are still names; quantities are SI; `like`, imports and parameters are gone."""
+"""The mission as written, typed, with a span on everything: what `shape` makes, `check` judges and
+`lower` turns into a plan. Names are still names; quantities are SI; `like`, imports and parameters
+are gone."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PartUse:
-    """A part in its place: `{use: fence, margin: 20 cm}`. `spans` holds the span of each parameter that was written."""
+    """A part in its place: `{use: fence, margin: 20 cm}`. `spans` holds the span of each parameter
+    that was written."""
 
     name: Text
     spec: PartSpec
@@ -61,7 +63,8 @@ class EstimatorUse:
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
-    """One vehicle. `begin` is the name of the first state: the one written, else the first behavior."""
+    """One vehicle. `begin` is the name of the first state: the one written, else the first
+    behavior."""
 
     name: Text
     airframe: Airframe
@@ -80,7 +83,8 @@ class Vehicle:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A mission parameter after `--set`: its value (SI; a vector for a position), its dimension's name."""
+    """A mission parameter after `--set`: its value (SI; a vector for a position), its dimension's
+    name."""
 
     name: str
     type: str

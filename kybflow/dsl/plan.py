@@ -1,7 +1,8 @@
-"""The plan: what a mission means, frozen, in SI, with no YAML left. The only thing that the runtime sees.
+"""The plan: what a mission means, frozen, in SI, with no YAML left. The only thing that the runtime
+sees.
 
-It can be built in a test without YAML. `at` is always `file:line` of the text that a value came from, for events and
-reports; it is empty for what nobody wrote.
+It can be built in a test without YAML. `at` is always `file:line` of the text that a value came
+from, for events and reports; it is empty for what nobody wrote.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ Cause = Literal["next", "then", "failed", "within"]
 
 @dataclass(frozen=True, slots=True)
 class PartPlan:
-    """A part to build: its name in the catalog, its class, its decoded parameters. `label` is its name in options."""
+    """A part to build: its name in the catalog, its class, its decoded parameters. `label` is its
+    name in options."""
 
     name: str
     cls: type[Any]
@@ -32,9 +34,10 @@ class PartPlan:
 class TransitionPlan:
     """One arrow out of a state.
 
-    `next` fires when `when` has held for `hold` seconds, or `event` is heard, or `after` seconds have passed in the
-    state (those that are given, together); `then` when the behavior is done; `failed` when it failed; `within` after
-    `after` seconds. `implied` arrows are those that the language adds.
+    `next` fires when `when` has held for `hold` seconds, or `event` is heard, or `after` seconds
+    have passed in the
+    state (those that are given, together); `then` when the behavior is done; `failed` when it
+    failed; `within` after `after` seconds. `implied` arrows are those that the language adds.
     """
 
     cause: Cause
@@ -61,7 +64,8 @@ class StatePlan:
 
 @dataclass(frozen=True, slots=True)
 class EstimatorPlan:
-    """An estimator with its health: healthy while the condition holds, and again only after `recover_after` seconds."""
+    """An estimator with its health: healthy while the condition holds, and again only after
+    `recover_after` seconds."""
 
     part: PartPlan
     healthy: Expression | None

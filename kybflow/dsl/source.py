@@ -27,14 +27,16 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A scalar as written, and where. `verbatim` is true when column arithmetic inside it holds (plain, one line)."""
+    """A scalar as written, and where. `verbatim` is true when column arithmetic inside it holds
+    (plain, one line)."""
 
     text: str
     span: Span
     verbatim: bool = True
 
     def part(self, start: int, end: int) -> Span:
-        """The span of the characters `start` to `end` of the text; the whole span where that can't be told."""
+        """The span of the characters `start` to `end` of the text; the whole span where that can't
+        be told."""
         if not self.verbatim or self.span.line != self.span.end_line:
             return self.span
         s = self.span

@@ -1,0 +1,102 @@
+"""Simulated quadrotors in MuJoCo, all in one world.
+
+Rotors have lag, saturation and drag torque; the body feels rotor drag, wind, gusts and the floor;
+mass, inertia and thrust differ from the airframe's; the battery sags. The on-board controller sees
+a noisy, biased IMU; motion capture comes at its own rate, noisy and late. The same generator gives
+the same flight, bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+from kybflow.parts import Driver, Seat, Session, param, params
+from kybflow.signals import CommandKind, MeasurementKind
+from kybflow.units import (
+    DEG,
+    Acceleration,
+    Angle,
+    AngularRate,
+    Duration,
+    Frequency,
+    Length,
+    Ratio,
+    Speed,
+    Velocity,
+)
+
+if TYPE_CHECKING:
+    import random
+
+
+@params
+class SimParams:
+    physics: Frequency = param(
+        "Rate of the physics and of the on-board controller.",
+        default=500.0, at_least=200.0, at_most=5000.0, read_only=True,
+    )  # fmt: skip
+    model_error: Ratio = param(
+        "How far mass, inertia, thrust, rotor time and drag may be from the airframe's.",
+        default=0.05, at_least=0.0, at_most=0.2, read_only=True,
+    )  # fmt: skip
+    wind: Velocity = param("Steady wind, world frame.", default=(0.0, 0.0, 0.0), read_only=True)
+    gust: Speed = param(
+        "Standard deviation of the gusts along each axis; they last about a second.",
+        default=0.0, at_least=0.0, at_most=10.0, read_only=True,
+    )  # fmt: skip
+    gyro_noise: AngularRate = param(
+        "Noise of each gyroscope sample, standard deviation.",
+        default=0.2 * DEG, at_least=0.0, read_only=True,
+    )  # fmt: skip
+    gyro_bias: AngularRate = param(
+        "Standard deviation of the gyroscope's bias.",
+        default=0.2 * DEG, at_least=0.0, read_only=True,
+    )  # fmt: skip
+    accelerometer_noise: Acceleration = param(
+        "Noise of each accelerometer sample, standard deviation.",
+        default=0.1, at_least=0.0, read_only=True,
+    )  # fmt: skip
+    accelerometer_bias: Acceleration = param(
+        "Standard deviation of the accelerometer's bias.",
+        default=0.05, at_least=0.0, read_only=True,
+    )  # fmt: skip
+    mocap_rate: Frequency = param(
+        "Poses a second from motion capture.", default=120.0, at_least=1.0, read_only=True
+    )
+    mocap_position_noise: Length = param(
+        "Noise of a pose's position along each axis, standard deviation.",
+        default=0.0005, at_least=0.0, read_only=True,
+    )  # fmt: skip
+    mocap_attitude_noise: Angle = param(
+        "Noise of a pose's attitude about each axis, standard deviation.",
+        default=0.1 * DEG, at_least=0.0, read_only=True,
+    )  # fmt: skip
+    mocap_latency: Duration = param(
+        "How late a pose arrives.", default=0.010, at_least=0.0, at_most=1.0, read_only=True
+    )
+    battery: Ratio = param(
+        "Charge of the battery at the start.", default=1.0, above=0.0, at_most=1.0, read_only=True
+    )
+    battery_rate: Frequency = param(
+        "Battery reports a second.", default=10.0, at_least=0.1, at_most=100.0, read_only=True
+    )
+    live: bool = param("Show the flight in MuJoCo's viewer.", default=False, read_only=True)
+
+
+class Sim(Driver[SimParams]):
+    """The simulator; MuJoCo is imported when it is opened."""
+
+    accepts = frozenset({CommandKind.ATTITUDE_THRUST})
+    provides = frozenset({MeasurementKind.POSE, MeasurementKind.BATTERY})
+    simulated: ClassVar[bool] = True
+
+    @classmethod
+    def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
+        from kybflow.drivers.sim.world import World
+
+        return World(seats, generator)
+
+    @classmethod
+    def step_rate(cls, params: SimParams) -> float | None:
+        return params.physics

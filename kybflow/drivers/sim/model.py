@@ -1,0 +1,124 @@
+"""The MJCF text of a world: a floor, the fence as a faint box, and every vehicle, each its own.
+
+A vehicle's origin is its centre of mass, in the plane of its rotors; standing on the floor it is at
+z = 0, so the floor lies `LEGS` below. Rotors are an X: front left, rear left, rear right, front
+right; the first and the third turn clockwise seen from above and so push the body counter-
+clockwise.
+
+Each vehicle has six actuators: four rotors, control 0 to 1 of the largest thrust, first-order lag
+integrated exactly by MuJoCo, drag torque through the gear; and two for the rotor drag in the rotor
+plane, force = drag m (wind - velocity) along body x and y, whose control is the wind. Each has six
+sensor values: gyroscope and accelerometer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, sin, sqrt
+from typing import NamedTuple
+
+from kybflow.geometry import Vec3
+from kybflow.site import Box, Site
+
+LEGS = 0.05
+"""Height of the rotor plane above the floor when a vehicle stands, metres."""
+
+ROTORS = ((1.0, 1.0, 1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0), (1.0, -1.0, -1.0))
+"""Each rotor's side along body x and y, and the sign of its drag torque about body z."""
+
+ACTUATORS = 6
+SENSORS = 6
+
+
+class Body(NamedTuple):
+    """A vehicle as it is built, which differs from what its maker says. SI.
+
+    thrust: the largest of each rotor.
+    """
+
+    mass: float
+    inertia: Vec3
+    thrust: tuple[float, float, float, float]
+    rotor_time: float
+    drag: float
+
+
+def world_text(sites: Sequence[Site], bodies: Sequence[Body], timestep: float) -> str:
+    """The whole world as MJCF; `timestep` in seconds."""
+    vehicles = "".join(_vehicle(i, s, b) for i, (s, b) in enumerate(zip(sites, bodies, strict=True)))
+    actuators = "".join(_actuators(i, s, b) for i, (s, b) in enumerate(zip(sites, bodies, strict=True)))
+    sensors = "".join(
+        f'<gyro site="v{i}"/><accelerometer site="v{i}"/>' for i in range(len(sites))
+    )
+    fences = {site.fence: None for site in sites if site.fence is not None}
+    return f"""<mujoco model="kybflow">
+<option timestep="{timestep!r}" gravity="0 0 -9.81" integrator="Euler"/>
+<visual><global offwidth="1280" offheight="720"/></visual>
+<worldbody>
+<light pos="0 0 6" dir="0 0 -1" directional="true"/>
+<geom name="floor" type="plane" size="0 0 1" pos="0 0 {-LEGS}" rgba="0.55 0.57 0.6 1"/>
+{"".join(_fence(box) for box in fences)}
+{vehicles}
+</worldbody>
+<actuator>{actuators}</actuator>
+<sensor>{sensors}</sensor>
+</mujoco>"""
+
+
+def _fence(box: Box) -> str:
+    middle = _numbers((low + high) / 2 for low, high in zip(box.low, box.high, strict=True))
+    half = _numbers((high - low) / 2 for low, high in zip(box.low, box.high, strict=True))
+    return (
+        f'<geom type="box" pos="{middle}" size="{half}" rgba="0.2 0.5 1 0.06"'
+        ' contype="0" conaffinity="0" group="1"/>\n'
+    )
+
+
+def _vehicle(index: int, site: Site, body: Body) -> str:
+    x, y, z = site.start
+    half = site.airframe.arm / sqrt(2.0)
+    hue = ("0.9 0.4 0.1", "0.1 0.5 0.8", "0.2 0.7 0.3", "0.7 0.2 0.6")[index % 4]
+    rotors = "".join(
+        f'<site name="v{index}r{n}" pos="{sx * half:.9g} {sy * half:.9g} 0" size="{half * 0.6:.6g} 0.003"'
+        f' type="cylinder" rgba="{hue} 0.5"/>'
+        for n, (sx, sy, _) in enumerate(ROTORS)
+    )
+    stand = _stand(site) if z > 0.0 else ""
+    turn = f"{cos(site.heading / 2)!r} 0 0 {sin(site.heading / 2)!r}"
+    return f"""{stand}<body name="{site.vehicle}" pos="{x!r} {y!r} {z!r}" quat="{turn}">
+<freejoint/>
+<inertial pos="0 0 0" mass="{body.mass!r}" diaginertia="{_numbers(body.inertia)}"/>
+<geom type="box" size="{half:.9g} {half:.9g} {LEGS / 2}" pos="0 0 {-LEGS / 2}" rgba="{hue} 1"/>
+<site name="v{index}" size="0.005"/>{rotors}
+</body>
+"""
+
+
+def _stand(site: Site) -> str:
+    """What a vehicle stands on that starts above the floor."""
+    x, y, z = site.start
+    half = site.airframe.arm
+    return (
+        f'<geom type="box" pos="{x!r} {y!r} {z / 2 - LEGS!r}" size="{half!r} {half!r} {z / 2!r}"'
+        ' rgba="0.5 0.5 0.5 1"/>\n'
+    )
+
+
+def _actuators(index: int, site: Site, body: Body) -> str:
+    rotors = "".join(
+        f'<general site="v{index}r{n}" gear="0 0 1 0 0 {sign * site.airframe.torque_ratio!r}"'
+        f' dyntype="filterexact" dynprm="{body.rotor_time!r}" gainprm="{thrust!r}"'
+        ' ctrllimited="true" ctrlrange="0 1"/>'
+        for n, ((_, _, sign), thrust) in enumerate(zip(ROTORS, body.thrust, strict=True))
+    )
+    drag = body.drag * body.mass
+    planes = "".join(
+        f'<general site="v{index}" gear="{gear}" gainprm="{drag!r}" biastype="affine"'
+        f' biasprm="0 0 {-drag!r}"/>'
+        for gear in ("1 0 0 0 0 0", "0 1 0 0 0 0")
+    )
+    return f"{rotors}{planes}\n"
+
+
+def _numbers(values: Sequence[float] | object) -> str:
+    return " ".join(repr(float(value)) for value in values)  # type: ignore[union-attr]

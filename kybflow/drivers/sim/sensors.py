@@ -1,0 +1,100 @@
+"""What a simulated vehicle measures: the IMU's noise, motion capture, the battery.
+
+Each has its own schedule in integer nanoseconds. Chance comes from seeded NumPy generators, drawn
+in blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from kybflow.geometry import Vec3, integrate, multiply, normalized
+from kybflow.signals import NS, Battery, Pose, Time, Truth
+from kybflow.site import Airframe
+
+if TYPE_CHECKING:
+    import numpy
+
+BLOCK = 1000
+
+
+def draw(
+    generator: numpy.random.Generator, offsets: list[float], deviations: list[float]
+) -> Iterator[list[float]]:
+    """Rows of normally distributed numbers with the given means and deviations, without end."""
+    while True:
+        block = generator.standard_normal((BLOCK, len(offsets)))
+        block *= deviations
+        block += offsets
+        yield from block.tolist()
+
+
+class Schedule:
+    """When a stream is next due: integer nanoseconds, from zero, at a rate in hertz."""
+
+    def __init__(self, rate: float) -> None:
+        self.rate = rate
+        self._count = 0
+        self.due: Time = 0
+
+    def move_on(self) -> None:
+        self._count += 1
+        self.due = round(self._count * NS / self.rate)
+
+
+class MotionCapture:
+    """Poses of one vehicle at their own rate, with noise; they arrive `latency` late."""
+
+    def __init__(
+        self, rate: float, latency: float, position_noise: float, attitude_noise: float,
+        generator: numpy.random.Generator,
+    ) -> None:  # fmt: skip
+        self.schedule = Schedule(rate)
+        self.latency: Time = round(latency * NS)
+        deviations = [position_noise] * 3 + [attitude_noise] * 3
+        self._noise = draw(generator, [0.0] * 6, deviations)
+
+    def measure(self, truth: Truth, at: Time, now: Time) -> Pose:
+        """The pose at `at`, from the truth at `now`, at most a physics step later."""
+        back = (at - now) / NS
+        (px, py, pz), (vx, vy, vz) = truth.position, truth.velocity
+        nx, ny, nz, ax, ay, az = next(self._noise)
+        position = (px + back * vx + nx, py + back * vy + ny, pz + back * vz + nz)
+        turned = integrate(truth.attitude, truth.angular_velocity, back)
+        attitude = normalized(multiply(turned, (1.0, ax / 2.0, ay / 2.0, az / 2.0)))
+        return Pose(at, position, attitude)
+
+
+class Cell:
+    """A battery that a hovering vehicle empties in the airframe's endurance.
+
+    Power goes with thrust^1.5 (momentum theory). Voltage falls with the charge by the airframe's
+    `voltage_spread` and with the load by a quarter of that at hover; rotor thrust goes with its
+    square.
+    """
+
+    FULL = 4.2 * 4
+
+    def __init__(self, airframe: Airframe, remaining: float, rate: float) -> None:
+        self.schedule = Schedule(rate)
+        self._spread = airframe.voltage_spread
+        self._weight = airframe.hover_thrust
+        self._per_second = 1.0 / airframe.endurance
+        self.remaining = remaining
+        self.level = 1.0 - self._spread * (1.0 - remaining)
+
+    def drain(self, thrust: float, seconds: float) -> None:
+        """Give `thrust` newtons for `seconds`."""
+        load = max(0.0, thrust / self._weight) ** 1.5
+        self.remaining = max(0.0, self.remaining - load * seconds * self._per_second)
+        self.level = 1.0 - self._spread * (1.0 - self.remaining + 0.1 * load)
+
+    def measure(self, now: Time) -> Battery:
+        return Battery(now, self.remaining, self.FULL * self.level)
+
+
+def bias(generator: numpy.random.Generator, deviation: float) -> Vec3:
+    """A sensor's constant offset, drawn once."""
+    x, y, z = (generator.standard_normal(3) * deviation).tolist()
+    return (x, y, z)

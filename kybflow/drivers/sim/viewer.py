@@ -1,0 +1,36 @@
+"""MuJoCo's own viewer beside a running simulation, where there is a display."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from kybflow.errors import DriverError
+from kybflow.signals import NS, Time
+
+PERIOD: Time = NS // 60
+
+
+class Viewer:
+    """Shows the world 60 times a second of simulated time. Raises DriverError without a display."""
+
+    def __init__(self, model: Any, data: Any) -> None:
+        import warnings
+
+        import glfw
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if not glfw.init():
+                raise DriverError("--live needs a display, and there is none; fly without it")
+        import mujoco.viewer
+
+        self._handle = mujoco.viewer.launch_passive(model, data)
+        self._due: Time = 0
+
+    def show(self, now: Time) -> None:
+        if now >= self._due and self._handle.is_running():
+            self._handle.sync()
+            self._due = now + PERIOD
+
+    def close(self) -> None:
+        self._handle.close()

@@ -1,0 +1,29 @@
+"""The states that every vehicle has, and the arrows that the language adds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from kybflow.parts import AIR, GROUND, Leg
+
+BUILT_IN = {
+    "landed": "wait_on_ground",
+    "brake": "brake",
+    "hover": "hover",
+    "auto_land": "land",
+    "land_blind": "land_blind",
+    "fault": "wait_on_ground",
+}
+"""Each built-in state with its behavior. `brake` goes to `hover`, that after `hover_limit` to
+`auto_land`, that to `landed`; `land_blind` goes to `fault`, which is never left."""
+
+
+def end_of(legs: Iterable[Leg]) -> str:
+    """Where a behavior without `then` goes when it is done."""
+    return "brake" if any(leg.end is AIR for leg in legs) else "landed"
+
+
+def failure_of(legs: Iterable[Leg]) -> str:
+    """Where a behavior without `failed` goes when it fails."""
+    on_ground = all(leg == (GROUND, GROUND) for leg in legs)
+    return "landed" if on_ground else "brake"

@@ -1,0 +1,140 @@
+"""Arrows that can never fire, and names that can't be used: KYB206 and KYB207."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from kybflow.dsl.built_in import BUILT_IN
+from kybflow.dsl.checks.case import Case, condition_scope
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.document import State, Transition, Vehicle
+from kybflow.dsl.expressions import And, Compare, Condition, Expression, Number, Or, parse
+from kybflow.dsl.expressions_tokens import KEYWORDS
+from kybflow.dsl.source import Text
+
+_RISING = frozenset({">", ">="})
+_FALLING = frozenset({"<", "<="})
+_WORDS = KEYWORDS | {"all", "any", "start"}
+_MARKS = frozenset({"*", "="})  # `transitions` reads them as any state and as the same state
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """An arrow with its condition understood; None where it has none or it can't be."""
+
+    transition: Transition
+    when: Expression | None
+
+    @property
+    def understood(self) -> bool:
+        return self.transition.when is None or self.when is not None
+
+
+def never_fires(case: Case) -> Iterator[Diagnostic]:
+    """KYB206: an arrow that can never fire, because one that is asked before it fires whenever it
+    would.
+
+    In a tick `next` is asked from the top, then whether the behavior ended, then `within`. An arrow
+    with a time alone ends the state by then, so that what would come later never comes.
+    """
+    for vehicle, state in case.states():
+        asked = list(_asked(case, vehicle, state))
+        for index, later in enumerate(asked):
+            before = [a for a in asked[:index] if _covers(a, later)]
+            before += [a for a in asked if _is_sooner(a, later)]
+            if before:
+                yield _shadowed(state, later.transition, before[0].transition)
+
+
+def _asked(case: Case, vehicle: Vehicle, state: State) -> Iterator[_Asked]:
+    scope = condition_scope(case.document, vehicle.name.text)
+    timed = [t for t in state.transitions if t.cause in ("next", "within")]
+    for transition in sorted(timed, key=lambda t: t.cause == "within"):
+        when = parse(transition.when, scope)[0] if transition.when is not None else None
+        yield _Asked(transition, when)
+
+
+def _covers(first: _Asked, later: _Asked) -> bool:
+    """Whether `first` fires in every tick in which `later` would."""
+    a, b = first.transition, later.transition
+    if not first.understood or not later.understood or _is_empty(a) or _is_empty(b):
+        return False
+    if a.event is not None and (b.event is None or a.event.text != b.event.text):
+        return False
+    if a.after is not None and (b.after is None or b.after < a.after):
+        return False
+    if first.when is None:
+        return True
+    return later.when is not None and b.hold >= a.hold and _implies(later.when, first.when)
+
+
+def _is_sooner(first: _Asked, later: _Asked) -> bool:
+    """Whether `first` asks for a time alone, and an earlier one than `later` waits for."""
+    a, b = first.transition, later.transition
+    if a.after is None or a.when is not None or a.event is not None or b.after is None:
+        return False
+    return a.after < b.after
+
+
+def _is_empty(transition: Transition) -> bool:
+    return transition.when is None and transition.event is None and transition.after is None
+
+
+def _implies(narrow: Expression, wide: Expression) -> bool:
+    """Whether `wide` surely holds when `narrow` does; False where that can't be told."""
+    if narrow == wide:
+        return True
+    if isinstance(wide, Or) and any(_implies(narrow, part) for part in wide.parts):
+        return True
+    if isinstance(narrow, And) and any(_implies(part, wide) for part in narrow.parts):
+        return True
+    return _is_tighter(narrow, wide)
+
+
+def _is_tighter(narrow: Expression | Condition, wide: Expression | Condition) -> bool:
+    match narrow, wide:
+        case Compare(a, left, Number(x, _)), Compare(b, same, Number(y, _)) if left == same:
+            if a in _FALLING and b in _FALLING:
+                return x < y or (x == y and b == "<=")
+            if a in _RISING and b in _RISING:
+                return x > y or (x == y and b == ">=")
+    return False
+
+
+def _shadowed(state: State, later: Transition, first: Transition) -> Diagnostic:
+    return Diagnostic(
+        "KYB206",
+        f"this way out of `{state.name.text}` is never taken",
+        later.span,
+        label=f"`{first.target.text}` always comes first",
+        notes=(f"line {first.span.line} goes to `{first.target.text}` whenever this would fire",),
+        help="put the narrower one first, or remove it",
+    )
+
+
+def reserved_names(case: Case) -> Iterator[Diagnostic]:
+    """KYB207: a vehicle or a behavior has a name that the language needs for itself.
+
+    Those are the built-in states (landed, brake, hover, auto_land, land_blind, fault), the words of
+    conditions (and, or, not, in, to, within, always, eventually, finally, all, any, start), `*` and
+    `=`.
+    """
+    for vehicle in case.vehicles():
+        if vehicle.name.text in _WORDS | _MARKS:
+            yield _reserved(vehicle.name, "vehicle", "a word of the language")
+        for state in vehicle.states.values():
+            if state.name.text in BUILT_IN:
+                yield _reserved(state.name, "behavior", "a built-in state")
+            elif state.name.text in _WORDS | _MARKS:
+                yield _reserved(state.name, "behavior", "a word of the language")
+
+
+def _reserved(name: Text, what: str, why: str) -> Diagnostic:
+    return Diagnostic(
+        "KYB207",
+        f"a {what} can't be called `{name.text}`",
+        name.span,
+        label=why,
+        help=f"give it another name, such as `my_{name.text}`" if name.text.isalpha() else "",
+    )

@@ -1,0 +1,79 @@
+"""What every check is given, and what several of them ask of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from kybflow.dsl.built_in import BUILT_IN
+from kybflow.dsl.document import Document, State, Vehicle
+from kybflow.dsl.expressions import Scope
+from kybflow.parts import Behavior, Flight, Leg
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from kybflow.catalog import Catalog
+
+NO_TARGET = frozenset({"fault"})
+"""Built-in states that no arrow of a mission may lead to: the failsafe's own."""
+
+TARGETS = tuple(name for name in BUILT_IN if name not in NO_TARGET)
+"""The built-in states that an arrow of a mission may lead to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A mission under judgement and the parts at hand."""
+
+    document: Document
+    catalog: Catalog
+
+    def vehicles(self) -> Iterator[Vehicle]:
+        yield from self.document.vehicles.values()
+
+    def states(self) -> Iterator[tuple[Vehicle, State]]:
+        """Every behavior of every vehicle."""
+        for vehicle in self.vehicles():
+            for state in vehicle.states.values():
+                yield vehicle, state
+
+    def behavior(self, vehicle: Vehicle, state: str) -> type[Behavior[Any]] | None:
+        """The class behind a state of the vehicle or a built-in one; None for an unknown name."""
+        if state in vehicle.states:
+            own: type[Behavior[Any]] = vehicle.states[state].part.spec.cls
+            return own
+        if state in BUILT_IN:
+            built_in: type[Behavior[Any]] = self.catalog.get("behaviors", BUILT_IN[state]).cls
+            return built_in
+        return None
+
+    def legs(self, vehicle: Vehicle, state: str) -> tuple[Leg, ...]:
+        """The flight types of a state; none for an unknown name."""
+        cls = self.behavior(vehicle, state)
+        return cls.flight if cls is not None else ()
+
+    def accepts(self, vehicle: Vehicle, state: str, flight: Flight) -> bool:
+        return any(leg.start is flight for leg in self.legs(vehicle, state))
+
+
+def part_of(vehicle: Vehicle, state: str) -> str:
+    """The name of the part behind a state."""
+    return vehicle.states[state].part.name.text if state in vehicle.states else BUILT_IN[state]
+
+
+def condition_scope(document: Document, vehicle: str | None) -> Scope:
+    """What a `when` of `vehicle` may name; with None, what an expectation may."""
+    estimators = {
+        name: tuple(use.part.label for use in v.estimators) for name, v in document.vehicles.items()
+    }
+    states = {name: (*v.states, *BUILT_IN) for name, v in document.vehicles.items()}
+    if vehicle is None:
+        return Scope("expectation", states, None, estimators)
+    return Scope("condition", states, vehicle, estimators)
+
+
+def health_scope(vehicle: str) -> Scope:
+    """What an estimator's health may name: its own age and spread."""
+    return Scope("health", {}, vehicle)

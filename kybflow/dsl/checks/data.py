@@ -1,0 +1,109 @@
+"""Data from the estimators to the driver: KYB301 to KYB303.
+
+measurement ─► estimator          behavior ─► processors ─► tracker ─► driver
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kybflow.dsl.built_in import BUILT_IN
+from kybflow.dsl.checks.case import Case, part_of
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.document import PartUse, Vehicle
+from kybflow.parts import Leg
+from kybflow.signals import CommandKind, SetpointKind
+
+
+def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
+    """KYB301: a part gives a kind of setpoint or command that the next one in the chain can't take.
+
+    A behavior emits a kind of setpoint, each processor takes kinds and returns kinds, the tracker
+    turns setpoints into a kind of command, and the driver takes kinds of command. Processors that
+    are no safety parts are passed over in take-off and landing.
+    """
+    for vehicle in case.vehicles():
+        driver, gives = vehicle.driver, vehicle.tracker.spec.cls.gives
+        if gives not in driver.spec.cls.accepts:
+            yield _gap(driver, f"{gives.value} commands", vehicle.tracker.name.text)
+        for name in (*vehicle.states, *BUILT_IN):
+            yield from _chain(case, vehicle, name)
+
+
+def _chain(case: Case, vehicle: Vehicle, state: str) -> Iterator[Diagnostic]:
+    behavior = case.behavior(vehicle, state)
+    kind = behavior.emits if behavior is not None else SetpointKind.IDLE
+    origin = f"{state}` ({part_of(vehicle, state)})"
+    if isinstance(kind, CommandKind):
+        if kind not in vehicle.driver.spec.cls.accepts:
+            yield _gap(vehicle.driver, f"{kind.value} commands", origin)
+        return
+    if kind is SetpointKind.IDLE:
+        return
+    for processor in vehicle.processors:
+        if not _applies(processor, case.legs(vehicle, state)):
+            continue
+        accepts = processor.spec.cls.accepts
+        if kind not in accepts:
+            yield _gap(processor, f"{kind.value} setpoints", origin)
+            return
+        kind = accepts[kind]
+    if kind not in vehicle.tracker.spec.cls.accepts:
+        yield _gap(vehicle.tracker, f"{kind.value} setpoints", origin)
+
+
+def _applies(processor: PartUse, legs: tuple[Leg, ...]) -> bool:
+    return processor.spec.cls.safety or any(leg.start is leg.end for leg in legs)
+
+
+def _gap(part: PartUse, what: str, origin: str) -> Diagnostic:
+    cls = part.spec.cls
+    known = ", ".join(f"`{k.value}`" for k in sorted(cls.accepts, key=lambda k: str(k.value)))
+    source = origin if origin.endswith(")") else f"{origin}`"
+    return Diagnostic(
+        "KYB301",
+        f"`{part.name.text}` can't take the {what} of `{source}",
+        part.name.span,
+        label=f"takes {known or 'nothing'}",
+    )
+
+
+def missing_measurements(case: Case) -> Iterator[Diagnostic]:
+    """KYB302: an estimator needs measurements that the target's driver does not provide."""
+    for vehicle in case.vehicles():
+        provides = vehicle.driver.spec.cls.provides
+        for use in vehicle.estimators:
+            missing = use.part.spec.cls.needs - provides
+            for kind in sorted(missing, key=lambda k: str(k.value)):
+                given = ", ".join(sorted(f"`{k.value}`" for k in provides)) or "nothing"
+                yield Diagnostic(
+                    "KYB302",
+                    f"`{use.part.name.text}` needs {kind.value} measurements",
+                    use.part.name.span,
+                    label=f"`{vehicle.driver.name.text}` provides {given}",
+                    help="use another estimator, or another driver in `targets`",
+                )
+
+
+def control_rates(case: Case) -> Iterator[Diagnostic]:
+    """KYB303: the control rate does not divide the rate of the driver's own steps, so that a tick
+    would not fall on a step."""
+    control = case.document.control_rate
+    for vehicle in case.vehicles():
+        driver = vehicle.driver
+        rate = driver.spec.cls.step_rate(driver.params)
+        if rate is None or abs(rate / control - round(rate / control)) < 1e-9:
+            continue
+        yield Diagnostic(
+            "KYB303",
+            f"control at {control} Hz does not divide `{driver.name.text}` at {rate:g} Hz",
+            case.document.control_span or driver.span,
+            label=f"{rate:g} / {control} = {rate / control:.4g}",
+            help=f"use {_divisor(rate, control)} Hz",
+        )
+
+
+def _divisor(rate: float, control: int) -> str:
+    """The rate nearest to `control` that divides `rate`."""
+    steps = max(1, round(rate / control))
+    return f"{rate / steps:g}"

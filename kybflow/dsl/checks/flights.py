@@ -1,0 +1,103 @@
+"""Where a vehicle can be, on the ground, in the air or moving, when each of its states is entered.
+
+The walk begins on the ground in the first state. Only the normal end of a behavior reaches the far
+side of its leg; a leg between ground and air that is left in any other way leaves the vehicle
+MOVING.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.document import State, Transition, Vehicle
+from kybflow.parts import AIR, GROUND, MOVING, Flight, Leg
+
+
+class Node(NamedTuple):
+    """A state as it is entered in one flight condition."""
+
+    state: str
+    flight: Flight
+
+
+class Link(NamedTuple):
+    """An arrow of the mission out of a node; `flight` is what it leaves the vehicle in."""
+
+    source: Node
+    transition: Transition
+    flight: Flight
+
+
+@dataclass(frozen=True, slots=True)
+class Flights:
+    """What the walk found: `nodes` that can be entered, `links` that fit, `broken` ones whose ends
+    don't meet. Links to names that don't exist are in neither."""
+
+    nodes: frozenset[Node]
+    links: tuple[Link, ...]
+    broken: tuple[Link, ...]
+
+
+def flights_of(case: Case, vehicle: Vehicle) -> Flights:
+    """Walk every arrow of the mission from the first state."""
+    first = Node(vehicle.begin.text, GROUND)
+    found, links, broken = {first}, [], []
+    waiting = [first] if first.state in vehicle.states else []
+    while waiting:
+        node = waiting.pop()
+        for link in _links(vehicle.states[node.state], node):
+            target = link.transition.target.text
+            if case.behavior(vehicle, target) is None:
+                continue
+            if not case.accepts(vehicle, target, link.flight):
+                broken.append(link)
+                continue
+            links.append(link)
+            successor = Node(target, link.flight)
+            if target in vehicle.states and successor not in found:
+                found.add(successor)
+                waiting.append(successor)
+    return Flights(frozenset(found), tuple(links), tuple(broken))
+
+
+def _links(state: State, node: Node) -> Iterator[Link]:
+    legs = [leg for leg in state.part.spec.cls.flight if leg.start is node.flight]
+    for leg in legs[:1]:
+        left_early = leg.end if leg.start is leg.end else MOVING
+        for transition in state.transitions:
+            flight = leg.end if transition.cause == "then" else left_early
+            yield Link(node, transition, flight)
+
+
+def comes_down(vehicle: Vehicle, flights: Flights) -> frozenset[Node]:
+    """The nodes from which the ground can be reached without anything failing.
+
+    A behavior without `then` ends in `brake`, `hover` and then `auto_land`, or is on the ground.
+    """
+    down = {node for node in flights.nodes if node.flight is GROUND}
+    down |= {node for node in flights.nodes if _ends_by_default(vehicle, node)}
+    grew = True
+    while grew:
+        before = len(down)
+        for link in flights.links:
+            target = link.transition.target.text
+            reached = target not in vehicle.states or Node(target, link.flight) in down
+            if reached and link.transition.cause != "failed":
+                down.add(link.source)
+        grew = len(down) > before
+    return frozenset(down)
+
+
+def _ends_by_default(vehicle: Vehicle, node: Node) -> bool:
+    state = vehicle.states.get(node.state)
+    if state is None:
+        return True
+    lands = any(leg == Leg(node.flight, GROUND) for leg in state.part.spec.cls.flight)
+    return lands or all(t.cause != "then" for t in state.transitions)
+
+
+PHRASES = {GROUND: "on the ground", AIR: "in the air", MOVING: "moving"}
+"""How a report says where a vehicle is."""

@@ -1,0 +1,134 @@
+"""Where the mission goes and how fast: KYB311 to KYB315."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.entries import entries_of
+from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.document import State, Vehicle
+from kybflow.geometry import Vec3, distance
+from kybflow.parts import Footprint
+from kybflow.site import Box
+from kybflow.units import LENGTH, SPEED, format_quantity
+
+_ROUNDING = 1e-6
+
+
+def starts_outside(case: Case) -> Iterator[Diagnostic]:
+    """KYB311: a vehicle's start pose is outside the fence."""
+    fence = case.document.fence
+    for vehicle in case.vehicles():
+        if fence is None or fence.outside_by(vehicle.start) <= _ROUNDING:
+            continue
+        yield Diagnostic(
+            "KYB311",
+            f"`{vehicle.name.text}` starts outside the fence",
+            vehicle.start_span,
+            label=_beyond(fence, vehicle.start),
+            notes=(_extent(fence),),
+        )
+
+
+def starts_too_close(case: Case) -> Iterator[Diagnostic]:
+    """KYB312: two vehicles start closer to each other than the larger one's diameter."""
+    for a, b in combinations(case.vehicles(), 2):
+        apart, needed = distance(a.start, b.start), max(a.airframe.diameter, b.airframe.diameter)
+        if apart >= needed:
+            continue
+        yield Diagnostic(
+            "KYB312",
+            f"`{b.name.text}` starts {format_quantity(apart, LENGTH)} from `{a.name.text}`",
+            b.start_span,
+            label=f"needs at least {format_quantity(needed, LENGTH)}",
+            notes=(f"`{a.name.text}` starts at {_point(a.start)} ({a.start_span.at})",),
+        )
+
+
+def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
+    """KYB313: a behavior goes outside the fence from an entry that it can have."""
+    fence = case.document.fence
+    for vehicle, state, footprint in _footprints(case):
+        if fence is None:
+            return
+        far = max(footprint.points, key=fence.outside_by, default=vehicle.start)
+        if fence.outside_by(far) > _ROUNDING:
+            yield Diagnostic(
+                "KYB313",
+                f"`{state.name.text}` ({state.part.name.text}) leaves the fence",
+                state.part.name.span,
+                label=_beyond(fence, far),
+                notes=(_extent(fence),),
+            )
+
+
+def too_fast(case: Case) -> Iterator[Diagnostic]:
+    """KYB314: a behavior asks for more speed than the airframe may fly."""
+    for vehicle, state, footprint in _footprints(case):
+        limit = vehicle.airframe.speed
+        if footprint.speed <= limit + _ROUNDING:
+            continue
+        yield Diagnostic(
+            "KYB314",
+            f"`{state.name.text}` is too fast for `{vehicle.name.text}`",
+            state.part.spans.get("speed", state.part.name.span),
+            label=f"reaches {format_quantity(footprint.speed, SPEED)}",
+            notes=(f"its airframe may fly {format_quantity(limit, SPEED)}",),
+        )
+
+
+def undecided(case: Case) -> Iterator[Diagnostic]:
+    """KYB315: it can't be told before the flight where a behavior goes, because it can be entered
+    from anywhere; the fence processor and supervisor still hold it."""
+    fence = case.document.fence
+    for vehicle, state in case.states():
+        entries = entries_of(vehicle).get(state.name.text)
+        if fence is None or entries is None or entries.known:
+            continue
+        if _footprint(state, None) is None and _travels(state, fence):
+            yield Diagnostic(
+                "KYB315",
+                f"can't tell whether `{state.name.text}` stays inside the fence",
+                state.part.name.span,
+                label="its path depends on where it begins",
+                notes=("it can be entered from more places than can be listed",),
+                severity=Severity.WARNING,
+            )
+
+
+def _footprints(case: Case) -> Iterator[tuple[Vehicle, State, Footprint]]:
+    """The footprint of every state that is reached, from every entry that it can have."""
+    for vehicle in case.vehicles():
+        for name, entries in entries_of(vehicle).items():
+            state = vehicle.states[name]
+            for entry in entries.asked():
+                footprint = _footprint(state, entry)
+                if footprint is not None:
+                    yield vehicle, state, footprint
+
+
+def _footprint(state: State, entry: Vec3 | None) -> Footprint | None:
+    footprint: Footprint | None = state.part.spec.cls.footprint(state.part.params, entry)
+    return footprint
+
+
+def _travels(state: State, fence: Box) -> bool:
+    """Whether the behavior moves sideways from where it is entered."""
+    (ax, ay, az), (bx, by, bz) = fence
+    middle = ((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)
+    footprint = _footprint(state, middle)
+    return footprint is not None and any(p[:2] != middle[:2] for p in footprint.points)
+
+
+def _beyond(fence: Box, point: Vec3) -> str:
+    return f"{_point(point)} is {format_quantity(fence.outside_by(point), LENGTH)} outside"
+
+
+def _extent(fence: Box) -> str:
+    return f"the fence goes from {_point(fence.low)} to {_point(fence.high)}"
+
+
+def _point(point: Vec3) -> str:
+    return "[" + ", ".join(f"{c:.4g}" for c in point) + "] m"

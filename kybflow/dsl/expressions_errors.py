@@ -1,0 +1,103 @@
+"""What can be wrong with an expression, one function a code. Places are characters of the text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.expressions_tokens import Token
+from kybflow.dsl.source import Text
+
+_HABITS = {
+    "=": "write `==`",
+    "!": "write `not` or `!=`",
+    "&": "write `and`",
+    "|": "write `or`",
+    "$": "a parameter is written as a word of its own",
+    "°": "write `deg`",
+}
+
+
+class Unreadable(Exception):
+    """Raised inside the parser where it can't go on; carries the finding."""
+
+    def __init__(self, finding: Diagnostic) -> None:
+        super().__init__(finding.message)
+        self.finding = finding
+
+
+def unreadable(text: Text, token: Token, expected: str) -> Unreadable:
+    """KYB210: the text is no expression of the language."""
+    found = f"`{token.text}`" if token.text else "the end"
+    return Unreadable(
+        Diagnostic(
+            "KYB210",
+            f"found {found} where {expected} should be",
+            text.part(token.start, token.end),
+            label=f"expected {expected}",
+            help=_way_out(token),
+        )
+    )
+
+
+def _way_out(token: Token) -> str:
+    if token.text == ",":
+        return "the language has no comma: write `distance(a to b)`, `separation(a and b)`"
+    if not token.text:
+        return "inside {...} YAML ends a value at a comma: write `distance(a to b)` without one"
+    return _HABITS.get(token.text, "")
+
+
+def too_deep(text: Text, token: Token, limit: int) -> Unreadable:
+    """KYB214: an expression is nested too deep or is too long."""
+    span = text.part(token.start, token.end)
+    message = f"an expression may be nested {limit} deep, this one is deeper"
+    return Unreadable(Diagnostic("KYB214", message, span, label="too deep"))
+
+
+def too_long(text: Text, limit: int) -> Unreadable:
+    """KYB214: an expression is nested too deep or is too long."""
+    message = f"an expression may have {limit} characters, this one has {len(text.text)}"
+    return Unreadable(Diagnostic("KYB214", message, text.span, label="too long"))
+
+
+def unknown(
+    text: Text, place: tuple[int, int], what: str, name: str, known: Iterable[str]
+) -> Diagnostic:
+    """KYB211: a name that nothing in the mission has."""
+    return Diagnostic(
+        "KYB211",
+        f"{what} `{name}` is unknown",
+        text.part(*place),
+        label="unknown",
+        help=did_you_mean(name, known),
+    )
+
+
+def mismatch(
+    text: Text, place: tuple[int, int], message: str, label: str, way_out: str
+) -> Diagnostic:
+    """KYB212: two sides that can't be compared, or a quantity of another dimension or without its
+    unit."""
+    return Diagnostic("KYB212", message, text.part(*place), label=label, help=way_out)
+
+
+def misplaced_statistic(text: Text, place: tuple[int, int], function: str) -> Diagnostic:
+    """KYB213: a form that belongs elsewhere."""
+    message = f"`{function}(...)` looks at a whole run; a condition is asked every tick"
+    way_out = "a statistic stands in `expect:`, compared with a quantity"
+    return Diagnostic("KYB213", message, text.part(*place), label="not here", help=way_out)
+
+
+def joined_statistics(text: Text, place: tuple[int, int]) -> Diagnostic:
+    """KYB213: a form that belongs elsewhere."""
+    message = "statistics can't be joined with `and`, `or` or `not`"
+    way_out = "write each comparison as a line of its own"
+    return Diagnostic("KYB213", message, text.part(*place), label="joined here", help=way_out)
+
+
+def timeless(text: Text, place: tuple[int, int]) -> Diagnostic:
+    """KYB213: a form that belongs elsewhere."""
+    message = "this expectation does not say when it should hold"
+    way_out = "write `always`, `eventually` or `finally` before it, or `max(...)` around a value"
+    return Diagnostic("KYB213", message, text.part(*place), label="when?", help=way_out)

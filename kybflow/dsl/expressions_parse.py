@@ -1,0 +1,139 @@
+"""The parser of expressions: recursive descent, bounded in depth.
+
+    expectation := 'finished' 'within' quantity | 'always' condition | 'finally' condition
+                 | 'eventually' condition ['within' quantity] | statistic operator statistic
+    condition   := both ('or' both)*
+    both        := single ('and' single)*
+    single      := 'not' single | '(' condition ')' | NAME 'in' NAME | operand operator operand
+
+Operands, their types and units: `kybflow.dsl.expressions_operands`.
+"""
+
+from __future__ import annotations
+
+from kybflow.dsl import expressions_errors as errors
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.expressions_operands import Operands, Scope
+from kybflow.dsl.expressions_tokens import Token
+from kybflow.dsl.expressions_tree import (
+    Aggregate,
+    Always,
+    And,
+    Compare,
+    Condition,
+    Eventually,
+    Expression,
+    Finally,
+    Finished,
+    InState,
+    Not,
+    Number,
+    Or,
+)
+from kybflow.dsl.source import Text
+from kybflow.units import DURATION
+
+__all__ = ["Scope", "parse"]
+
+MAX_DEPTH = 32
+MAX_LENGTH = 2000
+
+
+def parse(text: Text, scope: Scope) -> tuple[Expression | None, list[Diagnostic]]:
+    """The expression that `text` says, or None and what is wrong with it. Never raises."""
+    try:
+        if len(text.text) > MAX_LENGTH:
+            raise errors.too_long(text, MAX_LENGTH)
+        parser = _Parser(text, scope)
+        expression = parser.whole()
+    except errors.Unreadable as stop:
+        return None, [stop.finding]
+    return (None if parser.findings else expression), parser.findings
+
+
+class _Parser(Operands):
+    """The grammar. A form whose names or types are wrong leaves a finding and a stand-in, so that
+    the rest is judged too."""
+
+    def __init__(self, text: Text, scope: Scope) -> None:
+        super().__init__(text, scope)
+        self._depth = 0
+
+    def whole(self) -> Expression:
+        expectation = self.scope.kind == "expectation"
+        expression = self._expectation() if expectation else self._condition()
+        if self.peek().kind != "end":
+            raise errors.unreadable(self.text, self.peek(), "`and`, `or` or the end")
+        return expression
+
+    def _expectation(self) -> Expression:
+        first = self.peek()
+        if self.skip("finished"):
+            self.expect("within")
+            return Finished(self.quantity(DURATION))
+        if self.skip("always"):
+            return Always(self._condition())
+        if self.skip("finally"):
+            return Finally(self._condition())
+        if self.skip("eventually"):
+            condition = self._condition()
+            limit = self.quantity(DURATION) if self.skip("within") else None
+            return Eventually(condition, limit)
+        return self._statistic(first)
+
+    def _statistic(self, first: Token) -> Condition:
+        self.statistics_allowed = True
+        condition = self._condition()
+        lone = isinstance(condition, Compare) and isinstance(condition.left, Aggregate)
+        if not lone and not self.findings:
+            place = (first.start, self.behind())
+            joined = self.statistics_seen
+            finding = errors.joined_statistics if joined else errors.timeless
+            self.findings.append(finding(self.text, place))
+        return condition
+
+    def _condition(self) -> Condition:
+        parts = [self._both()]
+        while self.skip("or"):
+            parts.append(self._both())
+        return parts[0] if len(parts) == 1 else Or(tuple(parts))
+
+    def _both(self) -> Condition:
+        parts = [self._single()]
+        while self.skip("and"):
+            parts.append(self._single())
+        return parts[0] if len(parts) == 1 else And(tuple(parts))
+
+    def _single(self) -> Condition:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise errors.too_deep(self.text, self.peek(), MAX_DEPTH)
+        try:
+            if self.skip("not"):
+                return Not(self._single())
+            if self.skip("("):
+                inner = self._condition()
+                self.expect(")")
+                return inner
+            if self.peek(1).text == "in":
+                return self._in_state()
+            return self._comparison()
+        finally:
+            self._depth -= 1
+
+    def _in_state(self) -> Condition:
+        vehicle = self.vehicle(self.name("a vehicle"))
+        self.expect("in")
+        return InState(vehicle, self.state(vehicle, self.name("a state")))
+
+    def _comparison(self) -> Condition:
+        left = self.operand()
+        operator = self.operator()
+        right = self.operand()
+        if self.peek().kind == "operator":
+            raise errors.unreadable(self.text, self.peek(), "`and`, `or` or the end")
+        compare = self.compared(left, operator, right)
+        if isinstance(compare.left, Number) and isinstance(compare.right, Aggregate):
+            flipped = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}.get(operator, operator)
+            return self.compared(right, flipped, left)
+        return compare

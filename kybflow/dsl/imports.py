@@ -1,0 +1,123 @@
+"""Which file an import means: beside the importing file, then in an installed library; never
+outside."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import os
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import NamedTuple
+
+import kybflow
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.nodes import Scalar
+from kybflow.dsl.reader import Source, read
+
+CODES = {
+    "KYB120": "An import that names no file.",
+    "KYB121": "An import that leaves the mission's folder and the installed libraries.",
+    "KYB122": "Files that import each other in a circle.",
+    "KYB123": "An imported file that is no library.",
+}
+GROUP = "kybflow.missions"
+
+
+class Place(NamedTuple):
+    """A file to import: where it is and how reports call it."""
+
+    path: Path
+    file: str
+
+
+def find(text: Scalar, importer: Place, root: Path, found: list[Diagnostic]) -> Place | None:
+    """The file that `text` names in the file `importer` of a mission whose folder is `root`."""
+    name = text.text
+    relative = Path(name)
+    if "\0" in name or relative.is_absolute():
+        found.append(_outside(text))
+        return None
+    beside = importer.path.parent / relative
+    if not _within(beside, (root, *_home_of(importer.path))):
+        found.append(_outside(text))
+        return None
+    if beside.is_file():
+        shown = os.path.normpath(os.path.join(os.path.dirname(importer.file), name))
+        return Place(beside, shown)
+    home = installed(relative.parts[0]) if len(relative.parts) > 1 else None
+    if home is not None:
+        path = home.joinpath(*relative.parts[1:])
+        path = path if path.suffix else path.with_suffix(".yaml")
+        if not _within(path, (home,)):
+            found.append(_outside(text))
+            return None
+        if path.is_file():
+            return Place(path, shown_path(path))
+    found.append(
+        Diagnostic(
+            "KYB120",
+            f"`{name}` is no file",
+            text.span,
+            notes=(f"looked for {os.path.join(os.path.dirname(importer.file), name)}",),
+            help="the standard library is `kybflow/airframes`",
+        )
+    )
+    return None
+
+
+def _outside(text: Scalar) -> Diagnostic:
+    return Diagnostic(
+        "KYB121",
+        f"`{text.text}` is outside of the mission's folder",
+        text.span,
+        help="import files beside or below the mission, or from an installed library",
+    )
+
+
+def _within(path: Path, roots: tuple[Path, ...]) -> bool:
+    real = path.resolve()
+    return any(real.is_relative_to(root.resolve()) for root in roots)
+
+
+def _home_of(path: Path) -> tuple[Path, ...]:
+    """The installed library that `path` lies in, so that its files can import each other."""
+    standard = installed("kybflow")
+    return (standard,) if standard and path.is_relative_to(standard) else (path.parent,)
+
+
+def shown_path(path: Path) -> str:
+    """`path` as reports call it: from the working directory where it is below it."""
+    try:
+        return str(path.relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)
+
+
+@functools.cache
+def installed(name: str) -> Path | None:
+    """The folder `library` of the missions that the package `name` ships; None where there is none.
+
+    Our own is `kybflow/missions/library` in a wheel and `missions/library` in a checkout; others
+    are found through the entry-point group `kybflow.missions`.
+    """
+    if name == "kybflow":
+        package = Path(kybflow.__file__).parent
+        folders = (package / "missions", package.parent / "missions")
+        return next((f / "library" for f in folders if f.is_dir()), None)
+    for entry in entry_points(group=GROUP, name=name):
+        spec = importlib.util.find_spec(entry.value)
+        for folder in (spec.submodule_search_locations or ()) if spec else ():
+            return Path(folder) / "library"
+    return None
+
+
+@functools.lru_cache(maxsize=64)
+def _read(path: Path, file: str, modified: int, size: int) -> Source:
+    return read(path, file)
+
+
+def read_library(place: Place) -> Source:
+    """A library file, read again only when it changed."""
+    status = place.path.stat()
+    return _read(place.path, place.file, status.st_mtime_ns, status.st_size)

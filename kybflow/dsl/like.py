@@ -1,0 +1,45 @@
+"""`like`: start from another entry. Mappings merge, lists are replaced, `null` removes. That is the
+whole rule."""
+
+from __future__ import annotations
+
+from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar
+
+CODES = {
+    "KYB124": "`like` or `airframe` names an entry that doesn't exist.",
+    "KYB125": "Entries that are `like` each other in a circle.",
+    "KYB126": "More values than a mission may have, counted after `like`.",
+}
+
+
+def merge(base: Mapping, own: Mapping) -> Mapping:
+    """`own` over `base`. What comes from `base` alone is marked inherited; the order is that of
+    `base`, then what `own` adds."""
+    entries = {key: entry._replace(inherited=True) for key, entry in base.entries.items()}
+    for key, entry in own.entries.items():
+        under = entries.get(key)
+        if _removes(entry.value):
+            entries.pop(key, None)
+        elif under is not None and isinstance(under.value, Mapping):
+            entries[key] = Entry(entry.key, _over(under.value, entry.value))
+        else:
+            entries[key] = Entry(entry.key, _over(None, entry.value))
+    return Mapping(entries, own.span)
+
+
+def _over(under: Mapping | None, value: Node) -> Node:
+    if not isinstance(value, Mapping):
+        return value
+    if under is not None:
+        return merge(under, value)
+    if not any(_prunes(entry.value) for entry in value.entries.values()):
+        return value
+    return merge(Mapping({}, value.span), value)
+
+
+def _prunes(value: Node) -> bool:
+    return isinstance(value, Mapping) or _removes(value)
+
+
+def _removes(value: Node) -> bool:
+    return isinstance(value, Scalar) and value.is_null

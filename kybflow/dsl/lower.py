@@ -1,0 +1,164 @@
+"""The document to the plan: expressions parsed, built-in states and implied arrows added, spans
+reduced to `file:line`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kybflow.dsl.built_in import BUILT_IN, end_of, failure_of
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.document import Document, PartUse, State, Transition, Vehicle
+from kybflow.dsl.expressions import Expression, Scope, parse
+from kybflow.dsl.plan import (
+    EstimatorPlan,
+    ExpectationPlan,
+    PartPlan,
+    Plan,
+    SourceFile,
+    StatePlan,
+    TransitionPlan,
+    VehiclePlan,
+)
+from kybflow.dsl.source import Text
+
+if TYPE_CHECKING:
+    from kybflow.catalog import Catalog
+
+
+def lower(
+    document: Document,
+    catalog: Catalog,
+    sources: tuple[SourceFile, ...],
+    resolved: str,
+) -> Plan:
+    """The plan of a document that has no errors."""
+    scopes = Scopes(document)
+    drivers = [v.driver.spec.cls for v in document.vehicles.values()]
+    return Plan(
+        mission=document.mission.text,
+        summary=document.summary,
+        target=document.target.text,
+        simulated=all(cls.simulated for cls in drivers),
+        control_rate=document.control_rate,
+        hover_limit=document.hover_limit,
+        time_limit=document.time_limit,
+        fence=document.fence,
+        vehicles=tuple(
+            _vehicle(v, document.hover_limit, scopes, catalog)
+            for v in document.vehicles.values()
+        ),
+        expectations=tuple(
+            ExpectationPlan(text.text, scopes.expectation(text), text.span.at)
+            for text in document.expect
+        ),
+        sources=sources,
+        resolved=resolved,
+    )
+
+
+class Scopes:
+    """What each expression of a document may name."""
+
+    def __init__(self, document: Document) -> None:
+        self._states = {n: (*v.states, *BUILT_IN) for n, v in document.vehicles.items()}
+        self._estimators = {
+            n: tuple(e.part.label for e in v.estimators) for n, v in document.vehicles.items()
+        }
+
+    def condition(self, text: Text, vehicle: str) -> Expression:
+        return _parsed(text, Scope("condition", self._states, vehicle, self._estimators))
+
+    def health(self, text: Text, vehicle: str) -> Expression:
+        return _parsed(text, Scope("health", self._states, vehicle, self._estimators))
+
+    def expectation(self, text: Text) -> Expression:
+        return _parsed(text, Scope("expectation", self._states, None, self._estimators))
+
+
+def _parsed(text: Text, scope: Scope) -> Expression:
+    expression, found = parse(text, scope)
+    if expression is None:
+        raise ValueError(f"{text.text!r} passed the checks: {found}")
+    return expression
+
+
+def _vehicle(
+    vehicle: Vehicle, hover_limit: float, scopes: Scopes, catalog: Catalog
+) -> VehiclePlan:
+    name = vehicle.name.text
+    own = {n: _state(s, name, scopes) for n, s in vehicle.states.items()}
+    return VehiclePlan(
+        name=name,
+        airframe=vehicle.airframe,
+        start=vehicle.start,
+        heading=vehicle.heading,
+        estimators=tuple(
+            EstimatorPlan(
+                _part(e.part),
+                None if e.healthy is None else scopes.health(e.healthy, name),
+                e.recover_after,
+                e.for_at_most,
+            )
+            for e in vehicle.estimators
+        ),
+        processors=tuple(_part(p) for p in vehicle.processors),
+        tracker=_part(vehicle.tracker),
+        supervisors=tuple(_part(s) for s in vehicle.supervisors),
+        driver=_part(vehicle.driver),
+        begin=vehicle.begin.text,
+        states={**own, **_built_in(hover_limit, catalog)},
+        at=vehicle.span.at,
+    )
+
+
+def _part(use: PartUse) -> PartPlan:
+    return PartPlan(use.spec.name, use.spec.cls, use.params, use.label, use.span.at)
+
+
+def _state(state: State, vehicle: str, scopes: Scopes) -> StatePlan:
+    legs = state.part.spec.cls.flight
+    arrows = [_arrow(t, vehicle, scopes) for t in state.transitions]
+    causes = {arrow.cause for arrow in arrows}
+    at = state.span.at
+    if "then" not in causes:
+        arrows.append(TransitionPlan("then", end_of(legs), implied=True, at=at))
+    if "failed" not in causes:
+        arrows.append(TransitionPlan("failed", failure_of(legs), implied=True, at=at))
+    order = ("next", "then", "failed", "within")
+    arrows.sort(key=lambda arrow: order.index(arrow.cause))
+    return StatePlan(state.name.text, _part(state.part), legs, tuple(arrows), at=at)
+
+
+def _arrow(arrow: Transition, vehicle: str, scopes: Scopes) -> TransitionPlan:
+    return TransitionPlan(
+        cause=arrow.cause,
+        target=arrow.target.text,
+        when=None if arrow.when is None else scopes.condition(arrow.when, vehicle),
+        event=None if arrow.event is None else arrow.event.text,
+        after=arrow.after,
+        hold=arrow.hold,
+        at=arrow.span.at,
+    )
+
+
+def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:
+    arrows = {
+        "brake": (_implied("then", "hover"), _implied("failed", "hover")),
+        "hover": (
+            TransitionPlan("next", "auto_land", after=hover_limit, implied=True),
+            _implied("then", "auto_land"),
+            _implied("failed", "auto_land"),
+        ),
+        "auto_land": (_implied("then", "landed"), _implied("failed", "land_blind")),
+        "land_blind": (_implied("then", "fault"), _implied("failed", "fault")),
+    }
+    states = {}
+    for name, part in BUILT_IN.items():
+        spec = catalog.get("behaviors", part)
+        behavior = PartPlan(part, spec.cls, spec.params(), name)
+        states[name] = StatePlan(name, behavior, spec.cls.flight, arrows.get(name, ()), True)
+    return states
+
+
+def _implied(cause: str, target: str) -> TransitionPlan:
+    return TransitionPlan(cause, target, implied=True)  # type: ignore[arg-type]

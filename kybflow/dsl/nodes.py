@@ -1,0 +1,128 @@
+"""The node tree: a file as the reader understands it, nothing decided yet, a span on every node.
+
+A scalar is text; whether `10 s` is a duration or a name is the schema's business. Nodes are shared
+where a file uses an alias, and never changed.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any, NamedTuple
+
+from kybflow.dsl.source import Span, Text
+
+_NULL = frozenset({"", "~", "null", "Null", "NULL"})
+_TRUE = frozenset({"true", "True", "TRUE"})
+_FALSE = frozenset({"false", "False", "FALSE"})
+_INTEGER = re.compile(r"[+-]?\d{1,300}\Z", re.ASCII)
+_FLOAT = re.compile(r"[+-]?(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?\Z", re.ASCII)
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z", re.ASCII)
+
+
+class Scalar(NamedTuple):
+    """One value as written. `quoted` text is never a number. `parameter` names the parameter that
+    stood here before its value did; the span is then that of `$name`."""
+
+    text: str
+    span: Span
+    quoted: bool = False
+    parameter: str = ""
+
+    @property
+    def is_null(self) -> bool:
+        return not self.quoted and self.text in _NULL
+
+    @property
+    def as_text(self) -> Text:
+        """The scalar for an expression or a name, with column arithmetic where that holds."""
+        s = self.span
+        if self.parameter or s.line != s.end_line:
+            return Text(self.text, s, verbatim=False)
+        width = s.end_column - s.column
+        if not self.quoted:
+            return Text(self.text, s, verbatim=width == len(self.text))
+        if width != len(self.text) + 2:
+            return Text(self.text, s, verbatim=False)
+        return Text(self.text, Span(s.file, s.line, s.column + 1, s.line, s.end_column - 1))
+
+
+class Entry(NamedTuple):
+    """One key of a mapping with its value. `inherited`: it came through `like` or the defaults."""
+
+    key: Scalar
+    value: Node
+    inherited: bool = False
+
+
+class Mapping(NamedTuple):
+    entries: dict[str, Entry]
+    span: Span
+
+    def get(self, key: str) -> Node | None:
+        """The value of `key`; None where it is not written or null."""
+        entry = self.entries.get(key)
+        if entry is None or (isinstance(entry.value, Scalar) and entry.value.is_null):
+            return None
+        return entry.value
+
+
+class Sequence(NamedTuple):
+    items: tuple[Node, ...]
+    span: Span
+
+
+Node = Scalar | Mapping | Sequence
+
+
+def to_json(node: Node) -> Any:
+    """The node as the values that `jsonschema` judges, scalars by the core schema of YAML 1.2.
+
+    Infinities and NaN stay text: no quantity is written like them.
+    """
+    if isinstance(node, Scalar):
+        return _scalar_to_json(node)
+    if isinstance(node, Mapping):
+        return {key: to_json(entry.value) for key, entry in node.entries.items()}
+    return [to_json(item) for item in node.items]
+
+
+def _scalar_to_json(node: Scalar) -> str | int | float | bool | None:
+    text = node.text
+    if node.quoted:
+        return text
+    if _INTEGER.match(text):
+        return int(text)
+    if _FLOAT.match(text):
+        return float(text)
+    if text in _NULL:
+        return None
+    if text in _TRUE or text in _FALSE:
+        return text in _TRUE
+    return text
+
+
+def describe(node: Node) -> str:
+    """What a node is, in words, for `... but this is ...`."""
+    if isinstance(node, Mapping):
+        return "a mapping"
+    if isinstance(node, Sequence):
+        return "a list"
+    if node.is_null:
+        return "nothing"
+    value = _scalar_to_json(node)
+    if isinstance(value, bool):
+        return f"`{node.text}`"
+    return "text" if isinstance(value, str) else "a number"
+
+
+def count(node: Node, limit: int) -> int:
+    """How many nodes hang under `node`, aliases expanded; gives up just above `limit`."""
+    total, waiting = 0, [node]
+    while waiting and total <= limit:
+        total += 1
+        top = waiting.pop()
+        if isinstance(top, Mapping):
+            waiting.extend(entry.value for entry in top.entries.values())
+        elif isinstance(top, Sequence):
+            waiting.extend(top.items)
+    return total

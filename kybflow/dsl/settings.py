@@ -1,0 +1,44 @@
+"""`--set name=value`: values for a mission's parameters from outside of its file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.nodes import NAME, Mapping, Node, Scalar, Sequence
+from kybflow.dsl.reader import compose
+from kybflow.dsl.source import Span
+
+CODES = {"KYB135": "A `--set` that is not `name=value`."}
+FILE = "--set"
+"""The name of the file that spans of settings point into; each setting is one of its lines."""
+
+
+def parse_settings(sets: Iterable[str], found: list[Diagnostic]) -> dict[str, Node]:
+    """The values by name; the last one counts."""
+    settings: dict[str, Node] = {}
+    for line, text in enumerate(sets, start=1):
+        name, equals, value = text.partition("=")
+        span = Span(FILE, line, 1, line, len(text) + 1)
+        if not equals or not NAME.match(name.strip()) or not value.strip() or "\n" in text:
+            found.append(
+                Diagnostic(
+                    "KYB135", f"`{text}` is no setting", span, help="write `--set name=value`"
+                )
+            )
+            continue
+        node, findings = compose(value, FILE)
+        if node is None or findings or isinstance(node, Mapping):
+            message = f"`{value}` is no value of a parameter"
+            found.append(Diagnostic("KYB135", message, span))
+            continue
+        settings[name.strip()] = _placed(node, line, len(name) + 1)
+    return settings
+
+
+def _placed(node: Node, line: int, shift: int) -> Node:
+    s = node.span
+    span = Span(FILE, line, s.column + shift, line, s.end_column + shift)
+    if isinstance(node, Sequence):
+        return Sequence(tuple(_placed(item, line, shift) for item in node.items), span)
+    return node._replace(span=span) if isinstance(node, Scalar) else node

@@ -1,0 +1,131 @@
+"""A part in its place: `fence`, or `{use: fence, margin: 20 cm}`, judged by that part's own schema
+and decoded into its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.document import PartUse
+from kybflow.dsl.judge import judge_params
+from kybflow.dsl.nodes import Mapping, Node, Scalar, describe
+from kybflow.dsl.source import Span
+from kybflow.dsl.values import decode
+from kybflow.errors import KybflowError
+from kybflow.params import Field
+
+if TYPE_CHECKING:
+    from kybflow.catalog import Catalog, PartSpec
+
+CODES = {
+    "KYB140": "A part that no installed package offers.",
+    "KYB141": "A part that can't be loaded.",
+    "KYB142": "Two parts under one name in one list.",
+}
+
+
+class Uses:
+    """Decodes the uses of parts of one mission; one and the same node is decoded once."""
+
+    def __init__(self, catalog: Catalog, found: list[Diagnostic]) -> None:
+        self.catalog = catalog
+        self.found = found
+
+    def one(
+        self, kind: str, node: Node, own: frozenset[str] = frozenset(), word: str = "use"
+    ) -> PartUse | None:
+        """The part that `node` names; `own` are the keys beside the part's parameters."""
+        name = node if isinstance(node, Scalar) else None
+        body = Mapping({}, node.span)
+        if isinstance(node, Mapping):
+            wanted = node.get(word)
+            name = wanted if isinstance(wanted, Scalar) else None
+            body = _parameters(node, own | {word, "as"})
+        if name is None:
+            message = f"a part is needed, but this is {describe(node)}"
+            if isinstance(node, Mapping):
+                message = f"`{word}` is missing"
+            self.found.append(
+                Diagnostic("KYB102", message, node.span, help=f"write `{word}: NAME`")
+            )
+            return None
+        spec = self.spec(kind, name)
+        if spec is None:
+            return None
+        params = self.params(spec.params, spec.fields, body, spec.name, name.span)
+        if params is None:
+            return None
+        label = node.get("as") if isinstance(node, Mapping) else None
+        return PartUse(
+            name=name.as_text,
+            spec=spec,
+            params=params,
+            label=label.text if isinstance(label, Scalar) else name.text,
+            span=node.span if isinstance(node, Scalar) else name.span,
+            spans={key: entry.value.span for key, entry in body.entries.items()},
+        )
+
+    def spec(self, kind: str, name: Scalar) -> PartSpec | None:
+        """The part called `name`; None, and a finding, when there is none or it can't be loaded."""
+        if name.text not in self.catalog.names(kind):
+            self.found.append(
+                Diagnostic(
+                    "KYB140",
+                    f"no {kind[:-1]} is called `{name.text}`",
+                    name.span,
+                    help=did_you_mean(name.text, self.catalog.names(kind)),
+                )
+            )
+            return None
+        try:
+            return self.catalog.get(kind, name.text)
+        except (KybflowError, ImportError) as error:
+            message = f"the {kind[:-1]} `{name.text}` can't be loaded: {error}"
+            self.found.append(Diagnostic("KYB141", message, name.span))
+            return None
+
+    def params(
+        self, cls: type[Any], fields: tuple[Field, ...], body: Mapping, part: str, head: Span
+    ) -> Any:
+        """The parameters of `part` as `cls`; None when they have errors. `head` is the place for
+        what is missing."""
+        placed = body if body.entries else Mapping({}, head)
+        findings = judge_params(placed, fields, part)
+        values: dict[str, Any] = {}
+        if not findings:
+            for field in fields:
+                node = body.get(field.name)
+                if node is not None:
+                    values[field.name] = decode(node, field, findings)
+        self.found += findings
+        return None if findings else cls(**values)
+
+    def many(
+        self, kind: str, nodes: Iterable[Node], own: frozenset[str] = frozenset()
+    ) -> tuple[tuple[PartUse, Node], ...]:
+        """The parts of a list, each with its node; their labels differ."""
+        uses: list[tuple[PartUse, Node]] = []
+        for node in nodes:
+            use = self.one(kind, node, own)
+            if use is None:
+                continue
+            twin = next((u for u, _ in uses if u.label == use.label), None)
+            if twin is not None:
+                self.found.append(
+                    Diagnostic(
+                        "KYB142",
+                        f"`{use.label}` is in this list twice",
+                        use.span,
+                        notes=(f"first at {twin.span.at}",),
+                        help="give one of them a name of its own with `as: NAME`",
+                    )
+                )
+                continue
+            uses.append((use, node))
+        return tuple(uses)
+
+
+def _parameters(node: Mapping, own: frozenset[str]) -> Mapping:
+    entries = {k: e for k, e in node.entries.items() if k not in own}
+    return Mapping(entries, node.span)

@@ -1,0 +1,168 @@
+"""A node to one typed value in SI: what a parameter's `Field` says it must be."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.nodes import Mapping, Node, Scalar, Sequence, describe
+from kybflow.errors import UnitError
+from kybflow.params import Field
+from kybflow.units import Dimension, format_quantity, parse_quantity
+
+CODES = {
+    "KYB104": "A value of another type, a quantity of another dimension or without its unit.",
+    "KYB105": "A value outside its bounds.",
+    "KYB109": "A value that is none of the choices.",
+}
+_LONGEST = 100
+_TRUTHS = {"true": True, "True": True, "false": False, "False": False}
+_SHAPES = {
+    "vector": "three numbers in a list, `[x, y, z]`",
+    "path": "a list of points, `[[x, y, z], ...]`",
+    "integer": "a whole number",
+    "boolean": "`true` or `false`",
+}
+
+
+def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bounds: Any) -> Field:
+    """A required field of `dimension` that no part declares: a key of the language, a mission's
+    parameter."""
+    limits = {k: bounds.get(k) for k in ("above", "at_least", "below", "at_most")}
+    return Field(
+        name=name, shape=shape, dimension=dimension, choices=(), optional=False, required=True,
+        default=None, help="", read_only=False, **limits,
+    )  # fmt: skip
+
+
+def decode(node: Node, field: Field, found: list[Diagnostic]) -> Any:
+    """The value of `node`; None, and a finding, when it is none."""
+    if field.shape == "vector":
+        return _vector(node, field, found)
+    if field.shape == "path":
+        return _path(node, field, found)
+    if not isinstance(node, Scalar):
+        found.append(_wrong(node, field))
+        return None
+    if len(node.text) > _LONGEST and field.shape != "text":
+        found.append(
+            Diagnostic("KYB104", f"`{node.text[:20]}...` is too long to be a value", node.span)
+        )
+        return None
+    if field.shape == "scalar":
+        return _quantity(node, field, found)
+    return _plain(node, field, found)
+
+
+def _quantity(node: Scalar, field: Field, found: list[Diagnostic]) -> float | None:
+    assert field.dimension is not None
+    try:
+        value = parse_quantity(node.text, field.dimension)
+    except UnitError as error:
+        found.append(
+            Diagnostic("KYB104", str(error), node.span, notes=origin(node), help=error.hint)
+        )
+        return None
+    return value if _inside(value, node, field, found) else None
+
+
+def _inside(value: float, node: Scalar, field: Field, found: list[Diagnostic]) -> bool:
+    if field.outside(value) is None:
+        return True
+    message = f"`{field.name}` must be {bounds_of(field)}"
+    found.append(Diagnostic("KYB105", message, node.span, f"`{node.text}`", origin(node)))
+    return False
+
+
+def bounds_of(field: Field) -> str:
+    """The bounds in words, in units: `above 0 m and at most 3 m`; empty when there are none."""
+    words = {
+        "above": field.above,
+        "at least": field.at_least,
+        "below": field.below,
+        "at most": field.at_most,
+    }
+    return " and ".join(
+        f"{word} {_shown(bound, field.dimension)}"
+        for word, bound in words.items()
+        if bound is not None
+    )
+
+
+def _shown(value: float, dimension: Dimension | None) -> str:
+    return f"{value:g}" if dimension is None else format_quantity(value, dimension)
+
+
+def origin(node: Scalar) -> tuple[str, ...]:
+    """The note that says where a value came from when a parameter stood in its place."""
+    return (f"`${node.parameter}` is `{node.text}`",) if node.parameter else ()
+
+
+def _vector(node: Node, field: Field, found: list[Diagnostic]) -> Any:
+    if not isinstance(node, Sequence) or len(node.items) != 3:
+        found.append(_wrong(node, field))
+        return None
+    numbers = [_number_of(item, field, found) for item in node.items]
+    return None if None in numbers else tuple(numbers)
+
+
+def _number_of(item: Node, field: Field, found: list[Diagnostic]) -> float | None:
+    if isinstance(item, Scalar) and len(item.text) <= _LONGEST:
+        return _quantity(item, field, found)
+    found.append(
+        Diagnostic("KYB104", f"a number is needed, but this is {describe(item)}", item.span)
+    )
+    return None
+
+
+def _path(node: Node, field: Field, found: list[Diagnostic]) -> Any:
+    if not isinstance(node, Sequence) or not node.items:
+        found.append(_wrong(node, field))
+        return None
+    points = [_vector(item, field, found) for item in node.items]
+    return None if None in points else tuple(points)
+
+
+def _plain(node: Scalar, field: Field, found: list[Diagnostic]) -> Any:
+    text = node.text
+    if field.shape == "text":
+        return text
+    if field.shape == "choice":
+        if text in field.choices:
+            return text
+        found.append(
+            Diagnostic(
+                "KYB109",
+                f"`{text}` is no choice for `{field.name}`",
+                node.span,
+                notes=origin(node),
+                help=did_you_mean(text, field.choices),
+            )
+        )
+        return None
+    if field.shape == "boolean" and text in _TRUTHS:
+        return _TRUTHS[text]
+    if field.shape == "integer" and text.lstrip("+-").isdecimal():
+        value = int(text)
+        return value if _inside(value, node, field, found) else None
+    found.append(_wrong(node, field))
+    return None
+
+
+def _wrong(node: Node, field: Field) -> Diagnostic:
+    dimension = field.dimension
+    needed = _SHAPES.get(field.shape) or (
+        f"{'an' if dimension.name[0] in 'aeiou' else 'a'} {dimension.name}"
+        if dimension
+        else "one value"
+    )
+    size = f" of {len(node.items)}" if isinstance(node, Sequence) else ""
+    text = f" `{node.text[:_LONGEST]}`" if isinstance(node, Scalar) else ""
+    message = f"`{field.name}` must be {needed}, but this is {describe(node)}{size}{text}"
+    hint = "" if isinstance(node, Mapping) or dimension is None else _example(field, dimension)
+    return Diagnostic("KYB104", message, node.span, help=hint)
+
+
+def _example(field: Field, dimension: Dimension) -> str:
+    shape = {"vector": "[{0}, {0}, {0}]", "path": "[[{0}, {0}, {0}], ...]"}
+    return f"write it like `{shape.get(field.shape, '{0}').format(dimension.example)}`"

@@ -1,0 +1,111 @@
+"""The live view of a run: a table in a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from kybflow.geometry import distance
+from kybflow.runtime.engine import Engine
+from kybflow.runtime.vehicle import Vehicle
+from kybflow.signals import NS, Event
+
+_SHOWN = 6
+_REDRAW = 0.1
+_QUIET_FIELDS = frozenset({"behavior", "part"})
+
+
+def sentence(event: Event) -> str:
+    """One event as a line: `  3.24 s  mk     behavior_started up (take_off)`."""
+    fields = dict(event.fields)
+    words = [event.name]
+    if "behavior" in fields:
+        words.append(str(fields["behavior"]))
+    if "part" in fields:
+        words.append(f"({fields['part']})")
+    words += [f"{k}={_short(v)}" for k, v in fields.items() if k not in _QUIET_FIELDS]
+    at = f"  [{event.at}]" if event.at else ""
+    return f"{event.time / NS:7.2f} s  {event.vehicle:8} {' '.join(words)}{at}"
+
+
+def _short(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+class PlainPanel:
+    """Prints each event as a line."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+
+    def __enter__(self) -> PlainPanel:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing is open."""
+
+    def hear(self, event: Event) -> None:
+        self._console.print(sentence(event), markup=False, highlight=False, soft_wrap=True)
+
+    def look(self, engine: Engine) -> None:
+        """A plain panel shows events only."""
+
+
+class LivePanel:
+    """A table that is redrawn in place, with the last events below it."""
+
+    def __init__(self, console: Console) -> None:
+        self._events: deque[str] = deque(maxlen=_SHOWN)
+        self._live = Live(console=console, auto_refresh=False)
+        self._drawn = 0.0
+        self._began = time.monotonic()
+
+    def __enter__(self) -> LivePanel:
+        self._live.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._live.refresh()
+        self._live.__exit__(None, None, None)
+
+    def hear(self, event: Event) -> None:
+        self._events.append(sentence(event))
+
+    def look(self, engine: Engine) -> None:
+        """Redraw, at most ten times a second."""
+        now = time.monotonic()
+        if now - self._drawn < _REDRAW:
+            return
+        self._drawn = now
+        self._live.update(self._drawing(engine, now - self._began), refresh=True)
+
+    def _drawing(self, engine: Engine, wall: float) -> Group:
+        seconds = engine.seconds()
+        table = Table(title=f"{engine.plan.mission}   {seconds:.1f} s   {seconds / wall:.1f} x")
+        for heading in ("vehicle", "behavior", "estimator", "battery", "position error", "height"):
+            table.add_column(
+                heading, justify="left" if heading in ("vehicle", "behavior") else "right"
+            )
+        for vehicle in engine.vehicles:
+            table.add_row(*_row(vehicle, engine.flying))
+        return Group(
+            table, *(Text(line, no_wrap=True, overflow="ellipsis") for line in self._events)
+        )
+
+
+def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:
+    estimate, battery, setpoint = vehicle.estimate, vehicle.battery, vehicle.followed
+    wanted = setpoint.position if setpoint is not None else None
+    return (
+        vehicle.name,
+        vehicle.activity.machine.state if flying else "preflight",
+        estimate.source if estimate else "none",
+        f"{battery.remaining:.0%}" if battery else "-",
+        f"{distance(wanted, estimate.position) * 1000:.0f} mm" if wanted and estimate else "-",
+        f"{estimate.position[2]:.2f} m" if estimate else "-",
+    )

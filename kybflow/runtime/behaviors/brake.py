@@ -1,0 +1,42 @@
+"""Come to rest from whatever the vehicle is doing, straight on, and be done when it has.
+
+The setpoint runs along the stopping path v(t) = v0 (1 - S(t / T)), S the quintic smoothstep and
+T = 15/8 |v0| / deceleration, which is 15/16 v0^2 / deceleration long. v0 is the velocity of the
+last setpoint, or the estimate's where the vehicle was not following one. It is done when the path
+has ended and the estimate is slower than `slower_than` (0.1 m/s, as TeleKyb's NormalBrake), and
+after `patience` at the latest: the hover that follows holds the same point.
+"""
+
+from __future__ import annotations
+
+from kybflow.geometry import norm
+from kybflow.parts import AIR, MOVING, Behavior, Entry, param, params
+from kybflow.runtime.motion import Coast
+from kybflow.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.units import Acceleration, Duration, Speed
+
+
+@params
+class BrakeParams:
+    deceleration: Acceleration = param(
+        "Largest deceleration along the stopping path.", default=2.0, above=0.0, read_only=True
+    )
+    slower_than: Speed = param("Speed below which the vehicle has stopped.", default=0.1, above=0.0)
+    patience: Duration = param(
+        "Time after the end of the path when it is done in any case.", default=5.0, at_least=0.0
+    )
+
+
+class Brake(Behavior[BrakeParams], flight=(AIR >> AIR, MOVING >> AIR), emits=SetpointKind.POSITION):
+    def __init__(self, params: BrakeParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self._heading = entry.heading
+        self._coast = Coast.entering(entry, params.deceleration)
+
+    def update(self, tick: Tick) -> Setpoint | Done:
+        setpoint = self._coast.at(tick.elapsed).setpoint(self._heading)
+        over = tick.elapsed - self._coast.duration
+        if over < 0.0:
+            return setpoint
+        stopped = norm(tick.known().velocity) < self.params.slower_than
+        return Done(setpoint) if stopped or over >= self.params.patience else setpoint

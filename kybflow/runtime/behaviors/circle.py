@@ -1,0 +1,102 @@
+"""Fly a horizontal circle around a fixed point.
+
+It first flies in a straight line to the nearest point of the circle (from its centre: to the
+point ahead) and stops there; from there the arc length follows a rest-to-rest profile s(t)
+(`kybflow.runtime.profiles`) and, with phi = phi0 + s / r,
+
+    p = c + r (cos phi, sin phi),   v = s' e,   a = s'' e - s'^2/r n,
+    j = (s''' - s'^3/r^2) e - 3 s' s''/r n,        e = (-sin phi, cos phi), n = (cos phi, sin phi)
+
+so that after `laps` it stops where the circle began. A negative speed flies clockwise. The heading
+is kept. Refuses a circle whose s'^2/r needs more tilt than the airframe has. World frame, metres.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, hypot, inf, pi, sin, tan
+
+from kybflow.errors import Refused
+from kybflow.geometry import GRAVITY
+from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
+from kybflow.runtime.motion import Coast, Motion, Straight, cruise_speed
+from kybflow.runtime.profiles import Profile
+from kybflow.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.units import Acceleration, Length, Number, Position, Speed, Vec3
+
+
+@params
+class CircleParams:
+    center: Position = param("Centre of the circle, world frame.", read_only=True)
+    radius: Length = param("Distance kept from the centre.", above=0.0, read_only=True)
+    speed: Speed = param(
+        "Speed along the circle; negative flies clockwise.", default=0.5, read_only=True
+    )
+    laps: Number | None = param(
+        "Laps to fly; without it the behavior never ends.", default=None, above=0.0, read_only=True
+    )
+    acceleration: Acceleration = param(
+        "Largest acceleration along the path.", default=0.7, above=0.0, read_only=True
+    )
+
+
+class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    def __init__(self, params: CircleParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        speed = cruise_speed(abs(params.speed), entry)
+        if speed <= 0.0:
+            raise Refused("a circle needs a speed other than zero")
+        most = GRAVITY * tan(entry.site.airframe.tilt)
+        if speed * speed / params.radius > most:
+            raise Refused(
+                f"{speed:g} m/s on a radius of {params.radius:g} m needs "
+                f"{speed * speed / params.radius:.2f} m/s^2, the tilt limit allows {most:.2f}"
+            )
+        self._heading = entry.heading
+        self._turn = 1.0 if params.speed > 0.0 else -1.0
+        self._coast = Coast.entering(entry)
+        self._phase = self._nearest_phase(self._coast.end)
+        self._lead = Straight(self._coast.end, self._point(self._phase), speed, params.acceleration)
+        self._begin = max(self._coast.duration, self._lead.duration)
+        length = inf if params.laps is None else 2.0 * pi * params.radius * params.laps
+        self._arc = Profile.within(length, speed, params.acceleration)
+
+    def _nearest_phase(self, position: Vec3) -> float:
+        x, y, _ = self.params.center
+        east, north = position[0] - x, position[1] - y
+        return atan2(north, east) if hypot(east, north) > 1e-6 else self._heading
+
+    def _point(self, phase: float) -> Vec3:
+        (x, y, z), r = self.params.center, self.params.radius
+        return (x + r * cos(phase), y + r * sin(phase), z)
+
+    def update(self, tick: Tick) -> Setpoint | Done:
+        time = tick.elapsed
+        if time < self._begin:
+            motion = self._lead.at(time)
+            if time < self._coast.duration:
+                motion = motion.plus(self._coast.shift(time))
+            return motion.setpoint(self._heading)
+        setpoint = self._round(time - self._begin).setpoint(self._heading)
+        return Done(setpoint) if time >= self._begin + self._arc.duration else setpoint
+
+    def _round(self, time: float) -> Motion:
+        r = self.params.radius
+        gone, *along = self._arc.at(time)
+        v, a, j = (self._turn * value for value in along)
+        phase = self._phase + self._turn * gone / r
+        c, s = cos(phase), sin(phase)
+        inward = v * v / r
+        forward, aside = j - v * v * v / (r * r), 3.0 * v * a / r
+        return Motion(
+            self._point(phase),
+            (-v * s, v * c, 0.0),
+            (-a * s - inward * c, a * c - inward * s, 0.0),
+            (-forward * s - aside * c, forward * c - aside * s, 0.0),
+        )
+
+    @classmethod
+    def footprint(cls, params: CircleParams, entry: Vec3 | None) -> Footprint | None:
+        (x, y, z), r = params.center, params.radius
+        corners = ((x - r, y, z), (x + r, y, z), (x, y - r, z), (x, y + r, z))
+        points = corners if entry is None else (entry, *corners)
+        return Footprint(points, abs(params.speed), None)

@@ -1,0 +1,106 @@
+"""Trace a horizontal figure eight around the position of entry, and stop where it began.
+
+    x = w/2 sin theta,  y = h/2 sin 2 theta        (Lissajous 1:2; TeleKyb paper, ECMR 2013, fig. 5)
+
+turned by `rotation`. The phase theta runs at 2 pi / lap; its rate is ramped up and down with the
+quintic smoothstep over `ramp`, so the eight starts and ends at rest at its centre. Velocity,
+acceleration and jerk follow by the chain rule, with ' = d/dtheta and dots by time:
+
+    v = p' th.,  a = p'' th.^2 + p' th..,  j = p''' th.^3 + 3 p'' th. th.. + p' th...
+
+The fastest point is the centre: 2 pi / lap sqrt((w/2)^2 + h^2). The heading is kept. Entered in
+motion, the centre is where that motion has died out. World frame, metres.
+"""
+
+from __future__ import annotations
+
+from math import cos, hypot, pi, sin
+
+from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
+from kybflow.runtime.motion import Coast, Motion
+from kybflow.runtime.profiles import Profile
+from kybflow.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.units import Angle, Duration, Length, Number, Vec3
+
+
+@params
+class FigureEightParams:
+    width: Length = param("Extent along the long axis.", above=0.0, read_only=True)
+    height: Length | None = param(
+        "Extent across; half the width where it is not given.",
+        default=None,
+        above=0.0,
+        read_only=True,
+    )
+    lap: Duration = param("Time for one loop of the eight.", above=0.0, read_only=True)
+    laps: Number = param("Loops to fly.", default=1.0, above=0.0, read_only=True)
+    ramp: Duration = param(
+        "Time in which the pace rises at the start and falls at the end.",
+        default=2.0,
+        above=0.0,
+        read_only=True,
+    )
+    rotation: Angle = param(
+        "Direction of the long axis, counter-clockwise from east.", default=0.0, read_only=True
+    )
+
+    @property
+    def across(self) -> float:
+        return self.width / 2.0 if self.height is None else self.height
+
+
+class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    def __init__(self, params: FigureEightParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self._heading = entry.heading
+        self._coast = Coast.entering(entry)
+        rate = 2.0 * pi / params.lap
+        self._phase = Profile(2.0 * pi * params.laps, rate, params.ramp)
+        self._long, self._short = params.width / 2.0, params.across / 2.0
+        self._cos, self._sin = cos(params.rotation), sin(params.rotation)
+
+    def update(self, tick: Tick) -> Setpoint | Done:
+        motion = self._eight(tick.elapsed)
+        if tick.elapsed < self._coast.duration:
+            motion = motion.plus(self._coast.shift(tick.elapsed))
+        setpoint = motion.setpoint(self._heading)
+        ended = tick.elapsed >= max(self._phase.duration, self._coast.duration)
+        return Done(setpoint) if ended else setpoint
+
+    def _eight(self, time: float) -> Motion:
+        phase, rate, pull, jolt = self._phase.at(time)
+        w, h = self._long, self._short
+        s, c = sin(phase), cos(phase)
+        s2, c2 = sin(2.0 * phase), cos(2.0 * phase)
+        dx, dy = w * c, 2.0 * h * c2
+        ddx, ddy = -w * s, -4.0 * h * s2
+        square, cross, cube = rate * rate, 3.0 * rate * pull, rate * rate * rate
+        x, y, z = self._coast.end
+        east, north = self._turned(w * s, h * s2)
+        return Motion(
+            (x + east, y + north, z),
+            (*self._turned(dx * rate, dy * rate), 0.0),
+            (*self._turned(ddx * square + dx * pull, ddy * square + dy * pull), 0.0),
+            (
+                *self._turned(
+                    -dx * cube + ddx * cross + dx * jolt, -4.0 * dy * cube + ddy * cross + dy * jolt
+                ),
+                0.0,
+            ),
+        )
+
+    def _turned(self, x: float, y: float) -> tuple[float, float]:
+        return (x * self._cos - y * self._sin, x * self._sin + y * self._cos)
+
+    @classmethod
+    def footprint(cls, params: FigureEightParams, entry: Vec3 | None) -> Footprint | None:
+        if entry is None:
+            return None
+        a, b = params.width / 2.0, params.across / 2.0
+        c, s = cos(params.rotation), sin(params.rotation)
+        corners = ((a, b), (a, -b), (-a, b), (-a, -b))
+        points = tuple(
+            (entry[0] + x * c - y * s, entry[1] + x * s + y * c, entry[2]) for x, y in corners
+        )
+        speed = 2.0 * pi / params.lap * hypot(a, 2.0 * b)
+        return Footprint((entry, *points), speed, entry)

@@ -1,0 +1,79 @@
+"""Fly in a straight line to a position, stop there, and be done when the vehicle rests within
+`tolerance`.
+
+The setpoint follows a rest-to-rest profile with at most `speed` and `acceleration`; a short way has
+a lower peak, V = sqrt(distance * acceleration / (15/8)), so it stops at the goal whatever the
+distance (`kybflow.runtime.profiles`; TeleKyb's SmoothLinearFlyTo had a negative cruise time there).
+The planned speed stays at 95 % of the airframe's limit, because tracking needs the rest. Entered in
+motion it sheds that velocity on the way. A `heading` is turned to by the shorter way.
+
+Fails when it is not there `patience` after the planned end. World frame, metres; heading from east.
+"""
+
+from __future__ import annotations
+
+from math import copysign
+
+from kybflow.geometry import distance, wrap
+from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
+from kybflow.runtime.motion import Coast, Dwell, Straight, cruise_speed
+from kybflow.runtime.profiles import Profile
+from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.units import Acceleration, Angle, AngularRate, Duration, Length, Position, Speed, Vec3
+
+
+@params
+class FlyToParams:
+    position: Position = param("Where to fly, world frame.", read_only=True)
+    speed: Speed = param("Largest speed.", default=1.0, above=0.0, read_only=True)
+    acceleration: Acceleration = param(
+        "Largest acceleration and deceleration.", default=0.7, above=0.0, read_only=True
+    )
+    heading: Angle | None = param(
+        "Heading at the goal; without it the heading is kept.", default=None, read_only=True
+    )
+    turn_rate: AngularRate = param(
+        "Largest rate of turning to the heading.", default=1.0, above=0.0, read_only=True
+    )
+    tolerance: Length = param("Distance that counts as there.", default=0.02, above=0.0)
+    dwell: Duration = param("How long it must be there.", default=0.3, at_least=0.0)
+    patience: Duration = param(
+        "Time past the planned end after which it has failed.", default=10.0, above=0.0
+    )
+
+
+class FlyTo(Behavior[FlyToParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    def __init__(self, params: FlyToParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self._coast = Coast.entering(entry)
+        speed = cruise_speed(params.speed, entry)
+        self._way = Straight(self._coast.end, params.position, speed, params.acceleration)
+        self._heading = entry.heading
+        self._turn = 0.0 if params.heading is None else wrap(params.heading - entry.heading)
+        self._turning = Profile.within(abs(self._turn), params.turn_rate, params.turn_rate)
+        self._end = max(self._coast.duration, self._way.duration, self._turning.duration)
+        self._there = Dwell()
+
+    def update(self, tick: Tick) -> Setpoint | Done | Failed:
+        time = tick.elapsed
+        motion = self._way.at(time)
+        if time < self._coast.duration:
+            motion = motion.plus(self._coast.shift(time))
+        turned = self._turning.at(time)
+        setpoint = motion.setpoint(
+            self._heading + copysign(turned.distance, self._turn),
+            copysign(turned.speed, self._turn),
+        )
+        if time < self._end:
+            return setpoint
+        gap = distance(tick.known().position, self.params.position)
+        if self._there.reached(gap <= self.params.tolerance, self.params.dwell, tick.dt):
+            return Done(setpoint)
+        if time > self._end + self.params.patience:
+            return Failed(setpoint, f"still {gap:.3f} m from the goal")
+        return setpoint
+
+    @classmethod
+    def footprint(cls, params: FlyToParams, entry: Vec3 | None) -> Footprint | None:
+        points = (params.position,) if entry is None else (entry, params.position)
+        return Footprint(points, params.speed, params.position)

@@ -1,0 +1,82 @@
+"""Fly along straight legs from corner to corner, stopping at each; done at the last.
+
+Each leg is a rest-to-rest profile with at most `speed` and `acceleration`
+(`kybflow.runtime.profiles`). The next leg begins when the vehicle has been within `tolerance` of
+the corner for `dwell`; it begins at the corner itself, so the trajectory has no step.
+
+Refuses an empty path. Fails when a corner is not reached `patience` after the planned end of its
+leg. World frame, metres.
+"""
+
+from __future__ import annotations
+
+from kybflow.errors import Refused
+from kybflow.geometry import distance
+from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
+from kybflow.runtime.motion import Coast, Dwell, Straight, cruise_speed
+from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.units import Acceleration, Duration, Length, Path, Speed, Vec3
+
+
+@params
+class FollowPathParams:
+    path: Path = param("The corners, in the order in which they are flown.", read_only=True)
+    speed: Speed = param("Largest speed along a leg.", default=1.0, above=0.0)
+    acceleration: Acceleration = param(
+        "Largest acceleration and deceleration.", default=0.7, above=0.0
+    )
+    tolerance: Length = param("Distance that counts as at a corner.", default=0.05, above=0.0)
+    dwell: Duration = param("How long it must be there.", default=0.1, at_least=0.0)
+    patience: Duration = param(
+        "Time past the planned end of a leg after which it has failed.", default=10.0, above=0.0
+    )
+
+
+class FollowPath(Behavior[FollowPathParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    def __init__(self, params: FollowPathParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        if not params.path:
+            raise Refused("the path has no corner")
+        self._entry = entry
+        self._heading = entry.heading
+        self._coast = Coast.entering(entry)
+        self._corner = 0
+        self._begin_leg(self._coast.end, 0.0)
+
+    def _begin_leg(self, start: Vec3, now: float) -> None:
+        speed = cruise_speed(self.params.speed, self._entry)
+        goal = self.params.path[self._corner]
+        self._leg = Straight(start, goal, speed, self.params.acceleration)
+        self._begun = now
+        self._end = max(now + self._leg.duration, self._coast.duration)
+        self._there = Dwell()
+
+    def update(self, tick: Tick) -> Setpoint | Done | Failed:
+        time = tick.elapsed
+        motion = self._leg.at(time - self._begun)
+        if time < self._coast.duration:
+            motion = motion.plus(self._coast.shift(time))
+        setpoint = motion.setpoint(self._heading)
+        if time < self._end:
+            return setpoint
+        corner = self.params.path[self._corner]
+        gap = distance(tick.known().position, corner)
+        if self._there.reached(gap <= self.params.tolerance, self.params.dwell, tick.dt):
+            return self._next(setpoint, corner, time)
+        if time > self._end + self.params.patience:
+            return Failed(setpoint, f"still {gap:.3f} m from corner {self._corner + 1}")
+        return setpoint
+
+    def _next(self, setpoint: Setpoint, corner: Vec3, now: float) -> Setpoint | Done:
+        if self._corner + 1 == len(self.params.path):
+            return Done(setpoint)
+        self._corner += 1
+        self._begin_leg(corner, now)
+        return setpoint
+
+    @classmethod
+    def footprint(cls, params: FollowPathParams, entry: Vec3 | None) -> Footprint | None:
+        if not params.path:
+            return None
+        points = params.path if entry is None else (entry, *params.path)
+        return Footprint(points, params.speed, params.path[-1])

@@ -1,0 +1,41 @@
+"""Hold the position and the heading of entry, for a time or until something else is asked.
+
+Entered in motion it first comes to rest (see `kybflow.runtime.motion`) and holds the point where it
+does; it never refuses to start, whatever the speed (TeleKyb's Hover refused above 0.2 m/s).
+Position in the world, metres; heading in radians from east.
+"""
+
+from __future__ import annotations
+
+from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
+from kybflow.runtime.motion import Coast
+from kybflow.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.units import Duration, Vec3
+
+
+@params
+class HoverParams:
+    for_time: Duration | None = param(
+        "How long to hover; without it the behavior never ends.", default=None, at_least=0.0
+    )
+
+
+class Hover(Behavior[HoverParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    def __init__(self, params: HoverParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self._heading = entry.heading
+        self._coast = Coast.entering(entry)
+        self._held = self._coast.at(self._coast.duration).setpoint(self._heading)
+
+    def update(self, tick: Tick) -> Setpoint | Done:
+        setpoint = self._held
+        if tick.elapsed < self._coast.duration:
+            setpoint = self._coast.at(tick.elapsed).setpoint(self._heading)
+        wanted = self.params.for_time
+        if wanted is not None and tick.elapsed >= max(wanted, self._coast.duration):
+            return Done(setpoint)
+        return setpoint
+
+    @classmethod
+    def footprint(cls, params: HoverParams, entry: Vec3 | None) -> Footprint | None:
+        return Footprint((entry,), 0.0, entry) if entry is not None else None

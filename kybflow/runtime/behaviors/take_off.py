@@ -1,0 +1,78 @@
+"""Climb straight up from the ground to a height above it, and be done there.
+
+The setpoint rises from the estimate's position at entry along a rest-to-rest profile
+(`kybflow.runtime.profiles`) with at most `speed` and `acceleration`. Where the vehicle stays more
+than 0.3 m behind, the profile waits for it, so that a vehicle that can't lift is not asked ever
+more. It is done when the profile has ended and the height is within `tolerance` for `dwell`.
+
+Fails when it is not there `patience` after the profile should have ended. Speed 0.3 m/s and
+tolerance 10 cm are TeleKyb's. `height` is in metres above the ground of the start.
+"""
+
+from __future__ import annotations
+
+from kybflow.geometry import ZERO
+from kybflow.parts import AIR, GROUND, Behavior, Entry, Footprint, param, params
+from kybflow.runtime.motion import Dwell, Motion, cruise_speed
+from kybflow.runtime.profiles import Profile
+from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.units import Acceleration, Duration, Length, Speed, Vec3
+
+_LEASH = 0.3
+
+
+@params
+class TakeOffParams:
+    height: Length = param("Height above the ground of the start.", above=0.0, read_only=True)
+    speed: Speed = param("Largest climbing speed.", default=0.3, above=0.0, read_only=True)
+    acceleration: Acceleration = param(
+        "Largest vertical acceleration.", default=0.5, above=0.0, read_only=True
+    )
+    tolerance: Length = param(
+        "Distance from the height that counts as there.", default=0.1, above=0.0
+    )
+    dwell: Duration = param("How long it must be there.", default=0.3, at_least=0.0)
+    patience: Duration = param(
+        "Time past the planned end after which it has failed.", default=5.0, above=0.0
+    )
+
+
+class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.POSITION):
+    def __init__(self, params: TakeOffParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self._ground = entry.estimate.position if entry.estimate else entry.site.start
+        self._heading = entry.heading
+        speed = cruise_speed(min(params.speed, entry.site.airframe.climb), entry)
+        self._profile = Profile.within(params.height, speed, params.acceleration)
+        self._time = 0.0
+        self._there = Dwell()
+
+    def update(self, tick: Tick) -> Setpoint | Done | Failed:
+        climbed = tick.known().position[2] - self._ground[2]
+        waits = self._profile.at(self._time).distance - climbed > _LEASH
+        if not waits:
+            self._time = min(self._time + tick.dt, self._profile.duration)
+        setpoint = self._setpoint(waits)
+        near = abs(climbed - self.params.height) <= self.params.tolerance
+        ended = self._time >= self._profile.duration
+        if self._there.reached(near and ended, self.params.dwell, tick.dt):
+            return Done(setpoint)
+        if tick.elapsed > self._profile.duration + self.params.patience:
+            return Failed(setpoint, f"climbed {climbed:.2f} m of {self.params.height:g} m")
+        return setpoint
+
+    def _setpoint(self, waits: bool) -> Setpoint:
+        height, speed, acceleration, jerk = self._profile.at(self._time)
+        x, y, z = self._ground
+        position = (x, y, z + height)
+        if waits:
+            return Motion(position, ZERO).setpoint(self._heading)
+        motion = Motion(position, (0.0, 0.0, speed), (0.0, 0.0, acceleration), (0.0, 0.0, jerk))
+        return motion.setpoint(self._heading)
+
+    @classmethod
+    def footprint(cls, params: TakeOffParams, entry: Vec3 | None) -> Footprint | None:
+        if entry is None:
+            return None
+        top = (entry[0], entry[1], entry[2] + params.height)
+        return Footprint((entry, top), params.speed, top)

@@ -1,0 +1,31 @@
+"""Stay on the ground with the rotors at rest; never ends by itself.
+
+Its setpoint is always IDLE, so it needs neither tracker nor estimate. It is what `landed` and
+`fault` do; leave it with `next`.
+"""
+
+from __future__ import annotations
+
+from kybflow.parts import GROUND, Behavior, Footprint, params
+from kybflow.runtime.motion import IDLE
+from kybflow.signals import Setpoint, SetpointKind, Tick
+from kybflow.units import Vec3
+
+
+@params
+class WaitOnGroundParams:
+    """It has none."""
+
+
+class WaitOnGround(
+    Behavior[WaitOnGroundParams],
+    flight=GROUND >> GROUND,
+    emits=SetpointKind.IDLE,
+    needs_estimate=False,
+):
+    def update(self, tick: Tick) -> Setpoint:
+        return IDLE
+
+    @classmethod
+    def footprint(cls, params: WaitOnGroundParams, entry: Vec3 | None) -> Footprint | None:
+        return Footprint((entry,), 0.0, entry) if entry is not None else None

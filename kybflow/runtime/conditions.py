@@ -1,0 +1,154 @@
+"""Conditions as closures over live views.
+
+A comparison with a value that can't be known now is false; `not` makes that true, so a condition
+that waits for something to stop should ask for its opposite.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Mapping
+from itertools import combinations
+from typing import Any
+
+from kybflow.dsl.expressions import (
+    Aggregate,
+    And,
+    Clock,
+    Compare,
+    Distance,
+    Expression,
+    InState,
+    Not,
+    Number,
+    Or,
+    Place,
+    Read,
+    Separation,
+    Value,
+    Word,
+)
+from kybflow.geometry import Vec3, distance
+from kybflow.observables import OBSERVABLES, Unavailable, View
+
+OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "==": operator.eq,
+    "!=": operator.ne,
+}
+
+
+def bind(
+    expression: Expression,
+    views: Mapping[str, View],
+    own: str | None,
+    now: Callable[[], float],
+) -> Callable[[], bool]:
+    """The condition as a function of nothing. `own` is the vehicle that asks, `now` gives seconds
+    since the start of the run. Raises TypeError for what is no condition."""
+    match expression:
+        case Compare(left=Read(vehicle, name), right=Number(bound, _)):
+            view = views[vehicle or own or ""]
+            return _against(OBSERVABLES[name].read, view, OPERATORS[expression.operator], bound)
+        case Compare(symbol, left, right):
+            a, b = value_of(left, views, own, now), value_of(right, views, own, now)
+            return _compared(OPERATORS[symbol], a, b)
+        case InState(vehicle, state):
+            return _in_state(views[vehicle], state)
+        case And(parts):
+            return _both([bind(part, views, own, now) for part in parts])
+        case Or(parts):
+            return _either([bind(part, views, own, now) for part in parts])
+        case Not(part):
+            inner = bind(part, views, own, now)
+            return lambda: not inner()
+    raise TypeError(f"{type(expression).__name__} is no condition")
+
+
+def value_of(
+    value: Value | Aggregate,
+    views: Mapping[str, View],
+    own: str | None,
+    now: Callable[[], float],
+) -> Callable[[], Any]:
+    """The value as a function of nothing (SI); it raises Unavailable while it can't be known."""
+    match value:
+        case Number(constant, _) | Word(constant):
+            return lambda: constant
+        case Read(vehicle, name):
+            view, read = views[vehicle or own or ""], OBSERVABLES[name].read
+            return lambda: read(view)
+        case Clock():
+            return now
+        case Distance(a, b):
+            return _distance(_point_of(a, views, own), _point_of(b, views, own))
+        case Separation(vehicles):
+            return _separation([views[vehicle] for vehicle in vehicles])
+    raise TypeError(f"{type(value).__name__} is no value of one tick")
+
+
+def _against(
+    read: Callable[[View], float | str], view: View, holds: Callable[[Any, Any], bool], bound: float
+) -> Callable[[], bool]:
+    def condition() -> bool:
+        try:
+            return holds(read(view), bound)
+        except Unavailable:
+            return False
+
+    return condition
+
+
+def _compared(
+    holds: Callable[[Any, Any], bool], a: Callable[[], Any], b: Callable[[], Any]
+) -> Callable[[], bool]:
+    def condition() -> bool:
+        try:
+            return holds(a(), b())
+        except Unavailable:
+            return False
+
+    return condition
+
+
+def _in_state(view: View, state: str) -> Callable[[], bool]:
+    return lambda: view.behavior == state
+
+
+def _both(parts: list[Callable[[], bool]]) -> Callable[[], bool]:
+    if len(parts) == 2:
+        first, second = parts
+        return lambda: first() and second()
+    return lambda: all(part() for part in parts)
+
+
+def _either(parts: list[Callable[[], bool]]) -> Callable[[], bool]:
+    if len(parts) == 2:
+        first, second = parts
+        return lambda: first() or second()
+    return lambda: any(part() for part in parts)
+
+
+def _point_of(place: Place, views: Mapping[str, View], own: str | None) -> Callable[[], Vec3]:
+    if place.point is not None:
+        point = place.point
+        return lambda: point
+    view = views[place.vehicle or own or ""]
+    if place.start:
+        return lambda: view.start
+    return lambda: view.state.position
+
+
+def _distance(a: Callable[[], Vec3], b: Callable[[], Vec3]) -> Callable[[], float]:
+    return lambda: distance(a(), b())
+
+
+def _separation(views: list[View]) -> Callable[[], float]:
+    def smallest() -> float:
+        positions = [view.state.position for view in views]
+        return min(distance(a, b) for a, b in combinations(positions, 2))
+
+    return smallest

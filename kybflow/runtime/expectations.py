@@ -1,0 +1,260 @@
+"""What a mission expects of its run, judged as the run goes.
+
+`Judge.sample` is called once a control tick, `Judge.verdicts` once at the end. Nothing is stored
+but running figures. An aggregate or a comparison that was never sampled does not hold: its value is
+None.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from math import inf
+from typing import Any, NamedTuple, Protocol
+
+from kybflow.dsl.expressions import (
+    Aggregate,
+    Always,
+    Clock,
+    Compare,
+    Condition,
+    Eventually,
+    Finally,
+    Finished,
+    Number,
+    Read,
+    Word,
+)
+from kybflow.dsl.plan import ExpectationPlan
+from kybflow.observables import OBSERVABLES, Unavailable, View
+from kybflow.runtime.conditions import OPERATORS, bind, value_of
+from kybflow.runtime.statistics import Samplers
+
+Now = Callable[[], float]
+
+
+class Found(NamedTuple):
+    """What an expectation came to. value: what was measured (for `always` the worst), None when it
+    never was. margin: how far inside its bound it stayed, negative when outside, None without a
+    bound. Both in `unit` (SI)."""
+
+    held: bool
+    value: float | None
+    margin: float | None
+    unit: str
+
+
+class Verdict(NamedTuple):
+    """One line of `expect:` and what it came to; `at` is its place in the mission."""
+
+    text: str
+    held: bool
+    value: float | None
+    margin: float | None
+    unit: str
+    at: str
+
+
+class Expectation(Protocol):
+    def sample(self) -> None: ...
+    def found(self, finished_at: float | None) -> Found: ...
+
+
+class Judge:
+    """Every expectation of a mission. `views` shows the vehicles as they are (the truth, in
+    simulation); `now` gives seconds since the start of the run."""
+
+    def __init__(
+        self, plans: Sequence[ExpectationPlan], views: Mapping[str, View], now: Now
+    ) -> None:
+        self._plans = tuple(plans)
+        samplers = Samplers(views, lambda a: value_of(a.value, views, a.vehicle, now))
+        self._expectations = [_expectation(p, views, now, samplers) for p in plans]
+        self._samples = samplers.groups()
+        self._samples += [e.sample for e in self._expectations if not isinstance(e, _AtTheEnd)]
+
+    def sample(self) -> None:
+        """Look at the vehicles; called once a control tick."""
+        for sample in self._samples:
+            sample()
+
+    def verdicts(self, finished_at: float | None) -> tuple[Verdict, ...]:
+        """How it came out; `finished_at` is when the run ended by itself (s), None if it did
+        not."""
+        return tuple(
+            Verdict(plan.text, *expectation.found(finished_at), plan.at)
+            for plan, expectation in zip(self._plans, self._expectations, strict=True)
+        )
+
+
+def _expectation(
+    plan: ExpectationPlan, views: Mapping[str, View], now: Now, samplers: Samplers
+) -> Expectation:
+    match plan.expression:
+        case Compare(operator, Aggregate() as left, right):
+            return _Statistic(operator, left, right, samplers)
+        case Always(condition):
+            if isinstance(condition, Compare) and condition.operator in _ORDERS:
+                return _Bound(condition, views, now)
+            return _Unbroken(bind(condition, views, None, now))
+        case Eventually(condition, within):
+            return _Once(bind(condition, views, None, now), within, now)
+        case Finally(condition):
+            return _Last(condition, views, now)
+        case Finished(within):
+            return _InTime(within)
+    raise TypeError(f"{plan.text!r} is no expectation")
+
+
+class _AtTheEnd:
+    """An expectation that needs nothing in a tick."""
+
+    def sample(self) -> None:
+        """Nothing to look at before the end."""
+
+
+class _Statistic(_AtTheEnd):
+    """`mean(mk.position_error in eight) < 3.4 cm`; the samplers do the work of the tick."""
+
+    def __init__(self, operator: str, left: Aggregate, right: object, samplers: Samplers) -> None:
+        self._operator = operator
+        self._left = _reader(left, samplers)
+        self._right = _reader(right, samplers)
+        self._unit = _unit(left)
+
+    def found(self, finished_at: float | None) -> Found:
+        value, bound = self._left(), self._right()
+        if value is None or bound is None:
+            return Found(False, None, None, self._unit)
+        held = OPERATORS[self._operator](value, bound)
+        return Found(held, value, _margin(self._operator, value, bound), self._unit)
+
+
+class _Bound:
+    """`always separation(all) > 60 cm`: the worst value and how far it stayed from its bound.
+    Ticks in which the value can't be known are not judged."""
+
+    def __init__(self, condition: Compare, views: Mapping[str, View], now: Now) -> None:
+        self._unit = _unit(condition.left)
+        self._holds = OPERATORS[condition.operator]
+        self._sign = _ORDERS[condition.operator]
+        self._left = value_of(condition.left, views, None, now)
+        self._right = value_of(condition.right, views, None, now)
+        self._held = True
+        self._value: float | None = None
+        self._margin = inf
+
+    def sample(self) -> None:
+        try:
+            value, bound = self._left(), self._right()
+        except Unavailable:
+            return
+        margin = (bound - value) * self._sign
+        if margin < self._margin:
+            self._margin, self._value = margin, value
+            self._held = self._holds(value, bound)
+
+    def found(self, finished_at: float | None) -> Found:
+        if self._value is None:
+            return Found(False, None, None, self._unit)
+        return Found(self._held, self._value, self._margin, self._unit)
+
+
+class _Unbroken:
+    """`always` with a condition that has no single value."""
+
+    def __init__(self, condition: Callable[[], bool]) -> None:
+        self._condition = condition
+        self._held: bool | None = None
+
+    def sample(self) -> None:
+        if self._held is not False:
+            self._held = self._condition()
+
+    def found(self, finished_at: float | None) -> Found:
+        return Found(bool(self._held), None, None, "")
+
+
+class _Once:
+    """`eventually`: the value is the time at which the condition first held."""
+
+    def __init__(self, condition: Callable[[], bool], within: float | None, now: Now) -> None:
+        self._condition, self._within, self._now = condition, within, now
+        self._at: float | None = None
+
+    def sample(self) -> None:
+        if self._at is None and self._condition():
+            self._at = self._now()
+
+    def found(self, finished_at: float | None) -> Found:
+        if self._at is None:
+            return Found(False, None, None, "s")
+        if self._within is None:
+            return Found(True, self._at, None, "s")
+        return Found(self._at <= self._within, self._at, self._within - self._at, "s")
+
+
+class _Last(_AtTheEnd):
+    """`finally`: asked once, after the last tick."""
+
+    def __init__(self, condition: Condition, views: Mapping[str, View], now: Now) -> None:
+        self._condition = bind(condition, views, None, now)
+        self._bound: _Bound | None = None
+        if isinstance(condition, Compare) and condition.operator in _ORDERS:
+            self._bound = _Bound(condition, views, now)
+
+    def found(self, finished_at: float | None) -> Found:
+        if self._bound is None:
+            return Found(self._condition(), None, None, "")
+        self._bound.sample()
+        return self._bound.found(finished_at)
+
+
+class _InTime(_AtTheEnd):
+    """`finished within 60 s`: the value is when the run ended by itself."""
+
+    def __init__(self, within: float) -> None:
+        self._within = within
+
+    def found(self, finished_at: float | None) -> Found:
+        if finished_at is None:
+            return Found(False, None, None, "s")
+        margin = self._within - finished_at
+        return Found(margin >= 0.0, finished_at, margin, "s")
+
+
+_ORDERS: Mapping[str, float] = {"<": 1.0, "<=": 1.0, ">": -1.0, ">=": -1.0}
+
+
+def _reader(value: object, samplers: Samplers) -> Callable[[], float | None]:
+    if isinstance(value, Number):
+        constant = value.value
+        return lambda: constant
+    if not isinstance(value, Aggregate):
+        raise TypeError(f"{value!r} can't be compared with a statistic")
+    statistics = samplers.statistics(value)
+    readers: dict[str, Callable[[], float | None]] = {
+        "mean": statistics.mean,
+        "rms": statistics.rms,
+        "min": statistics.min,
+        "max": statistics.max,
+    }
+    return readers[value.function]
+
+
+def _margin(operator: str, value: float, bound: float) -> float | None:
+    sign = _ORDERS.get(operator)
+    return None if sign is None else (bound - value) * sign
+
+
+def _unit(value: Any) -> str:
+    """The SI unit of what is measured."""
+    if isinstance(value, Aggregate):
+        value = value.value
+    if isinstance(value, Read):
+        dimension = OBSERVABLES[value.name].dimension
+        return dimension.si if dimension is not None else ""
+    if isinstance(value, Number):
+        return value.dimension.si
+    if isinstance(value, Clock):
+        return "s"
+    return "" if isinstance(value, Word) else "m"

@@ -1,0 +1,193 @@
+"""One run from a plan to a run folder: opens the drivers, flies, and writes what the run leaves."""
+
+from __future__ import annotations
+
+import random
+import signal
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from kybflow.dsl.plan import Plan, VehiclePlan
+from kybflow.errors import DriverError
+from kybflow.parts import Driver, Seat, Session
+from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
+from kybflow.runtime.engine import Engine, Observer
+from kybflow.runtime.events import Events
+from kybflow.runtime.expectations import Verdict
+from kybflow.runtime.outcome import EXIT_CODES, Ending, summarise
+from kybflow.runtime.recorder import Recorder
+from kybflow.runtime.run_folder import create_run_folder
+from kybflow.runtime.score import Score
+from kybflow.runtime.vehicle import Vehicle
+from kybflow.signals import Event
+from kybflow.site import Site
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a run is asked for beside its plan.
+
+    speed: pace of a simulated clock, None for as fast as it goes. options: changes made before
+    take-off, as (name, value). out: the run folder, None for one under `runs/`.
+    """
+
+    seed: int = 0
+    out: Path | None = None
+    speed: float | None = None
+    options: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """What a run left."""
+
+    folder: Path
+    summary: dict[str, Any]
+
+    @property
+    def exit_code(self) -> int:
+        return EXIT_CODES[self.summary["outcome"]]
+
+
+def fly(
+    plan: Plan,
+    request: Request,
+    listeners: Sequence[Callable[[Event], None]] = (),
+    observers: Sequence[Observer] = (),
+) -> Flown:
+    """Fly `plan`. Raises RunFolderError when the folder can't be used, OptionRefused for an option
+    that can't be changed; whatever happens later is in the summary."""
+    began, started = time.monotonic(), datetime.now().astimezone()
+    folder = create_run_folder(plan, request.out, started)
+    folder.describe(plan, request.seed, started)
+    recorder = Recorder(folder.log, plan)
+    events = Events((recorder.event, folder.event, *listeners))
+    score, sessions = Score(plan), []
+    driver_failed: str | None = None
+    reason: str | None = None
+    engine: Engine | None = None
+    try:
+        sessions = _open(plan, request.seed)
+        vehicles = _vehicles(plan, sessions, events, recorder, score)
+        engine = Engine(plan, _clock(plan, request.speed), sessions, vehicles, events, observers)
+        for name, value in request.options:
+            engine.options.set(name, value, "command line")
+        with _Interrupts(engine):
+            reason = engine.run()
+    except DriverError as error:
+        driver_failed = str(error)
+    finally:
+        for session in sessions:
+            session.close()
+        verdicts = _close(engine, events, recorder, reason or driver_failed)
+    ending = Ending(
+        reason=reason,
+        interrupted=engine is not None and engine.interrupts > 0,
+        driver=driver_failed,
+        recording=recorder.failed or folder.failed,
+        airborne=tuple(v.name for v in engine.vehicles if v.activity.airborne) if engine else (),
+    )
+    summary = summarise(
+        plan,
+        score,
+        verdicts,
+        ending,
+        seed=request.seed,
+        sim_time_s=engine.seconds() if engine else 0.0,
+        wall_time_s=time.monotonic() - began,
+    )
+    folder.finish(summary)
+    return Flown(folder.path, summary)
+
+
+def _close(
+    engine: Engine | None, events: Events, recorder: Recorder, reason: str | None
+) -> tuple[Verdict, ...]:
+    """Judge, tell the end and close the recording."""
+    verdicts: tuple[Verdict, ...] = ()
+    if engine is not None:
+        if engine.flying:
+            for vehicle in engine.vehicles:
+                vehicle.activity.close(engine.clock.now)
+        verdicts = engine.judge.verdicts(engine.seconds() if reason is None else None)
+    events.tell("run_ended", reason=reason)
+    recorder.close()
+    return verdicts
+
+
+def _open(plan: Plan, seed: int) -> list[Session]:
+    """One session for each driver, with every vehicle that flies on it."""
+    generator = random.Random(seed)
+    by_driver: dict[type[Driver[Any]], list[VehiclePlan]] = {}
+    for vehicle in plan.vehicles:
+        by_driver.setdefault(vehicle.driver.cls, []).append(vehicle)
+    sessions: list[Session] = []
+    try:
+        for driver, vehicles in by_driver.items():
+            seats = [Seat(_site(plan, v), v.driver.params) for v in vehicles]
+            sessions.append(driver.open(seats, generator))
+    except DriverError:
+        for session in sessions:
+            session.close()
+        raise
+    return sessions
+
+
+def _site(plan: Plan, vehicle: VehiclePlan) -> Site:
+    return Site(
+        vehicle.name,
+        vehicle.airframe,
+        vehicle.start,
+        vehicle.heading,
+        plan.fence,
+        1.0 / plan.control_rate,
+    )
+
+
+def _vehicles(
+    plan: Plan, sessions: Sequence[Session], events: Events, recorder: Recorder, score: Score
+) -> list[Vehicle]:
+    links = {name: link for session in sessions for name, link in session.links.items()}
+    return [
+        Vehicle(
+            vehicle,
+            _site(plan, vehicle),
+            links[vehicle.name],
+            events,
+            recorder.vehicle(vehicle.name),
+            score.vehicle(vehicle.name),
+        )
+        for vehicle in plan.vehicles
+    ]
+
+
+def _clock(plan: Plan, speed: float | None) -> Clock:
+    if plan.simulated:
+        return SimulatedClock(plan.control_rate, speed)
+    return WallClock(plan.control_rate)
+
+
+class _Interrupts:
+    """Ctrl-C, SIGTERM and a closed terminal land; each is counted for the engine."""
+
+    SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> None:
+        for number in self.SIGNALS:
+            self._before[number] = signal.signal(number, self._count)
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _count(self, number: int, frame: FrameType | None) -> None:
+        self._engine.interrupts += 1

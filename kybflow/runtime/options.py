@@ -1,0 +1,130 @@
+"""Options: every part's parameters, by name, while the run goes on.
+
+`mk.processors.limit_speed.speed` is the parameter `speed` of the processor `limit_speed` of `mk`. Type,
+unit and bounds are those of the declaration. A change takes effect at the next tick and is told as an
+event with who made it; one that is refused says why and changes nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+from kybflow.errors import OptionRefused, UnitError
+from kybflow.params import Field, fields_of
+from kybflow.runtime.events import Events
+from kybflow.units import format_quantity, parse_quantity
+
+
+class Holder(Protocol):
+    """A vehicle, as the options see it: the parameters of each of its parts by label."""
+
+    name: str
+
+    def parameters(self) -> dict[str, Any]:
+        """Each part's parameters, by label (`processors.limit_speed`)."""
+
+    def change(self, label: str, parameters: Any) -> None:
+        """Give a part its parameters from now on."""
+
+
+class Options:
+    """Every option of every vehicle; changes wait for the next tick."""
+
+    def __init__(self, holders: tuple[Holder, ...], events: Events) -> None:
+        self._holders = {holder.name: holder for holder in holders}
+        self._events = events
+        self._waiting: list[tuple[Holder, str, str, Any, str]] = []
+
+    def names(self) -> Iterator[str]:
+        for name, holder in self._holders.items():
+            for label, parameters in holder.parameters().items():
+                for field in fields_of(type(parameters)):
+                    yield f"{name}.{label}.{field.name}"
+
+    def get(self, name: str) -> Any:
+        """The present value (SI). Raises OptionRefused for an unknown name."""
+        holder, label, field = self._find(name)
+        return getattr(holder.parameters()[label], field.name)
+
+    def set(self, name: str, value: Any, by: str) -> None:
+        """Ask for a change; `value` is SI, or text with a unit. Raises OptionRefused with the reason."""
+        try:
+            holder, label, field = self._find(name)
+            if field.read_only:
+                raise OptionRefused(f"`{name}` is read-only")
+            value = _decoded(name, value, field)
+        except OptionRefused as refusal:
+            self._events.tell("option_refused", option=name, by=by, reason=str(refusal))
+            raise
+        self._waiting.append((holder, label, field.name, value, by))
+
+    def apply(self) -> None:
+        """Make the changes that were asked for; the engine calls it when a tick begins."""
+        waiting, self._waiting = self._waiting, []
+        for holder, label, field, value, by in waiting:
+            parameters = holder.parameters()[label]
+            holder.change(label, dataclasses.replace(parameters, **{field: value}))
+            name = f"{holder.name}.{label}.{field}"
+            self._events.tell("option_changed", holder.name, option=name, value=str(value), by=by)
+
+    def _find(self, name: str) -> tuple[Holder, str, Field]:
+        vehicle, _, rest = name.partition(".")
+        label, _, field_name = rest.rpartition(".")
+        holder = self._holders.get(vehicle)
+        parameters = holder.parameters().get(label) if holder else None
+        if holder is None or parameters is None:
+            raise OptionRefused(f"there is no option `{name}`")
+        for field in fields_of(type(parameters)):
+            if field.name == field_name:
+                return holder, label, field
+        raise OptionRefused(f"`{label}` of `{vehicle}` has no parameter `{field_name}`")
+
+
+def _decoded(name: str, value: Any, field: Field) -> Any:
+    """`value` as the field holds it, inside its bounds. Raises OptionRefused."""
+    numbers: tuple[float, ...]
+    if field.shape == "scalar":
+        value = _number(name, value, field)
+        numbers = (value,)
+    elif field.shape == "integer":
+        if isinstance(value, bool) or not str(value).lstrip("+-").isdigit():
+            raise OptionRefused(f"`{name}` is a whole number, not `{value}`")
+        value = int(value)
+        numbers = (float(value),)
+    elif field.shape == "vector":
+        parts = value.strip("[] ").split(",") if isinstance(value, str) else tuple(value)
+        if len(parts) != 3:
+            raise OptionRefused(f"`{name}` has three numbers, not {len(parts)}")
+        value = numbers = tuple(_number(name, part, field) for part in parts)
+    elif field.shape == "choice" and value not in field.choices:
+        raise OptionRefused(f"`{name}` is one of {', '.join(field.choices)}, not `{value}`")
+    elif field.shape == "boolean":
+        if str(value).lower() not in ("true", "false"):
+            raise OptionRefused(f"`{name}` is true or false, not `{value}`")
+        value, numbers = str(value).lower() == "true", ()
+    elif field.shape == "path":
+        raise OptionRefused(f"`{name}` is a path and can't be changed in flight")
+    else:
+        numbers = ()
+    _check_bounds(name, numbers, field)
+    return value
+
+
+def _number(name: str, value: Any, field: Field) -> float:
+    if not isinstance(value, str):
+        return float(value)
+    assert field.dimension is not None
+    try:
+        return parse_quantity(value, field.dimension)
+    except UnitError as error:
+        raise OptionRefused(f"`{name}`: {error}; {error.hint}") from None
+
+
+def _check_bounds(name: str, numbers: tuple[float, ...], field: Field) -> None:
+    for number in numbers:
+        broken = field.outside(number)
+        if broken is not None:
+            found = format_quantity(number, field.dimension) if field.dimension else f"{number:g}"
+            raise OptionRefused(f"`{name}` {broken}, not {found}")

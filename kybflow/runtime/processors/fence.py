@@ -1,0 +1,100 @@
+"""Keep the setpoint inside the mission's fence, shrunk by a margin; fails closed.
+
+A position outside goes to the nearest point inside, axis by axis, and loses what takes it further
+out: on such an axis an outward velocity, the acceleration and the jerk become zero. A velocity is
+cut to what can still be stopped before the face, |v| <= sqrt(2 a d) with a = 1 m/s^2 and d the
+distance of the estimate from it. Where the margin leaves no room, the middle of the box is inside.
+A setpoint that is inside passes unchanged. Without a fence in the mission it passes everything.
+
+The floor is different, because take-off and landing cross it, and the ground may lie anywhere: a
+position below it is allowed as far as 0.5 m under the vehicle, which is more than a landing asks
+for and no more than it can follow. World frame, metres.
+"""
+
+from __future__ import annotations
+
+from math import copysign, sqrt
+from typing import ClassVar
+
+from kybflow.geometry import ZERO, Vec3
+from kybflow.parts import Processor, param, params
+from kybflow.signals import Setpoint, SetpointKind, Tick
+from kybflow.site import Box, Site
+from kybflow.units import Length
+
+_UNDER = 0.5
+_STOPPING = 1.0
+
+
+@params
+class FenceParams:
+    margin: Length = param(
+        "Distance that the setpoint keeps from the fence.", default=0.2, at_least=0.0
+    )
+
+
+class Fence(Processor[FenceParams]):
+    accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
+        SetpointKind.POSITION: SetpointKind.POSITION,
+        SetpointKind.VELOCITY: SetpointKind.VELOCITY,
+    }
+    safety = True
+
+    def __init__(self, params: FenceParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._fence = site.fence
+
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
+        if self._fence is None:
+            return setpoint
+        own = tick.known().position
+        room = _room(self._fence, self.params.margin, own[2])
+        if setpoint.position is None:
+            velocity = setpoint.velocity or ZERO
+            allowed = _stoppable(velocity, own, room)
+            return setpoint if allowed == velocity else setpoint._replace(velocity=allowed)
+        if room.contains(setpoint.position):
+            return setpoint
+        return _clamped(setpoint, setpoint.position, room)
+
+
+def _room(fence: Box, margin: float, height: float) -> Box:
+    low, high = [0.0] * 3, [0.0] * 3
+    for i in range(3):
+        low[i], high[i] = fence.low[i] + margin, fence.high[i] - margin
+        if i == 2:
+            low[i] = min(fence.low[i], height - _UNDER)
+        if low[i] > high[i]:
+            low[i] = high[i] = 0.5 * (fence.low[i] + fence.high[i])
+    return Box((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
+def _clamped(setpoint: Setpoint, position: Vec3, room: Box) -> Setpoint:
+    inside = [min(max(position[i], room.low[i]), room.high[i]) for i in range(3)]
+    velocity = list(setpoint.velocity or ZERO)
+    acceleration = list(setpoint.acceleration or ZERO)
+    jerk = list(setpoint.jerk or ZERO)
+    for i in range(3):
+        outward = position[i] - inside[i]
+        if outward != 0.0:
+            velocity[i] = 0.0 if velocity[i] * outward > 0.0 else velocity[i]
+            acceleration[i] = jerk[i] = 0.0
+    return setpoint._replace(
+        position=_vector(inside),
+        velocity=_vector(velocity),
+        acceleration=_vector(acceleration),
+        jerk=_vector(jerk),
+    )
+
+
+def _stoppable(velocity: Vec3, own: Vec3, room: Box) -> Vec3:
+    allowed = list(velocity)
+    for i in range(3):
+        left = room.high[i] - own[i] if velocity[i] > 0.0 else own[i] - room.low[i]
+        most = sqrt(2.0 * _STOPPING * max(left, 0.0))
+        allowed[i] = copysign(min(abs(velocity[i]), most), velocity[i])
+    return _vector(allowed)
+
+
+def _vector(numbers: list[float]) -> Vec3:
+    return (numbers[0], numbers[1], numbers[2])

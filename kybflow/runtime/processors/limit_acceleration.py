@@ -1,0 +1,79 @@
+"""Keep the acceleration of the setpoint under a limit; follow behind where it asks for more.
+
+A trajectory within the limit passes unchanged, bit for bit. What counts is the acceleration that
+it states and the one that its velocity and position have between two ticks: with |a| <= A,
+
+    |v - u| <= A dt,    |p - q - (u + v) dt / 2| <= A dt^2 / 4
+
+(q, u: the last tick's). One that breaks them is followed by a reference governor
+(`kybflow.runtime.governor`) that stays within the limit and catches up without overshoot. The rate
+of change of setpoints of velocity is limited in the same way. World frame.
+"""
+
+from __future__ import annotations
+
+from math import inf
+from typing import ClassVar
+
+from kybflow.geometry import ZERO, add, norm, scale, sub
+from kybflow.parts import Processor, param, params
+from kybflow.runtime.governor import Follower, motion_of, shortened
+from kybflow.runtime.motion import Motion
+from kybflow.signals import Setpoint, SetpointKind, Tick
+from kybflow.site import Site
+from kybflow.units import Acceleration
+
+_SLACK = 1.0 + 1e-6
+
+
+@params
+class LimitAccelerationParams:
+    acceleration: Acceleration = param(
+        "Largest acceleration of the setpoint.", default=3.0, above=0.0
+    )
+
+
+class LimitAcceleration(Processor[LimitAccelerationParams]):
+    accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
+        SetpointKind.POSITION: SetpointKind.POSITION,
+        SetpointKind.VELOCITY: SetpointKind.VELOCITY,
+    }
+
+    def __init__(self, params: LimitAccelerationParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._follower = Follower()
+
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
+        follower, asked, limit = self._follower, motion_of(setpoint), self.params.acceleration
+        follower.resume(asked, tick)
+        if setpoint.kind is SetpointKind.VELOCITY:
+            return self._slew(setpoint, asked, tick.dt)
+        if not follower.behind and self._is_legal(asked, tick.dt):
+            follower.join(asked)
+            return setpoint
+        motion = follower.follow(asked, inf, limit, tick.dt)
+        if norm(asked.acceleration) <= limit and follower.has_caught_up(asked, limit, tick.dt):
+            follower.join(asked)
+            return setpoint
+        return motion.setpoint_like(setpoint)
+
+    def _is_legal(self, asked: Motion, dt: float) -> bool:
+        limit, before = self.params.acceleration * _SLACK, self._follower
+        if norm(asked.acceleration) > limit:
+            return False
+        if norm(sub(asked.velocity, before.velocity)) > limit * dt + 1e-9:
+            return False
+        moved = scale(add(asked.velocity, before.velocity), 0.5 * dt)
+        off = norm(sub(asked.position, add(before.position, moved)))
+        return off <= 0.25 * limit * dt * dt + 1e-9
+
+    def _slew(self, setpoint: Setpoint, asked: Motion, dt: float) -> Setpoint:
+        before = self._follower.velocity
+        most = self.params.acceleration * dt
+        change = sub(asked.velocity, before)
+        if norm(change) <= most * _SLACK + 1e-9:
+            self._follower.join(asked)
+            return setpoint
+        velocity = add(before, shortened(change, most))
+        self._follower.join(Motion(ZERO, velocity))
+        return setpoint._replace(velocity=velocity, acceleration=ZERO, jerk=None)

@@ -1,0 +1,87 @@
+"""How far along a path, when: rest-to-rest profiles over a distance, smooth through the jerk.
+
+The speed rises with the quintic smoothstep S, stays, and falls with its mirror image:
+
+    S(s) = 6 s^5 - 15 s^4 + 10 s^3        s = t / ramp in [0, 1]
+    v(t) = V S(t / ramp)
+
+S has zero first and second derivatives at both ends, so acceleration and jerk start and end at
+zero; its slope is at most 15/8, so the acceleration is at most 15/8 V / ramp; its integral is 1/2,
+so a ramp covers V ramp / 2. (Perlin, "Improving noise", SIGGRAPH 2002, for S; the rest follows.)
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import NamedTuple
+
+STEEPEST = 15.0 / 8.0
+"""The largest slope of the smoothstep, at its middle."""
+_STILL = 1e-12
+
+
+class Progress(NamedTuple):
+    """How far along, and its first three derivatives by time."""
+
+    distance: float
+    speed: float
+    acceleration: float
+    jerk: float
+
+
+def smoothstep(s: float) -> tuple[float, float, float, float]:
+    """The integral, the value, the slope and the second derivative of S at `s` in [0, 1]."""
+    rest = 1.0 - s
+    return (
+        s * s * s * s * (2.5 + s * (s - 3.0)),
+        s * s * s * (10.0 + s * (6.0 * s - 15.0)),
+        30.0 * s * s * rest * rest,
+        60.0 * s * rest * (1.0 - 2.0 * s),
+    )
+
+
+class Profile:
+    """From rest, over `distance`, to rest: at most `speed`, with ramps of `ramp` seconds.
+
+    The unit of the distance is the caller's: metres along a line, radians of a phase. An infinite
+    distance never ends. A ramp that the distance has no room for is shortened.
+    """
+
+    __slots__ = ("distance", "duration", "ramp", "speed")
+
+    def __init__(self, distance: float, speed: float, ramp: float) -> None:
+        if distance <= 0.0 or speed <= _STILL:
+            self.distance, self.speed, self.ramp, self.duration = max(distance, 0.0), 0.0, 0.0, 0.0
+            return
+        self.distance, self.speed = distance, speed
+        self.ramp = min(ramp, distance / speed)
+        self.duration = self.ramp + distance / speed
+
+    @classmethod
+    def within(cls, distance: float, speed: float, acceleration: float) -> Profile:
+        """The fastest of these profiles that keeps both limits.
+
+        V = min(speed, sqrt(distance * acceleration / (15/8))): with that V the two ramps alone
+        cover the distance, so a short one has a lower peak and never a negative cruise time.
+        """
+        peak = min(speed, sqrt(max(distance, 0.0) * acceleration / STEEPEST))
+        return cls(distance, peak, STEEPEST * peak / acceleration)
+
+    def at(self, time: float) -> Progress:
+        """Where it is `time` seconds after its start: zero before it, `distance` after its end."""
+        if time >= self.duration:
+            return Progress(self.distance, 0.0, 0.0, 0.0)
+        if time <= 0.0:
+            return Progress(0.0, 0.0, 0.0, 0.0)
+        ramp, speed = self.ramp, self.speed
+        left = self.duration - time
+        if time < ramp:
+            area, value, slope, bend = smoothstep(time / ramp)
+            rate = speed / ramp
+            return Progress(speed * ramp * area, speed * value, rate * slope, rate / ramp * bend)
+        if left < ramp:
+            area, value, slope, bend = smoothstep(left / ramp)
+            rate = speed / ramp
+            gone = self.distance - speed * ramp * area
+            return Progress(gone, speed * value, -rate * slope, rate / ramp * bend)
+        return Progress(speed * (time - 0.5 * ramp), speed, 0.0, 0.0)

@@ -1,0 +1,210 @@
+"""Records a run into one MCAP file while it goes; the only user of the foxglove SDK.
+
+Each vehicle has `/NAME/tick` (one message a control tick, `record_layout`), `/NAME/pose` and
+`/NAME/battery` (each measurement as it arrived); `/events` holds every event as JSON. A message's
+log and publish time are the tick's time, so the file holds no other clock: the same run gives the
+same bytes. Why the messages are encoded as they are: docs/adr/0001-recording-encoding.md.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from struct import Struct
+from typing import TYPE_CHECKING, Any
+
+from foxglove import Channel, Context, Schema, open_mcap
+from foxglove.mcap import MCAPWriteOptions
+
+from kybflow.dsl.plan import Plan, VehiclePlan
+from kybflow.geometry import Vec3
+from kybflow.runtime.record_layout import (
+    EVENT_SCHEMA,
+    EVENTS_TOPIC,
+    HAS_ACCELERATION,
+    HAS_HEADING,
+    HAS_JERK,
+    HAS_POSITION,
+    HAS_VELOCITY,
+    METADATA,
+    PACKAGE,
+    SETPOINT_KINDS,
+    definition,
+    event_record,
+    struct_format,
+)
+from kybflow.runtime.record_sink import Sink
+from kybflow.signals import (
+    Command,
+    Estimate,
+    Event,
+    Measurement,
+    Pose,
+    Setpoint,
+    SetpointKind,
+    Time,
+    Truth,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+CHUNK_SECONDS = 0.5
+"""How long a chunk lasts: what a program that is killed may lose."""
+
+_TICK = Struct(struct_format("Tick"))
+_POSE = Struct(struct_format("Pose"))
+_BATTERY = Struct(struct_format("Battery"))
+_pack_tick = _TICK.pack
+
+_Marked = tuple[tuple[int, int], Vec3, Vec3, Vec3, Vec3, float, float]
+"""A setpoint with zeros for what it has not, behind its kind and what it has."""
+
+_ZERO = (0.0, 0.0, 0.0)
+_ZERO_4 = (0.0, 0.0, 0.0, 0.0)
+_NO_ESTIMATE = Estimate(0, _ZERO, _ZERO, _ZERO_4, _ZERO, "", 0.0, 0.0)
+_NO_SETPOINT: _Marked = ((0, 0), _ZERO, _ZERO, _ZERO, _ZERO, 0.0, 0.0)
+_NO_TRUTH = Truth(_ZERO, _ZERO, _ZERO_4, _ZERO)
+
+_POSITION = SetpointKind.POSITION
+_ALL = HAS_POSITION | HAS_VELOCITY | HAS_ACCELERATION | HAS_JERK | HAS_HEADING
+_MARKS = (SETPOINT_KINDS[_POSITION], _ALL)
+_MARKS_WITHOUT_JERK = (SETPOINT_KINDS[_POSITION], _ALL - HAS_JERK)
+
+
+class Recorder:
+    """A recording of one run. `failed` is None, or why the recording stopped; nothing that is
+    recorded raises for it. Raises OSError when the file can't be opened."""
+
+    def __init__(self, path: Path, plan: Plan) -> None:
+        self._sink = Sink(path)
+        self._context = Context()
+        per_second = plan.control_rate * max(1, len(plan.vehicles)) * _TICK.size
+        self._writer = open_mcap(
+            self._sink,  # type: ignore[arg-type]  # the SDK asks for write, seek and flush only
+            context=self._context,
+            writer_options=MCAPWriteOptions(
+                compression=None,
+                chunk_size=int(per_second * CHUNK_SECONDS),
+                disable_seeking=True,
+                calculate_data_section_crc=False,
+            ),
+        )
+        self._writer.write_metadata(METADATA, {"plan": json.dumps(_describe(plan))})
+        self._events = Channel(EVENTS_TOPIC, schema=EVENT_SCHEMA, context=self._context)
+        self._vehicles = {v.name: VehicleChannel(v.name, self._context) for v in plan.vehicles}
+        self._closed = False
+
+    @property
+    def failed(self) -> str | None:
+        return self._sink.failed
+
+    def vehicle(self, name: str) -> VehicleChannel:
+        return self._vehicles[name]
+
+    def event(self, event: Event) -> None:
+        self._events.base.log(json.dumps(event_record(event)).encode(), event.time)
+
+    def close(self) -> None:
+        """Write what is left and the index; may be called again."""
+        if not self._closed:
+            self._closed = True
+            self._writer.close()
+            self._sink.close()
+
+
+class VehicleChannel:
+    """What is recorded of one vehicle."""
+
+    def __init__(self, name: str, context: Context) -> None:
+        self._tick = _log(context, f"/{name}/tick", "Tick")
+        self._pose = _log(context, f"/{name}/pose", "Pose")
+        self._battery = _log(context, f"/{name}/battery", "Battery")
+
+    def tick(
+        self,
+        now: Time,
+        estimate: Estimate | None,
+        wanted: Setpoint | None,
+        setpoint: Setpoint | None,
+        command: Command,
+        truth: Truth | None,
+    ) -> None:
+        """One control tick: the estimate, the setpoint before and after the processors, the command
+        that was sent, and the simulator's truth where there is one."""
+        _, p, v, q, w, _, age, spread = estimate or _NO_ESTIMATE
+        marks, p0, v0, a0, j0, heading0, rate0 = before = _marked(wanted)
+        if setpoint is wanted:
+            marks1, p1, v1, a1, j1, heading1, rate1 = before
+        else:
+            marks1, p1, v1, a1, j1, heading1, rate1 = _marked(setpoint)
+        attitude, thrust, rates, heading, armed = command
+        pt, vt, qt, wt = truth or _NO_TRUTH
+        message = _pack_tick(
+            estimate is not None, *p, *v, *q, *w, age, spread,
+            *marks, *p0, *v0, *a0, *j0, heading0, rate0,
+            *marks1, *p1, *v1, *a1, *j1, heading1, rate1,
+            armed, heading is not None, *attitude, thrust, *rates, heading or 0.0,
+            truth is not None, *pt, *vt, *qt, *wt,
+        )  # fmt: skip
+        self._tick(message, now)
+
+    def measurement(self, now: Time, measurement: Measurement) -> None:
+        """A measurement that arrived at `now`."""
+        if isinstance(measurement, Pose):
+            time, position, attitude = measurement
+            self._pose(_POSE.pack(time, *position, *attitude), now)
+        else:
+            self._battery(_BATTERY.pack(*measurement), now)
+
+
+def _marked(setpoint: Setpoint | None) -> _Marked:
+    if setpoint is None:
+        return _NO_SETPOINT
+    kind, position, velocity, acceleration, jerk, heading, rate = setpoint
+    if kind is _POSITION and position and velocity and acceleration and heading is not None:
+        marks = _MARKS if jerk else _MARKS_WITHOUT_JERK
+        return marks, position, velocity, acceleration, jerk or _ZERO, heading, rate
+    present = (
+        HAS_POSITION * (position is not None)
+        + HAS_VELOCITY * (velocity is not None)
+        + HAS_ACCELERATION * (acceleration is not None)
+        + HAS_JERK * (jerk is not None)
+        + HAS_HEADING * (heading is not None)
+    )
+    return (
+        (SETPOINT_KINDS[kind], present),
+        position or _ZERO,
+        velocity or _ZERO,
+        acceleration or _ZERO,
+        jerk or _ZERO,
+        heading or 0.0,
+        rate,
+    )
+
+
+def _log(context: Context, topic: str, message: str) -> Callable[[bytes, int], None]:
+    schema = Schema(name=f"{PACKAGE}/{message}", encoding="ros1msg", data=definition(message))
+    channel = Channel(topic, message_encoding="ros1", schema=schema, context=context)
+    return channel.base.log  # without the wrapper, which looks at each message's type
+
+
+def _describe(plan: Plan) -> dict[str, Any]:
+    """What a reader of the file needs to know of the mission."""
+    return {
+        "mission": plan.mission,
+        "summary": plan.summary,
+        "target": plan.target,
+        "simulated": plan.simulated,
+        "control_rate": plan.control_rate,
+        "fence": [plan.fence.low, plan.fence.high] if plan.fence else None,
+        "vehicles": {v.name: _describe_vehicle(v) for v in plan.vehicles},
+    }
+
+
+def _describe_vehicle(vehicle: VehiclePlan) -> dict[str, Any]:
+    return {
+        "start": vehicle.start,
+        "heading": vehicle.heading,
+        "diameter": vehicle.airframe.diameter,
+    }

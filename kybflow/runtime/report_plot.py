@@ -1,0 +1,74 @@
+"""What the figures of a report are made of, as the plain dictionaries that plotly.js draws.
+
+Colours that depend on the page's theme are words (`ink`, `alarm`, `paper`) that the page replaces.
+"""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from typing import Any
+
+from kybflow.runtime.report_data import Array, Run
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure. over_time: its x axis is the run's time, and it is zoomed with the others that
+    have it."""
+
+    name: str
+    title: str
+    note: str
+    traces: list[dict[str, Any]]
+    layout: dict[str, Any]
+    over_time: bool = True
+
+
+def line(
+    name: str, x: Array, y: Array, colour: str, width: float, hover: str = ""
+) -> dict[str, Any]:
+    """A line; `hover` is the template of what is shown for a point, nothing without it. What stands
+    behind a colon in the name is for the legend only."""
+    trace = {
+        "type": "scatter",
+        "mode": "lines",
+        "name": name,
+        "x": _packed(x),
+        "y": _packed(y),
+        "line": {"color": colour, "width": width},
+    }
+    if hover:
+        trace["hovertemplate"] = f"{hover}<extra>{name.partition(':')[0]}</extra>"
+    else:
+        trace["hoverinfo"] = "skip"
+    return trace
+
+
+def dashed(name: str, x: Array, y: Array, shown: bool) -> dict[str, Any]:
+    """A thin dashed line in the colour of the text. Those of one name share one entry of the
+    legend, the one that is `shown`."""
+    trace = line(name, x, y, "ink", 1.2)
+    trace["line"]["dash"] = "5px,3px"
+    return {**trace, "legendgroup": name, "showlegend": shown}
+
+
+def _packed(values: Array) -> dict[str, str]:
+    """An array as plotly.js reads it from base64; a gap stays not-a-number."""
+    data = values.astype("<f4").tobytes()
+    return {"dtype": "f4", "bdata": base64.b64encode(data).decode()}
+
+
+def time_axis(run: Run) -> dict[str, Any]:
+    """The x axis that all figures over time share."""
+    return {"title": {"text": "time (s)"}, "range": [0.0, max(run.end, 0.1)]}
+
+
+def over_time(run: Run, axis: str, mode: str) -> dict[str, Any]:
+    """The layout of a figure over time; `mode` is the y axis's range mode."""
+    return {
+        "xaxis": time_axis(run),
+        "yaxis": {"title": {"text": axis}, "rangemode": mode},
+        "height": 300,
+        "hovermode": "x unified",
+    }

@@ -1,0 +1,143 @@
+"""The folder that a run leaves: who may write where, and the files beside the recording.
+
+`events.jsonl` is written as the run goes, a line an event; `mission.resolved.yaml` and
+`provenance.json` before it, `summary.json` and `report.html` after it. Wall-clock time stands in
+`provenance.json` and in the folder's name only, so that the other files depend on plan and seed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from io import FileIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from kybflow.dsl.plan import Plan
+from kybflow.errors import KybflowError
+from kybflow.runtime.record_layout import event_record
+from kybflow.signals import Event
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+SUMMARY, EVENTS, LOG, REPORT = "summary.json", "events.jsonl", "log.mcap", "report.html"
+RESOLVED, PROVENANCE = "mission.resolved.yaml", "provenance.json"
+FILES = frozenset({SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE})
+_PACKAGES = ("kybflow", "mujoco", "numpy", "foxglove-sdk", "transitions", "PyYAML", "jsonschema")
+
+
+class RunFolderError(KybflowError):
+    """A folder that can't be used for a run, and the way out."""
+
+
+class RunFolder:
+    """The folder of one run. `failed` is None, or why the events could not be written any more."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.failed: str | None = None
+        self._events = FileIO(path / EVENTS, "w")
+
+    @property
+    def log(self) -> Path:
+        """Where the recording goes."""
+        return self.path / LOG
+
+    def event(self, event: Event) -> None:
+        """Append one event; a disk that is full is kept in `failed`, and nothing is raised."""
+        if self.failed is not None:
+            return
+        line = json.dumps(event_record(event), ensure_ascii=False) + "\n"
+        try:
+            self._events.write(line.encode())
+        except OSError as error:
+            self.failed = f"the events stopped: {error.strerror or error}"
+
+    def describe(self, plan: Plan, seed: int, started: datetime) -> None:
+        """Write the resolved mission and where everything came from. Raises RunFolderError."""
+        _write(self.path / RESOLVED, plan.resolved)
+        _write(self.path / PROVENANCE, _json(provenance(plan, seed, started)))
+
+    def finish(self, summary: dict[str, Any]) -> None:
+        """Close the events and write the summary. Raises RunFolderError."""
+        self._events.close()
+        _write(self.path / SUMMARY, _json(summary))
+
+
+def create_run_folder(plan: Plan, out: Path | None, started: datetime) -> RunFolder:
+    """`out`, or `runs/<mission>-<time>` in the present folder, with a number behind it if taken.
+
+    `out` may be new, empty, or an earlier run's (it holds `events.jsonl` and no file but a run's),
+    whose files are replaced. Raises RunFolderError for any other folder, and where none can be made.
+    """
+    path = (
+        out if out is not None else _free(Path("runs"), f"{plan.mission}-{started:%Y%m%d-%H%M%S}")
+    )
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        _clear(path)
+        return RunFolder(path)
+    except OSError as error:
+        raise RunFolderError(f"`{path}` can't be written: {error.strerror or error}") from error
+
+
+def provenance(plan: Plan, seed: int, started: datetime) -> dict[str, Any]:
+    """What a run was made of: sources with their SHA-256, versions, seed, target, machine."""
+    return {
+        "kybflow": 1,
+        "mission": plan.mission,
+        "target": plan.target,
+        "seed": seed,
+        "started": started.isoformat(timespec="seconds"),
+        "sources": [{"path": source.path, "sha256": source.sha256} for source in plan.sources],
+        "versions": {"python": platform.python_version(), **_versions()},
+        "machine": {
+            "system": platform.platform(),
+            "processor": platform.machine(),
+            "cores": os.cpu_count(),
+        },
+    }
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _free(parent: Path, name: str) -> Path:
+    path, number = parent / name, 2
+    while path.exists():
+        path, number = parent / f"{name}-{number}", number + 1
+    return path
+
+
+def _clear(path: Path) -> None:
+    """Remove an earlier run's files, so that no old report stands beside a new run."""
+    found = sorted(entry.name for entry in path.iterdir())
+    foreign = [name for name in found if name not in FILES or EVENTS not in found]
+    if foreign:
+        more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
+        raise RunFolderError(
+            f"`{path}` holds what no run has written (`{foreign[0]}`{more}); name another folder"
+        )
+    for name in found:
+        (path / name).unlink()
+
+
+def _json(value: dict[str, Any]) -> str:
+    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RunFolderError(f"`{path}` can't be written: {error.strerror or error}") from error

@@ -1,0 +1,148 @@
+"""The figures of a run as they grow: errors, behaviors, estimators and battery of each vehicle.
+
+Memory grows with the behaviors entered, not with the ticks: mean, rms and max are kept as a sum, a
+sum of squares and a peak.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from kybflow.dsl.plan import Plan
+
+
+class Errors:
+    """Mean, rms and max of a distance, sample by sample."""
+
+    __slots__ = ("count", "peak", "squares", "total")
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.total = self.squares = self.peak = 0.0
+
+    def add(self, value: float) -> None:
+        self.count += 1
+        self.total += value
+        self.squares += value * value
+        if value > self.peak:  # noqa: PLR1730 (max() costs more, in every tick)
+            self.peak = value
+
+    def figures(self) -> dict[str, float] | None:
+        """The figures by name; None without a sample."""
+        if not self.count:
+            return None
+        rms = math.sqrt(self.squares / self.count)
+        return {
+            "mean": rounded(self.total / self.count),
+            "rms": rounded(rms),
+            "max": rounded(self.peak),
+        }
+
+
+class BehaviorScore:
+    """One visit to a state: its errors, from `start_s` to `end_s`, and how it ended."""
+
+    __slots__ = ("end_s", "ended", "name", "part", "position", "start_s", "velocity")
+
+    def __init__(self, name: str, part: str, start_s: float) -> None:
+        self.name, self.part, self.start_s = name, part, start_s
+        self.end_s: float | None = None
+        self.ended: str | None = None
+        self.position, self.velocity = Errors(), Errors()
+
+    def record(self) -> dict[str, Any]:
+        """The visit as `summary.json` holds it."""
+        return {
+            "name": self.name,
+            "part": self.part,
+            "start_s": rounded(self.start_s),
+            "end_s": None if self.end_s is None else rounded(self.end_s),
+            "ended": self.ended,
+            "position_error_m": self.position.figures(),
+            "velocity_error_m_s": self.velocity.figures(),
+        }
+
+
+class EstimatorUse(NamedTuple):
+    """From when on an estimator was used; an empty name: none was healthy."""
+
+    name: str
+    start_s: float
+
+
+class VehicleScore:
+    """What is counted of one vehicle; the engine tells, in the order in which things happen."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.behaviors: list[BehaviorScore] = []
+        self.estimators: list[EstimatorUse] = []
+        self.min_battery: float | None = None
+        self._position, self._velocity = Errors(), Errors()
+
+    def entered(self, state: str, part: str, t_s: float) -> None:
+        """A state was entered, the same one again included."""
+        visit = BehaviorScore(state, part, t_s)
+        self.behaviors.append(visit)
+        self._position, self._velocity = visit.position, visit.velocity
+
+    def left(self, how: str, t_s: float) -> None:
+        """The present state was left, and how its behavior ended."""
+        if self.behaviors:
+            self.behaviors[-1].end_s, self.behaviors[-1].ended = t_s, how
+
+    def sample(self, position_error: float | None, velocity_error: float | None) -> None:
+        """One tick's errors, m and m/s; None where the setpoint has no such field."""
+        if position_error is not None:
+            self._position.add(position_error)
+        if velocity_error is not None:
+            self._velocity.add(velocity_error)
+
+    def estimator(self, name: str, t_s: float) -> None:
+        """From now on this estimator is used."""
+        self.estimators.append(EstimatorUse(name, t_s))
+
+    def battery(self, remaining: float) -> None:
+        """A battery report, 0 to 1."""
+        if self.min_battery is None or remaining < self.min_battery:
+            self.min_battery = remaining
+
+    def record(self, airborne: bool) -> dict[str, Any]:
+        """The vehicle as `summary.json` holds it."""
+        return {
+            "final": "air" if airborne else "ground",
+            "position_error_m": _merged([v.position for v in self.behaviors]).figures(),
+            "velocity_error_m_s": _merged([v.velocity for v in self.behaviors]).figures(),
+            "behaviors": [visit.record() for visit in self.behaviors],
+            "estimators": [
+                {"name": use.name, "start_s": rounded(use.start_s)} for use in self.estimators
+            ],
+            "min_battery": None if self.min_battery is None else rounded(self.min_battery),
+        }
+
+
+class Score:
+    """The figures of every vehicle of a plan."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.vehicles = {vehicle.name: VehicleScore(vehicle.name) for vehicle in plan.vehicles}
+
+    def vehicle(self, name: str) -> VehicleScore:
+        return self.vehicles[name]
+
+
+def rounded(value: float) -> float:
+    """`value` with six significant digits, as the summary shows numbers."""
+    return float(f"{value:.6g}")
+
+
+def _merged(parts: Sequence[Errors]) -> Errors:
+    whole = Errors()
+    for part in parts:
+        whole.count += part.count
+        whole.total += part.total
+        whole.squares += part.squares
+        whole.peak = max(whole.peak, part.peak)
+    return whole

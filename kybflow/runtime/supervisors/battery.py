@@ -1,0 +1,59 @@
+"""Report a battery that runs low: a warning first, then a landing.
+
+Alarm `battery_low` with WARN from `warn_below` downwards, and with `reaction` (a landing by
+default) from `land_below` downwards in the air; on the ground there is only the warning. Each stays
+until the charge is 5 % (of full) above its bound again, so that a battery that sags under load does
+not make it flutter. Without a report of the battery there is nothing to judge.
+
+An alarm that persists is returned in every tick; the engine makes one event of it, and the landing
+is an event of its own. The value is the charge left, 0 to 1.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from kybflow.parts import Supervisor, param, params
+from kybflow.signals import Alarm, Reaction, Tick
+from kybflow.site import Site
+from kybflow.units import Ratio
+
+_RECOVERED = 0.05
+
+
+@params
+class BatteryParams:
+    warn_below: Ratio = param(
+        "Charge below which it warns.", default=0.3, at_least=0.0, at_most=1.0
+    )
+    land_below: Ratio = param(
+        "Charge below which the vehicle lands.", default=0.15, at_least=0.0, at_most=1.0
+    )
+    reaction: Literal["warn", "brake", "land", "land_blind"] = param(
+        "What the failsafe does below `land_below`.", default="land", read_only=True
+    )
+
+
+class Battery(Supervisor[BatteryParams]):
+    always = True
+
+    def __init__(self, params: BatteryParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._low = False
+        self._empty = False
+
+    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+        if tick.battery is None:
+            return None
+        left, p = tick.battery.remaining, self.params
+        self._low = left < p.warn_below + (_RECOVERED if self._low else 0.0)
+        self._empty = left < p.land_below + (_RECOVERED if self._empty else 0.0)
+        if self._empty and airborne:
+            reason = f"{left:.0%} left, below {p.land_below:.0%}"
+            return Alarm("battery_low", Reaction[p.reaction.upper()], reason, left, p.land_below)
+        if self._low or self._empty:
+            bound = max(p.warn_below, p.land_below) if self._low else p.land_below
+            return Alarm(
+                "battery_low", Reaction.WARN, f"{left:.0%} left, below {bound:.0%}", left, bound
+            )
+        return None

@@ -1,0 +1,57 @@
+"""Report a vehicle that has left the mission's fence.
+
+Alarm `fence_breached` while the estimate is more than `margin` beyond a face of the fence; once
+raised it stays until the vehicle is back inside by 5 cm, so that it does not flutter. The floor is
+the lower of the fence's and of the ground at the start: take-off and landing cross the former. On
+the ground, without an estimate and without a fence in the mission there is nothing to report.
+
+The default reaction is to land: the processor of the same name keeps the setpoint inside, so a
+vehicle that is outside does not follow, and holding a position would trust it to. An alarm that
+persists is returned in every tick; the engine makes one event of it. World frame, metres.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from kybflow.parts import Supervisor, param, params
+from kybflow.signals import Alarm, Reaction, Tick
+from kybflow.site import Box, Site
+from kybflow.units import Length
+
+_BACK_INSIDE = 0.05
+
+
+@params
+class FenceParams:
+    margin: Length = param(
+        "How far beyond the fence the vehicle may be.", default=0.1, at_least=0.0
+    )
+    reaction: Literal["warn", "brake", "land", "land_blind"] = param(
+        "What the failsafe does.", default="land", read_only=True
+    )
+
+
+class Fence(Supervisor[FenceParams]):
+    always = True
+
+    def __init__(self, params: FenceParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._outside = False
+        self._box = None
+        if site.fence is not None:
+            (x, y, z), high = site.fence
+            self._box = Box((x, y, min(z, site.start[2])), high)
+
+    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+        if self._box is None or tick.estimate is None or not airborne:
+            self._outside = False
+            return None
+        beyond = self._box.outside_by(tick.estimate.position)
+        bound = self.params.margin
+        self._outside = beyond > (-_BACK_INSIDE if self._outside else bound)
+        if not self._outside:
+            return None
+        reason = f"{beyond:.2f} m beyond the fence, {bound:g} m allowed"
+        reaction = Reaction[self.params.reaction.upper()]
+        return Alarm("fence_breached", reaction, reason, beyond, bound)

@@ -1,0 +1,79 @@
+"""What conditions and expectations see of a vehicle (`kybflow.observables.View`)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kybflow.geometry import Vec3
+from kybflow.observables import State, Unavailable
+from kybflow.signals import NS, Battery, Estimate, Setpoint
+
+if TYPE_CHECKING:
+    from kybflow.runtime.vehicle import Vehicle
+
+
+class Believed:
+    """The vehicle as it believes itself to be: for conditions."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+
+    @property
+    def state(self) -> State:
+        estimate = self._estimate()
+        return State(estimate.position, estimate.velocity, estimate.attitude)
+
+    @property
+    def wanted(self) -> Setpoint:
+        setpoint = self._vehicle.followed
+        if setpoint is None:
+            raise Unavailable
+        return setpoint
+
+    @property
+    def battery(self) -> Battery:
+        battery = self._vehicle.battery
+        if battery is None:
+            raise Unavailable
+        return battery
+
+    @property
+    def behavior(self) -> str:
+        return self._vehicle.activity.machine.state
+
+    @property
+    def estimator(self) -> str:
+        return self._estimate().source
+
+    @property
+    def elapsed(self) -> float:
+        return (self._vehicle.now - self._vehicle.activity.entered) / NS
+
+    @property
+    def start(self) -> Vec3:
+        return self._vehicle.site.start
+
+    @property
+    def age(self) -> float:
+        return self._estimate().age
+
+    @property
+    def spread(self) -> float:
+        return self._estimate().spread
+
+    def _estimate(self) -> Estimate:
+        estimate = self._vehicle.estimate
+        if estimate is None:
+            raise Unavailable
+        return estimate
+
+
+class Actual(Believed):
+    """The vehicle as it is, where a simulator knows it: for expectations."""
+
+    @property
+    def state(self) -> State:
+        truth = self._vehicle.truth
+        if truth is None:
+            return super().state
+        return State(truth.position, truth.velocity, truth.attitude)

@@ -1,0 +1,71 @@
+"""Options: applied at the next tick, bounded, typed; a refusal says why and changes nothing."""
+
+from typing import Any
+
+import pytest
+
+from kybflow.catalog import load_catalog
+from kybflow.errors import OptionRefused
+from kybflow.runtime.events import Events
+from kybflow.runtime.options import Options
+from kybflow.signals import Event
+
+NAME = "mk.processors.limit_speed.speed"
+
+
+class Holder:
+    name = "mk"
+
+    def __init__(self) -> None:
+        spec = load_catalog().get("processors", "limit_speed")
+        sim = load_catalog().get("drivers", "sim")
+        self.params: dict[str, Any] = {
+            "processors.limit_speed": spec.params(),
+            "driver": sim.params(),
+        }
+
+    def parameters(self) -> dict[str, Any]:
+        return self.params
+
+    def change(self, label: str, parameters: Any) -> None:
+        self.params[label] = parameters
+
+
+@pytest.fixture
+def told() -> list[Event]:
+    return []
+
+
+@pytest.fixture
+def options(told: list[Event]) -> Options:
+    return Options((Holder(),), Events((told.append,)))
+
+
+def test_a_change_takes_effect_when_the_next_tick_begins(options, told):
+    options.set(NAME, "50 cm/s", by="test")
+    assert options.get(NAME) == 1.0
+    options.apply()
+    assert options.get(NAME) == 0.5
+    assert told[-1].name == "option_changed"
+    assert told[-1].fields["by"] == "test"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        (NAME, "-1 m/s", "must be above 0"),
+        (NAME, "2 kg", "is a mass, but a speed is needed"),
+        (NAME, "fast", "is not a speed"),
+        ("mk.processors.limit_speed.spede", "1", "has no parameter `spede`"),
+        ("mk.processors.unknown.speed", "1", "there is no option"),
+        ("other.processors.limit_speed.speed", "1", "there is no option"),
+        ("mk.driver.physics", "400 Hz", "is read-only"),
+    ],
+)
+def test_a_refused_change_says_why_and_changes_nothing(options, told, name, value, reason):
+    with pytest.raises(OptionRefused, match=reason):
+        options.set(name, value, by="test")
+    options.apply()
+    assert options.get(NAME) == 1.0
+    assert [e.name for e in told] == ["option_refused"]
+    assert reason in str(told[0].fields["reason"])
