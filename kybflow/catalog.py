@@ -102,7 +102,10 @@ def _scan(found: dict[str, str], package: str) -> None:
 
 
 def _load(kind: str, name: str, module_name: str) -> PartSpec:
-    module = importlib.import_module(module_name)
+    try:
+        module = importlib.import_module(module_name)
+    except Exception as error:  # a lab's own module may raise anything while it is imported
+        raise PartError(f"{module_name} can't be imported: {error!r}") from error
     wanted = name.replace("_", "")
     classes = [
         c

@@ -114,11 +114,12 @@ class Entry(NamedTuple):
 class Footprint(NamedTuple):
     """Where a behavior will go, for the static checks: `points` bound its path (metres, world),
     `speed` is its fastest (m/s), `exit` where its normal end leaves the vehicle, None when it can't
-    be told."""
+    be told; `is_endless` when it has no normal end."""
 
     points: tuple[Vec3, ...]
     speed: float
     exit: Vec3 | None
+    is_endless: bool = False
 
 
 class Behavior(Part[P]):

@@ -7,7 +7,7 @@ signal that is true at some time carries it. World frame ENU, body frame FLU, SI
 from __future__ import annotations
 
 from enum import Enum, IntEnum
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from kybflow.errors import EstimateMissing
 from kybflow.geometry import Quat, Vec3
@@ -126,6 +126,10 @@ class Reaction(IntEnum):
     BRAKE = 2
     LAND = 3
     LAND_BLIND = 4
+
+
+ReactionName = Literal["warn", "brake", "land", "land_blind"]
+"""A reaction as a mission chooses it for a supervisor."""
 
 
 class Alarm(NamedTuple):

@@ -1,4 +1,4 @@
-"""A vehicle for tests of single parts: it follows setpoints ideally, or as a point mass with a floor."""
+"""A vehicle for tests of single parts: it follows setpoints ideally or as a point mass."""
 
 from __future__ import annotations
 

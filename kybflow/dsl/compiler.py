@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping as MappingOf
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kybflow.dsl import checks
+from kybflow.dsl.checks import run_checks
 from kybflow.dsl.diagnostics import Diagnostic, has_errors, in_order
-from kybflow.dsl.judge import judge_mission
+from kybflow.dsl.judge import is_library, judge_mission
 from kybflow.dsl.lower import lower
 from kybflow.dsl.nodes import Node
 from kybflow.dsl.plan import Plan, SourceFile
-from kybflow.dsl.reader import read
-from kybflow.dsl.resolve import Files, resolve
+from kybflow.dsl.reader import Source, read
+from kybflow.dsl.resolve import Files, resolve, resolve_library
 from kybflow.dsl.settings import FILE, parse_settings
 from kybflow.dsl.shape import shape
 from kybflow.dsl.source import Span
@@ -33,23 +33,30 @@ class Result:
     diagnostics: tuple[Diagnostic, ...]
     texts: dict[str, str] = field(default_factory=dict)
 
+    @property
+    def valid(self) -> bool:
+        return not has_errors(self.diagnostics)
+
 
 def compile_mission(
     path: str | Path, *, catalog: Catalog, target: str | None = None, sets: Sequence[str] = ()
 ) -> Result:
     """What the mission in `path` means on `target`, with its parameters set by `sets`
-    (`name=value`). Never raises for what a file or a setting says."""
-    found: list[Diagnostic] = []
+    (`name=value`); a library is judged and has no plan. Never raises for what a file or a setting
+    says."""
     source = read(Path(path), str(path))
-    found += source.found
-    files = Files(source, Path(path))
+    found = list(source.found)
     settings = parse_settings(sets, found)
+    if source.root is None:
+        return Result(None, in_order(found), _texts([source], sets))
+    files = Files(source, Path(path))
     plan = None
-    if source.root is not None and not has_errors(found):
-        plan = _plan(source.root, files, settings, catalog, target, found)
-    texts = {s.file: s.text for s in files.sources.values()} | {FILE: "\n".join(sets)}
-    located = (replace(d, span=_reached(d, files)) for d in found)
-    return Result(None if has_errors(found) else plan, in_order(located), texts)
+    if not has_errors(found):
+        if is_library(source.root):
+            resolve_library(source, files, found)
+        else:
+            plan = _plan(source.root, files, settings, catalog, target, found)
+    return _result(plan, files, sets, found)
 
 
 def _plan(
@@ -69,11 +76,22 @@ def _plan(
     document = shape(resolved, catalog, target, found)
     if document is None:
         return None
-    found += getattr(checks, "run_checks", lambda d, c: [])(document, catalog)
+    found += run_checks(document, catalog)
     if has_errors(found):
         return None
     sources = tuple(SourceFile(s.file, s.sha256) for s in files.sources.values())
     return lower(document, catalog, sources, written(document))
+
+
+def _result(
+    plan: Plan | None, files: Files, sets: Sequence[str], found: list[Diagnostic]
+) -> Result:
+    located = (replace(d, span=_reached(d, files)) for d in found)
+    return Result(plan, in_order(located), _texts(files.sources.values(), sets))
+
+
+def _texts(sources: Iterable[Source], sets: Sequence[str]) -> dict[str, str]:
+    return {s.file: s.text for s in sources} | {FILE: "\n".join(sets)}
 
 
 def _reached(diagnostic: Diagnostic, files: Files) -> Span:

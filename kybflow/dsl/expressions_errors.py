@@ -35,15 +35,15 @@ def unreadable(text: Text, token: Token, expected: str) -> Unreadable:
             f"found {found} where {expected} should be",
             text.part(token.start, token.end),
             label=f"expected {expected}",
-            help=_way_out(token),
+            help=_way_out(text.text, token),
         )
     )
 
 
-def _way_out(token: Token) -> str:
+def _way_out(text: str, token: Token) -> str:
     if token.text == ",":
         return "the language has no comma: write `distance(a to b)`, `separation(a and b)`"
-    if not token.text:
+    if not token.text and text.count("(") > text.count(")"):
         return "inside {...} YAML ends a value at a comma: write `distance(a to b)` without one"
     return _HABITS.get(token.text, "")
 
@@ -62,16 +62,11 @@ def too_long(text: Text, limit: int) -> Unreadable:
 
 
 def unknown(
-    text: Text, place: tuple[int, int], what: str, name: str, known: Iterable[str]
+    text: Text, place: tuple[int, int], message: str, name: str, known: Iterable[str]
 ) -> Diagnostic:
     """KYB211: a name that nothing in the mission has."""
-    return Diagnostic(
-        "KYB211",
-        f"{what} `{name}` is unknown",
-        text.part(*place),
-        label="unknown",
-        help=did_you_mean(name, known),
-    )
+    span = text.part(*place)
+    return Diagnostic("KYB211", message, span, label="unknown", help=did_you_mean(name, known))
 
 
 def mismatch(

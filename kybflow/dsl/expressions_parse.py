@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from kybflow.dsl import expressions_errors as errors
 from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.dsl.expressions_operands import Operands, Scope
+from kybflow.dsl.expressions_cursor import Scope
+from kybflow.dsl.expressions_operands import Operands
 from kybflow.dsl.expressions_tokens import Token
 from kybflow.dsl.expressions_tree import (
     Aggregate,

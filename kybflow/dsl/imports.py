@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import kybflow
 from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.dsl.nodes import Scalar
+from kybflow.dsl.judge import judge_file
+from kybflow.dsl.nodes import Mapping, Scalar
 from kybflow.dsl.reader import Source, read
 
 CODES = {
@@ -112,12 +113,39 @@ def installed(name: str) -> Path | None:
     return None
 
 
+class Library(NamedTuple):
+    """A library file as read, and what is wrong with its shape."""
+
+    source: Source
+    findings: tuple[Diagnostic, ...]
+
+
+class _Version(NamedTuple):
+    """One state of a file on disk."""
+
+    place: Place
+    modified: int
+    size: int
+
+
 @functools.lru_cache(maxsize=64)
-def _read(path: Path, file: str, modified: int, size: int) -> Source:
-    return read(path, file)
+def _read(version: _Version) -> Library:
+    place = version.place
+    return judged(read(place.path, place.file))
 
 
-def read_library(place: Place) -> Source:
-    """A library file, read again only when it changed."""
-    status = place.path.stat()
-    return _read(place.path, place.file, status.st_mtime_ns, status.st_size)
+def judged(source: Source) -> Library:
+    """The library with what is wrong with it."""
+    root = source.root
+    if source.found or not isinstance(root, Mapping) or "library" not in root.entries:
+        return Library(source, source.found)
+    return Library(source, tuple(judge_file(root, "library")))
+
+
+def read_library(place: Place) -> Library:
+    """A library file, read and judged again only when it changed."""
+    try:
+        status = place.path.stat()
+    except OSError:
+        return judged(read(place.path, place.file))
+    return _read(_Version(place, status.st_mtime_ns, status.st_size))

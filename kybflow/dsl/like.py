@@ -32,13 +32,15 @@ def _over(under: Mapping | None, value: Node) -> Node:
         return value
     if under is not None:
         return merge(under, value)
-    if not any(_prunes(entry.value) for entry in value.entries.values()):
-        return value
-    return merge(Mapping({}, value.span), value)
+    return merge(Mapping({}, value.span), value) if _has_null(value) else value
 
 
-def _prunes(value: Node) -> bool:
-    return isinstance(value, Mapping) or _removes(value)
+def _has_null(value: Mapping) -> bool:
+    """Whether there is anything to remove; a node without keeps being shared."""
+    return any(
+        _removes(entry.value) or (isinstance(entry.value, Mapping) and _has_null(entry.value))
+        for entry in value.entries.values()
+    )
 
 
 def _removes(value: Node) -> bool:

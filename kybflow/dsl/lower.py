@@ -6,7 +6,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.built_in import BUILT_IN, end_of, failure_of
-from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import Document, PartUse, State, Transition, Vehicle
 from kybflow.dsl.expressions import Expression, Scope, parse
 from kybflow.dsl.plan import (
@@ -34,6 +33,7 @@ def lower(
     """The plan of a document that has no errors."""
     scopes = Scopes(document)
     drivers = [v.driver.spec.cls for v in document.vehicles.values()]
+    built_in = _built_in(document.hover_limit, catalog)
     return Plan(
         mission=document.mission.text,
         summary=document.summary,
@@ -43,10 +43,7 @@ def lower(
         hover_limit=document.hover_limit,
         time_limit=document.time_limit,
         fence=document.fence,
-        vehicles=tuple(
-            _vehicle(v, document.hover_limit, scopes, catalog)
-            for v in document.vehicles.values()
-        ),
+        vehicles=tuple(_vehicle(v, scopes, built_in) for v in document.vehicles.values()),
         expectations=tuple(
             ExpectationPlan(text.text, scopes.expectation(text), text.span.at)
             for text in document.expect
@@ -82,9 +79,7 @@ def _parsed(text: Text, scope: Scope) -> Expression:
     return expression
 
 
-def _vehicle(
-    vehicle: Vehicle, hover_limit: float, scopes: Scopes, catalog: Catalog
-) -> VehiclePlan:
+def _vehicle(vehicle: Vehicle, scopes: Scopes, built_in: dict[str, StatePlan]) -> VehiclePlan:
     name = vehicle.name.text
     own = {n: _state(s, name, scopes) for n, s in vehicle.states.items()}
     return VehiclePlan(
@@ -106,7 +101,7 @@ def _vehicle(
         supervisors=tuple(_part(s) for s in vehicle.supervisors),
         driver=_part(vehicle.driver),
         begin=vehicle.begin.text,
-        states={**own, **_built_in(hover_limit, catalog)},
+        states={**own, **built_in},
         at=vehicle.span.at,
     )
 

@@ -115,6 +115,13 @@ def describe(node: Node) -> str:
     return "text" if isinstance(value, str) else "a number"
 
 
+def head_of(node: Node) -> Span:
+    """The first key of a mapping: the place for what is missing in it."""
+    if isinstance(node, Mapping) and node.entries:
+        return next(iter(node.entries.values())).key.span
+    return node.span
+
+
 def count(node: Node, limit: int) -> int:
     """How many nodes hang under `node`, aliases expanded; gives up just above `limit`."""
     total, waiting = 0, [node]

@@ -71,9 +71,7 @@ def _declare(
     assert isinstance(kind, Scalar)
     if kind.text not in TYPES:
         message = f"`{kind.text}` is no type of a parameter"
-        found.append(
-            Diagnostic("KYB134", message, kind.span, help=did_you_mean(kind.text, TYPES))
-        )
+        found.append(Diagnostic("KYB134", message, kind.span, help=did_you_mean(kind.text, TYPES)))
         return None
     field = _field(name, kind.text, body, found)
     default = body.get("default")
@@ -128,7 +126,10 @@ class Substitution:
     """Puts values in the place of `$name`; remembers which were used. A node without any stays the
     same object, and an aliased one is replaced once."""
 
-    def __init__(self, declared: dict[str, Declared], found: list[Diagnostic]) -> None:
+    def __init__(
+        self, section: Node | None, declared: dict[str, Declared], found: list[Diagnostic]
+    ) -> None:
+        self._names = tuple(section.entries) if isinstance(section, Mapping) else ()
         self._declared = declared
         self._found = found
         self._done: dict[int, tuple[Node, Node]] = {}
@@ -180,15 +181,15 @@ class Substitution:
         self, name: str, node: Scalar, place: tuple[int, int] | None = None
     ) -> Declared | None:
         self._used.add(name)
-        if name in self._declared:
-            return self._declared[name]
+        if name in self._names:
+            return self._declared.get(name)
         span = node.as_text.part(*place) if place else node.span
         self._found.append(
             Diagnostic(
                 "KYB130",
                 f"no parameter is called `{name}`",
                 span,
-                help=did_you_mean(name, self._declared) or "declare it under `parameters`",
+                help=did_you_mean(name, self._names) or "declare it under `parameters`",
             )
         )
         return None

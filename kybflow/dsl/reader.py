@@ -233,9 +233,7 @@ def _not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
     lines = text.splitlines()
     line_text = lines[mark.line] if mark.line < len(lines) else ""
     if "\t" in line_text[: mark.column + 1]:
-        return Diagnostic(
-            "KYB004", "a tab can't indent YAML", span, help="indent with spaces"
-        )
+        return Diagnostic("KYB004", "a tab can't indent YAML", span, help="indent with spaces")
     problem = getattr(error, "problem", None) or "it can't be understood"
     context = getattr(error, "context", None)
     notes = (context,) if context else ()

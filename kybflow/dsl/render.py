@@ -1,4 +1,4 @@
-"""Findings as a person reads them, or as a program does. No colour here: the command line adds it."""
+"""Findings as a person reads them, or as a program does. Colour is the command line's."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _WIDEST = 160
 def render(diagnostic: Diagnostic, texts: dict[str, str]) -> str:
     """The report of one finding:
 
-        missions/courier.yaml:31:48 error[KYB203]: `release` can't follow `depart`
-           31 |   depart:  {do: take_off, height: 1.2 m, then: release, failed: down}
-              |                                                ^^^^^^^ needs a vehicle on the ground
-              = `depart` (take_off) leaves the vehicle in the air
-              = help: did you mean `deliver`?
+    missions/courier.yaml:31:48 error[KYB203]: `release` can't follow `depart`
+       31 |   depart:  {do: take_off, height: 1.2 m, then: release, failed: down}
+          |                                                ^^^^^^^ needs a vehicle on the ground
+          = `depart` (take_off) leaves the vehicle in the air
+          = help: did you mean `deliver`?
     """
     return "\n".join(printable(line) for line in _lines(diagnostic, texts))
 
@@ -62,7 +62,9 @@ def printable(text: str) -> str:
     """`text` without what could command a terminal or can't be encoded."""
     if text.isprintable():
         return text
-    return "".join(c if c.isprintable() else c.encode("unicode_escape", "replace").decode() for c in text)
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "replace").decode() for c in text
+    )
 
 
 def to_json(diagnostic: Diagnostic) -> dict[str, Any]:

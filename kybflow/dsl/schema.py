@@ -7,19 +7,15 @@ the dimension of a quantity, so that a finding can say which was needed.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from kybflow.params import Field, fields_of
-from kybflow.site import Airframe
-from kybflow.units import DURATION, FREQUENCY, LENGTH, ANGLE, Dimension
-
-if TYPE_CHECKING:
-    from kybflow.catalog import Catalog, PartSpec
+from kybflow.dsl.values import shown_value
+from kybflow.params import Field
+from kybflow.units import Dimension
 
 Schema = dict[str, Any]
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 _PARAMETER = r"\$[A-Za-z_]\w*"
-_NAME = "^[A-Za-z_][A-Za-z0-9_]*$"
 
 
 def quantity(dimension: Dimension, help: str, **bounds: Any) -> Schema:
@@ -59,7 +55,11 @@ def vector(dimension: Dimension, help: str, **bounds: Any) -> Schema:
 
 def field_schema(field: Field) -> Schema:
     """The schema of one parameter."""
-    help = field.help if field.required else f"{field.help} Default: {field.default}."
+    text = (
+        field.help
+        if field.required
+        else f"{field.help} Default: {shown_value(field.default, field)}."
+    )
     bounds = {
         key: bound
         for key, bound in (
@@ -72,22 +72,27 @@ def field_schema(field: Field) -> Schema:
     }
     if field.dimension is not None:
         if field.shape == "scalar":
-            return quantity(field.dimension, help, **bounds)
-        point = vector(field.dimension, help, **bounds)
+            return quantity(field.dimension, text, **bounds)
+        point = vector(field.dimension, text, **bounds)
         if field.shape == "vector":
             return point
         return {
-            "description": help,
+            "description": text,
             "type": ["array", "string"],
             "pattern": f"^{_PARAMETER}$",
             "items": point,
             "minItems": 1,
         }
     if field.shape == "choice":
-        return {"description": help, "type": "string", "enum": list(field.choices)}
+        return {"description": text, "type": "string", "enum": list(field.choices)}
     if field.shape == "text":
-        return {"description": help, "type": "string"}
-    return {"description": help, "type": [field.shape, "string"], "pattern": f"^{_PARAMETER}$", **bounds}
+        return {"description": text, "type": "string"}
+    return {
+        "description": text,
+        "type": [field.shape, "string"],
+        "pattern": f"^{_PARAMETER}$",
+        **bounds,
+    }
 
 
 def params_schema(fields: tuple[Field, ...], title: str) -> Schema:
@@ -101,181 +106,28 @@ def params_schema(fields: tuple[Field, ...], title: str) -> Schema:
     }
 
 
-def _text(help: str) -> Schema:
-    return {"description": help, "type": "string"}
+def nullable(schema: Any) -> Any:
+    """The schema with `null` allowed wherever a key may be left out: it is the same as not
+    written."""
+    if isinstance(schema, list):
+        return [nullable(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    new = {key: nullable(value) for key, value in schema.items()}
+    if isinstance(schema.get("properties"), dict):
+        needed = schema.get("required", ())
+        new["properties"] = {
+            name: nullable(inner) if name in needed else _with_null(nullable(inner))
+            for name, inner in schema["properties"].items()
+        }
+    if isinstance(schema.get("additionalProperties"), dict):
+        new["additionalProperties"] = _with_null(new["additionalProperties"])
+    return new
 
 
-def _named(help: str, value: Schema, **more: Any) -> Schema:
-    """A mapping of names to `value`."""
-    names = {"pattern": _NAME}
-    return {
-        "description": help, "type": "object", "propertyNames": names,
-        "additionalProperties": value, **more,
-    }  # fmt: skip
-
-
-def _mapping(title: str, help: str, properties: Schema, **more: Any) -> Schema:
-    return {
-        "title": title, "description": help, "type": "object", "properties": properties,
-        "additionalProperties": False, **more,
-    }  # fmt: skip
-
-
-def _use(title: str, help: str, extra: Schema | None = None) -> Schema:
-    """A part by its bare name, or a mapping with `use` and its parameters."""
-    properties = {
-        "use": _text("Name of the part."),
-        "as": _text("A name of its own, when the same part is used twice."),
-        **(extra or {}),
-    }
-    return {
-        "title": title, "description": help, "type": ["string", "object"],
-        "properties": properties, "required": ["use"],
-    }  # fmt: skip
-
-
-def _uses(title: str, help: str, extra: Schema | None = None) -> Schema:
-    return {"description": help, "type": "array", "items": _use(title, "One of them.", extra)}
-
-
-NEXT = _mapping(
-    "transition",
-    "One way out of a behavior: all of `when`, `event` and `after` that are written must hold.",
-    {
-        "when": _text("A condition, like `state.altitude > 1 m`."),
-        "event": _text("An event to hear."),
-        "after": quantity(DURATION, "Time in the behavior.", minimum=0),
-        "for": quantity(DURATION, "How long the condition must hold.", minimum=0),
-        "go": _text("The behavior to go to."),
-    },
-    required=["go"],
-)
-STATE: Schema = {
-    "title": "behavior",
-    "description": "One state: what the vehicle does, and where it goes from there.",
-    "type": "object",
-    "properties": {
-        "do": _text("The behavior to fly; its parameters are keys beside it."),
-        "then": _text("Where to go when it is done."),
-        "next": {
-            "description": "Ways out, asked from the top in every tick.",
-            "type": "array",
-            "items": NEXT,
-        },
-        "failed": _text("Where to go when it fails."),
-        "within": quantity(DURATION, "It fails when it takes longer.", exclusiveMinimum=0),
-    },
-}
-ESTIMATOR_KEYS: Schema = {
-    "healthy": _text("A condition: the estimate may be used, like `age < 100 ms`."),
-    "recover_after": quantity(DURATION, "Healthy so long before it is used again.", minimum=0),
-    "for_at_most": quantity(DURATION, "Use it no longer than this.", exclusiveMinimum=0),
-}
-START = _mapping(
-    "start",
-    "Where the vehicle stands before take-off.",
-    {
-        "at": vector(LENGTH, "Position, world frame (ENU)."),
-        "heading": quantity(ANGLE, "Angle of the nose from east, counter-clockwise."),
-    },
-)
-
-
-def _airframe() -> Schema:
-    schema = params_schema(fields_of(Airframe), "airframe")
-    return {**schema, "required": [], "properties": {"like": _text("Start from this airframe."), **schema["properties"]}}
-
-
-def _vehicle() -> Schema:
-    airframe = {**_airframe(), "type": ["string", "object"]}
-    return _mapping(
-        "vehicle",
-        "What flies, what it trusts, what it does.",
-        {
-            "like": _text("Start from this vehicle: mappings merge, lists are replaced, null removes."),
-            "airframe": {**airframe, "description": "Name of an airframe, or its numbers."},
-            "start": START,
-            "estimators": _uses("estimator", "The first healthy one is used, from the top.", ESTIMATOR_KEYS),
-            "processors": _uses("processor", "What may bend the setpoint, in this order."),
-            "tracker": _use("tracker", "What turns the setpoint into a command."),
-            "supervisors": _uses("supervisor", "What watches a bound."),
-            "begin": _text("The first behavior; without it the topmost."),
-            "behaviors": _named("The vehicle's state machine: exactly one is active.", STATE),
-        },
-    )  # fmt: skip
-
-
-def _parameter() -> Schema:
-    value: Schema = {"type": ["number", "string", "boolean", "array"]}
-    return _mapping(
-        "parameter",
-        "A value that `--set` may change; `$name` stands for it.",
-        {
-            "type": _text("`length`, `duration`, `position`, `ratio`, `number`, ..."),
-            "default": {"description": "The value when nothing sets it.", **value},
-            **{bound: {"description": "A bound.", "type": ["number", "string"]}
-               for bound in ("above", "at_least", "below", "at_most")},
-            "help": _text("What it is."),
-        },
-        required=["type"],
-    )  # fmt: skip
-
-
-def _import() -> Schema:
-    return {
-        "title": "import",
-        "type": ["string", "object"],
-        "properties": {"from": _text("The library's file."), "with": {"type": "object"}},
-        "required": ["from"],
-        "additionalProperties": False,
-    }
-
-
-def _shared() -> Schema:
-    return {
-        "summary": _text("One line for people."),
-        "import": _named("Libraries, each under a name.", _import()),
-        "parameters": _named("Values that `--set` may change.", _parameter()),
-        "airframes": _named("Airframes by name.", _airframe()),
-        "vehicles": _named("What flies, by name.", _vehicle()),
-    }
-
-
-def library_schema() -> Schema:
-    """The shape of a library file."""
-    return _mapping(
-        "library", "What missions share.",
-        {"library": _text("Its name."), **_shared()}, required=["library"],
-    )  # fmt: skip
-
-
-def skeleton() -> Schema:
-    """The shape of a mission, with no part in it."""
-    fence = _mapping(
-        "fence",
-        "The box that no vehicle may leave.",
-        {"from": vector(LENGTH, "Its lowest corner."), "to": vector(LENGTH, "Its highest corner.")},
-        required=["from", "to"],
-    )
-    driver = _mapping(
-        "vehicle's target", "How a vehicle is reached.",
-        {"driver": _use("driver", "What flies it.")},
-    )  # fmt: skip
-    shared = _shared()
-    shared["vehicles"] = {**shared["vehicles"], "minProperties": 1}
-    return _mapping(
-        "mission",
-        "A kybflow mission: what flies, what it trusts, what it does, what is expected of it.",
-        {
-            "kybflow": {"description": "Version of the language.", "const": 1},
-            "mission": _text("Its name."),
-            **shared,
-            "world": _mapping("world", "Where it flies.", {"fence": fence}),
-            "control": quantity(FREQUENCY, "Control rate, a whole number of Hz.", exclusiveMinimum=0),
-            "hover_limit": quantity(DURATION, "A hover entered by default lands after this.", exclusiveMinimum=0),
-            "time_limit": quantity(DURATION, "The run ends after this at the latest.", exclusiveMinimum=0),
-            "expect": {"description": "What must hold for the mission to succeed.", "type": "array", "items": {"type": "string"}},
-            "targets": _named("Where it can fly: `all` or a vehicle's name, and its driver.", _named("One target.", driver)),
-        },
-        required=["kybflow", "mission", "vehicles"],
-    )  # fmt: skip
+def _with_null(schema: Any) -> Any:
+    if not isinstance(schema, dict) or "type" not in schema:
+        return schema
+    kinds = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
+    choices = {"enum": [*schema["enum"], None]} if "enum" in schema else {}
+    return {**schema, "type": [*kinds, "null"], **choices}

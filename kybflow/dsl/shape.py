@@ -84,7 +84,8 @@ def _span_of(node: Node | None) -> Any:
 
 
 def _duration(root: Mapping, key: str, default: float, found: list[Diagnostic]) -> float:
-    return _quantity(root.get(key), key, DURATION, default, found)
+    value: float = _quantity(root.get(key), key, DURATION, default, found)
+    return value
 
 
 def _quantity(
@@ -110,13 +111,11 @@ def _fence(root: Mapping, found: list[Diagnostic]) -> Box | None:
     if fence is None or not isinstance(fence.value, Mapping):
         return None
     field = quantity_field("fence", LENGTH, "vector")
-    corners = [
-        None if node is None else decode(node, field, found)
-        for node in (fence.value.get("from"), fence.value.get("to"))
-    ]
-    if None in corners:
+    first, second = fence.value.get("from"), fence.value.get("to")
+    low = None if first is None else decode(first, field, found)
+    high = None if second is None else decode(second, field, found)
+    if low is None or high is None:
         return None
-    low, high = corners
     if not all(a < b for a, b in zip(low, high, strict=True)):
         found.append(
             Diagnostic(
@@ -176,9 +175,7 @@ def _drivers(root: Mapping, target: Text, uses: Uses) -> dict[str, PartUse]:
     return drivers
 
 
-def _vehicles(
-    root: Mapping, drivers: dict[str, PartUse], vehicles: Vehicles
-) -> dict[str, Vehicle]:
+def _vehicles(root: Mapping, drivers: dict[str, PartUse], vehicles: Vehicles) -> dict[str, Vehicle]:
     decoded: dict[str, Vehicle] = {}
     for name, entry in _entries(root.get("vehicles")).items():
         vehicle = vehicles.one(entry, drivers.get(name))

@@ -31,11 +31,19 @@ class Uses:
     def __init__(self, catalog: Catalog, found: list[Diagnostic]) -> None:
         self.catalog = catalog
         self.found = found
+        self._done: dict[tuple[str, int], tuple[Node, PartUse | None]] = {}
 
     def one(
         self, kind: str, node: Node, own: frozenset[str] = frozenset(), word: str = "use"
     ) -> PartUse | None:
-        """The part that `node` names; `own` are the keys beside the part's parameters."""
+        """The part that `node` names; `own` are the keys beside the part's parameters. A node that
+        several vehicles share is decoded once."""
+        key = (kind, id(node))
+        if key not in self._done:
+            self._done[key] = (node, self._one(kind, node, own, word))
+        return self._done[key][1]
+
+    def _one(self, kind: str, node: Node, own: frozenset[str], word: str) -> PartUse | None:
         name = node if isinstance(node, Scalar) else None
         body = Mapping({}, node.span)
         if isinstance(node, Mapping):
@@ -90,14 +98,17 @@ class Uses:
     ) -> Any:
         """The parameters of `part` as `cls`; None when they have errors. `head` is the place for
         what is missing."""
-        placed = body if body.entries else Mapping({}, head)
-        findings = judge_params(placed, fields, part)
-        values: dict[str, Any] = {}
-        if not findings:
-            for field in fields:
-                node = body.get(field.name)
-                if node is not None:
-                    values[field.name] = decode(node, field, findings)
+        if not body.entries and not any(field.required for field in fields):
+            return cls()
+        decoded: list[Diagnostic] = []
+        values = {
+            field.name: decode(node, field, decoded)
+            for field in fields
+            if (node := body.get(field.name)) is not None
+        }
+        said = {finding.span for finding in decoded}
+        judged = judge_params(Mapping(body.entries, head), fields, part)
+        findings = [*decoded, *(finding for finding in judged if finding.span not in said)]
         self.found += findings
         return None if findings else cls(**values)
 

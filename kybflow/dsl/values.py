@@ -166,3 +166,14 @@ def _wrong(node: Node, field: Field) -> Diagnostic:
 def _example(field: Field, dimension: Dimension) -> str:
     shape = {"vector": "[{0}, {0}, {0}]", "path": "[[{0}, {0}, {0}], ...]"}
     return f"write it like `{shape.get(field.shape, '{0}').format(dimension.example)}`"
+
+
+def shown_value(value: Any, field: Field) -> str:
+    """`value` (SI) as a person would write it; `none` for an optional one that is not set."""
+    if value is None:
+        return "none"
+    if isinstance(value, tuple):
+        return f"[{', '.join(shown_value(item, field) for item in value)}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return _shown(value, field.dimension) if isinstance(value, float) else str(value)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from kybflow.dsl.built_in import BUILT_IN, failure_of
+from kybflow.dsl.built_in import failure_of
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import EstimatorUse, PartUse, State, Transition, Vehicle
-from kybflow.dsl.expressions_tokens import KEYWORDS
 from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence
 from kybflow.dsl.source import Span, Text
 from kybflow.dsl.uses import Uses
@@ -18,7 +17,6 @@ from kybflow.site import Airframe
 from kybflow.units import ANGLE, DURATION, LENGTH, Dimension
 
 CODES = {
-    "KYB110": "A name that can't be one.",
     "KYB143": "A transition that says nothing of when.",
 }
 _ESTIMATOR = frozenset({"healthy", "recover_after", "for_at_most"})
@@ -36,7 +34,6 @@ class Vehicles:
         """The vehicle, None when it has errors."""
         name, body = entry.key, entry.value
         assert isinstance(body, Mapping)
-        self._check_name(name, "a vehicle")
         airframe = self._airframe(name, body)
         start, heading, start_span = self._start(name, body)
         estimators = self._estimators(body)
@@ -62,11 +59,6 @@ class Vehicles:
             states=states,
             span=name.span,
         )
-
-    def _check_name(self, name: Scalar, what: str) -> None:
-        if name.text in KEYWORDS:
-            message = f"{what} can't be called `{name.text}`: it is a word of the language"
-            self._found.append(Diagnostic("KYB110", message, name.span))
 
     def _missing(self, name: Scalar, key: str, help: str) -> None:
         message = f"the vehicle `{name.text}` needs `{key}`"
@@ -149,10 +141,6 @@ class Vehicles:
 
     def _state(self, entry: Entry) -> State | None:
         name, node = entry.key, entry.value
-        self._check_name(name, "a behavior")
-        if name.text in BUILT_IN:
-            message = f"`{name.text}` is a state that every vehicle has already"
-            self._found.append(Diagnostic("KYB110", message, name.span, help="choose another"))
         use = self._uses.one("behaviors", node, _STATE, "do")
         if use is None or not isinstance(node, Mapping):
             return None
@@ -165,7 +153,7 @@ class Vehicles:
         for cause in ("then", "failed"):
             goal = node.get(cause)
             if isinstance(goal, Scalar):
-                arrows.append(Transition(cause, goal.as_text, goal.span))  # type: ignore[arg-type]
+                arrows.append(Transition(cause, goal.as_text, goal.span))
         limit = node.get("within")
         after = self._quantity(limit, "within", DURATION)
         if limit is not None and after is not None:

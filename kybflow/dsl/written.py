@@ -10,7 +10,7 @@ from kybflow.dsl.document import Document, EstimatorUse, PartUse, State, Transit
 from kybflow.dsl.source import Span, Text
 from kybflow.params import Field, fields_of
 from kybflow.site import Airframe
-from kybflow.units import DURATION, FREQUENCY, LENGTH, ANGLE, Dimension
+from kybflow.units import ANGLE, DURATION, FREQUENCY, LENGTH, Dimension
 
 Line = tuple[str, str]
 """A line of YAML, and where it came from; empty for a default."""

@@ -64,60 +64,86 @@ def fly(
     that can't be changed; whatever happens later is in the summary."""
     began, started = time.monotonic(), datetime.now().astimezone()
     folder = create_run_folder(plan, request.out, started)
-    folder.describe(plan, request.seed, started)
     recorder = Recorder(folder.log, plan)
-    events = Events((recorder.event, folder.event, *listeners))
-    score, sessions = Score(plan), []
-    driver_failed: str | None = None
-    reason: str | None = None
-    engine: Engine | None = None
     try:
-        sessions = _open(plan, request.seed)
-        vehicles = _vehicles(plan, sessions, events, recorder, score)
-        engine = Engine(plan, _clock(plan, request.speed), sessions, vehicles, events, observers)
-        for name, value in request.options:
-            engine.options.set(name, value, "command line")
-        with _Interrupts(engine):
-            reason = engine.run()
-    except DriverError as error:
-        driver_failed = str(error)
+        folder.describe(plan, request.seed, started)
+        events = Events((recorder.event, folder.event, *listeners))
+        run = _Run(plan, request, events, recorder)
+        run.fly(observers)
+        recorder.close()
+        summary = run.summary(time.monotonic() - began, recorder.failed or folder.failed)
+        folder.finish(summary)
     finally:
-        for session in sessions:
-            session.close()
-        verdicts = _close(engine, events, recorder, reason or driver_failed)
-    ending = Ending(
-        reason=reason,
-        interrupted=engine is not None and engine.interrupts > 0,
-        driver=driver_failed,
-        recording=recorder.failed or folder.failed,
-        airborne=tuple(v.name for v in engine.vehicles if v.activity.airborne) if engine else (),
-    )
-    summary = summarise(
-        plan,
-        score,
-        verdicts,
-        ending,
-        seed=request.seed,
-        sim_time_s=engine.seconds() if engine else 0.0,
-        wall_time_s=time.monotonic() - began,
-    )
-    folder.finish(summary)
+        recorder.close()
+        folder.close()
     return Flown(folder.path, summary)
 
 
-def _close(
-    engine: Engine | None, events: Events, recorder: Recorder, reason: str | None
-) -> tuple[Verdict, ...]:
-    """Judge, tell the end and close the recording."""
-    verdicts: tuple[Verdict, ...] = ()
-    if engine is not None:
+class _Run:
+    """A run under way: what is open, and how it ended."""
+
+    def __init__(self, plan: Plan, request: Request, events: Events, recorder: Recorder) -> None:
+        self._plan, self._request = plan, request
+        self._events, self._recorder = events, recorder
+        self._score = Score(plan)
+        self._engine: Engine | None = None
+        self._reason: str | None = None
+        self._driver_failed: str | None = None
+        self._verdicts: tuple[Verdict, ...] = ()
+
+    def fly(self, observers: Sequence[Observer]) -> None:
+        """Open the drivers, fly to the end, close them."""
+        sessions: list[Session] = []
+        try:
+            sessions = _open(self._plan, self._request.seed)
+            self._reason = self._flown(sessions, observers)
+        except DriverError as error:
+            self._driver_failed = str(error)
+        finally:
+            for session in sessions:
+                session.close()
+        self._judge()
+        self._events.tell("run_ended", reason=self._reason or self._driver_failed)
+
+    def _flown(self, sessions: Sequence[Session], observers: Sequence[Observer]) -> str | None:
+        plan, events = self._plan, self._events
+        vehicles = _vehicles(plan, sessions, events, self._recorder, self._score)
+        clock = _clock(plan, self._request.speed)
+        engine = self._engine = Engine(plan, clock, sessions, vehicles, events, observers)
+        for name, value in self._request.options:
+            engine.options.set(name, value, "command line")
+        with _Interrupts(engine):
+            return engine.run()
+
+    def _judge(self) -> None:
+        engine = self._engine
+        if engine is None:
+            return
         if engine.flying:
             for vehicle in engine.vehicles:
                 vehicle.activity.close(engine.clock.now)
-        verdicts = engine.judge.verdicts(engine.seconds() if reason is None else None)
-    events.tell("run_ended", reason=reason)
-    recorder.close()
-    return verdicts
+        ended_well = self._reason is None and self._driver_failed is None
+        self._verdicts = engine.judge.verdicts(engine.seconds() if ended_well else None)
+
+    def summary(self, wall_time_s: float, recording: str | None) -> dict[str, Any]:
+        """The content of `summary.json`."""
+        engine = self._engine
+        ending = Ending(
+            reason=self._reason,
+            interrupted=engine is not None and engine.interrupts > 0,
+            driver=self._driver_failed,
+            recording=recording,
+            airborne=[v.name for v in engine.vehicles if v.activity.airborne] if engine else (),
+        )
+        return summarise(
+            self._plan,
+            self._score,
+            self._verdicts,
+            ending,
+            seed=self._request.seed,
+            sim_time_s=engine.seconds() if engine else 0.0,
+            wall_time_s=wall_time_s,
+        )
 
 
 def _open(plan: Plan, seed: int) -> list[Session]:

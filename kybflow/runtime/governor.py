@@ -39,20 +39,21 @@ class Follower:
         self.behind = False
         self._time: Time | None = None
 
-    def resume(self, asked: Motion, tick: Tick) -> None:
+    def resume(self, position: Vec3, velocity: Vec3, tick: Tick) -> None:
         """Be where the trajectory was a tick ago; the first thing in every tick."""
         if self._time is None or (tick.now - self._time) > 1.5e9 * tick.dt + 1.0:
             last = tick.setpoint
             if last is None or last.position is None or last.velocity is None:
-                self.position, self.velocity = asked.position, asked.velocity
+                self.velocity = velocity
+                self.position = sub(position, scale(velocity, tick.dt))
             else:
                 self.position, self.velocity = last.position, last.velocity
             self.behind = False
         self._time = tick.now
 
-    def join(self, asked: Motion) -> None:
+    def join(self, position: Vec3, velocity: Vec3) -> None:
         """Go on as the trajectory that is asked for."""
-        self.position, self.velocity = asked.position, asked.velocity
+        self.position, self.velocity = position, velocity
         self.behind = False
 
     def follow(self, asked: Motion, speed: float, acceleration: float, dt: float) -> Motion:
@@ -90,7 +91,7 @@ def shortened(vector: Vec3, longest: float) -> Vec3:
 
 
 def motion_of(setpoint: Setpoint) -> Motion:
-    """The motion that a setpoint of position asks for; what it leaves out is zero."""
+    """The motion that a setpoint asks for; what it leaves out is zero."""
     return Motion(
         setpoint.position or ZERO,
         setpoint.velocity or ZERO,

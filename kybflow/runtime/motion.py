@@ -19,6 +19,8 @@ IDLE = Setpoint(SetpointKind.IDLE)
 """Rotors at rest, on the ground."""
 COAST_ACCELERATION = 1.5
 """Deceleration (m/s^2) with which a behavior sheds the velocity that it was entered with."""
+_SHORTEST = 0.5
+_STILL = 1e-6
 SPEED_SHARE = 0.95
 """The share of the airframe's speed limit that a planned motion uses; the rest is for tracking."""
 
@@ -40,11 +42,14 @@ class Motion(NamedTuple):
         )
 
     def setpoint(self, heading: float, heading_rate: float = 0.0) -> Setpoint:
-        return Setpoint(SetpointKind.POSITION, *self, heading, heading_rate)
+        position, velocity, acceleration, jerk = self
+        kind = SetpointKind.POSITION
+        return Setpoint(kind, position, velocity, acceleration, jerk, heading, heading_rate)
 
     def setpoint_like(self, asked: Setpoint) -> Setpoint:
         """This motion, with the heading of `asked`."""
-        return Setpoint(SetpointKind.POSITION, *self, asked.heading, asked.heading_rate)
+        heading = asked.heading
+        return Setpoint(SetpointKind.POSITION, *self, heading, asked.heading_rate)
 
 
 class Straight:
@@ -81,16 +86,17 @@ class Coast:
     """Coming to rest from a position and a velocity, straight on.
 
     v(t) = v0 (1 - S(t / T)), S the smoothstep, T = 15/8 |v0| / deceleration, so that the peak
-    deceleration is the one asked for; it ends v0 T / 2 further on.
+    deceleration is the one asked for, but T at least 0.5 s, because the peak jerk goes with
+    v0 / T^2; it ends v0 T / 2 further on.
     """
 
     __slots__ = ("_origin", "_velocity", "duration", "end")
 
     def __init__(self, origin: Vec3, velocity: Vec3, deceleration: float) -> None:
         self._origin, self._velocity = origin, velocity
-        self.duration = STEEPEST * norm(velocity) / deceleration
-        if self.duration < 1e-6:
-            self.duration = 0.0
+        speed = norm(velocity)
+        still = speed < _STILL
+        self.duration = 0.0 if still else max(STEEPEST * speed / deceleration, _SHORTEST)
         self.end = add(origin, scale(velocity, 0.5 * self.duration))
 
     @classmethod

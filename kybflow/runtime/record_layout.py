@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from kybflow.dsl.plan import Plan, VehiclePlan
+from kybflow.parts import AIR
 from kybflow.signals import NS, Event, SetpointKind
 
 PACKAGE = "kybflow"
@@ -112,6 +114,33 @@ def event_record(event: Event) -> dict[str, Any]:
         "vehicle": event.vehicle,
         "at": event.at,
         "fields": event.fields,
+    }
+
+
+def head(plan: Plan) -> dict[str, Any]:
+    """What a reader of the file needs to know of the mission; it stands in the file's metadata."""
+    return {
+        "mission": plan.mission,
+        "summary": plan.summary,
+        "target": plan.target,
+        "simulated": plan.simulated,
+        "control_rate": plan.control_rate,
+        "fence": [plan.fence.low, plan.fence.high] if plan.fence else None,
+        "vehicles": {v.name: _vehicle(v) for v in plan.vehicles},
+    }
+
+
+def _vehicle(vehicle: VehiclePlan) -> dict[str, Any]:
+    return {
+        "start": vehicle.start,
+        "heading": vehicle.heading,
+        "states": {
+            state.name: {
+                "built_in": state.built_in,
+                "aloft": all(leg == (AIR, AIR) for leg in state.legs),
+            }
+            for state in vehicle.states.values()
+        },
     }
 
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from struct import Struct
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from foxglove import Channel, Context, Schema, open_mcap
 from foxglove.mcap import MCAPWriteOptions
 
-from kybflow.dsl.plan import Plan, VehiclePlan
+from kybflow.dsl.plan import Plan
 from kybflow.geometry import Vec3
 from kybflow.runtime.record_layout import (
     EVENT_SCHEMA,
@@ -31,6 +31,7 @@ from kybflow.runtime.record_layout import (
     SETPOINT_KINDS,
     definition,
     event_record,
+    head,
     struct_format,
 )
 from kybflow.runtime.record_sink import Sink
@@ -90,7 +91,7 @@ class Recorder:
                 calculate_data_section_crc=False,
             ),
         )
-        self._writer.write_metadata(METADATA, {"plan": json.dumps(_describe(plan))})
+        self._writer.write_metadata(METADATA, {"plan": json.dumps(head(plan))})
         self._events = Channel(EVENTS_TOPIC, schema=EVENT_SCHEMA, context=self._context)
         self._vehicles = {v.name: VehicleChannel(v.name, self._context) for v in plan.vehicles}
         self._closed = False
@@ -187,24 +188,3 @@ def _log(context: Context, topic: str, message: str) -> Callable[[bytes, int], N
     schema = Schema(name=f"{PACKAGE}/{message}", encoding="ros1msg", data=definition(message))
     channel = Channel(topic, message_encoding="ros1", schema=schema, context=context)
     return channel.base.log  # without the wrapper, which looks at each message's type
-
-
-def _describe(plan: Plan) -> dict[str, Any]:
-    """What a reader of the file needs to know of the mission."""
-    return {
-        "mission": plan.mission,
-        "summary": plan.summary,
-        "target": plan.target,
-        "simulated": plan.simulated,
-        "control_rate": plan.control_rate,
-        "fence": [plan.fence.low, plan.fence.high] if plan.fence else None,
-        "vehicles": {v.name: _describe_vehicle(v) for v in plan.vehicles},
-    }
-
-
-def _describe_vehicle(vehicle: VehiclePlan) -> dict[str, Any]:
-    return {
-        "start": vehicle.start,
-        "heading": vehicle.heading,
-        "diameter": vehicle.airframe.diameter,
-    }

@@ -7,24 +7,21 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Channel, Message, Metadata
-from mcap.stream_reader import StreamReader
+from mcap.exceptions import McapError
 from numpy.typing import NDArray
 
-from kybflow.runtime.record_layout import HAS_POSITION, HAS_VELOCITY, METADATA, dtype_spec
+from kybflow.runtime.record_layout import HAS_POSITION, HAS_VELOCITY, dtype_spec
+from kybflow.runtime.report_log import Log, read_log
 from kybflow.runtime.run_folder import EVENTS, LOG, PROVENANCE, SUMMARY, RunFolderError
 from kybflow.signals import NS
 
 Array = NDArray[np.float64]
 
-RATE = 50
-"""Ticks a second that the report shows."""
 MOST = 6000
 """The most ticks of one vehicle that it shows; a long run is shown more coarsely."""
 
@@ -33,14 +30,16 @@ _TICK, _BATTERY = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Battery"))
 
 @dataclass(frozen=True)
 class Visit:
-    """One visit to a state, from `start` to `end` seconds; `ended` is how, empty for the last of a
-    run that was killed."""
+    """One visit to a state, from `start` to `end` seconds. ended: how, empty where the recording
+    ends before it. aloft: it neither takes off nor lands. built_in: no mission wrote it."""
 
     name: str
     part: str
     start: float
     end: float
     ended: str
+    aloft: bool
+    built_in: bool
 
 
 @dataclass(frozen=True)
@@ -77,57 +76,20 @@ class Run:
     end: float
 
 
-@dataclass(frozen=True)
-class _Log:
-    mission: dict[str, Any]
-    messages: dict[str, list[Message]] = field(default_factory=dict)
-    seen: dict[str, int] = field(default_factory=dict)
-    last: dict[str, int] = field(default_factory=dict)
-
-
 def read_run(folder: Path) -> Run:
     """The run in `folder`. Raises RunFolderError where its files can't be read."""
     try:
-        log = _read_log(folder / LOG)
+        log = read_log(folder / LOG)
         events = [json.loads(line) for line in _whole_lines(folder / EVENTS)]
         summary, provenance = _read_json(folder / SUMMARY), _read_json(folder / PROVENANCE)
     except (OSError, ValueError, McapError) as error:
         raise RunFolderError(f"`{folder}` is no run that can be read: {error}") from error
     end = max([0, *log.last.values()]) / NS
     tracks = tuple(
-        _track(name, facts, log, _visits(events, name, end))
+        _track(name, facts, log, _visits(events, name, facts["states"], end))
         for name, facts in log.mission["vehicles"].items()
     )
     return Run(log.mission, summary, provenance, events, tracks, end)
-
-
-def _read_log(path: Path) -> _Log:
-    mission: dict[str, Any] = {"vehicles": {}}
-    topics: dict[int, str] = {}
-    log = _Log(mission)
-    with path.open("rb") as file:
-        try:
-            for record in StreamReader(file).records:
-                if isinstance(record, Message):
-                    _keep(log, topics[record.channel_id], record)
-                elif isinstance(record, Channel):
-                    topics[record.id] = record.topic
-                elif isinstance(record, Metadata) and record.name == METADATA:
-                    mission.update(json.loads(record.metadata["plan"]))
-        except EndOfFile:
-            pass  # the run was killed, or is still going on
-    return log
-
-
-def _keep(log: _Log, topic: str, message: Message) -> None:
-    """Keep battery reports, and ticks at the rate of the report."""
-    log.last[topic] = message.log_time
-    if topic.endswith("/battery"):
-        log.messages.setdefault(topic, []).append(message)
-    elif topic.endswith("/tick"):
-        seen = log.seen[topic] = log.seen.get(topic, -1) + 1
-        if seen % max(1, log.mission["control_rate"] // RATE) == 0:
-            log.messages.setdefault(topic, []).append(message)
 
 
 def _whole_lines(path: Path) -> list[str]:
@@ -140,21 +102,23 @@ def _read_json(path: Path) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def _visits(events: list[dict[str, Any]], vehicle: str, end: float) -> tuple[Visit, ...]:
+def _visits(
+    events: list[dict[str, Any]], vehicle: str, states: dict[str, dict[str, bool]], end: float
+) -> tuple[Visit, ...]:
     visits: list[Visit] = []
     for event in events:
         if event["vehicle"] != vehicle:
             continue
         fields, t = event["fields"], event["t_s"]
         if event["event"] == "behavior_started":
-            visits.append(Visit(fields["behavior"], fields.get("part") or "", t, end, ""))
+            name, part = fields["behavior"], fields["part"]
+            visits.append(Visit(name, part, t, end, "", **states[name]))
         elif event["event"] == "behavior_ended" and visits:
-            last = visits[-1]
-            visits[-1] = Visit(last.name, last.part, last.start, t, fields["how"])
+            visits[-1] = replace(visits[-1], end=t, ended=fields["how"])
     return tuple(visits)
 
 
-def _track(name: str, facts: dict[str, Any], log: _Log, visits: tuple[Visit, ...]) -> Track:
+def _track(name: str, facts: dict[str, Any], log: Log, visits: tuple[Visit, ...]) -> Track:
     messages = log.messages.get(f"/{name}/tick", [])
     kept = messages[:: max(1, math.ceil(len(messages) / MOST))]
     ticks = np.frombuffer(b"".join(m.data for m in kept), _TICK)

@@ -47,7 +47,7 @@ def _path(run: Run) -> Figure:
             "constrain": "domain",
         },
         "shapes": _fence(run),
-        "height": 560,
+        "height": round(min(640.0, max(360.0, 900.0 * _span(y_range) / _span(x_range)))),
         "hovermode": "closest",
     }
     note = "Flown path against the reference that the tracker followed; dotted: the fence."
@@ -71,13 +71,26 @@ def _errors(run: Run, what: str, unit: str) -> Figure:
     traces = []
     for track, colour in _coloured(run):
         values = (track.position_error if what == "position" else track.velocity_error) * 100.0
-        label = track.name + _figures_of(run, track.name, what, unit)
         hover = f"%{{y:.2f}} c{unit}"
-        traces.append(line(label, track.time, values, colour, 1.6, hover=hover))
-    title = f"{what.capitalize()} error"
+        traces.append(line(track.name, track.time, values, colour, 1.6, hover=hover))
     note = f"Between the setpoint before tracking and the {_known(run)} {what}."
-    axis = f"{what} error (c{unit})"
-    return Figure(f"{what}_error", title, note, traces, over_time(run, axis, "tozero"))
+    layout = over_time(run, f"{what} error (c{unit})", "tozero")
+    highest = max((_highest_aloft(track, what) for track in run.tracks), default=0.0)
+    if highest > 0.0:
+        layout["yaxis"]["range"] = [0.0, 115.0 * highest]
+        note += " Scaled to the behaviors that stay in the air; double-click for all of it."
+    return Figure(f"{what}_error", f"{what.capitalize()} error", note, traces, layout)
+
+
+def _highest_aloft(track: Track, what: str) -> float:
+    """The largest error in behaviors that neither take off nor land, SI; 0 without any."""
+    errors = track.position_error if what == "position" else track.velocity_error
+    aloft = np.zeros(len(track.time), bool)
+    for visit in track.visits:
+        if visit.aloft:
+            aloft |= (track.time >= visit.start) & (track.time < visit.end)
+    found = errors[aloft & ~np.isnan(errors)]
+    return float(found.max()) if len(found) else 0.0
 
 
 def _to_target(run: Run) -> Figure:
@@ -115,14 +128,6 @@ def _coloured(run: Run) -> list[tuple[Track, str]]:
     return [(track, VEHICLES[n % len(VEHICLES)]) for n, track in enumerate(run.tracks)]
 
 
-def _figures_of(run: Run, vehicle: str, what: str, unit: str) -> str:
-    field = {"position": "position_error_m", "velocity": "velocity_error_m_s"}[what]
-    found = run.summary.get("vehicles", {}).get(vehicle, {}).get(field)
-    if not found:
-        return ""
-    return f": mean {found['mean'] * 100:.2f}, max {found['max'] * 100:.2f} c{unit}"
-
-
 def _known(run: Run) -> str:
     return "estimated" if run.mission.get("simulated") is False else "true"
 
@@ -134,6 +139,10 @@ def _extent(run: Run) -> tuple[list[float], list[float]]:
     margin = max(0.25, 0.12 * float((high - low).max()))
     x, y = ([float(low[i]) - margin, float(high[i]) + margin] for i in (0, 1))
     return x, y
+
+
+def _span(bounds: list[float]) -> float:
+    return bounds[1] - bounds[0]
 
 
 def _fence(run: Run) -> list[dict[str, Any]]:

@@ -28,8 +28,7 @@ class Figure:
 def line(
     name: str, x: Array, y: Array, colour: str, width: float, hover: str = ""
 ) -> dict[str, Any]:
-    """A line; `hover` is the template of what is shown for a point, nothing without it. What stands
-    behind a colon in the name is for the legend only."""
+    """A line; `hover` is the template of what is shown for a point, which is nothing without it."""
     trace = {
         "type": "scatter",
         "mode": "lines",
@@ -39,7 +38,7 @@ def line(
         "line": {"color": colour, "width": width},
     }
     if hover:
-        trace["hovertemplate"] = f"{hover}<extra>{name.partition(':')[0]}</extra>"
+        trace["hovertemplate"] = f"{hover}<extra>{name}</extra>"
     else:
         trace["hoverinfo"] = "skip"
     return trace
@@ -61,7 +60,8 @@ def _packed(values: Array) -> dict[str, str]:
 
 def time_axis(run: Run) -> dict[str, Any]:
     """The x axis that all figures over time share."""
-    return {"title": {"text": "time (s)"}, "range": [0.0, max(run.end, 0.1)]}
+    end = max(run.end, 0.1)
+    return {"title": {"text": "time (s)"}, "range": [-0.01 * end, 1.01 * end]}
 
 
 def over_time(run: Run, axis: str, mode: str) -> dict[str, Any]:

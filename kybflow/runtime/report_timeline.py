@@ -9,7 +9,6 @@ from kybflow.runtime.report_data import Run, Visit
 from kybflow.runtime.report_plot import Figure, time_axis
 
 _VISITS = ("#6f9fd8", "#e3a869", "#6dbb9c", "#b892d4", "#d98a94", "#a9b35e", "#62bcc7", "#d395b6")
-_BUILT_IN = {"landed", "brake", "hover", "auto_land", "land_blind", "fault"}
 _GREY = "#9aa3ad"
 _ALARMING = ("failed", "lost", "breached", "exceeded", "refused", "low", "failsafe_started")
 _BARS = {"behavior_started", "behavior_ended"}
@@ -47,10 +46,11 @@ def timeline(run: Run) -> Figure:
 
 
 def _visit_colours(run: Run) -> dict[str, str]:
-    names = list(dict.fromkeys(visit.name for track in run.tracks for visit in track.visits))
-    own = [name for name in names if name not in _BUILT_IN]
+    """A colour for each name; what no mission wrote is grey."""
+    visits = [visit for track in run.tracks for visit in track.visits]
+    own = dict.fromkeys(visit.name for visit in visits if not visit.built_in)
     colours = {name: _VISITS[number % len(_VISITS)] for number, name in enumerate(own)}
-    return {name: colours.get(name, _GREY) for name in names}
+    return {visit.name: colours.get(visit.name, _GREY) for visit in visits}
 
 
 def _bar(visit: Visit, row: int, colour: str) -> dict[str, Any]:
@@ -75,31 +75,36 @@ def _bar(visit: Visit, row: int, colour: str) -> dict[str, Any]:
 
 
 def _marks(run: Run, rows: list[str]) -> list[dict[str, Any]]:
-    quiet: list[dict[str, Any]] = []
-    alarming: list[dict[str, Any]] = []
+    """Two traces of marks. What was told of one vehicle at one time shares a mark."""
+    quiet: dict[tuple[float, int], list[str]] = {}
+    alarming: dict[tuple[float, int], list[str]] = {}
     for event in run.events:
-        if event["event"] not in _BARS and (event["vehicle"] or "run") in rows:
-            (alarming if event["event"].endswith(_ALARMING) else quiet).append(event)
+        vehicle = event["vehicle"] or "run"
+        if event["event"] not in _BARS and vehicle in rows:
+            marks = alarming if event["event"].endswith(_ALARMING) else quiet
+            marks.setdefault((event["t_s"], rows.index(vehicle)), []).append(_told(event))
     kinds = (("event", quiet, "triangle-up", "ink"), ("alarm", alarming, "diamond", "alarm"))
     return [
         {
             "type": "scatter",
             "mode": "markers",
             "name": name,
-            "x": [event["t_s"] for event in events],
-            "y": [rows.index(event["vehicle"] or "run") + 0.38 for event in events],
-            "text": [_told(event) for event in events],
-            "hovertemplate": "%{text}<extra></extra>",
+            "x": [time for time, _ in marks],
+            "y": [row + 0.38 for _, row in marks],
+            "text": ["<br>".join(told) for told in marks.values()],
+            "hovertemplate": "<b>%{x:.2f} s</b><br>%{text}<extra></extra>",
             "marker": {"symbol": symbol, "color": colour, "size": 9},
         }
-        for name, events, symbol, colour in kinds
-        if events
+        for name, marks, symbol, colour in kinds
+        if marks
     ]
 
 
 def _told(event: dict[str, Any]) -> str:
-    lines = [f"<b>{event['event']}</b> at {event['t_s']:.2f} s"]
-    lines += [f"{name}: {escape(str(value))}" for name, value in event["fields"].items()]
-    if event["at"]:
-        lines.append(event["at"])
-    return "<br>".join(lines)
+    fields = ", ".join(
+        f"{name}: {escape(str(value))}"
+        for name, value in event["fields"].items()
+        if value is not None
+    )
+    place = f" ({escape(event['at'])})" if event["at"] else ""
+    return f"{event['event']}{' - ' if fields else ''}{fields}{place}"

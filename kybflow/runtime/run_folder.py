@@ -1,8 +1,9 @@
 """The folder that a run leaves: who may write where, and the files beside the recording.
 
 `events.jsonl` is written as the run goes, a line an event; `mission.resolved.yaml` and
-`provenance.json` before it, `summary.json` and `report.html` after it. Wall-clock time stands in
-`provenance.json` and in the folder's name only, so that the other files depend on plan and seed.
+`provenance.json` before it, `summary.json` and `report.html` after it. Points in wall-clock time
+stand in `provenance.json` and in the folder's name only, how long it took in `summary.json`; the
+other files depend on plan and seed alone.
 """
 
 from __future__ import annotations
@@ -62,16 +63,24 @@ class RunFolder:
         _write(self.path / PROVENANCE, _json(provenance(plan, seed, started)))
 
     def finish(self, summary: dict[str, Any]) -> None:
-        """Close the events and write the summary. Raises RunFolderError."""
-        self._events.close()
+        """Close the folder and write the summary. Raises RunFolderError."""
+        self.close()
         _write(self.path / SUMMARY, _json(summary))
+
+    def close(self) -> None:
+        """No event comes any more; may be called again."""
+        try:
+            self._events.close()
+        except OSError as error:
+            self.failed = self.failed or f"the events stopped: {error.strerror or error}"
 
 
 def create_run_folder(plan: Plan, out: Path | None, started: datetime) -> RunFolder:
     """`out`, or `runs/<mission>-<time>` in the present folder, with a number behind it if taken.
 
     `out` may be new, empty, or an earlier run's (it holds `events.jsonl` and no file but a run's),
-    whose files are replaced. Raises RunFolderError for any other folder, and where none can be made.
+    whose files are replaced. Raises RunFolderError for any other folder, and where none can be
+    made.
     """
     path = (
         out if out is not None else _free(Path("runs"), f"{plan.mission}-{started:%Y%m%d-%H%M%S}")

@@ -75,11 +75,11 @@ def test_a_condition_must_hold_for_its_time_without_a_gap() -> None:
     def ask(times: int) -> list[bool]:
         return [made.due(1.0, NOTHING, "running", 0.01) is not None for _ in range(times)]
 
-    assert [False, False] == ask(2)
+    assert ask(2) == [False, False]
     holds[HIGH] = False
-    assert [False] == ask(1)
+    assert ask(1) == [False]
     holds[HIGH] = True
-    assert [False, False, True] == ask(3)
+    assert ask(3) == [False, False, True]
 
 
 def test_entering_a_state_starts_its_timers_anew() -> None:

@@ -1,4 +1,4 @@
-"""A run folder as the engine would leave it, flown by formulas: two vehicles, a figure eight each."""
+"""A run folder as the engine would leave it, flown by formulas: two vehicles, an eight each."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 from kybflow.dsl.plan import PartPlan, Plan, SourceFile, StatePlan, VehiclePlan
 from kybflow.geometry import Vec3, distance, from_heading
+from kybflow.parts import AIR, GROUND
 from kybflow.runtime.expectations import Verdict
 from kybflow.runtime.outcome import Ending, Score, summarise
 from kybflow.runtime.recorder import Recorder
@@ -30,6 +31,7 @@ STARTED = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 LEVEL = from_heading(0.0)
 REST = (0.0, 0.0, 0.0)
 STATES = (("up", "take_off"), ("steady", "hover"), ("eight", "figure_eight"), ("down", "land"))
+LEGS = (GROUND >> AIR, AIR >> AIR, AIR >> AIR, AIR >> GROUND)
 VERDICTS = (
     Verdict(
         "mean(mk.position_error in eight) < 1.7 cm", True, 0.0093, 0.0077, "m", "eight.yaml:31"
@@ -96,8 +98,8 @@ def _vehicle(name: str, place: int) -> VehiclePlan:
     )
     nothing = PartPlan("nothing", object, None, "nothing")
     states = {
-        state: StatePlan(state, PartPlan(part, object, None, state), (), ())
-        for state, part in STATES
+        state: StatePlan(state, PartPlan(part, object, None, state), (leg,), ())
+        for (state, part), leg in zip(STATES, LEGS, strict=True)
     }
     return VehiclePlan(
         name,
@@ -137,7 +139,7 @@ def _change(score: Score, plan: Plan, state: int, now: int) -> list[Event]:
 
 
 def _reference(start: Vec3, t: float, starts: list[float]) -> tuple[Vec3, Vec3]:
-    x, y, z = start
+    x, y, _ = start
     if t < starts[1]:
         part = t / starts[1]
         return (x, y, part * part * (3 - 2 * part)), (0.0, 0.0, 6 * part * (1 - part) / starts[1])

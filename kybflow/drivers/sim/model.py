@@ -13,9 +13,10 @@ sensor values: gyroscope and accelerometer.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import cos, sin, sqrt
 from typing import NamedTuple
+from xml.sax.saxutils import quoteattr
 
 from kybflow.geometry import Vec3
 from kybflow.site import Box, Site
@@ -45,15 +46,13 @@ class Body(NamedTuple):
 
 def world_text(sites: Sequence[Site], bodies: Sequence[Body], timestep: float) -> str:
     """The whole world as MJCF; `timestep` in seconds."""
-    vehicles = "".join(_vehicle(i, s, b) for i, (s, b) in enumerate(zip(sites, bodies, strict=True)))
-    actuators = "".join(_actuators(i, s, b) for i, (s, b) in enumerate(zip(sites, bodies, strict=True)))
-    sensors = "".join(
-        f'<gyro site="v{i}"/><accelerometer site="v{i}"/>' for i in range(len(sites))
-    )
+    every = tuple(enumerate(zip(sites, bodies, strict=True)))
+    vehicles = "".join(_vehicle(index, site, body) for index, (site, body) in every)
+    actuators = "".join(_actuators(index, site, body) for index, (site, body) in every)
+    sensors = "".join(f'<gyro site="v{i}"/><accelerometer site="v{i}"/>' for i in range(len(sites)))
     fences = {site.fence: None for site in sites if site.fence is not None}
     return f"""<mujoco model="kybflow">
 <option timestep="{timestep!r}" gravity="0 0 -9.81" integrator="Euler"/>
-<visual><global offwidth="1280" offheight="720"/></visual>
 <worldbody>
 <light pos="0 0 6" dir="0 0 -1" directional="true"/>
 <geom name="floor" type="plane" size="0 0 1" pos="0 0 {-LEGS}" rgba="0.55 0.57 0.6 1"/>
@@ -79,13 +78,14 @@ def _vehicle(index: int, site: Site, body: Body) -> str:
     half = site.airframe.arm / sqrt(2.0)
     hue = ("0.9 0.4 0.1", "0.1 0.5 0.8", "0.2 0.7 0.3", "0.7 0.2 0.6")[index % 4]
     rotors = "".join(
-        f'<site name="v{index}r{n}" pos="{sx * half:.9g} {sy * half:.9g} 0" size="{half * 0.6:.6g} 0.003"'
-        f' type="cylinder" rgba="{hue} 0.5"/>'
+        f'<site name="v{index}r{n}" pos="{sx * half:.9g} {sy * half:.9g} 0" type="cylinder"'
+        f' size="{half * 0.6:.6g} 0.003" rgba="{hue} 0.5"/>'
         for n, (sx, sy, _) in enumerate(ROTORS)
     )
     stand = _stand(site) if z > 0.0 else ""
     turn = f"{cos(site.heading / 2)!r} 0 0 {sin(site.heading / 2)!r}"
-    return f"""{stand}<body name="{site.vehicle}" pos="{x!r} {y!r} {z!r}" quat="{turn}">
+    name = quoteattr(f"vehicle {site.vehicle}")
+    return f"""{stand}<body name={name} pos="{x!r} {y!r} {z!r}" quat="{turn}">
 <freejoint/>
 <inertial pos="0 0 0" mass="{body.mass!r}" diaginertia="{_numbers(body.inertia)}"/>
 <geom type="box" size="{half:.9g} {half:.9g} {LEGS / 2}" pos="0 0 {-LEGS / 2}" rgba="{hue} 1"/>
@@ -120,5 +120,5 @@ def _actuators(index: int, site: Site, body: Body) -> str:
     return f"{rotors}{planes}\n"
 
 
-def _numbers(values: Sequence[float] | object) -> str:
-    return " ".join(repr(float(value)) for value in values)  # type: ignore[union-attr]
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(repr(value) for value in values)

@@ -14,14 +14,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import sqrt
+from typing import NamedTuple
 
-from kybflow.drivers.sim.model import ROTORS
 from kybflow.geometry import GRAVITY, LEVEL, ZERO, Quat, from_heading, heading_of, wrap
 from kybflow.signals import Command
 from kybflow.site import Airframe
 
 LEVELLING = 0.10
 """How fast the accelerometer levels the attitude, 1/s; its square over four corrects the bias."""
+LIGHTEST, HEAVIEST = 0.5 * GRAVITY, 1.5 * GRAVITY
+"""Where the accelerometer tells nothing about the attitude: below and above."""
 AIMING = 1.0
 """How fast the heading follows the sender's, 1/s."""
 STIFFNESS = 1.0
@@ -31,6 +33,8 @@ YAW_FREQUENCY = 3.0
 DAMPING = 0.8
 INTEGRAL = 8.0
 """How many times slower than its loop's frequency an integral is."""
+INTEGRAL_SHARE = 0.1
+"""Of the weight on the arm: the torque that an integral may ask for."""
 LEAD = 4.0
 """How many times faster a led rotor answers."""
 MOST_YAW = 0.1
@@ -55,25 +59,11 @@ class Pilot:
         self._rates = ZERO
         self._thrust = 0.0
         self._armed = False
-        frequency = STIFFNESS / airframe.rotor_time
-        self._gain = (frequency * frequency, YAW_FREQUENCY * YAW_FREQUENCY)
-        self._damping = (2.0 * DAMPING * frequency, 2.0 * DAMPING * YAW_FREQUENCY)
-        self._slowness = (dt * frequency / INTEGRAL, dt * YAW_FREQUENCY / INTEGRAL)
+        self._law = tuple(_law(airframe, dt))
         self._integral = ZERO
-        half = airframe.arm / sqrt(2.0)
-        jx, jy, jz = airframe.inertia
-        self._bound = 0.1 * airframe.hover_thrust * half / max(jx, jy)
-        # newtons of one rotor per rad/s^2, over the rotor's largest thrust
-        largest = airframe.thrust
-        self._mix = (
-            jx / (4.0 * half * largest),
-            jy / (4.0 * half * largest),
-            jz / (4.0 * airframe.torque_ratio * largest),
-        )
-        self._share = 0.25 / largest
-        self._lead = LEAD - 1.0
-        self._blend = dt / (airframe.rotor_time / LEAD + dt)
+        self._lead = (dt / (airframe.rotor_time / LEAD + dt), LEAD - 1.0)
         self._slow = STOPPED
+        self._share = 0.25 / airframe.thrust
 
     def receive(self, command: Command) -> None:
         """Hold `command` until the next one."""
@@ -89,51 +79,38 @@ class Pilot:
             self._slow = STOPPED
         self._armed = command.armed
 
-    def update(
-        self, gx: float, gy: float, gz: float, ax: float, ay: float, az: float
-    ) -> Rotors:
-        """The rotors' controls, 0 to 1, from what the IMU's place feels: rad/s and m/s^2, body."""
+    def update(self, felt: list[float]) -> Rotors:
+        """The rotors' controls, 0 to 1, from what is felt where the IMU is: turn rate, rad/s, and
+        specific force, m/s^2, along body x, y, z."""
+        gx, gy, gz, ax, ay, az = felt
         nx, ny, nz, mx, my, mz = next(self._noise)
         bx, by, bz = self._bias
-        gx += nx - bx
-        gy += ny - by
-        gz += nz - bz
-        self._tell_attitude(gx, gy, gz, ax + mx, ay + my, az + mz)
-        if not self._armed:
-            return STOPPED
-        return self._rotors(gx, gy, gz)
-
-    def _tell_attitude(
-        self, gx: float, gy: float, gz: float, ax: float, ay: float, az: float
-    ) -> None:
         w, x, y, z = self._attitude
-        # where up is in the body, by the attitude
+        turn, dt = self._turn, self._dt
+        gx, gy, gz = gx + nx - bx, gy + ny - by, gz + nz - bz
+        ax, ay, az = ax + mx, ay + my, az + mz
+        # up in the body, as the attitude has it; the accelerometer's up is off by the cross product
         ux, uy, uz = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
-        felt = sqrt(ax * ax + ay * ay + az * az)
-        turn = self._turn
-        dt = self._dt
-        if 0.5 * GRAVITY < felt < 1.5 * GRAVITY:
-            k = LEVELLING / felt
-            ex, ey, ez = k * (ay * uz - az * uy), k * (az * ux - ax * uz), k * (ax * uy - ay * ux)
-            bx, by, bz = self._bias
-            slow = 0.25 * LEVELLING * dt
-            aim = 0.25 * AIMING * dt * turn
-            self._bias = (
-                bx - slow * ex - aim * ux, by - slow * ey - aim * uy, bz - slow * ez - aim * uz,
-            )  # fmt: skip
-            gx += ex
-            gy += ey
-            gz += ez
+        size = sqrt(ax * ax + ay * ay + az * az)
+        k = LEVELLING / size if LIGHTEST < size < HEAVIEST else 0.0
+        ex, ey, ez = k * (ay * uz - az * uy), k * (az * ux - ax * uz), k * (ax * uy - ay * ux)
+        slow, aim = 0.25 * LEVELLING * dt, 0.25 * AIMING * dt * turn
+        self._bias = (
+            bx - slow * ex - aim * ux, by - slow * ey - aim * uy, bz - slow * ez - aim * uz,
+        )  # fmt: skip
         half = 0.5 * dt
-        hx, hy, hz = half * (gx + turn * ux), half * (gy + turn * uy), half * (gz + turn * uz)
+        hx = half * (gx + ex + turn * ux)
+        hy = half * (gy + ey + turn * uy)
+        hz = half * (gz + ez + turn * uz)
         nw = w - x * hx - y * hy - z * hz
         nx = x + w * hx + y * hz - z * hy
         ny = y + w * hy + z * hx - x * hz
         nz = z + w * hz + x * hy - y * hx
         n = 1.0 / sqrt(nw * nw + nx * nx + ny * ny + nz * nz)
         self._attitude = (nw * n, nx * n, ny * n, nz * n)
+        return self._control(gx, gy, gz) if self._armed else STOPPED
 
-    def _rotors(self, gx: float, gy: float, gz: float) -> Rotors:
+    def _control(self, gx: float, gy: float, gz: float) -> Rotors:
         w, x, y, z = self._attitude
         dw, dx, dy, dz = self._wanted
         two = 2.0 if w * dw + x * dx + y * dy + z * dz >= 0.0 else -2.0
@@ -141,36 +118,68 @@ class Pilot:
         ey = two * (w * dy + x * dz - y * dw - z * dx)
         ez = two * (w * dz - x * dy + y * dx - z * dw)
         rx, ry, rz = self._rates
-        p, pz = self._gain
-        d, dyaw = self._damping
         ix, iy, iz = self._integral
-        (slow, slow_yaw), bound = self._slowness, self._bound
-        ix += slow * p * ex
-        iy += slow * p * ey
-        iz += slow_yaw * pz * ez
+        p, py, d, dy, i, iyaw, bound, kx, ky, kz = self._law
+        ix += i * ex
+        iy += i * ey
+        iz += iyaw * ez
         ix = bound if ix > bound else -bound if ix < -bound else ix
         iy = bound if iy > bound else -bound if iy < -bound else iy
         iz = bound if iz > bound else -bound if iz < -bound else iz
         self._integral = (ix, iy, iz)
-        kx, ky, kz = self._mix
         roll = kx * (p * ex + d * (rx - gx) + ix)
         pitch = ky * (p * ey + d * (ry - gy) + iy)
-        yaw = kz * (pz * ez + dyaw * (rz - gz) + iz)
+        yaw = kz * (py * ez + dy * (rz - gz) + iz)
         return self._mixed(self._share * self._thrust, roll, pitch, yaw)
 
     def _mixed(self, lift: float, roll: float, pitch: float, yaw: float) -> Rotors:
         st, sr, sp, sy = self._slow
-        blend, lead = self._blend, self._lead
-        dt_, dr, dp, dy = lift - st, roll - sr, pitch - sp, yaw - sy
-        self._slow = (st + blend * dt_, sr + blend * dr, sp + blend * dp, sy + blend * dy)
-        lift += lead * dt_
+        blend, lead = self._lead
+        dl, dr, dp, dy = lift - st, roll - sr, pitch - sp, yaw - sy
+        self._slow = (st + blend * dl, sr + blend * dr, sp + blend * dp, sy + blend * dy)
+        lift += lead * dl
         roll += lead * dr
         pitch += lead * dp
         yaw += lead * dy
         yaw = -MOST_YAW if yaw < -MOST_YAW else MOST_YAW if yaw > MOST_YAW else yaw
         a, b = lift + roll - pitch + yaw, lift + roll + pitch - yaw
         c, d = lift - roll + pitch + yaw, lift - roll - pitch - yaw
-        excess = max(a, b, c, d) - 1.0
-        if excess > 0.0:
+        if a > 1.0 or b > 1.0 or c > 1.0 or d > 1.0:
+            excess = max(a, b, c, d) - 1.0
             return (a - excess, b - excess, c - excess, d - excess)
         return (a, b, c, d)
+
+
+class _Law(NamedTuple):
+    """The gains of roll and pitch and of yaw: proportional, 1/s^2; derivative, 1/s; integral over
+    one step, 1/s^2. bound: of an integral, rad/s^2. roll, pitch, yaw: a rotor's share of its
+    largest thrust per rad/s^2."""
+
+    proportional: float
+    proportional_yaw: float
+    derivative: float
+    derivative_yaw: float
+    integral: float
+    integral_yaw: float
+    bound: float
+    roll: float
+    pitch: float
+    yaw: float
+
+
+def _law(airframe: Airframe, dt: float) -> _Law:
+    frequency = STIFFNESS / airframe.rotor_time
+    half = airframe.arm / sqrt(2.0)
+    jx, jy, jz = airframe.inertia
+    return _Law(
+        frequency**2,
+        YAW_FREQUENCY**2,
+        2.0 * DAMPING * frequency,
+        2.0 * DAMPING * YAW_FREQUENCY,
+        dt * frequency**3 / INTEGRAL,
+        dt * YAW_FREQUENCY**3 / INTEGRAL,
+        INTEGRAL_SHARE * airframe.hover_thrust * half / max(jx, jy),
+        jx / (4.0 * half * airframe.thrust),
+        jy / (4.0 * half * airframe.thrust),
+        jz / (4.0 * airframe.torque_ratio * airframe.thrust),
+    )

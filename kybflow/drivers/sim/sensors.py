@@ -7,27 +7,34 @@ in blocks.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 from typing import TYPE_CHECKING
 
-from kybflow.geometry import Vec3, integrate, multiply, normalized
+from kybflow.geometry import Vec3, integrate
 from kybflow.signals import NS, Battery, Pose, Time, Truth
 from kybflow.site import Airframe
 
 if TYPE_CHECKING:
     import numpy
 
-BLOCK = 1000
+BLOCK = 500
 
 
 def draw(
     generator: numpy.random.Generator, offsets: list[float], deviations: list[float]
 ) -> Iterator[list[float]]:
     """Rows of normally distributed numbers with the given means and deviations, without end."""
+    return chain.from_iterable(_blocks(generator, offsets, deviations))
+
+
+def _blocks(
+    generator: numpy.random.Generator, offsets: list[float], deviations: list[float]
+) -> Iterator[list[list[float]]]:
     while True:
         block = generator.standard_normal((BLOCK, len(offsets)))
         block *= deviations
         block += offsets
-        yield from block.tolist()
+        yield block.tolist()
 
 
 class Schedule:
@@ -58,12 +65,11 @@ class MotionCapture:
     def measure(self, truth: Truth, at: Time, now: Time) -> Pose:
         """The pose at `at`, from the truth at `now`, at most a physics step later."""
         back = (at - now) / NS
-        (px, py, pz), (vx, vy, vz) = truth.position, truth.velocity
+        (px, py, pz), (vx, vy, vz), attitude, (ox, oy, oz) = truth
         nx, ny, nz, ax, ay, az = next(self._noise)
         position = (px + back * vx + nx, py + back * vy + ny, pz + back * vz + nz)
-        turned = integrate(truth.attitude, truth.angular_velocity, back)
-        attitude = normalized(multiply(turned, (1.0, ax / 2.0, ay / 2.0, az / 2.0)))
-        return Pose(at, position, attitude)
+        turn = (back * ox + ax, back * oy + ay, back * oz + az)
+        return Pose(at, position, integrate(attitude, turn, 1.0))
 
 
 class Cell:

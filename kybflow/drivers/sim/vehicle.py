@@ -11,6 +11,7 @@ import numpy
 from kybflow.drivers.sim.model import Body
 from kybflow.drivers.sim.onboard import Pilot
 from kybflow.drivers.sim.sensors import Cell, MotionCapture, bias, draw
+from kybflow.drivers.sim.wind import Wind
 from kybflow.parts import Link, Seat
 from kybflow.signals import Command, Measurement, Time, Truth
 from kybflow.site import Airframe
@@ -36,15 +37,13 @@ class Vehicle(Link):
         imu = streams[1]
         offsets = [*bias(imu, p.gyro_bias), *bias(imu, p.accelerometer_bias)]
         noises = [p.gyro_noise] * 3 + [p.accelerometer_noise] * 3
-        self.pilot = Pilot(
-            site.airframe, site.heading, 1.0 / p.physics, draw(imu, offsets, noises)
-        )
+        self.pilot = Pilot(site.airframe, site.heading, 1.0 / p.physics, draw(imu, offsets, noises))
         self.capture = MotionCapture(
             p.mocap_rate, p.mocap_latency, p.mocap_position_noise, p.mocap_attitude_noise,
             streams[2],
         )  # fmt: skip
         self.cell = Cell(site.airframe, p.battery, p.battery_rate)
-        self.gusts = draw(streams[3], [0.0] * 3, [1.0] * 3)
+        self.wind = Wind(p.wind, p.gust, draw(streams[3], [0.0] * 3, [1.0] * 3))
         self.due: Time = 0
         self._arriving: deque[tuple[Time, Measurement]] = deque()
 

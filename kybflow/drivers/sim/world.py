@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from math import exp, sqrt
 from typing import TYPE_CHECKING
 
 import mujoco
 
-from kybflow.drivers.sim.model import ACTUATORS, SENSORS, world_text
+from kybflow.drivers.sim.model import ACTUATORS, SENSORS, Body, world_text
 from kybflow.drivers.sim.vehicle import Vehicle
 from kybflow.drivers.sim.viewer import Viewer
 from kybflow.errors import DriverError
-from kybflow.geometry import Vec3, conjugate, rotate
+from kybflow.geometry import conjugate, rotate
 from kybflow.parts import Link, Seat, Session
 from kybflow.signals import NS, Time, Truth
 
 if TYPE_CHECKING:
     import random
 
-GUST_TIME = 1.0
-POSITIONS, VELOCITIES, ROTORS = 7, 6, 4
+ROTORS = 4
+_POSITION, _POSITION_SIZE = struct.Struct("7d").unpack_from, 7 * 8
+_VELOCITY, _VELOCITY_SIZE = struct.Struct("6d").unpack_from, 6 * 8
 
 
 class World(Session):
@@ -32,53 +32,44 @@ class World(Session):
         rates = {seat.params.physics for seat in seats}
         if len(rates) != 1:
             raise DriverError(f"vehicles in one world need one physics rate, found {sorted(rates)}")
-        self._rate: float = rates.pop()
+        self._rate = round(rates.pop())
         self._vehicles = [Vehicle(self, i, seat, generator) for i, seat in enumerate(seats)]
         self.links: dict[str, Link] = {
-            seat.site.vehicle: vehicle
-            for seat, vehicle in zip(seats, self._vehicles, strict=True)
+            seat.site.vehicle: vehicle for seat, vehicle in zip(seats, self._vehicles, strict=True)
         }
-        bodies = [vehicle.body for vehicle in self._vehicles]
-        text = world_text([seat.site for seat in seats], bodies, 1.0 / self._rate)
-        try:
-            self.model = mujoco.MjModel.from_xml_string(text)
-        except ValueError as error:
-            raise DriverError(f"MuJoCo refuses the world: {error}") from error
+        self.model = _compile(seats, [vehicle.body for vehicle in self._vehicles], self._rate)
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
+        self._felt = self.data.sensordata.reshape(len(seats), SENSORS)
+        self._rotors = self.data.ctrl
+        self._positions, self._velocities = self.data.qpos, self.data.qvel
         self._control = [0.0] * (ACTUATORS * len(seats))
         self._pack = struct.Struct(f"{len(self._control)}d").pack_into
         self._pilots = [
-            (vehicle.pilot.update, SENSORS * i, ACTUATORS * i)
-            for i, vehicle in enumerate(self._vehicles)
+            (vehicle.pilot.update, ACTUATORS * i) for i, vehicle in enumerate(self._vehicles)
         ]
+        self._winds = [(i, v.wind) for i, v in enumerate(self._vehicles) if v.wind.blows]
         self._steps = 0
-        self._next: Time = round(NS / self._rate)
+        self._next: Time = NS // self._rate
         self._blown: Time = 0
         self._due: Time = 0
-        self._wind = [(i, seat.params.wind, seat.params.gust) for i, seat in enumerate(seats)
-                      if seat.params.gust > 0.0 or any(seat.params.wind)]
-        self._gusts: list[Vec3] = [(0.0, 0.0, 0.0)] * len(seats)
         self._measure(0)
         self._viewer = Viewer(self.model, self.data) if any(s.params.live for s in seats) else None
 
     def advance(self, now: Time) -> None:
         if self._next > now:
             return
-        if self._wind:
+        if self._winds:
             self._blow()
-        model, data, step = self.model, self.data, mujoco.mj_step
-        control, pack, pilots = self._control, self._pack, self._pilots
+        model, data, step, felt = self.model, self.data, mujoco.mj_step, self._felt
+        rotors, control, pack = self._rotors, self._control, self._pack
         while (time := self._next) <= now:
-            pack(data.ctrl, 0, *control)
+            pack(rotors, 0, *control)
             step(model, data)
-            felt = data.sensordata.tolist()
-            for update, s, c in pilots:
-                control[c : c + 4] = update(
-                    felt[s], felt[s + 1], felt[s + 2], felt[s + 3], felt[s + 4], felt[s + 5]
-                )
+            for (update, first), row in zip(self._pilots, felt.tolist(), strict=True):
+                control[first : first + 4] = update(row)
             self._steps += 1
-            self._next = round((self._steps + 1) * NS / self._rate)
+            self._next = (self._steps + 1) * NS // self._rate
             if self._due <= time:
                 self._measure(time)
         if abs(data.time - self._steps / self._rate) > 0.5 / self._rate:
@@ -93,9 +84,8 @@ class World(Session):
 
     def truth(self, index: int) -> Truth:
         """The state of a vehicle now."""
-        at, by = POSITIONS * index, VELOCITIES * index
-        px, py, pz, w, x, y, z = self.data.qpos[at : at + POSITIONS].tolist()
-        vx, vy, vz, ox, oy, oz = self.data.qvel[by : by + VELOCITIES].tolist()
+        px, py, pz, w, x, y, z = _POSITION(self._positions, _POSITION_SIZE * index)
+        vx, vy, vz, ox, oy, oz = _VELOCITY(self._velocities, _VELOCITY_SIZE * index)
         return Truth((px, py, pz), (vx, vy, vz), (w, x, y, z), (ox, oy, oz))
 
     def load(self, index: int, now: Time) -> None:
@@ -117,17 +107,20 @@ class World(Session):
         self._due = min(vehicle.due for vehicle in self._vehicles)
 
     def _blow(self) -> None:
-        """Wind and gusts on each body. Gusts are an Ornstein-Uhlenbeck process."""
+        """Give each rotor drag its wind along body x and y."""
         elapsed = (self._next - self._blown) / NS
-        keep = exp(-elapsed / GUST_TIME)
-        kick = sqrt(1.0 - keep * keep)
-        for index, (wx, wy, wz), deviation in self._wind:
-            (gx, gy, gz), (nx, ny, nz) = self._gusts[index], next(self._vehicles[index].gusts)
-            s = kick * deviation
-            gust = (keep * gx + s * nx, keep * gy + s * ny, keep * gz + s * nz)
-            self._gusts[index] = gust
-            wind = (wx + gust[0], wy + gust[1], wz + gust[2])
-            bx, by, _ = rotate(conjugate(self.truth(index).attitude), wind)
-            self._control[ACTUATORS * index + 4] = bx
-            self._control[ACTUATORS * index + 5] = by
         self._blown = self._next
+        for index, wind in self._winds:
+            to_body = conjugate(self.truth(index).attitude)
+            x, y, _ = rotate(to_body, wind.after(elapsed))
+            first = ACTUATORS * index + ROTORS
+            self._control[first : first + 2] = (x, y)
+
+
+def _compile(seats: Sequence[Seat], bodies: Sequence[Body], rate: float) -> mujoco.MjModel:
+    try:
+        return mujoco.MjModel.from_xml_string(
+            world_text([seat.site for seat in seats], bodies, 1.0 / rate)
+        )
+    except ValueError as error:
+        raise DriverError(f"MuJoCo refuses the world: {error}") from error

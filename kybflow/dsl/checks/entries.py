@@ -53,6 +53,17 @@ def entries_of(vehicle: Vehicle) -> dict[str, Entries]:
     return found
 
 
+def endless_states(vehicle: Vehicle) -> frozenset[str]:
+    """The states whose behavior has no normal end, as its parameters are."""
+    found = set()
+    for name, entries in entries_of(vehicle).items():
+        state = vehicle.states[name]
+        footprints = (state.part.spec.cls.footprint(state.part.params, e) for e in entries.asked())
+        if any(footprint is not None and footprint.is_endless for footprint in footprints):
+            found.add(name)
+    return frozenset(found)
+
+
 def _left_at(state: State, transition: Transition, entry: Vec3 | None) -> Vec3 | None:
     """Where an arrow leaves the vehicle; None when that can't be told."""
     cls = state.part.spec.cls

@@ -8,10 +8,11 @@ MOVING.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.case import TARGETS, Case
 from kybflow.dsl.document import State, Transition, Vehicle
 from kybflow.parts import AIR, GROUND, MOVING, Flight, Leg
 
@@ -34,7 +35,7 @@ class Link(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class Flights:
     """What the walk found: `nodes` that can be entered, `links` that fit, `broken` ones whose ends
-    don't meet. Links to names that don't exist are in neither."""
+    don't meet. Links to what can't be a target are in neither."""
 
     nodes: frozenset[Node]
     links: tuple[Link, ...]
@@ -50,7 +51,7 @@ def flights_of(case: Case, vehicle: Vehicle) -> Flights:
         node = waiting.pop()
         for link in _links(vehicle.states[node.state], node):
             target = link.transition.target.text
-            if case.behavior(vehicle, target) is None:
+            if target not in vehicle.states and target not in TARGETS:
                 continue
             if not case.accepts(vehicle, target, link.flight):
                 broken.append(link)
@@ -72,20 +73,23 @@ def _links(state: State, node: Node) -> Iterator[Link]:
             yield Link(node, transition, flight)
 
 
-def comes_down(vehicle: Vehicle, flights: Flights) -> frozenset[Node]:
+def comes_down(vehicle: Vehicle, flights: Flights, endless: AbstractSet[str]) -> frozenset[Node]:
     """The nodes from which the ground can be reached without anything failing.
 
     A behavior without `then` ends in `brake`, `hover` and then `auto_land`, or is on the ground.
+    The states of `endless` have no normal end.
     """
     down = {node for node in flights.nodes if node.flight is GROUND}
-    down |= {node for node in flights.nodes if _ends_by_default(vehicle, node)}
+    ending = (node for node in flights.nodes if node.state not in endless)
+    down |= {node for node in ending if _ends_by_default(vehicle, node)}
     grew = True
     while grew:
         before = len(down)
         for link in flights.links:
-            target = link.transition.target.text
-            reached = target not in vehicle.states or Node(target, link.flight) in down
-            if reached and link.transition.cause != "failed":
+            target, cause = link.transition.target.text, link.transition.cause
+            if cause == "failed" or (cause == "then" and link.source.state in endless):
+                continue
+            if target not in vehicle.states or Node(target, link.flight) in down:
                 down.add(link.source)
         grew = len(down) > before
     return frozenset(down)

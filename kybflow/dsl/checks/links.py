@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from collections.abc import Set as AbstractSet
 
-from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.checks.case import NO_TARGET, TARGETS, Case, part_of
+from kybflow.dsl.checks.entries import endless_states
 from kybflow.dsl.checks.flights import PHRASES, Flights, Link, comes_down, flights_of
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.document import Transition, Vehicle
@@ -59,7 +60,7 @@ def begins_in_the_air(case: Case) -> Iterator[Diagnostic]:
         state = vehicle.states.get(begin)
         if state is None or case.accepts(vehicle, begin, GROUND):
             continue
-        grounded = [s for s in vehicle.states if case.accepts(vehicle, s, GROUND)]
+        grounded = [s for s in vehicle.states if case.legs(vehicle, s)[0].start is GROUND]
         yield Diagnostic(
             "KYB202",
             f"`{state.name.text}` can't be the first behavior of `{vehicle.name.text}`",
@@ -120,10 +121,12 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
     """KYB204: no arrow leads to a behavior, so it can never be flown.
 
     Behaviors that came through `like` are excepted: a template may offer more than one mission
-    uses.
+    uses. Where an arrow leads to an unknown name, nothing is said before that is mended.
     """
     for vehicle in case.vehicles():
         reached = _reached(vehicle)
+        if not reached <= {*vehicle.states, *TARGETS}:
+            continue
         for state in vehicle.states.values():
             if state.name.text in reached or state.inherited:
                 continue
@@ -150,41 +153,51 @@ def _reached(vehicle: Vehicle) -> set[str]:
 def never_lands(case: Case) -> Iterator[Diagnostic]:
     """KYB205: from a behavior in the air no sequence of arrows reaches the ground.
 
-    A behavior without `then` is followed by `brake`, `hover` and, after the hover limit, a landing;
-    so this is a circle of `then` without a `next` or `within` that leads out of it. Failures do not
-    count as a way out.
+    A behavior that ends and has no `then` is followed by `brake`, `hover` and, after the hover
+    limit, a landing. So this is a behavior without an end, or a circle of `then`, and no `next` or
+    `within` leads out of it. Failures do not count as a way out.
     """
     for vehicle in case.vehicles():
-        flights = flights_of(case, vehicle)
-        if flights.broken or vehicle.begin.text not in vehicle.states:
+        flights, endless = flights_of(case, vehicle), endless_states(vehicle)
+        if flights.broken or not _reached(vehicle) <= {*vehicle.states, *TARGETS}:
             continue
-        stuck = sorted({n.state for n in flights.nodes - comes_down(vehicle, flights)})
-        for name in stuck:
-            state = vehicle.states[name]
-            if any(t.target.text not in _names(vehicle) for t in state.transitions):
+        stuck = {node.state for node in flights.nodes - comes_down(vehicle, flights, endless)}
+        told: set[str] = set()
+        for name in [*(n for n in vehicle.states if n in endless), *vehicle.states]:
+            if name not in stuck:
                 continue
-            yield Diagnostic(
-                "KYB205",
-                f"after `{name}` the vehicle never comes down",
-                state.name.span,
-                label="no way to the ground from here",
-                notes=(_circle(name, flights),),
-                help="add a `next` or a `within` that leads to a landing, such as `auto_land`",
-            )
+            circle = _circle(name, flights, endless)
+            if told.isdisjoint(circle):
+                yield _never_down(vehicle, name, circle)
+            told.update(circle)
 
 
-def _names(vehicle: Vehicle) -> set[str]:
-    return {*vehicle.states, *BUILT_IN}
+def _never_down(vehicle: Vehicle, name: str, circle: list[str]) -> Diagnostic:
+    part = vehicle.states[name].part.name.text
+    note = f"`{name}` ({part}) never ends by itself"
+    if len(circle) > 1:
+        note = "`" + "` → `".join(circle) + "`"
+    return Diagnostic(
+        "KYB205",
+        f"after `{name}` the vehicle never comes down",
+        vehicle.states[name].name.span,
+        label="no way to the ground from here",
+        notes=(note,),
+        help="add a `next` or a `within` that leads to a landing, such as `auto_land`",
+    )
 
 
-def _circle(name: str, flights: Flights) -> str:
+def _circle(name: str, flights: Flights, endless: AbstractSet[str]) -> list[str]:
+    """The states from `name` on, along `then`, up to the first that comes twice or never ends."""
     path = [name]
     while True:
+        if path[-1] in endless:
+            return path
         ahead = [
             link.transition.target.text
             for link in flights.links
             if link.source.state == path[-1] and link.transition.cause == "then"
         ]
-        if not ahead or ahead[0] in path:
-            return "`" + "` → `".join([*path, *ahead[:1]]) + "`"
-        path.append(ahead[0])
+        path += ahead[:1]
+        if not ahead or ahead[0] in path[:-1]:
+            return path

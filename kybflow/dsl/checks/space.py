@@ -48,11 +48,11 @@ def starts_too_close(case: Case) -> Iterator[Diagnostic]:
 
 
 def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
-    """KYB313: a behavior goes outside the fence from an entry that it can have."""
+    """KYB313: a behavior goes outside the fence from an entry inside it that it can have."""
     fence = case.document.fence
-    for vehicle, state, footprint in _footprints(case):
-        if fence is None:
-            return
+    for vehicle, state, entry, footprint in _footprints(case):
+        if fence is None or (entry is not None and fence.outside_by(entry) > _ROUNDING):
+            continue
         far = max(footprint.points, key=fence.outside_by, default=vehicle.start)
         if fence.outside_by(far) > _ROUNDING:
             yield Diagnostic(
@@ -66,7 +66,7 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
 
 def too_fast(case: Case) -> Iterator[Diagnostic]:
     """KYB314: a behavior asks for more speed than the airframe may fly."""
-    for vehicle, state, footprint in _footprints(case):
+    for vehicle, state, _, footprint in _footprints(case):
         limit = vehicle.airframe.speed
         if footprint.speed <= limit + _ROUNDING:
             continue
@@ -93,12 +93,12 @@ def undecided(case: Case) -> Iterator[Diagnostic]:
                 f"can't tell whether `{state.name.text}` stays inside the fence",
                 state.part.name.span,
                 label="its path depends on where it begins",
-                notes=("it can be entered from more places than can be listed",),
+                notes=("where it begins is not known before the flight",),
                 severity=Severity.WARNING,
             )
 
 
-def _footprints(case: Case) -> Iterator[tuple[Vehicle, State, Footprint]]:
+def _footprints(case: Case) -> Iterator[tuple[Vehicle, State, Vec3 | None, Footprint]]:
     """The footprint of every state that is reached, from every entry that it can have."""
     for vehicle in case.vehicles():
         for name, entries in entries_of(vehicle).items():
@@ -106,7 +106,7 @@ def _footprints(case: Case) -> Iterator[tuple[Vehicle, State, Footprint]]:
             for entry in entries.asked():
                 footprint = _footprint(state, entry)
                 if footprint is not None:
-                    yield vehicle, state, footprint
+                    yield vehicle, state, entry, footprint
 
 
 def _footprint(state: State, entry: Vec3 | None) -> Footprint | None:

@@ -99,4 +99,4 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         (x, y, z), r = params.center, params.radius
         corners = ((x - r, y, z), (x + r, y, z), (x, y - r, z), (x, y + r, z))
         points = corners if entry is None else (entry, *corners)
-        return Footprint(points, abs(params.speed), None)
+        return Footprint(points, abs(params.speed), None, params.laps is None)

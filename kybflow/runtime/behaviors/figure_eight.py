@@ -69,28 +69,23 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
 
     def _eight(self, time: float) -> Motion:
         phase, rate, pull, jolt = self._phase.at(time)
-        w, h = self._long, self._short
+        w, h, turn_c, turn_s = self._long, self._short, self._cos, self._sin
         s, c = sin(phase), cos(phase)
-        s2, c2 = sin(2.0 * phase), cos(2.0 * phase)
-        dx, dy = w * c, 2.0 * h * c2
-        ddx, ddy = -w * s, -4.0 * h * s2
+        s2, c2 = 2.0 * s * c, c * c - s * s
         square, cross, cube = rate * rate, 3.0 * rate * pull, rate * rate * rate
+        px, dx, ddx = w * s, w * c, -w * s
+        py, dy, ddy = h * s2, 2.0 * h * c2, -4.0 * h * s2
+        vx, vy = dx * rate, dy * rate
+        ax, ay = ddx * square + dx * pull, ddy * square + dy * pull
+        jx = dx * (jolt - cube) + ddx * cross
+        jy = dy * (jolt - 4.0 * cube) + ddy * cross
         x, y, z = self._coast.end
-        east, north = self._turned(w * s, h * s2)
         return Motion(
-            (x + east, y + north, z),
-            (*self._turned(dx * rate, dy * rate), 0.0),
-            (*self._turned(ddx * square + dx * pull, ddy * square + dy * pull), 0.0),
-            (
-                *self._turned(
-                    -dx * cube + ddx * cross + dx * jolt, -4.0 * dy * cube + ddy * cross + dy * jolt
-                ),
-                0.0,
-            ),
+            (x + px * turn_c - py * turn_s, y + px * turn_s + py * turn_c, z),
+            (vx * turn_c - vy * turn_s, vx * turn_s + vy * turn_c, 0.0),
+            (ax * turn_c - ay * turn_s, ax * turn_s + ay * turn_c, 0.0),
+            (jx * turn_c - jy * turn_s, jx * turn_s + jy * turn_c, 0.0),
         )
-
-    def _turned(self, x: float, y: float) -> tuple[float, float]:
-        return (x * self._cos - y * self._sin, x * self._sin + y * self._cos)
 
     @classmethod
     def footprint(cls, params: FigureEightParams, entry: Vec3 | None) -> Footprint | None:

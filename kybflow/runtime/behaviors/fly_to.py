@@ -1,10 +1,10 @@
-"""Fly in a straight line to a position, stop there, and be done when the vehicle rests within
-`tolerance`.
+"""Fly in a straight line to a position and stop there.
 
-The setpoint follows a rest-to-rest profile with at most `speed` and `acceleration`; a short way has
-a lower peak, V = sqrt(distance * acceleration / (15/8)), so it stops at the goal whatever the
-distance (`kybflow.runtime.profiles`; TeleKyb's SmoothLinearFlyTo had a negative cruise time there).
-The planned speed stays at 95 % of the airframe's limit, because tracking needs the rest. Entered in
+It is done when the vehicle has been within `tolerance` of the goal for `dwell`. The setpoint
+follows a rest-to-rest profile with at most `speed` and `acceleration`; a short way has a lower
+peak, V = sqrt(distance * acceleration / (15/8)), so it stops at the goal whatever the distance
+(`kybflow.runtime.profiles`; TeleKyb's SmoothLinearFlyTo had a negative cruise time there). The
+planned speed stays at 95 % of the airframe's limit, because tracking needs the rest. Entered in
 motion it sheds that velocity on the way. A `heading` is turned to by the shorter way.
 
 Fails when it is not there `patience` after the planned end. World frame, metres; heading from east.

@@ -38,4 +38,5 @@ class Hover(Behavior[HoverParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
 
     @classmethod
     def footprint(cls, params: HoverParams, entry: Vec3 | None) -> Footprint | None:
-        return Footprint((entry,), 0.0, entry) if entry is not None else None
+        points = () if entry is None else (entry,)
+        return Footprint(points, 0.0, entry, params.for_time is None)

@@ -43,30 +43,35 @@ class Fence(Processor[FenceParams]):
     def __init__(self, params: FenceParams, site: Site) -> None:
         super().__init__(params, site)
         self._fence = site.fence
+        self._margin = params.margin
+        self._room = _shrunk(site.fence, params.margin) if site.fence is not None else None
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
-        if self._fence is None:
+        if self._fence is None or self._room is None:
             return setpoint
-        own = tick.known().position
-        room = _room(self._fence, self.params.margin, own[2])
-        if setpoint.position is None:
-            velocity = setpoint.velocity or ZERO
-            allowed = _stoppable(velocity, own, room)
-            return setpoint if allowed == velocity else setpoint._replace(velocity=allowed)
-        if room.contains(setpoint.position):
+        if self.params.margin != self._margin:
+            self._margin = self.params.margin
+            self._room = _shrunk(self._fence, self._margin)
+        position, own = setpoint.position, tick.known().position
+        if position is not None and self._room.contains(position):
             return setpoint
-        return _clamped(setpoint, setpoint.position, room)
+        x, y, floor = self._room.low
+        room = Box((x, y, min(floor, own[2] - _UNDER)), self._room.high)
+        if position is not None:
+            return setpoint if room.contains(position) else _clamped(setpoint, position, room)
+        velocity = setpoint.velocity or ZERO
+        allowed = _stoppable(velocity, own, room)
+        return setpoint if allowed == velocity else setpoint._replace(velocity=allowed)
 
 
-def _room(fence: Box, margin: float, height: float) -> Box:
-    low, high = [0.0] * 3, [0.0] * 3
-    for i in range(3):
-        low[i], high[i] = fence.low[i] + margin, fence.high[i] - margin
-        if i == 2:
-            low[i] = min(fence.low[i], height - _UNDER)
+def _shrunk(fence: Box, margin: float) -> Box:
+    """The fence without its margin, which the floor does not have."""
+    low, high = list(fence.low), list(fence.high)
+    for i, below in enumerate((margin, margin, 0.0)):
+        low[i], high[i] = low[i] + below, high[i] - margin
         if low[i] > high[i]:
             low[i] = high[i] = 0.5 * (fence.low[i] + fence.high[i])
-    return Box((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+    return Box(_vector(low), _vector(high))
 
 
 def _clamped(setpoint: Setpoint, position: Vec3, room: Box) -> Setpoint:

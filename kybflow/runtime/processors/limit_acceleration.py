@@ -12,13 +12,12 @@ of change of setpoints of velocity is limited in the same way. World frame.
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, sqrt
 from typing import ClassVar
 
-from kybflow.geometry import ZERO, add, norm, scale, sub
+from kybflow.geometry import ZERO, Vec3, add, norm, sub
 from kybflow.parts import Processor, param, params
 from kybflow.runtime.governor import Follower, motion_of, shortened
-from kybflow.runtime.motion import Motion
 from kybflow.signals import Setpoint, SetpointKind, Tick
 from kybflow.site import Site
 from kybflow.units import Acceleration
@@ -44,36 +43,41 @@ class LimitAcceleration(Processor[LimitAccelerationParams]):
         self._follower = Follower()
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
-        follower, asked, limit = self._follower, motion_of(setpoint), self.params.acceleration
-        follower.resume(asked, tick)
+        follower = self._follower
+        position, velocity = setpoint.position or ZERO, setpoint.velocity or ZERO
+        follower.resume(position, velocity, tick)
         if setpoint.kind is SetpointKind.VELOCITY:
-            return self._slew(setpoint, asked, tick.dt)
-        if not follower.behind and self._is_legal(asked, tick.dt):
-            follower.join(asked)
+            return self._slew(setpoint, velocity, tick.dt)
+        if not follower.behind and self._is_legal(setpoint, position, velocity, tick.dt):
+            follower.join(position, velocity)
             return setpoint
+        limit, asked = self.params.acceleration, motion_of(setpoint)
         motion = follower.follow(asked, inf, limit, tick.dt)
         if norm(asked.acceleration) <= limit and follower.has_caught_up(asked, limit, tick.dt):
-            follower.join(asked)
+            follower.join(position, velocity)
             return setpoint
         return motion.setpoint_like(setpoint)
 
-    def _is_legal(self, asked: Motion, dt: float) -> bool:
+    def _is_legal(self, setpoint: Setpoint, position: Vec3, velocity: Vec3, dt: float) -> bool:
         limit, before = self.params.acceleration * _SLACK, self._follower
-        if norm(asked.acceleration) > limit:
+        if norm(setpoint.acceleration or ZERO) > limit:
             return False
-        if norm(sub(asked.velocity, before.velocity)) > limit * dt + 1e-9:
+        vx, vy, vz = velocity
+        ux, uy, uz = before.velocity
+        change = sqrt((vx - ux) ** 2 + (vy - uy) ** 2 + (vz - uz) ** 2)
+        if change > limit * dt + 1e-9:
             return False
-        moved = scale(add(asked.velocity, before.velocity), 0.5 * dt)
-        off = norm(sub(asked.position, add(before.position, moved)))
-        return off <= 0.25 * limit * dt * dt + 1e-9
+        (px, py, pz), (qx, qy, qz), half = position, before.position, 0.5 * dt
+        x, y, z = px - qx - half * (vx + ux), py - qy - half * (vy + uy), pz - qz - half * (vz + uz)
+        return sqrt(x * x + y * y + z * z) <= 0.25 * limit * dt * dt + 1e-9
 
-    def _slew(self, setpoint: Setpoint, asked: Motion, dt: float) -> Setpoint:
+    def _slew(self, setpoint: Setpoint, asked: Vec3, dt: float) -> Setpoint:
         before = self._follower.velocity
         most = self.params.acceleration * dt
-        change = sub(asked.velocity, before)
+        change = sub(asked, before)
         if norm(change) <= most * _SLACK + 1e-9:
-            self._follower.join(asked)
+            self._follower.join(ZERO, asked)
             return setpoint
         velocity = add(before, shortened(change, most))
-        self._follower.join(Motion(ZERO, velocity))
+        self._follower.join(ZERO, velocity)
         return setpoint._replace(velocity=velocity, acceleration=ZERO, jerk=None)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from kybflow.geometry import ZERO, distance, norm
+from kybflow.geometry import ZERO, Vec3, distance, norm
 from kybflow.parts import Processor, param, params
 from kybflow.runtime.governor import Follower, motion_of, shortened
 from kybflow.signals import Setpoint, SetpointKind, Tick
@@ -39,23 +39,28 @@ class LimitSpeed(Processor[LimitSpeedParams]):
         self._follower = Follower()
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
-        limit = self.params.speed
+        velocity = setpoint.velocity or ZERO
+        legal = norm(velocity) <= self.params.speed * _SLACK
         if setpoint.kind is SetpointKind.VELOCITY:
-            velocity = setpoint.velocity or ZERO
-            if norm(velocity) <= limit:
+            if legal:
                 return setpoint
-            shorter = shortened(velocity, limit)
+            shorter = shortened(velocity, self.params.speed)
             return setpoint._replace(velocity=shorter, acceleration=ZERO, jerk=None)
-        follower, asked, dt = self._follower, motion_of(setpoint), tick.dt
-        follower.resume(asked, tick)
-        legal = norm(asked.velocity) <= limit * _SLACK
-        if not follower.behind:
-            step = distance(asked.position, follower.position)
-            if legal and step <= limit * dt * _SLACK + 1e-9:
-                follower.join(asked)
-                return setpoint
-        motion = follower.follow(asked, limit, self.params.catch_up, dt)
-        if legal and follower.has_caught_up(asked, self.params.catch_up, dt):
-            follower.join(asked)
+        follower, position = self._follower, setpoint.position or ZERO
+        follower.resume(position, velocity, tick)
+        if legal and not follower.behind and self._is_near(position, tick.dt):
+            follower.join(position, velocity)
+            return setpoint
+        return self._behind(setpoint, legal, tick.dt)
+
+    def _is_near(self, position: Vec3, dt: float) -> bool:
+        step = distance(position, self._follower.position)
+        return step <= self.params.speed * dt * _SLACK + 1e-9
+
+    def _behind(self, setpoint: Setpoint, legal: bool, dt: float) -> Setpoint:
+        p, follower, asked = self.params, self._follower, motion_of(setpoint)
+        motion = follower.follow(asked, p.speed, p.catch_up, dt)
+        if legal and follower.has_caught_up(asked, p.catch_up, dt):
+            follower.join(asked.position, asked.velocity)
             return setpoint
         return motion.setpoint_like(setpoint)

@@ -11,10 +11,8 @@ is an event of its own. The value is the charge left, 0 to 1.
 
 from __future__ import annotations
 
-from typing import Literal
-
 from kybflow.parts import Supervisor, param, params
-from kybflow.signals import Alarm, Reaction, Tick
+from kybflow.signals import Alarm, Reaction, ReactionName, Tick
 from kybflow.site import Site
 from kybflow.units import Ratio
 
@@ -29,7 +27,7 @@ class BatteryParams:
     land_below: Ratio = param(
         "Charge below which the vehicle lands.", default=0.15, at_least=0.0, at_most=1.0
     )
-    reaction: Literal["warn", "brake", "land", "land_blind"] = param(
+    reaction: ReactionName = param(
         "What the failsafe does below `land_below`.", default="land", read_only=True
     )
 

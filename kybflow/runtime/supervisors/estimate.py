@@ -11,10 +11,8 @@ returned in every tick; the engine makes one event of it.
 
 from __future__ import annotations
 
-from typing import Literal
-
 from kybflow.parts import Supervisor, param, params
-from kybflow.signals import NS, Alarm, Reaction, Tick, Time
+from kybflow.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
 from kybflow.site import Site
 from kybflow.units import Duration, Length
 
@@ -23,9 +21,7 @@ from kybflow.units import Duration, Length
 class EstimateParams:
     age: Duration = param("Largest age of the newest measurement.", default=0.3, above=0.0)
     spread: Length = param("Largest standard deviation of the position.", default=0.3, above=0.0)
-    reaction: Literal["warn", "brake", "land", "land_blind"] = param(
-        "What the failsafe does.", default="land_blind", read_only=True
-    )
+    reaction: ReactionName = param("What the failsafe does.", default="land_blind", read_only=True)
 
 
 class Estimate(Supervisor[EstimateParams]):

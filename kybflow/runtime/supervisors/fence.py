@@ -12,10 +12,8 @@ persists is returned in every tick; the engine makes one event of it. World fram
 
 from __future__ import annotations
 
-from typing import Literal
-
 from kybflow.parts import Supervisor, param, params
-from kybflow.signals import Alarm, Reaction, Tick
+from kybflow.signals import Alarm, Reaction, ReactionName, Tick
 from kybflow.site import Box, Site
 from kybflow.units import Length
 
@@ -27,9 +25,7 @@ class FenceParams:
     margin: Length = param(
         "How far beyond the fence the vehicle may be.", default=0.1, at_least=0.0
     )
-    reaction: Literal["warn", "brake", "land", "land_blind"] = param(
-        "What the failsafe does.", default="land", read_only=True
-    )
+    reaction: ReactionName = param("What the failsafe does.", default="land", read_only=True)
 
 
 class Fence(Supervisor[FenceParams]):

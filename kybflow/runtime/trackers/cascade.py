@@ -29,7 +29,6 @@ from kybflow.geometry import (
     Quat,
     Vec3,
     body_z,
-    conjugate,
     from_thrust_direction,
     heading_of,
     rotate,
@@ -82,40 +81,42 @@ class Cascade(Tracker[CascadeParams]):
 
     def __init__(self, params: CascadeParams, site: Site) -> None:
         super().__init__(params, site)
-        self._airframe = site.airframe
+        airframe = site.airframe
+        self._drag, self._tilt = airframe.drag, airframe.tilt
+        self._weight, self._airframe_mass = airframe.hover_thrust, airframe.mass
+        self._most_thrust = MOST_THRUST * airframe.max_thrust
         self._heading = site.heading
-        self._mass = MassEstimator(site.airframe.hover_thrust, params.mass_guess)
+        self._mass = MassEstimator(airframe.hover_thrust, params.mass_guess)
         self._integral = (0.0, 0.0)
         self._trim = (0.0, 0.0)
         self._slope: tuple[float, float] | None = None
-        self._flies = False
+        self._flies = self._limited = False
         self._floor: float | None = None
         self._lift = 0.0
 
     @property
     def hover_thrust(self) -> float:
-        return self._airframe.hover_thrust * self._mass.ratio
+        return self._weight * self._mass.ratio
 
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
-        estimate = tick.known()
-        self._weigh(setpoint, estimate, tick.dt)
-        wanted = self._acceleration(setpoint, estimate)
-        fx, fy, fz, free = self._limited(wanted)
-        if setpoint.position is not None and free and tick.dt < LONGEST_STEP:
-            self._integrate(setpoint.position, estimate.position, tick.dt)
-        self._face(setpoint, tick.dt)
-        ux, uy, uz = body_z(estimate.attitude)
-        self._trim_tilt(ux, uy, tick.dt)
+        estimate, dt = tick.known(), tick.dt
+        self._weigh(setpoint, estimate, dt)
+        mass = self._airframe_mass * self._mass.carried
+        fx, fy, fz = self._bounded(self._wanted(setpoint, estimate, dt), self._most_thrust / mass)
+        ux, uy, uz = up = body_z(estimate.attitude)
+        tx, ty = self._trimmed(up, dt)
         length = sqrt(fx * fx + fy * fy + fz * fz)
         self._slope = (fx / length, fy / length)
-        tx, ty = self._trim
+        if setpoint.heading is not None:
+            self._heading = setpoint.heading
+        else:
+            self._heading = wrap(self._heading + setpoint.heading_rate * dt)
         attitude = from_thrust_direction((fx + length * tx, fy + length * ty, fz), self._heading)
-        mass = self._airframe.mass * self._mass.carried
         thrust = mass * (fx * ux + fy * uy + fz * uz)
-        most = MOST_THRUST * self._airframe.max_thrust
+        most = self._most_thrust
         thrust = most if thrust > most else 0.0 if thrust < 0.0 else thrust
         self._lift = thrust * uz
-        rates = self._rates(setpoint, (fx, fy, fz), attitude)
+        rates = _rates(setpoint, (fx, fy, fz), attitude)
         return Command(attitude, thrust, rates, heading_of(estimate.attitude))
 
     def _weigh(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> None:
@@ -129,72 +130,70 @@ class Cascade(Tracker[CascadeParams]):
         elif _asks_up(setpoint, above):
             self._mass.spool_up(dt)
 
-    def _acceleration(self, setpoint: Setpoint, estimate: Estimate) -> Vec3:
+    def _wanted(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
+        """The specific force that the law asks for, world."""
         p = self.params
         ax, ay, az = setpoint.acceleration or ZERO
-        ax += self._integral[0]
-        ay += self._integral[1]
+        ix, iy = self._integral
+        az += GRAVITY
         if setpoint.velocity is not None:
-            (wx, wy, wz), (vx, vy, vz) = setpoint.velocity, estimate.velocity
-            d, drag = p.derivative, self._airframe.drag
+            wx, wy, wz = setpoint.velocity
+            vx, vy, vz = estimate.velocity
+            d, drag = p.derivative, self._drag
             ax += d * (wx - vx) + drag * wx
             ay += d * (wy - vy) + drag * wy
             az += d * (wz - vz)
         if setpoint.position is not None:
-            (wx, wy, wz), (px, py, pz) = setpoint.position, estimate.position
-            k = p.proportional
-            ax += k * (wx - px)
-            ay += k * (wy - py)
+            wx, wy, wz = setpoint.position
+            px, py, pz = estimate.position
+            k, ex, ey = p.proportional, wx - px, wy - py
+            ax += k * ex
+            ay += k * ey
             az += k * (wz - pz)
-        return (ax, ay, az)
+            if self._flies and not self._limited and dt < LONGEST_STEP:
+                i, limit = p.integral * dt, p.integral_limit
+                ix, iy = _clamped(ix + i * ex, limit), _clamped(iy + i * ey, limit)
+                self._integral = (ix, iy)
+        return (ax + ix, ay + iy, az)
 
-    def _limited(self, wanted: Vec3) -> tuple[float, float, float, bool]:
-        """The specific force, within the tilt and the thrust, and whether it was within them."""
-        fx, fy, fz = wanted[0], wanted[1], wanted[2] + GRAVITY
-        most = MOST_THRUST * self._airframe.max_thrust / (self._airframe.mass * self._mass.carried)
-        low = LEAST_LIFT * GRAVITY
-        free = self._flies and low <= fz <= most
-        fz = low if fz < low else most if fz > most else fz
+    def _bounded(self, wanted: Vec3, most: float) -> Vec3:
+        """The specific force within the tilt and the thrust, of which there is at most `most`."""
+        fx, fy, fz = wanted
+        self._limited = False
+        if not LEAST_LIFT * GRAVITY <= fz <= most:
+            fz = max(LEAST_LIFT * GRAVITY, min(most, fz))
+            self._limited = True
         level = sqrt(fx * fx + fy * fy)
-        widest = fz * tan(min(self.params.tilt, self._airframe.tilt))
+        widest = fz * tan(min(self.params.tilt, self._tilt))
         if level > widest:
-            fx, fy, free = fx * widest / level, fy * widest / level, False
-        return fx, fy, fz, free
+            fx, fy = fx * widest / level, fy * widest / level
+            self._limited = True
+        return (fx, fy, fz)
 
-    def _integrate(self, wanted: Vec3, position: Vec3, dt: float) -> None:
-        limit, k = self.params.integral_limit, self.params.integral * dt
-        x = self._integral[0] + k * (wanted[0] - position[0])
-        y = self._integral[1] + k * (wanted[1] - position[1])
-        self._integral = (min(limit, max(-limit, x)), min(limit, max(-limit, y)))
+    def _trimmed(self, up: Vec3, dt: float) -> tuple[float, float]:
+        """By how much to turn the command's slope against the on-board attitude's error."""
+        if self._slope is not None and self._flies and dt < LONGEST_STEP:
+            k, (tx, ty), (sx, sy) = self.params.trim * dt, self._trim, self._slope
+            x, y = tx + k * (sx - up[0]), ty + k * (sy - up[1])
+            self._trim = (_clamped(x, MOST_TRIM), _clamped(y, MOST_TRIM))
+        return self._trim
 
-    def _trim_tilt(self, ux: float, uy: float, dt: float) -> None:
-        """Turn the command against the difference of the on-board attitude from the estimate's."""
-        if self._slope is None or not self._flies or dt >= LONGEST_STEP:
-            return
-        k = self.params.trim * dt
-        tx, ty = self._trim
-        tx += k * (self._slope[0] - ux)
-        ty += k * (self._slope[1] - uy)
-        self._trim = (min(MOST_TRIM, max(-MOST_TRIM, tx)), min(MOST_TRIM, max(-MOST_TRIM, ty)))
 
-    def _face(self, setpoint: Setpoint, dt: float) -> None:
-        if setpoint.heading is not None:
-            self._heading = setpoint.heading
-        else:
-            self._heading = wrap(self._heading + setpoint.heading_rate * dt)
+def _clamped(value: float, limit: float) -> float:
+    return -limit if value < -limit else limit if value > limit else value
 
-    def _rates(self, setpoint: Setpoint, force: Vec3, attitude: Quat) -> Vec3:
-        turn = setpoint.heading_rate
-        if setpoint.jerk is None:
-            return (0.0, 0.0, turn)
-        fx, fy, fz = force
-        jx, jy, jz = setpoint.jerk
-        scale = 1.0 / (fx * fx + fy * fy + fz * fz)
-        world = (
-            scale * (fy * jz - fz * jy), scale * (fz * jx - fx * jz),
-            scale * (fx * jy - fy * jx) + turn,
-        )  # fmt: skip
-        return rotate(conjugate(attitude), world)
+
+def _rates(setpoint: Setpoint, force: Vec3, attitude: Quat) -> Vec3:
+    """Body rates at which the jerk and the heading rate turn the attitude."""
+    turn = setpoint.heading_rate
+    if setpoint.jerk is None:
+        return (0.0, 0.0, turn)
+    fx, fy, fz = force
+    jx, jy, jz = setpoint.jerk
+    k = 1.0 / (fx * fx + fy * fy + fz * fz)
+    world = (k * (fy * jz - fz * jy), k * (fz * jx - fx * jz), k * (fx * jy - fy * jx) + turn)
+    w, x, y, z = attitude
+    return rotate((w, -x, -y, -z), world)
 
 
 def _asks_up(setpoint: Setpoint, above: float) -> bool:

@@ -1,0 +1,102 @@
+"""Times the stages of a tick by wrapping the methods that the engine calls."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+from kybflow.dsl.plan import Plan
+from kybflow.runtime.expectations import Judge
+from kybflow.runtime.recorder import VehicleChannel
+from kybflow.runtime.score import VehicleScore
+
+
+class Stages:
+    """While entered, adds up the seconds in each stage of a flight of `plan`.
+
+    overhead: seconds that the timing itself took.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.calls = 0
+        self._undo: list[tuple[type, str, Any]] = []
+        self._methods = _methods(plan)
+
+    def __enter__(self) -> Stages:
+        for stage, cls, name in self._methods:
+            method = getattr(cls, name)
+            self._undo.append((cls, name, cls.__dict__.get(name)))
+            setattr(cls, name, self._timed(stage, method))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for cls, name, method in reversed(self._undo):
+            if method is None:
+                delattr(cls, name)
+            else:
+                setattr(cls, name, method)
+
+    @property
+    def overhead(self) -> float:
+        return self.calls * _cost()
+
+    def _timed(self, stage: str, method: Callable[..., Any]) -> Callable[..., Any]:
+        seconds = self.seconds
+
+        def timed(*arguments: Any) -> Any:
+            began = perf_counter()
+            result = method(*arguments)
+            seconds[stage] += perf_counter() - began
+            self.calls += 1
+            return result
+
+        return timed
+
+
+def _methods(plan: Plan) -> list[tuple[str, type, str]]:
+    from kybflow.drivers.sim.vehicle import Vehicle
+    from kybflow.drivers.sim.world import World
+
+    found: dict[tuple[str, type, str], None] = {
+        ("simulator", World, "advance"): None,
+        ("link: measurements, truth, command", Vehicle, "read"): None,
+        ("link: measurements, truth, command", Vehicle, "truth"): None,
+        ("link: measurements, truth, command", Vehicle, "send"): None,
+        ("recorder", VehicleChannel, "tick"): None,
+        ("recorder", VehicleChannel, "measurement"): None,
+        ("score and expectations", VehicleScore, "sample"): None,
+        ("score and expectations", Judge, "sample"): None,
+    }
+    for vehicle in plan.vehicles:
+        for estimator in vehicle.estimators:
+            found["estimator", estimator.part.cls, "update"] = None
+        for state in vehicle.states.values():
+            found["behavior", state.behavior.cls, "update"] = None
+        for processor in vehicle.processors:
+            found["processors", processor.cls, "__call__"] = None
+        for supervisor in vehicle.supervisors:
+            found["supervisors", supervisor.cls, "check"] = None
+        found["tracker", vehicle.tracker.cls, "update"] = None
+    return list(found)
+
+
+def _cost(rounds: int = 20_000) -> float:
+    """Seconds that one timed call costs more than the call itself."""
+    began = perf_counter()
+    for _ in range(rounds):
+        _nothing()
+    plain = perf_counter() - began
+    stages = Stages.__new__(Stages)
+    stages.seconds, stages.calls = defaultdict(float), 0
+    wrapped = stages._timed("", _nothing)
+    began = perf_counter()
+    for _ in range(rounds):
+        wrapped()
+    return max(0.0, perf_counter() - began - plain) / rounds
+
+
+def _nothing() -> None:
+    """A call to take the cost of."""

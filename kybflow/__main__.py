@@ -1,0 +1,5 @@
+"""`python -m kybflow`: the command line."""
+
+from kybflow.cli import main
+
+main()

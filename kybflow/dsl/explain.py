@@ -1,0 +1,185 @@
+"""Each error of `jsonschema` in our words: what was found, where, and a way out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.nodes import NAME, Mapping, Node, Scalar, describe, head_of
+from kybflow.dsl.values import decode, quantity_field
+from kybflow.units import DIMENSIONS
+
+CODES = {
+    "KYB101": "A key that the language doesn't have there.",
+    "KYB102": "A key that is needed and missing.",
+    "KYB103": "A value of the wrong shape: a list where a mapping is needed, and so on.",
+    "KYB106": "Nothing where something is needed.",
+    "KYB107": "A parameter that the part doesn't have.",
+    "KYB108": "A part without a parameter that it needs.",
+    "KYB110": "A name that can't be one.",
+    "KYB111": "A version of the language that this program doesn't read.",
+}
+LATER = frozenset({"flows", "groups", "on", "faults", "chains", "inputs", "obstacles", "sensors"})
+_SHAPES = {
+    "object": "a mapping",
+    "array": "a list",
+    "string": "text",
+    "number": "a number",
+    "boolean": "`true` or `false`",
+    "integer": "a whole number",
+}
+
+
+class Fault(NamedTuple):
+    """One error of `jsonschema`: the keyword that failed, what it wanted, the value and the schema;
+    the node that it is about, the name by which a person would call that, and the part whose
+    parameters are judged."""
+
+    keyword: str
+    wanted: Any
+    instance: Any
+    schema: dict[str, Any]
+    node: Node
+    name: str
+    part: str
+
+
+def explain(fault: Fault) -> Iterator[Diagnostic]:
+    """The findings that say what `fault` means."""
+    if fault.keyword == "pattern" and isinstance(fault.node, Mapping):
+        return _explain_name(fault)
+    return _EXPLAINERS.get(fault.keyword, _explain_value)(fault)
+
+
+def _explain_unknown(fault: Fault) -> Iterator[Diagnostic]:
+    node = fault.node
+    assert isinstance(node, Mapping)
+    known = fault.schema["properties"]
+    for key, entry in node.entries.items():
+        if key in known:
+            continue
+        cut = _cut_by_yaml(node, key)
+        if cut is not None:
+            yield cut
+        elif fault.part:
+            message = f"`{key}` is no parameter of `{fault.part}`"
+            hint = did_you_mean(key, known) or f"`{fault.part}` has no parameters"
+            yield Diagnostic("KYB107", message, entry.key.span, help=hint)
+        else:
+            what = fault.schema["title"]
+            hint = did_you_mean(key, known)
+            if key in LATER:
+                hint = f"this version of kybflow has no `{key}` yet"
+            yield Diagnostic(
+                "KYB101", f"`{key}` is no key of {article(what)}", entry.key.span, help=hint
+            )
+
+
+def _cut_by_yaml(node: Mapping, key: str) -> Diagnostic | None:
+    """What YAML made of `when: distance(a, b) < 1 m` inside of {...}: two keys."""
+    keys = list(node.entries)
+    before = keys.index(key) - 1
+    if NAME.match(key) or before < 0:
+        return None
+    first = node.entries[keys[before]]
+    text = first.value.text if isinstance(first.value, Scalar) else ""
+    if text.count("(") <= text.count(")"):
+        return None
+    return Diagnostic(
+        "KYB101",
+        f"YAML ends `{first.key.text}` at the comma and reads `{key}` as a key",
+        node.entries[key].key.span,
+        notes=(f"`{first.key.text}` is `{text}`",),
+        help="the language has no commas: write `distance(a to b)`, `separation(a and b)`",
+    )
+
+
+def _explain_missing(fault: Fault) -> Iterator[Diagnostic]:
+    node = fault.node
+    assert isinstance(node, Mapping)
+    for key in fault.wanted:
+        if node.get(key) is not None:
+            continue
+        if fault.part:
+            yield Diagnostic("KYB108", f"`{fault.part}` needs `{key}`", node.span)
+        else:
+            what = fault.schema["title"]
+            yield Diagnostic("KYB102", f"{article(what)} needs `{key}`", head_of(node))
+
+
+def _explain_value(fault: Fault) -> Iterator[Diagnostic]:
+    """A type, a pattern, a bound: our own decoder says it best where there is a dimension."""
+    node, name = fault.node, fault.name
+    schema = fault.schema
+    dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
+    if dimension is not None:
+        found: list[Diagnostic] = []
+        shape = "vector" if "items" in schema else "scalar"
+        decode(node, quantity_field(name, dimension, shape, **_bounds(schema)), found)
+        if found:
+            yield from found
+            return
+    types = fault.wanted if fault.keyword == "type" else schema.get("type", ())
+    types = [types] if isinstance(types, str) else [t for t in types if t != "null"]
+    if len(types) > 1 and schema.get("pattern", "").startswith("^\\$"):
+        types.remove("string")
+    wanted = " or ".join(dict.fromkeys(_SHAPES[t] for t in types)) or "another value"
+    place = f"`{name}`" if name else f"{article(schema.get('title', 'file'))}"
+    shown = f" `{node.text[:60]}`" if isinstance(node, Scalar) and node.text else ""
+    hint = ""
+    if wanted == "text" and isinstance(node, Scalar):
+        hint = f'write "{node.text[:60]}" in quotes if you mean the text'
+    yield Diagnostic(
+        "KYB103",
+        f"{place} must be {wanted}, but this is {describe(node)}{shown}",
+        node.span,
+        help=hint,
+    )
+
+
+def _bounds(schema: dict[str, Any]) -> dict[str, Any]:
+    names = {
+        "exclusiveMinimum": "above", "minimum": "at_least",
+        "exclusiveMaximum": "below", "maximum": "at_most",
+    }  # fmt: skip
+    return {ours: schema[theirs] for theirs, ours in names.items() if theirs in schema}
+
+
+def _explain_version(fault: Fault) -> Iterator[Diagnostic]:
+    node = fault.node
+    shown = node.text if isinstance(node, Scalar) else describe(node)
+    yield Diagnostic(
+        "KYB111",
+        f"version `{shown}` of the language is not known here",
+        node.span,
+        help="this program reads `kybflow: 1`",
+    )
+
+
+def _explain_empty(fault: Fault) -> Iterator[Diagnostic]:
+    yield Diagnostic("KYB106", f"`{fault.name}` is empty", fault.node.span)
+
+
+def _explain_name(fault: Fault) -> Iterator[Diagnostic]:
+    node = fault.node
+    assert isinstance(node, Mapping)
+    bad = str(fault.instance)
+    yield Diagnostic(
+        "KYB110",
+        f"`{bad}` can't be a name",
+        node.entries[bad].key.span,
+        help="a name has letters, digits and `_`, and begins with no digit",
+    )
+
+
+def article(noun: str) -> str:
+    return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
+
+
+_EXPLAINERS = {
+    "additionalProperties": _explain_unknown,
+    "required": _explain_missing,
+    "const": _explain_version,
+    "minProperties": _explain_empty,
+}

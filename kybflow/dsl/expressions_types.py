@@ -1,0 +1,83 @@
+"""The types of a comparison: whether its two sides fit together, and what a quantity or a bare word
+means beside the other."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from kybflow.dsl.expressions_cursor import Cursor, Operand, is_quantity
+from kybflow.dsl.expressions_tokens import Token
+from kybflow.dsl.expressions_tree import Compare, Number, Operator, Read, Value, Word
+from kybflow.units import NUMBER, Dimension
+
+STAND_IN = Number(0.0, NUMBER)
+"""Stands where a finding says why there is nothing."""
+
+
+class Types(Cursor):
+    """The middle third of the parser."""
+
+    def compared(self, left: Operand, operator: Operator, right: Operand) -> Compare:
+        """The comparison, its sides brought to one dimension."""
+        a, b = left.node, right.node
+        if left.is_broken or right.is_broken:
+            return Compare(operator, STAND_IN, STAND_IN)
+        if a is None and b is None:
+            return self._nothing_known(left, operator, right)
+        a = a if a is not None else self._beside(left, right)
+        b = b if b is not None else self._beside(right, left)
+        if left.node is not None and right.node is not None:
+            self._same_type(left, right)
+        if operator not in ("==", "!=") and left.dimension is right.dimension is None:
+            message = "names are compared with `==` and `!=`"
+            self.mismatch(right, message, "names have no order", "")
+        return Compare(operator, a, b)
+
+    def _nothing_known(self, left: Operand, operator: Operator, right: Operand) -> Compare:
+        words = [side for side in (left, right) if not is_quantity(side)]
+        for word in words:
+            self.unknown_name(word)
+        if not words:
+            message = "both sides are written out: this never changes"
+            self.mismatch(left, message, "a constant", "compare with something that is measured")
+        return Compare(operator, STAND_IN, STAND_IN)
+
+    def _beside(self, side: Operand, other: Operand) -> Value:
+        """What a quantity or a bare word means next to `other`."""
+        place = (side.start, side.end)
+        told = f"`{other.source}` is {type_name(other.dimension)}"
+        if is_quantity(side) and other.dimension is not None:
+            value = self.measured(side.source, place, other.dimension, told)
+            return Number(value, other.dimension)
+        if is_quantity(side):
+            self.mismatch(side, f"{told}, `{side.source}` is a quantity", "a quantity", "")
+            return STAND_IN
+        if other.dimension is None and isinstance(other.node, Read):
+            return self._word(Token("name", side.source, *place), other.node)
+        self.unknown_name(side)
+        return STAND_IN
+
+    def _word(self, token: Token, read: Read) -> Word:
+        vehicle = read.vehicle or self.scope.own or ""
+        known: Collection[str] | None = None
+        if read.name == "behavior":
+            known = self.scope.vehicles.get(vehicle)
+        elif read.name == "estimator":
+            known = self.scope.estimators.get(vehicle)
+        if known is not None and token.text not in known:
+            message = f"`{vehicle}` has no {read.name} `{token.text}`"
+            self.unknown(token, message, known)
+        return Word(token.text)
+
+    def _same_type(self, left: Operand, right: Operand) -> None:
+        if left.dimension is right.dimension:
+            return
+        a, b = type_name(left.dimension), type_name(right.dimension)
+        message = f"`{left.source}` is {a}, but `{right.source}` is {b}"
+        self.mismatch(right, message, b, "")
+
+
+def type_name(dimension: Dimension | None) -> str:
+    if dimension is None:
+        return "a name"
+    return f"{'an' if dimension.name[0] in 'aeiou' else 'a'} {dimension.name}"

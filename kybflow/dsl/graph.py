@@ -1,0 +1,130 @@
+"""Draws the state machines of a plan: what is drawn, and its text for Mermaid.
+
+Arrows that are taken when all goes well or as the mission says are drawn; the failure arrows that
+the language adds are not. Vehicles with the same machine share a drawing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from kybflow.dsl.expressions import describe
+from kybflow.dsl.expressions_describe import quantity
+from kybflow.dsl.graph_svg import picture
+from kybflow.dsl.graph_types import Box, Drawing, Edge
+from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan, VehiclePlan
+from kybflow.units import DURATION
+
+FOOTNOTE = "A behavior that fails and does not say what follows brakes, hovers and lands."
+
+
+def svg(plan: Plan) -> str:
+    """The state machines as a self-contained SVG."""
+    return picture(plan.mission, plan.summary, drawings(plan), FOOTNOTE)
+
+
+def mermaid(plan: Plan) -> str:
+    """The state machines as one Mermaid `stateDiagram-v2`, each in a box of its own."""
+    lines = ["---", f"title: {plan.mission}", "---", "stateDiagram-v2"]
+    for number, drawing in enumerate(drawings(plan), start=1):
+        lines += _mermaid_box(f"m{number}", drawing)
+    return "\n".join(lines) + "\n"
+
+
+def drawings(plan: Plan) -> list[Drawing]:
+    """One drawing for each machine, with the vehicles that have it."""
+    same: dict[_Machine, list[str]] = {}
+    for vehicle in plan.vehicles:
+        same.setdefault(_machine(vehicle), []).append(vehicle.name)
+    return [Drawing(", ".join(names), m.begin, m.boxes, m.edges) for m, names in same.items()]
+
+
+@dataclass(frozen=True, slots=True)
+class _Machine:
+    begin: str
+    boxes: tuple[Box, ...]
+    edges: tuple[Edge, ...]
+
+
+def _machine(vehicle: VehiclePlan) -> _Machine:
+    drawn = _reached(vehicle)
+    boxes = tuple(_box(state) for name, state in vehicle.states.items() if name in drawn)
+    labels: dict[tuple[str, str], list[str]] = {}
+    implied: dict[tuple[str, str], bool] = {}
+    for box in boxes:
+        for arrow in _drawn(vehicle.states[box.name]):
+            added = arrow.implied or box.is_built_in
+            ends = (box.name, arrow.target)
+            labels.setdefault(ends, []).append(_cause(arrow))
+            implied[ends] = implied.get(ends, True) and added
+    edges = tuple(Edge(*ends, tuple(text), implied[ends]) for ends, text in labels.items())
+    return _Machine(vehicle.begin, boxes, edges)
+
+
+def _reached(vehicle: VehiclePlan) -> set[str]:
+    """The mission's own states, and the built-in ones that a drawn arrow leads to."""
+    waiting = [name for name, state in vehicle.states.items() if not state.built_in]
+    reached = set(waiting)
+    while waiting:
+        for arrow in _drawn(vehicle.states[waiting.pop()]):
+            if arrow.target not in reached:
+                reached.add(arrow.target)
+                waiting.append(arrow.target)
+    return reached
+
+
+def _drawn(state: StatePlan) -> list[TransitionPlan]:
+    """Its arrows, but for the failures that the language adds."""
+    return [
+        arrow
+        for arrow in state.transitions
+        if arrow.cause != "failed" or not (arrow.implied or state.built_in)
+    ]
+
+
+def _box(state: StatePlan) -> Box:
+    leg = state.legs[0]
+    flight = f"{leg.start.value} → {leg.end.value}"
+    return Box(state.name, state.behavior.name, flight, state.built_in)
+
+
+def _cause(arrow: TransitionPlan) -> str:
+    if arrow.cause == "then":
+        return "done"
+    if arrow.cause == "failed":
+        return "failed"
+    if arrow.cause == "within":
+        return f"not done within {quantity(arrow.after or 0.0, DURATION)}"
+    parts = [describe(arrow.when)] if arrow.when is not None else []
+    if arrow.hold > 0.0:
+        parts.append(f"for {quantity(arrow.hold, DURATION)}")
+    if arrow.event is not None:
+        parts.append(f"event {arrow.event}")
+    if arrow.after is not None:
+        parts.append(f"after {quantity(arrow.after, DURATION)}")
+    return " ".join(parts)
+
+
+def _mermaid_box(prefix: str, drawing: Drawing) -> list[str]:
+    ids = {box.name: f"{prefix}s{number}" for number, box in enumerate(drawing.boxes, start=1)}
+    lines = [f'  state "{drawing.title}" as {prefix} {{', f"    [*] --> {ids[drawing.begin]}"]
+    for box in drawing.boxes:
+        text = _escaped(f"{box.name}<br>{box.part}, {box.flight}")
+        lines.append(f'    state "{text}" as {ids[box.name]}')
+    for edge in drawing.edges:
+        label = _escaped("<br>".join(edge.labels))
+        lines.append(f"    {ids[edge.source]} --> {ids[edge.target]} : {label}")
+    built_in = ",".join(ids[box.name] for box in drawing.boxes if box.is_built_in)
+    lines.append("  }")
+    if built_in:
+        lines += [
+            f"  classDef builtIn{prefix} stroke-dasharray: 4, fill: none",
+            f"  class {built_in} builtIn{prefix}",
+        ]
+    return lines
+
+
+def _escaped(text: str) -> str:
+    """Text as Mermaid takes it in a label; only our line breaks stay markup."""
+    escapes = {"#": "#35;", '"': "#quot;", "<": "#lt;", ">": "#gt;", ":": "#58;", ";": "#59;"}
+    return "<br>".join("".join(escapes.get(c, c) for c in line) for line in text.split("<br>"))

@@ -1,0 +1,179 @@
+"""Layered layout of a directed graph, after Sugiyama, Tagawa and Toda (1981).
+
+Layers by longest path over the arrows that do not close a circle; each arrow is a chain with a
+vertex in every layer that it passes, the first of which carries its label, so that neither boxes
+nor labels can overlap; order by barycentres; positions by the nearest feasible ones to the mean of
+the neighbours (isotonic regression), swept down and up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import NamedTuple
+
+GAP = 32.0
+_SWEEPS = 12
+
+
+class Size(NamedTuple):
+    """How far a vertex reaches from the line through it: left, right, and its height."""
+
+    left: float
+    right: float
+    height: float
+
+
+class Chain(NamedTuple):
+    """An arrow laid out: its vertices from the upper end to the lower; `is_reversed` when it points
+    up."""
+
+    vertices: tuple[int, ...]
+    is_reversed: bool
+
+
+@dataclass(slots=True)
+class Layout:
+    """Where everything is: `x` and the middle `y` of every vertex, boxes first, then those of the
+    chains."""
+
+    sizes: list[Size]
+    layers: list[list[int]] = field(default_factory=list)
+    chains: list[Chain] = field(default_factory=list)
+    x: list[float] = field(default_factory=list)
+    y: list[float] = field(default_factory=list)
+
+
+def arranged(
+    boxes: Sequence[Size], edges: Sequence[tuple[int, int]], labels: Sequence[Size], first: int
+) -> Layout:
+    """The layout of `boxes` joined by `edges` (no loops), each with a label; `first` is on top."""
+    back = _closing(len(boxes), edges, first)
+    down = [(b, a) if i in back else (a, b) for i, (a, b) in enumerate(edges)]
+    ranks = _ranks(len(boxes), down)
+    layout = Layout(list(boxes))
+    layout.layers = [[] for _ in range(2 * max(ranks) + 1)]
+    for box, rank in enumerate(ranks):
+        layout.layers[2 * rank].append(box)
+    for index, (upper, lower) in enumerate(down):
+        chain = _chain(layout, upper, lower, ranks, labels[index])
+        layout.chains.append(Chain(chain, index in back))
+    above, below = _neighbours(layout)
+    _order(layout, above, below)
+    _place(layout, above, below)
+    return layout
+
+
+def _closing(count: int, edges: Sequence[tuple[int, int]], first: int) -> set[int]:
+    """The edges that close a circle in a depth-first walk from `first`."""
+    leaving: list[list[int]] = [[] for _ in range(count)]
+    for index, (source, _) in enumerate(edges):
+        leaving[source].append(index)
+    closing: set[int] = set()
+    state = [0] * count
+    for root in [first, *range(count)]:
+        if state[root]:
+            continue
+        path = [(root, iter(leaving[root]))]
+        state[root] = 1
+        while path:
+            vertex, rest = path[-1]
+            index = next(rest, None)
+            if index is None:
+                state[vertex] = 2
+                path.pop()
+                continue
+            target = edges[index][1]
+            if state[target] == 1:
+                closing.add(index)
+            elif state[target] == 0:
+                state[target] = 1
+                path.append((target, iter(leaving[target])))
+    return closing
+
+
+def _ranks(count: int, down: Sequence[tuple[int, int]]) -> list[int]:
+    """The longest path to each vertex; `down` has no circles."""
+    ranks = [0] * count
+    for _ in range(count):
+        for source, target in down:
+            ranks[target] = max(ranks[target], ranks[source] + 1)
+    return ranks
+
+
+def _chain(
+    layout: Layout, upper: int, lower: int, ranks: Sequence[int], label: Size
+) -> tuple[int, ...]:
+    passed = []
+    for layer in range(2 * ranks[upper] + 1, 2 * ranks[lower]):
+        vertex = len(layout.sizes)
+        layout.sizes.append(Size(4.0, 4.0, 0.0) if passed else label)
+        layout.layers[layer].append(vertex)
+        passed.append(vertex)
+    return (upper, *passed, lower)
+
+
+Neighbours = Mapping[int, list[int]]
+
+
+def _neighbours(layout: Layout) -> tuple[Neighbours, Neighbours]:
+    above: dict[int, list[int]] = {v: [] for v in range(len(layout.sizes))}
+    below: dict[int, list[int]] = {v: [] for v in range(len(layout.sizes))}
+    for chain in layout.chains:
+        for a, b in pairwise(chain.vertices):
+            below[a].append(b)
+            above[b].append(a)
+    return above, below
+
+
+def _order(layout: Layout, above: Neighbours, below: Neighbours) -> None:
+    """Sort every layer by the mean place of its neighbours, down and up in turn."""
+    place = {v: float(i) for layer in layout.layers for i, v in enumerate(layer)}
+    for sweep in range(_SWEEPS):
+        neighbours = below if sweep % 2 else above
+        for layer in reversed(layout.layers) if sweep % 2 else layout.layers:
+            means = {v: _mean([place[n] for n in neighbours[v]], place[v]) for v in layer}
+            layer.sort(key=means.__getitem__)
+            for index, vertex in enumerate(layer):
+                place[vertex] = float(index)
+
+
+def _place(layout: Layout, above: Neighbours, below: Neighbours) -> None:
+    layout.x = [0.0] * len(layout.sizes)
+    for sweep in range(_SWEEPS + 1):
+        neighbours = below if sweep % 2 else above
+        for layer in reversed(layout.layers) if sweep % 2 else layout.layers:
+            wanted = [_mean([layout.x[n] for n in neighbours[v]], layout.x[v]) for v in layer]
+            for vertex, x in zip(layer, _apart(layout, layer, wanted), strict=True):
+                layout.x[vertex] = x
+    left = min(x - s.left for x, s in zip(layout.x, layout.sizes, strict=True))
+    layout.x = [x - left for x in layout.x]
+    layout.y = [0.0] * len(layout.sizes)
+    top = 0.0
+    for layer in layout.layers:
+        height = max((layout.sizes[v].height for v in layer), default=0.0)
+        for vertex in layer:
+            layout.y[vertex] = top + height / 2
+        top += height + GAP
+
+
+def _apart(layout: Layout, layer: Sequence[int], wanted: Sequence[float]) -> list[float]:
+    """The positions nearest to the wanted ones (least squares) that keep the order and the gaps:
+    isotonic regression of what is left when the gaps are taken out."""
+    offsets = [0.0]
+    for a, b in pairwise(layer):
+        offsets.append(offsets[-1] + layout.sizes[a].right + GAP + layout.sizes[b].left)
+    blocks: list[tuple[float, int]] = []
+    for want, offset in zip(wanted, offsets, strict=False):
+        mean, count = want - offset, 1
+        while blocks and blocks[-1][0] > mean:
+            other, size = blocks.pop()
+            mean, count = (mean * count + other * size) / (count + size), count + size
+        blocks.append((mean, count))
+    levels = [mean for mean, count in blocks for _ in range(count)]
+    return [level + offset for level, offset in zip(levels, offsets, strict=False)]
+
+
+def _mean(values: Sequence[float], otherwise: float) -> float:
+    return sum(values) / len(values) if values else otherwise

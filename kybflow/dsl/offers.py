@@ -1,0 +1,95 @@
+"""What a file offers: its airframes and vehicles, each whole after `like`."""
+
+from __future__ import annotations
+
+from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.like import merge
+from kybflow.dsl.nodes import Entry, Mapping, Scalar
+from kybflow.dsl.source import Span
+
+_CHAIN = 20
+EMPTY = Mapping({}, Span("", 1, 1, 1, 1))
+
+
+class Offers:
+    """The airframes and vehicles of one file, whole; each is resolved when first asked for."""
+
+    def __init__(
+        self,
+        root: Mapping,
+        imports: dict[str, Offers | None],
+        base: Mapping,
+        found: list[Diagnostic],
+    ) -> None:
+        self._root = root
+        self._imports = imports
+        self._base = base
+        self._found = found
+        self._done: dict[tuple[str, str], Mapping | None] = {}
+        self._open: list[tuple[str, str]] = []
+
+    def own(self, section: str) -> list[str]:
+        """The names that the file itself has in `section`."""
+        node = self._root.get(section)
+        return list(node.entries) if isinstance(node, Mapping) else []
+
+    def names(self, section: str) -> list[str]:
+        """The names that may be used in the file, those of its imports qualified."""
+        imported = ((i, o.own(section)) for i, o in self._imports.items() if o is not None)
+        return self.own(section) + [f"{i}.{n}" for i, names in imported for n in names]
+
+    def get(self, section: str, name: str) -> Mapping | None:
+        """The whole entry; None when it has errors or doesn't exist."""
+        key = (section, name)
+        if key not in self._done:
+            self._open.append(key)
+            self._done[key] = self._whole(section, name)
+            self._open.pop()
+        return self._done[key]
+
+    def _whole(self, section: str, name: str) -> Mapping | None:
+        node = self._root.get(section)
+        own = node.get(name) if isinstance(node, Mapping) else None
+        if not isinstance(own, Mapping):
+            own = EMPTY
+        like = own.get("like")
+        base = self._base if section == "vehicles" else EMPTY
+        if isinstance(like, Scalar):
+            found = self.named(section, like)
+            if found is None:
+                return None
+            base = found
+        plain = Mapping({k: e for k, e in own.entries.items() if k != "like"}, own.span)
+        whole = merge(base, plain)
+        airframe = plain.entries.get("airframe")
+        if section == "vehicles" and airframe and isinstance(airframe.value, Scalar):
+            body = None if airframe.value.is_null else self.named("airframes", airframe.value)
+            if body is None:
+                return None
+            whole.entries["airframe"] = Entry(airframe.key, body)
+        return whole
+
+    def named(self, section: str, name: Scalar) -> Mapping | None:
+        """The entry that `name` (`x`, or `import.x`) means here."""
+        key = (section, name.text)
+        if key in self._open or len(self._open) > _CHAIN:
+            chain = " is like ".join(f"`{n}`" for _, n in (*self._open, key))
+            self._found.append(Diagnostic("KYB125", f"{chain[:200]}: this never ends", name.span))
+            return None
+        library, _, inner = name.text.rpartition(".")
+        if library in self._imports:
+            offers = self._imports[library]
+            if offers is None or inner in offers.own(section):
+                return None if offers is None else offers.get(section, inner)
+        elif not library and inner in self.names(section):
+            return self.get(section, inner)
+        what = "vehicle" if section == "vehicles" else "airframe"
+        self._found.append(
+            Diagnostic(
+                "KYB124",
+                f"no {what} is called `{name.text}`",
+                name.span,
+                help=did_you_mean(name.text, self.names(section)) or f"none is under `{section}`",
+            )
+        )
+        return None

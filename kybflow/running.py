@@ -1,0 +1,99 @@
+"""`kybflow run`: compile, fly, show, report."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from kybflow.catalog import load_catalog
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.plan import Plan
+from kybflow.dsl.render import render
+from kybflow.errors import KybflowError
+from kybflow.panel import LivePanel, PlainPanel
+from kybflow.runtime.flight import Flown, Request, fly
+from kybflow.runtime.outcome import INVALID
+from kybflow.runtime.report import write_report
+from kybflow.units import DIMENSIONS, format_quantity
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the command line asked for."""
+
+    path: Path
+    target: str | None
+    sets: tuple[str, ...]
+    request: Request
+    live: bool
+    plain: bool
+    report: bool
+
+
+def run_mission(asked: Asked, out: Console, err: Console) -> int:
+    """Fly one mission; the exit code. Findings and refusals go to `err`."""
+    result = compile_mission(
+        asked.path, catalog=load_catalog(), target=asked.target, sets=asked.sets
+    )
+    for diagnostic in result.diagnostics:
+        err.print(render(diagnostic, result.texts) + "\n", markup=False, soft_wrap=True)
+    if result.plan is None:
+        return INVALID
+    try:
+        plan = _live(result.plan) if asked.live else result.plan
+        flown = _flown(plan, asked, out)
+    except KybflowError as error:
+        err.print(f"error: {error}", markup=False, soft_wrap=True)
+        return INVALID
+    _tell(flown, out)
+    if asked.report:
+        out.print(f"report: {write_report(flown.folder)}", markup=False, soft_wrap=True)
+    return flown.exit_code
+
+
+def _flown(plan: Plan, asked: Asked, out: Console) -> Flown:
+    plain = asked.plain or not out.is_terminal
+    with PlainPanel(out) if plain else LivePanel(out) as panel:
+        return fly(plan, asked.request, (panel.hear,), (panel.look,))
+
+
+def _live(plan: Plan) -> Plan:
+    """The plan with its drivers' own view switched on. Raises KybflowError where there is none."""
+    vehicles = []
+    for vehicle in plan.vehicles:
+        driver = vehicle.driver
+        if not hasattr(driver.params, "live"):
+            raise KybflowError(f"the driver `{driver.name}` has no view of its own for --live")
+        params = dataclasses.replace(driver.params, live=True)
+        driver = dataclasses.replace(driver, params=params)
+        vehicles.append(dataclasses.replace(vehicle, driver=driver))
+    return dataclasses.replace(plan, vehicles=tuple(vehicles))
+
+
+def _tell(flown: Flown, out: Console) -> None:
+    summary = flown.summary
+    for expectation in summary["expectations"]:
+        mark = "held  " if expectation["held"] else "FAILED"
+        out.print(
+            f"{mark}  {expectation['text']}{_value(expectation)}", markup=False, soft_wrap=True
+        )
+    reason = f": {summary['reason']}" if summary["reason"] else ""
+    out.print(
+        f"{summary['mission']} {summary['outcome']}{reason}\n"
+        f"{summary['sim_time_s']:.1f} s flown in {summary['wall_time_s']:.1f} s "
+        f"({summary['real_time_factor']:.0f} x real time), recorded in {flown.folder}",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def _value(expectation: dict[str, object]) -> str:
+    value = expectation["value"]
+    if not isinstance(value, float):
+        return ""
+    dimension = next((d for d in DIMENSIONS.values() if d.si and d.si == expectation["unit"]), None)
+    shown = format_quantity(value, dimension) if dimension else f"{value:.4g}"
+    return f"  ({shown})"

@@ -1,0 +1,68 @@
+"""`kybflow validate`: every mission under some paths, one after the other."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from kybflow.catalog import load_catalog
+from kybflow.dsl.compiler import Result, compile_mission
+from kybflow.dsl.render import render, to_json
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """One file after its validation, and how long that took."""
+
+    path: str
+    result: Result
+    milliseconds: float
+    valid: bool
+
+    @property
+    def reports(self) -> list[str]:
+        """What is to be printed for it, one text a finding and a last line."""
+        texts = [render(d, self.result.texts) + "\n" for d in self.result.diagnostics]
+        count = len(texts)
+        if self.valid:
+            warned = f", {count} warning{'s' * (count > 1)}" if count else ""
+            texts.append(f"{self.path}: ok{warned} ({self.milliseconds:.1f} ms)")
+        return texts
+
+
+def validate_paths(
+    paths: Iterable[Path], target: str | None, sets: Sequence[str]
+) -> Iterator[Checked]:
+    """Each mission of `paths`; a folder stands for the YAML files in it and below."""
+    catalog = load_catalog()
+    for path in _missions(paths):
+        begin = time.perf_counter()
+        result = compile_mission(path, catalog=catalog, target=target, sets=sets)
+        took = (time.perf_counter() - begin) * 1e3
+        yield Checked(str(path), result, took, result.valid)
+
+
+def _missions(paths: Iterable[Path]) -> Iterator[Path]:
+    for path in paths:
+        if path.is_dir():
+            yield from sorted(p for p in path.rglob("*") if p.suffix in (".yaml", ".yml"))
+        else:
+            yield path
+
+
+def report_text(checked: Iterable[Checked]) -> str:
+    """All of it as JSON."""
+    files = [
+        {
+            "path": one.path,
+            "valid": one.valid,
+            "milliseconds": round(one.milliseconds, 3),
+            "diagnostics": [to_json(d) for d in one.result.diagnostics],
+        }
+        for one in checked
+    ]
+    whole = {"kybflow": 1, "valid": all(f["valid"] for f in files), "files": files}
+    return json.dumps(whole, indent=2)

@@ -1,0 +1,51 @@
+"""What holds of every check, and of the walk that several share."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from kybflow.catalog import load_catalog
+from kybflow.dsl.checks import CHECKS, conditions
+from kybflow.dsl.checks.entries import Entries
+from kybflow.dsl.compiler import compile_mission
+
+ROOT = Path(__file__).parents[3]
+
+
+OWN_CODES = [check for check in CHECKS if check.__module__ != conditions.__name__]
+"""The others tell what the parser of expressions finds, whose codes are its own."""
+
+
+@pytest.mark.parametrize("check", OWN_CODES, ids=lambda check: check.__name__)
+def test_every_check_says_its_code_and_what_it_proves(check: object) -> None:
+    assert re.match(r"KYB[23]\d\d: \w.{20}", check.__doc__ or "", re.DOTALL)
+
+
+def test_no_code_is_used_twice() -> None:
+    codes = [(check.__doc__ or "")[:6] for check in OWN_CODES]
+    assert sorted(set(codes)) == sorted(codes)
+
+
+@pytest.mark.parametrize(
+    "mission", sorted((ROOT / "missions").glob("*.yaml")), ids=lambda p: p.stem
+)
+def test_the_missions_have_no_findings(mission: Path) -> None:
+    assert compile_mission(mission, catalog=load_catalog()).diagnostics == ()
+
+
+def test_more_entries_than_a_few_count_as_unknown() -> None:
+    entries = Entries()
+    assert all(entries.add((float(i), 0.0, 0.0)) for i in range(16))
+    assert entries.add((99.0, 0.0, 0.0))
+    assert not entries.known
+    assert not entries.add((98.0, 0.0, 0.0))
+    assert len(entries.asked()) == 17
+
+
+def test_an_entry_that_is_known_already_changes_nothing() -> None:
+    entries = Entries([(1.0, 0.0, 0.0)])
+    assert not entries.add((1.0, 0.0, 0.0))
+    assert entries.asked() == [(1.0, 0.0, 0.0)]

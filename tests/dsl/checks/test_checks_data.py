@@ -1,0 +1,156 @@
+"""Data types from behavior to driver, with parts made up for it: those of the catalog all fit."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from plans import FENCE, NANO
+
+from kybflow.catalog import PartSpec
+from kybflow.dsl.built_in import BUILT_IN
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.data import (
+    chains_that_do_not_connect,
+    control_rates,
+    missing_measurements,
+)
+from kybflow.dsl.document import Document, EstimatorUse, PartUse, State, Vehicle
+from kybflow.dsl.source import Span, Text
+from kybflow.parts import AIR, GROUND, Leg
+from kybflow.signals import CommandKind, MeasurementKind, SetpointKind
+
+SPAN = Span("m.yaml", 1, 1, 1, 2)
+POSITION, VELOCITY = SetpointKind.POSITION, SetpointKind.VELOCITY
+ATTITUDE = CommandKind.ATTITUDE_THRUST
+
+
+def use(name: str, **facts: Any) -> PartUse:
+    """A part of which the checks see these facts."""
+    cls: Any = SimpleNamespace(**facts)
+    spec = PartSpec("any", name, cls, type(None), (), name)
+    return PartUse(Text(name, SPAN), spec, None, name, SPAN)
+
+
+def behavior(emits: SetpointKind | CommandKind, *flight: Leg) -> PartUse:
+    return use("fly", emits=emits, flight=flight or (AIR >> AIR,))
+
+
+def driver(**more: Any) -> PartUse:
+    facts = {
+        "accepts": frozenset({ATTITUDE}),
+        "provides": frozenset({MeasurementKind.POSE}),
+        "step_rate": lambda _: 500.0,
+    }
+    return use("bench", **{**facts, **more})
+
+
+class Parts:
+    """A catalog in which every built-in behavior stays on the ground."""
+
+    def get(self, kind: str, name: str) -> Any:
+        assert name in BUILT_IN.values()
+        return behavior(SetpointKind.IDLE, GROUND >> GROUND).spec
+
+
+def case(flown: PartUse, control_rate: int = 250, **parts: Any) -> Case:
+    facts: dict[str, Any] = {
+        "estimators": (),
+        "processors": (),
+        "tracker": use("cascade", accepts=frozenset({POSITION}), gives=ATTITUDE),
+        "driver": driver(),
+        **parts,
+    }
+    name = Text("go", SPAN)
+    vehicle = Vehicle(
+        name=Text("a", SPAN),
+        airframe=NANO,
+        start=(0.0, 0.0, 0.0),
+        start_span=SPAN,
+        heading=0.0,
+        supervisors=(),
+        begin=name,
+        states={"go": State(name, flown, (), SPAN)},
+        span=SPAN,
+        **facts,
+    )
+    document = Document(
+        mission=name,
+        summary="",
+        target=name,
+        parameters={},
+        fence=FENCE,
+        fence_span=None,
+        control_rate=control_rate,
+        control_span=None,
+        hover_limit=30.0,
+        time_limit=60.0,
+        vehicles={"a": vehicle},
+        expect=(),
+    )
+    catalog: Any = Parts()
+    return Case(document, catalog)
+
+
+def messages(found: Any) -> list[str]:
+    return [f"{d.code} {d.message}: {d.label}" for d in found]
+
+
+def test_a_chain_that_connects() -> None:
+    assert messages(chains_that_do_not_connect(case(behavior(POSITION)))) == []
+
+
+def test_a_tracker_that_cannot_take_the_setpoints() -> None:
+    expected = [
+        "KYB301 `cascade` can't take the velocity setpoints of `go` (fly): takes `position`"
+    ]
+    assert expected == messages(chains_that_do_not_connect(case(behavior(VELOCITY))))
+
+
+def test_a_processor_may_turn_one_kind_into_another() -> None:
+    integrate = use("integrate", accepts={VELOCITY: POSITION}, safety=False)
+    flown = case(behavior(VELOCITY), processors=(integrate,))
+    assert messages(chains_that_do_not_connect(flown)) == []
+
+
+def test_a_processor_that_cannot_take_the_setpoints() -> None:
+    limit = use("limit", accepts={POSITION: POSITION}, safety=True)
+    flown = case(behavior(VELOCITY), processors=(limit,))
+    expected = ["KYB301 `limit` can't take the velocity setpoints of `go` (fly): takes `position`"]
+    assert expected == messages(chains_that_do_not_connect(flown))
+
+
+def test_only_safety_processors_apply_in_take_off() -> None:
+    integrate = use("integrate", accepts={VELOCITY: POSITION}, safety=False)
+    flown = case(behavior(POSITION, GROUND >> AIR), processors=(integrate,))
+    assert messages(chains_that_do_not_connect(flown)) == []
+
+
+def test_a_driver_that_cannot_take_the_commands() -> None:
+    flown = case(behavior(ATTITUDE), driver=driver(accepts=frozenset()))
+    assert messages(chains_that_do_not_connect(flown)) == [
+        "KYB301 `bench` can't take the attitude_thrust commands of `cascade`: takes nothing",
+        "KYB301 `bench` can't take the attitude_thrust commands of `go` (fly): takes nothing",
+    ]
+
+
+def test_measurements_that_nobody_provides() -> None:
+    needs = frozenset({MeasurementKind.POSE, MeasurementKind.BATTERY})
+    estimator = EstimatorUse(use("mocap", needs=needs), None, 1.0, None)
+    flown = case(behavior(POSITION), estimators=(estimator,))
+    expected = ["KYB302 `mocap` needs battery measurements: `bench` provides `pose`"]
+    assert expected == messages(missing_measurements(flown))
+
+
+def test_control_rates_that_divide_the_steps() -> None:
+    assert messages(control_rates(case(behavior(POSITION), 125))) == []
+    any_rate = driver(step_rate=lambda _: None)
+    assert messages(control_rates(case(behavior(POSITION), 77, driver=any_rate))) == []
+
+
+def test_a_control_rate_that_does_not() -> None:
+    found = list(control_rates(case(behavior(POSITION), 300)))
+    assert (messages(found)) == [
+        "KYB303 control at 300 Hz does not divide `bench` at 500 Hz: 500 / 300 = 1.667"
+    ]
+    assert [d.help for d in found] == ["use 250 Hz"]

@@ -1,0 +1,110 @@
+"""Drawings of state machines."""
+
+from __future__ import annotations
+
+import re
+from itertools import combinations
+from xml.etree import ElementTree
+
+import pytest
+from plans import part, plan, state, then, vehicle
+
+from kybflow.dsl.expressions import Compare, Number, Read
+from kybflow.dsl.graph import drawings, mermaid, svg
+from kybflow.dsl.graph_layout import Size, arranged
+from kybflow.dsl.graph_types import Edge
+from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan
+from kybflow.units import RATIO
+
+LOW = Compare("<", Read(None, "battery.remaining"), Number(0.3, RATIO))
+HOME = TransitionPlan("next", "down", when=LOW, hold=0.5)
+IMPLIED = TransitionPlan("failed", "brake", implied=True)
+
+
+def flown() -> list[StatePlan]:
+    hover = part("behaviors", "hover")
+    return [
+        state("up", part("behaviors", "take_off", height=1.0), then("go"), IMPLIED),
+        state("go", hover, then("back"), HOME, TransitionPlan("within", "brake", after=9.0)),
+        state("back", hover, then("go"), HOME),
+        state("down", part("behaviors", "land"), TransitionPlan("then", "landed", implied=True)),
+    ]
+
+
+@pytest.fixture
+def twins() -> Plan:
+    return plan(vehicle("a", flown()), vehicle("b", flown()))
+
+
+def test_vehicles_with_one_machine_share_a_drawing(twins: Plan) -> None:
+    assert [drawing.title for drawing in drawings(twins)] == ["a, b"]
+    short = [state("up", part("behaviors", "take_off", height=1.0), then("down")), flown()[3]]
+    other = plan(vehicle("a", flown()), vehicle("b", short))
+    assert [drawing.title for drawing in drawings(other)] == ["a", "b"]
+
+
+def test_built_in_states_are_drawn_where_an_arrow_leads(twins: Plan) -> None:
+    drawing = drawings(twins)[0]
+    built_in = {box.name for box in drawing.boxes if box.is_built_in}
+    assert {"brake", "hover", "auto_land", "landed"} == built_in
+    assert Edge("up", "brake", (), True) not in drawing.edges
+
+
+def test_arrows_say_why_they_are_taken(twins: Plan) -> None:
+    edges = {(e.source, e.target): e for e in drawings(twins)[0].edges}
+    assert edges["go", "down"].labels == ("battery.remaining < 30 % for 500 ms",)
+    assert edges["go", "brake"].labels == ("not done within 9 s",)
+    assert edges["go", "back"].labels == ("done",)
+    assert edges["down", "landed"].is_implied
+
+
+def test_mermaid(twins: Plan) -> None:
+    text = mermaid(twins)
+    assert text.startswith("---\ntitle: test\n---\nstateDiagram-v2\n")
+    assert '    state "up<br>take_off, ground → air" as m1s1\n' in text
+    assert "    m1s2 --> m1s4 : battery.remaining #lt; 30 % for 500 ms\n" in text
+    assert text.count("[*] -->") == 1
+
+
+def test_the_picture_is_well_formed_and_needs_nothing(twins: Plan) -> None:
+    text = svg(twins)
+    root = ElementTree.fromstring(text)
+    words = [e.text for e in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert {"test", "a, b", "up", "take_off · ground → air", "done"} <= set(words)
+    assert re.findall(r"href|@import|<script|url\((?!#)", text) == []
+    assert text == svg(twins)
+
+
+def test_names_are_escaped() -> None:
+    wild = state("<b>&", part("behaviors", "take_off", height=1.0))
+    assert "<b>&" in "".join(ElementTree.fromstring(svg(plan(vehicle("a", [wild])))).itertext())
+
+
+GRAPHS = [
+    (3, [(0, 1), (1, 2)]),
+    (4, [(0, 1), (0, 2), (1, 3), (2, 3), (0, 3)]),
+    (5, [(0, 1), (1, 2), (2, 1), (2, 3), (3, 0), (1, 4), (2, 4), (3, 4)]),
+    (3, [(0, 1), (1, 0)]),
+    (4, [(0, 1), (2, 3)]),
+    (1, []),
+]
+
+
+@pytest.mark.parametrize(("count", "edges"), GRAPHS)
+def test_nothing_overlaps(count: int, edges: list[tuple[int, int]]) -> None:
+    layout = arranged([Size(60, 60, 46)] * count, edges, [Size(6, 150, 19)] * len(edges), 0)
+    extents = [
+        (x - s.left, x + s.right, y - s.height / 2, y + s.height / 2)
+        for x, y, s in zip(layout.x, layout.y, layout.sizes, strict=True)
+    ]
+    for a, b in combinations(extents, 2):
+        assert a[1] <= b[0] + 1e-6 or b[1] <= a[0] + 1e-6 or a[3] <= b[2] or b[3] <= a[2]
+
+
+@pytest.mark.parametrize(("count", "edges"), GRAPHS)
+def test_arrows_point_down_but_for_those_that_close_a_circle(
+    count: int, edges: list[tuple[int, int]]
+) -> None:
+    layout = arranged([Size(60, 60, 46)] * count, edges, [Size(6, 50, 19)] * len(edges), 0)
+    for (source, target), chain in zip(edges, layout.chains, strict=True):
+        assert chain.is_reversed == (layout.y[source] > layout.y[target])

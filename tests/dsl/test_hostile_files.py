@@ -1,0 +1,108 @@
+"""Files that mean harm or are broken: each gets a diagnostic, in bounded time and memory."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from kybflow.catalog import load_catalog
+from kybflow.dsl.compiler import compile_mission
+
+HEAD = b"kybflow: 1\nmission: bad\n"
+CYCLE = b"vehicles:\n" + b"".join(b"  v%d: {like: v%d}\n" % (i, i + 1) for i in range(3000))
+BOMB = b"a: &a [x,x,x,x,x,x,x,x,x]\n" + b"".join(
+    b"%c: &%c [%s]\n" % (c, c, b",".join([b"*%c" % (c - 1)] * 9)) for c in range(98, 112)
+)
+TEMPLATE = b"".join(b"      s%d: {do: hover, then: s%d}\n" % (i, i) for i in range(900))
+WIDE = (
+    b"vehicles:\n  a:\n    behaviors:\n"
+    + TEMPLATE
+    + b"".join(b"  v%d: {like: a}\n" % i for i in range(2000))
+)
+
+HOSTILE = {
+    "empty": (b"", "KYB005"),
+    "only a comment": (b"# nothing\n", "KYB005"),
+    "not UTF-8": (b"kybflow: 1\nmission: \xff\xfe\n", "KYB003"),
+    "UTF-16": ("kybflow: 1".encode("utf-16"), "KYB003"),
+    "a tab": (b"kybflow: 1\nvehicles:\n\ta: 1\n", "KYB004"),
+    "a control character": (b"kybflow: \x07\n", "KYB004"),
+    "a NUL": (b"kybflow: 1\x00\n", "KYB004"),
+    "a 10 MB scalar": (b"mission: " + b"x" * 10_000_000, "KYB002"),
+    "a scalar as long as allowed": (HEAD + b"summary: " + b"x" * 1_900_000, "KYB102"),
+    "20,000 nested brackets": (b"[" * 20_000, "KYB011"),
+    "20,000 nested braces": (b"{a: " * 20_000, "KYB011"),
+    "20,000 nested blocks": (b"- " * 20_000, "KYB011"),
+    "an alias bomb": (BOMB, "KYB012"),
+    "an alias loop": (b"a: &a {b: *a}\n", "KYB013"),
+    "an unknown alias": (b"a: *b\n", "KYB013"),
+    "two documents": (HEAD + b"---\n" + HEAD, "KYB006"),
+    "a Python tag": (HEAD + b"x: !!python/object/apply:os.system ['true']\n", "KYB008"),
+    "a tag of its own": (HEAD + b"x: !include /etc/passwd\n", "KYB008"),
+    "duplicate keys": (HEAD + HEAD, "KYB007"),
+    "a merge key": (HEAD + b"x: {<<: {a: 1}}\n", "KYB009"),
+    "a list as a key": (HEAD + b"? [a]\n: 1\n", "KYB010"),
+    "NaN": (HEAD + b"hover_limit: .nan\nvehicles: {a: {}}\n", "KYB104"),
+    "an infinity": (HEAD + b"hover_limit: .inf\nvehicles: {a: {}}\n", "KYB104"),
+    "a number beyond floats": (HEAD + b"hover_limit: 1e999\nvehicles: {a: {}}\n", "KYB104"),
+    "a list": (b"- kybflow: 1\n", "KYB102"),
+    "a word": (b"kybflow\n", "KYB102"),
+    "an import outside": (HEAD + b"import: {a: ../../x.yaml}\nvehicles: {a: {}}\n", "KYB121"),
+    "an import with a NUL": (HEAD + b'import: {a: "x\\0y"}\nvehicles: {a: {}}\n', "KYB121"),
+    "a long chain of `like`": (HEAD + CYCLE, "KYB125"),
+    "much through `like`": (HEAD + WIDE, "KYB126"),
+    "a million spaces": (HEAD + b"vehicles: " + b" " * 1_000_000 + b"{a: {}}\n", "KYB102"),
+    "a huge integer": (HEAD + b"control: " + b"9" * 100_000 + b"\nvehicles: {a: {}}\n", "KYB104"),
+    "a huge name": (HEAD + b"vehicles: {" + b"a" * 100_000 + b": {}}\n", "KYB004"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_it_is_answered_with_a_diagnostic_in_bounded_time(name: str, tmp_path: Path) -> None:
+    data, code = HOSTILE[name]
+    path = tmp_path / "mission.yaml"
+    path.write_bytes(data)
+    catalog = load_catalog()
+    begin = time.process_time()
+    result = compile_mission(path, catalog=catalog)
+    assert code in {d.code for d in result.diagnostics}
+    assert result.plan is None
+    assert time.process_time() - begin < 2.0
+
+
+def test_a_path_that_is_no_file_is_answered(tmp_path: Path) -> None:
+    for path in (tmp_path, tmp_path / "none.yaml", Path("/dev/zero"), Path("a\0b")):
+        result = compile_mission(path, catalog=load_catalog())
+        assert [d.code for d in result.diagnostics] == ["KYB001"], path
+
+
+def test_the_process_ends_with_2_and_without_a_traceback(tmp_path: Path) -> None:
+    files = []
+    for number, (data, _) in enumerate(HOSTILE.values()):
+        files.append(tmp_path / f"{number}.yaml")
+        files[-1].write_bytes(data)
+    done = subprocess.run(
+        [sys.executable, "-c", "from kybflow.cli import main; main()", "validate", *files],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr == ""
+    assert "Traceback" not in done.stdout
+    assert max(map(len, done.stdout.splitlines())) < 1000
+
+
+def test_a_file_outside_reached_by_a_link_is_refused(tmp_path: Path) -> None:
+    inside = tmp_path / "missions"
+    inside.mkdir()
+    (tmp_path / "secret.yaml").write_text("library: secret\n")
+    (inside / "link.yaml").symlink_to(tmp_path / "secret.yaml")
+    mission = inside / "mission.yaml"
+    mission.write_bytes(HEAD + b"import: {a: link.yaml}\nvehicles: {a: {}}\n")
+    codes = {d.code for d in compile_mission(mission, catalog=load_catalog()).diagnostics}
+    assert "KYB121" in codes

@@ -1,0 +1,62 @@
+"""The published schema is current, is a schema, and says about missions what the compiler says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from jsonschema import Draft202012Validator
+
+from kybflow.catalog import BASES, load_catalog
+from kybflow.dsl.published import schema_text
+from kybflow.dsl.schema import params_schema
+
+REPO = Path(__file__).parents[2]
+SCHEMA = json.loads(schema_text(load_catalog()))
+MISSIONS = sorted((REPO / "missions").glob("*.yaml"))
+
+
+def test_the_committed_schema_is_current() -> None:
+    file = "schemas/mission.schema.json"
+    mend = f"mend it with: kybflow schema --write {file}"
+    assert (REPO / file).read_text(encoding="utf-8") == schema_text(load_catalog()), mend
+
+
+def test_it_is_a_schema() -> None:
+    Draft202012Validator.check_schema(SCHEMA)
+
+
+@pytest.mark.parametrize("path", MISSIONS, ids=[p.stem for p in MISSIONS])
+def test_it_accepts_every_mission(path: Path) -> None:
+    tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+    assert list(Draft202012Validator(SCHEMA).iter_errors(tree)) == []
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        {"do": "take_off", "hieght": 1},
+        {"do": "take_of", "height": 1},
+        {"do": "take_off", "height": "1 s"},
+        {"do": "take_off", "height": 1, "next": [{"when": "elapsed > 1 s"}]},
+        {"do": "take_off", "height": 1, "within": "soon"},
+        {"do": "circle", "center": [0, 1], "radius": 1},
+        {"do": "circle", "center": [0, 1, 1], "radius": -1},
+    ],
+)
+def test_it_refuses_what_the_compiler_refuses(state: dict[str, object]) -> None:
+    tree = {"kybflow": 1, "mission": "m", "vehicles": {"a": {"behaviors": {"s": state}}}}
+    assert list(Draft202012Validator(SCHEMA).iter_errors(tree)) != []
+
+
+def test_everything_that_can_be_written_is_described() -> None:
+    catalog = load_catalog()
+    for kind in BASES:
+        for name in catalog.names(kind):
+            schema = params_schema(catalog.get(kind, name).fields, name)
+            for key, value in schema["properties"].items():
+                assert value["description"], f"{kind}.{name}.{key}"
+    for key, value in SCHEMA["properties"].items():
+        assert value["description"], key

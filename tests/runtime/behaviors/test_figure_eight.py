@@ -1,0 +1,84 @@
+"""figure_eight: the paper's curve, exact derivatives, rest at both ends."""
+
+import math
+
+import pytest
+from flying import entry, fastest, fly, ideal, worst_mismatch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kybflow.geometry import ZERO
+from kybflow.runtime.behaviors.figure_eight import FigureEight, FigureEightParams
+from kybflow.signals import Done
+
+START = (0.2, -1.0, 1.0)
+
+
+def _fly(**params: float):
+    behavior = FigureEight(
+        FigureEightParams(**{"width": 1.46, "lap": 10.0, **params}), entry(START)
+    )
+    return fly(behavior, ideal(START))
+
+
+def test_it_is_the_curve_and_the_speed_of_the_paper() -> None:
+    flown = _fly(laps=2.0)
+    east = [s.setpoint.position[0] - START[0] for s in flown.samples]
+    north = [s.setpoint.position[1] - START[1] for s in flown.samples]
+    assert (min(east), max(east)) == pytest.approx((-0.73, 0.73), abs=1e-4)
+    assert (min(north), max(north)) == pytest.approx((-0.365, 0.365), abs=1e-4)
+    assert fastest(flown.samples) == pytest.approx(0.65, abs=0.005)
+    for x, y in zip(east, north, strict=True):
+        assert y * y == pytest.approx(x * x * (1.0 - (x / 0.73) ** 2), abs=1e-9)
+
+
+def test_it_starts_and_ends_at_rest_where_it_was_entered() -> None:
+    flown = _fly(laps=2.0)
+    assert isinstance(flown.end, Done)
+    assert flown.samples[0].setpoint[1:5] == (START, ZERO, ZERO, ZERO)
+    assert flown.end.setpoint.position == pytest.approx(START)
+    assert flown.end.setpoint.velocity == pytest.approx(ZERO)
+    assert flown.duration == pytest.approx(2 * 10.0 + 2.0, abs=0.01)
+
+
+@settings(max_examples=15)
+@given(
+    st.floats(0.5, 3.0),
+    st.floats(7.0, 15.0),
+    st.floats(0.5, 4.0),
+    st.floats(-math.pi, math.pi),
+    st.floats(0.3, 2.0),
+)
+def test_each_field_is_the_derivative_of_the_one_before(
+    width: float, lap: float, ramp: float, rotation: float, height: float
+) -> None:
+    flown = _fly(width=width, lap=lap, ramp=ramp, rotation=rotation, height=height)
+    assert worst_mismatch(flown.samples, "position", "velocity") < 1e-3
+    assert worst_mismatch(flown.samples, "velocity", "acceleration") < 1e-2
+    assert worst_mismatch(flown.samples, "acceleration", "jerk") < 1.5
+
+
+def test_it_turns_with_its_rotation() -> None:
+    flown = _fly(rotation=math.pi / 2)
+    north = [s.setpoint.position[1] - START[1] for s in flown.samples]
+    assert max(north) == pytest.approx(0.73, abs=1e-4)
+
+
+def test_its_footprint_bounds_what_it_flies() -> None:
+    params = FigureEightParams(width=1.46, lap=10.0, rotation=0.3)
+    footprint = FigureEight.footprint(params, START)
+    flown = _fly(rotation=0.3)
+    for axis in (0, 1):
+        flown_axis = [s.setpoint.position[axis] for s in flown.samples]
+        bounds = [p[axis] for p in footprint.points]
+        assert min(bounds) <= min(flown_axis)
+        assert max(flown_axis) <= max(bounds)
+    assert footprint.speed == pytest.approx(fastest(flown.samples), rel=1e-3)
+    assert footprint.exit == START
+
+
+def test_entered_in_motion_it_has_no_step() -> None:
+    behavior = FigureEight(FigureEightParams(width=1.46, lap=10.0), entry(START, (0.0, 0.5, 0.0)))
+    flown = fly(behavior, ideal(START))
+    assert flown.samples[0].setpoint.velocity == pytest.approx((0.0, 0.5, 0.0))
+    assert worst_mismatch(flown.samples, "position", "velocity") < 1e-3

@@ -1,0 +1,85 @@
+"""fence (processor): the setpoint stays inside, whatever it was; take-off and landing pass."""
+
+import pytest
+from flying import FENCE, SITE, at_rest, entry, estimate, fly, point_mass, tick
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kybflow.geometry import ZERO, Vec3
+from kybflow.runtime.behaviors.land import Land, LandParams
+from kybflow.runtime.processors.fence import Fence, FenceParams
+from kybflow.signals import Done, Setpoint, SetpointKind
+from kybflow.site import Box
+
+numbers = st.floats(-50.0, 50.0)
+MIDDLE = estimate((0.0, 0.0, 1.0))
+INSIDE = Box((-2.8, -2.8, 0.0), (2.8, 2.8, 2.3))
+
+
+def fence(margin: float = 0.2) -> Fence:
+    return Fence(FenceParams(margin=margin), SITE)
+
+
+@given(st.tuples(numbers, numbers, numbers), st.tuples(numbers, numbers, numbers))
+def test_whatever_is_asked_what_comes_out_is_inside(position: Vec3, velocity: Vec3) -> None:
+    asked = at_rest(position, velocity)
+    bent = fence()(asked, tick(known=MIDDLE))
+    assert INSIDE.contains(bent.position)
+    assert (bent is asked) == INSIDE.contains(position)
+
+
+def test_outside_it_goes_to_the_nearest_point_and_no_further_out() -> None:
+    asked = at_rest((4.0, 1.0, 1.0), (1.0, 0.5, 0.0))._replace(acceleration=(2.0, 1.0, 0.0))
+    bent = fence()(asked, tick(known=MIDDLE))
+    assert bent.position == pytest.approx((2.8, 1.0, 1.0))
+    assert bent.velocity == (0.0, 0.5, 0.0)
+    assert bent.acceleration == (0.0, 1.0, 0.0)
+
+
+def test_outside_it_may_come_back() -> None:
+    back = fence()(at_rest((4.0, 0.0, 1.0), (-1.0, 0.0, 0.0)), tick(known=MIDDLE))
+    assert back.velocity == (-1.0, 0.0, 0.0)
+
+
+def test_a_margin_without_room_leaves_the_middle() -> None:
+    bent = fence(margin=9.0)(at_rest((2.0, 2.0, 2.0)), tick(known=MIDDLE))
+    assert bent.position[:2] == (0.0, 0.0)
+    assert bent.position[2] <= FENCE.high[2]
+
+
+@pytest.mark.parametrize("floor", [0.0, 0.8])
+def test_its_floor_stops_no_landing_and_no_take_off(floor: float) -> None:
+    site = SITE._replace(fence=Box((-3.0, -3.0, floor), FENCE.high))
+    processor = Fence(FenceParams(), site)
+    start = (0.0, 0.0, 1.5)
+    body = point_mass(start, ground=-0.5)
+
+    def bent(setpoint: Setpoint | None):
+        known = body(None)[0]
+        if setpoint is None or setpoint.position is None:
+            return body(setpoint)
+        out = processor(setpoint, tick(known=estimate(known)))
+        assert out is setpoint
+        return body(out)
+
+    assert isinstance(fly(Land(LandParams(), entry(start)), bent).end, Done)
+    ground = at_rest((0.0, 0.0, 0.02))
+    assert processor(ground, tick(known=estimate(ZERO))) is ground
+
+
+def test_below_the_floor_it_is_bound_to_the_vehicle() -> None:
+    bent = fence()(at_rest((0.0, 0.0, -5.0), (0.0, 0.0, -1.0)), tick(known=estimate(ZERO)))
+    assert bent.position == (0.0, 0.0, -0.5)
+    assert bent.velocity == ZERO
+
+
+def test_without_a_fence_everything_passes() -> None:
+    far = at_rest((99.0, 0.0, 1.0))
+    assert Fence(FenceParams(), SITE._replace(fence=None))(far, tick(known=MIDDLE)) is far
+
+
+@pytest.mark.parametrize(("east", "allowed"), [(0.0, 1.0), (2.7, 0.4472), (2.8, 0.0), (5.0, 0.0)])
+def test_a_velocity_is_cut_to_what_still_stops_in_time(east: float, allowed: float) -> None:
+    asked = Setpoint(SetpointKind.VELOCITY, None, (1.0, 0.0, 0.0), ZERO)
+    bent = fence()(asked, tick(known=estimate((east, 0.0, 1.0))))
+    assert bent.velocity[0] == pytest.approx(allowed, abs=1e-4)

@@ -1,0 +1,58 @@
+"""fence (supervisor): heard outside, in the air, with hysteresis."""
+
+import pytest
+from flying import FENCE, SITE, estimate, tick
+
+from kybflow.geometry import Vec3
+from kybflow.runtime.supervisors.fence import Fence, FenceParams
+from kybflow.signals import Alarm, Reaction
+from kybflow.site import Box
+
+
+def fence(**more: object) -> Fence:
+    return Fence(FenceParams(**more), SITE)
+
+
+def at(*position: float):
+    return tick(known=estimate(position))
+
+
+def test_outside_by_more_than_the_margin_it_asks_to_land() -> None:
+    expected = Alarm(
+        "fence_breached", Reaction.LAND, "0.50 m beyond the fence, 0.1 m allowed", 0.5, 0.1
+    )
+    assert expected == fence().check(at(3.5, 0.0, 1.0), airborne=True)
+
+
+@pytest.mark.parametrize("position", [(3.05, 0.0, 1.0), (0.0, 0.0, 2.55), (0.0, 0.0, -0.05)])
+def test_within_the_margin_it_is_silent(position: Vec3) -> None:
+    assert fence().check(at(*position), airborne=True) is None
+
+
+def test_an_alarm_lasts_until_the_vehicle_is_well_inside_again() -> None:
+    supervisor = fence()
+    heard = [
+        supervisor.check(at(east, 0.0, 1.0), airborne=True) is not None
+        for east in (3.05, 3.2, 3.05, 2.97, 2.9, 3.05)
+    ]
+    assert heard == [False, True, True, True, False, False]
+
+
+def test_on_the_ground_and_without_an_estimate_there_is_nothing_to_report() -> None:
+    assert fence().check(at(9.0, 0.0, 0.0), airborne=False) is None
+    assert fence().check(tick(), airborne=True) is None
+
+
+def test_take_off_and_landing_cross_a_floor_above_the_ground() -> None:
+    high = SITE._replace(fence=Box((-3.0, -3.0, 0.8), FENCE.high))
+    assert Fence(FenceParams(), high).check(at(0.0, 0.0, 0.05), airborne=True) is None
+
+
+def test_without_a_fence_it_is_silent() -> None:
+    free = Fence(FenceParams(), SITE._replace(fence=None))
+    assert free.check(at(99.0, 0.0, 1.0), airborne=True) is None
+
+
+def test_its_reaction_can_be_chosen() -> None:
+    alarm = fence(reaction="brake").check(at(9.0, 0.0, 1.0), airborne=True)
+    assert alarm.reaction is Reaction.BRAKE

@@ -1,0 +1,90 @@
+"""Conditions bound to live views."""
+
+from __future__ import annotations
+
+import pytest
+from looked_at import LookedAt
+
+from kybflow.dsl.expressions import Aggregate, Compare, Number, Read, Scope, parse
+from kybflow.dsl.source import Span, Text
+from kybflow.runtime.conditions import bind
+from kybflow.units import LENGTH
+
+VEHICLES = {"a": ("up", "hover"), "b": ("up", "hover"), "c": ("up",)}
+
+
+def asked(words: str, now: float = 0.0, **views: LookedAt) -> bool:
+    text = Text(words, Span("m.yaml", 1, 1, 1, 1 + len(words)))
+    expression, findings = parse(text, Scope("condition", VEHICLES, "a"))
+    assert findings == []
+    assert expression is not None
+    return bind(expression, {"a": LookedAt(), **views}, "a", lambda: now)()
+
+
+@pytest.mark.parametrize(
+    ("words", "holds"),
+    [
+        ("state.altitude > 1 m", True),
+        ("state.altitude < 1 m", False),
+        ("state.altitude >= 2 m and state.altitude <= 2 m", True),
+        ("1 m < state.altitude", True),
+        ("not state.altitude > 1 m", False),
+        ("behavior == up", True),
+        ("behavior != up", False),
+        ("a in up", True),
+        ("a in hover or state.altitude > 1 m", True),
+        ("a in hover or state.altitude > 3 m or elapsed > 1 s", False),
+        ("a in up and state.altitude > 1 m and elapsed > 1 s", False),
+        ("state.speed == state.climb", True),
+        ("distance(a to [0 0 1]) < 1.5 m", True),
+        ("distance(start to a) < 1.5 m", False),
+    ],
+)
+def test_own_values(words: str, holds: bool) -> None:
+    assert holds == asked(words, a=LookedAt(position=(0.0, 0.0, 2.0)))
+
+
+def test_values_are_read_anew_each_time() -> None:
+    view = LookedAt(position=(0.0, 0.0, 2.0))
+    expression = Compare(">", Read(None, "state.altitude"), Number(1.0, LENGTH))
+    condition = bind(expression, {"a": view}, "a", lambda: 0.0)
+    assert condition()
+    view.position = (0.0, 0.0, 0.5)
+    assert not condition()
+
+
+def test_the_clock() -> None:
+    assert asked("time > 5 s", now=6.0)
+    assert not asked("time > 5 s", now=5.0)
+
+
+def test_other_vehicles() -> None:
+    b = LookedAt("hover", (3.0, 4.0, 0.0))
+    assert asked("b in hover and distance(a to b) > 4.9 m", b=b)
+    assert asked("distance(b to b.start) > 4.9 m", b=b)
+
+
+def test_separation_is_that_of_the_nearest_two() -> None:
+    b, c = LookedAt(position=(3.0, 0.0, 0.0)), LookedAt(position=(3.0, 0.5, 0.0))
+    assert asked("separation(all) < 51 cm", b=b, c=c)
+    assert asked("separation(a and b) > 2 m", b=b, c=c)
+
+
+@pytest.mark.parametrize(
+    "words", ["state.altitude > -9 m", "state.altitude < 9 m", "distance(a to b) < 9 m"]
+)
+def test_a_comparison_with_what_cannot_be_known_is_false(words: str) -> None:
+    assert not asked(words, a=LookedAt(position=None), b=LookedAt())
+
+
+def test_what_decides_first_is_all_that_is_read() -> None:
+    view = LookedAt()
+    assert not asked("behavior == hover and state.altitude > 1 m", a=view)
+    assert view.asked == []
+
+
+def test_a_statistic_is_no_condition() -> None:
+    aggregate = Aggregate("mean", Read("a", "position_error"))
+    expression = Compare("<", aggregate, Number(1.0, LENGTH))
+    with pytest.raises(TypeError, match="no value of one tick"):
+        bind(expression, {"a": LookedAt()}, "a", lambda: 0.0)

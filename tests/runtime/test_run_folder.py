@@ -1,0 +1,108 @@
+"""The folder of a run: where it is, what is in it, what it never overwrites."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from recorded_run import STARTED, make_plan
+
+from kybflow.runtime.run_folder import RunFolderError, create_run_folder
+from kybflow.signals import NS, Event
+
+PLAN = make_plan("mk")
+
+
+def test_a_run_gets_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    runs = [create_run_folder(PLAN, None, STARTED) for _ in range(3)]
+    for run in runs:
+        run.close()
+    assert [run.path for run in runs] == [
+        Path("runs/figure_eight-20260102-030405"),
+        Path("runs/figure_eight-20260102-030405-2"),
+        Path("runs/figure_eight-20260102-030405-3"),
+    ]
+
+
+def test_an_earlier_run_is_replaced_as_a_whole(tmp_path):
+    run = create_run_folder(PLAN, tmp_path / "out", STARTED)
+    run.finish({"outcome": "succeeded"})
+    (run.path / "report.html").write_text("old", encoding="utf-8")
+
+    again = create_run_folder(PLAN, tmp_path / "out", STARTED)
+    again.close()
+
+    assert sorted(entry.name for entry in again.path.iterdir()) == ["events.jsonl"]
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [
+        (["thesis.tex"], "`thesis.tex`"),
+        (["events.jsonl", "a.txt", "b.txt"], "`a.txt` and 1 more"),
+        (["report.html"], "`report.html`"),
+    ],
+)
+def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path, names, told):
+    for name in names:
+        (tmp_path / name).write_text("precious", encoding="utf-8")
+    with pytest.raises(RunFolderError) as error:
+        create_run_folder(PLAN, tmp_path, STARTED)
+    assert (
+        str(error.value)
+        == f"`{tmp_path}` holds what no run has written ({told}); name another folder"
+    )
+    assert {p.read_text(encoding="utf-8") for p in tmp_path.iterdir()} == {"precious"}
+
+
+def test_a_folder_that_cannot_be_made_is_an_error(tmp_path):
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(RunFolderError, match="can't be written"):
+        create_run_folder(PLAN, tmp_path / "file" / "out", STARTED)
+
+
+def test_events_are_in_the_file_as_soon_as_they_are_told(tmp_path):
+    run = create_run_folder(PLAN, tmp_path, STARTED)
+    run.event(Event(NS // 2, "landed", "mk", {"where": "nüremberg", "ok": True}, "m.yaml:3"))
+    run.event(Event(NS, "run_ended", "", {}))
+    lines = (tmp_path / "events.jsonl").read_text(encoding="utf-8").splitlines()
+    assert [json.loads(line) for line in lines] == [
+        {
+            "t_s": 0.5,
+            "event": "landed",
+            "vehicle": "mk",
+            "at": "m.yaml:3",
+            "fields": {"where": "nüremberg", "ok": True},
+        },
+        {"t_s": 1.0, "event": "run_ended", "vehicle": "", "at": "", "fields": {}},
+    ]
+    run.finish({})
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_stops_the_events_and_nothing_else(tmp_path, monkeypatch):
+    (tmp_path / "events.jsonl").symlink_to("/dev/full")
+    monkeypatch.setattr("kybflow.runtime.run_folder._clear", lambda path: None)
+    run = create_run_folder(PLAN, tmp_path, STARTED)
+    for _ in range(2):
+        run.event(Event(0, "landed", "mk", {}))
+    run.finish({})
+    assert run.failed == "the events stopped: No space left on device"
+
+
+def test_provenance_says_what_the_run_was_made_of(tmp_path):
+    run = create_run_folder(PLAN, tmp_path, STARTED)
+    run.describe(PLAN, 7, STARTED)
+    run.finish({"kybflow": 1})
+
+    found = json.loads((tmp_path / "provenance.json").read_text(encoding="utf-8"))
+    assert found["sources"] == [{"path": "missions/figure_eight.yaml", "sha256": "0" * 64}]
+    assert (found["seed"], found["target"]) == (7, "sim")
+    assert found["started"] == "2026-01-02T03:04:05+00:00"
+    assert {"python", "kybflow", "mujoco", "foxglove-sdk", "numpy"} <= set(found["versions"])
+    assert found["machine"]["cores"] >= 1
+    resolved = (tmp_path / "mission.resolved.yaml").read_text(encoding="utf-8")
+    assert resolved == PLAN.resolved
+    assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8")) == {"kybflow": 1}

@@ -1,0 +1,107 @@
+"""The command line: what it prints and how it ends."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from kybflow.cli import app
+
+REPO = Path(__file__).parents[1]
+GOOD = str(REPO / "missions" / "figure_eight.yaml")
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, list(arguments))
+
+
+@pytest.fixture
+def bad(tmp_path: Path) -> str:
+    path = tmp_path / "bad.yaml"
+    path.write_text("kybflow: 1\nmission: m\nvehicels: {}\n")
+    return str(path)
+
+
+def test_validate_says_ok_and_ends_with_0() -> None:
+    result = run("validate", GOOD, "--set", "lap=8s")
+    assert result.exit_code == 0
+    assert result.output.startswith(f"{GOOD}: ok (")
+
+
+def test_validate_reports_and_ends_with_2(bad: str) -> None:
+    result = run("validate", GOOD, bad, "--format", "text")
+    assert result.exit_code == 2
+    assert f"{bad}:3:1 error[KYB101]: `vehicels` is no key of a mission" in result.output
+
+
+def test_validate_speaks_json(bad: str) -> None:
+    result = run("validate", GOOD, bad, "--format", "json")
+    report = json.loads(result.output)
+    assert (result.exit_code, report["valid"]) == (2, False)
+    assert [file["valid"] for file in report["files"]] == [True, False]
+    found = report["files"][1]["diagnostics"]
+    assert {"KYB101", "KYB102"} == {d["code"] for d in found}
+    assert {"file", "line", "column", "severity", "message", "help"} <= set(found[0])
+
+
+def test_validate_takes_folders() -> None:
+    result = run("validate", str(REPO / "missions"), "--format", "json")
+    paths = {Path(file["path"]).name for file in json.loads(result.output)["files"]}
+    assert result.exit_code == 0
+    assert {"figure_eight.yaml", "airframes.yaml"} <= paths
+
+
+def test_parts_lists_and_explains() -> None:
+    assert "figure_eight" in run("parts").output
+    text = run("parts", "circle").output
+    assert "radius" in text
+    assert "above 0 m" in text
+
+
+@pytest.mark.parametrize("arguments", [("parts", "circel"), ("validate",), ("fly",), ("run", "-x")])
+def test_a_wrong_command_line_ends_with_2_and_no_traceback(arguments: tuple[str, ...]) -> None:
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert "Traceback" not in result.output
+    assert not isinstance(result.exception, Exception)
+
+
+def test_schema_prints_writes_and_checks(tmp_path: Path) -> None:
+    path = tmp_path / "schema.json"
+    assert json.loads(run("schema").output)["title"] == "mission"
+    assert run("schema", "--write", str(path)).exit_code == 0
+    assert run("schema", "--check", str(path)).exit_code == 0
+    path.write_text("{}")
+    result = run("schema", "--check", str(path))
+    assert result.exit_code == 2
+    assert f"kybflow schema --write {path}" in result.output
+
+
+def test_the_plainest_call_loads_nothing_heavy() -> None:
+    heavy = "numpy", "mujoco", "rich", "transitions", "plotly", "pydantic", "foxglove", "asyncio"
+    code = (
+        "import sys; from kybflow.cli import main; sys.argv = ['kybflow', 'validate', sys.argv[1]]\n"
+        "try: main()\nexcept SystemExit as end: code = end.code\n"
+        f"print([m for m in {heavy} if m in sys.modules], code)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, GOOD], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[1] == "[] 0"
+
+
+def test_parts_ends_where_its_reader_does() -> None:
+    """A closed pipe (`kybflow parts | head -1`) is no error worth a traceback."""
+    done = subprocess.run(
+        f"{sys.executable} -c 'from kybflow.cli import main; main()' parts | head -1",
+        shell=True,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr

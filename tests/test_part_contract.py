@@ -1,0 +1,287 @@
+"""What every part in the catalog keeps, whatever it does: one contract, no part named in it.
+
+A part with required parameters is built with plausible ones, drawn from their dimensions.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from flying import DT, SITE, at_rest, entry, estimate
+
+from kybflow.catalog import PartSpec, load_catalog
+from kybflow.geometry import ZERO, Vec3, from_heading
+from kybflow.params import Field
+from kybflow.parts import GROUND, Footprint
+from kybflow.signals import (
+    NS,
+    Alarm,
+    Battery,
+    Command,
+    CommandKind,
+    Done,
+    Estimate,
+    Failed,
+    MeasurementKind,
+    Pose,
+    Setpoint,
+    SetpointKind,
+    Tick,
+)
+
+CATALOG = load_catalog()
+HEAVY = ("numpy", "scipy", "mujoco", "transitions", "cv2", "plotly", "foxglove", "pymavlink")
+TICKS = 200
+START: Vec3 = (0.1, 0.2, 1.0)
+PLAUSIBLE = {"length": 1.0, "duration": 8.0, "position": (0.5, 0.5, 1.2)}
+
+
+def specs(*kinds: str) -> list[Any]:
+    """A test parameter for every part of these kinds (of all, when none is given)."""
+    chosen = kinds or CATALOG.kinds()
+    names = [(kind, name) for kind in chosen for name in CATALOG.names(kind)]
+    return [pytest.param(CATALOG.get(*key), id="/".join(key)) for key in names]
+
+
+def minimal(spec: PartSpec) -> Any:
+    """Its parameters, with a plausible value for those that have no default."""
+    return spec.params(**{f.name: plausible(f) for f in spec.fields if f.required})
+
+
+def plausible(field: Field) -> Any:
+    if field.shape == "path":
+        return ((0.5, 0.0, 1.0), (0.5, 0.5, 1.2))
+    if field.shape == "vector":
+        return PLAUSIBLE["position"]
+    if field.shape in ("scalar", "integer"):
+        value = PLAUSIBLE.get(field.dimension.name if field.dimension else "", 1.0)
+        return int(value) if field.shape == "integer" else value
+    return {"choice": field.choices[:1], "boolean": (True,), "text": ("a",)}[field.shape][0]
+
+
+def numbers(value: Any) -> Iterator[float]:
+    """Every number in a value, however deep."""
+    if isinstance(value, float | int):
+        yield value
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from numbers(item)
+
+
+def ticks(setpoint: Setpoint | None = None) -> Iterator[Tick]:
+    """A flight past START with a little noise, the same in every test."""
+    generator = random.Random(7)
+    for i in range(TICKS):
+        position = tuple(x + generator.gauss(0.0, 0.001) for x in START)
+        velocity = tuple(generator.gauss(0.0, 0.02) for _ in range(3))
+        known = estimate(position, velocity, now=i * round(DT * NS))
+        battery = Battery(known.time, 1.0 - 0.005 * i, 12.0)
+        yield Tick(known.time, DT, i * DT, known, battery, setpoint, {"nano": known})
+
+
+def path(i: int, kind: SetpointKind) -> Setpoint:
+    """A setpoint on a slow circle, with what its kind must have."""
+    phase = 0.5 * i * DT
+    position = (START[0] + 0.2 * math.sin(phase), START[1], START[2])
+    velocity = (0.1 * math.cos(phase), 0.0, 0.0)
+    full = at_rest(position, velocity)._replace(kind=kind)
+    if kind is SetpointKind.POSITION:
+        return full
+    return full._replace(
+        position=None, velocity=None if kind is SetpointKind.ACCELERATION else velocity
+    )
+
+
+def same_twice(make: Any, run: Any) -> list[Any]:
+    """The outputs of `run` on a fresh part, after checking that a second fresh one gives the same
+    and that every number is finite."""
+    first, second = run(make()), run(make())
+    assert first == second
+    assert all(math.isfinite(number) for number in numbers(tuple(first)))
+    return first
+
+
+@pytest.mark.parametrize("spec", specs())
+def test_it_is_documented(spec: PartSpec) -> None:
+    assert 20 <= len(spec.summary) <= 100
+    assert spec.summary.rstrip().endswith((".", ","))
+    assert len(spec.doc.strip().splitlines()) >= 3
+    assert spec.cls.__name__ == "".join(word.capitalize() for word in spec.name.split("_"))
+    assert spec.params.__name__ == f"{spec.cls.__name__}Params"
+
+
+@pytest.mark.parametrize("spec", specs())
+def test_every_parameter_has_help_a_unit_and_a_valid_default(spec: PartSpec) -> None:
+    for field in spec.fields:
+        assert field.help[0].isupper(), field.name
+        assert field.help.endswith("."), field.name
+        assert (field.dimension is not None) == (field.shape in ("scalar", "vector", "path"))
+        if field.required or field.default is None:
+            assert field.required or field.optional, field.name
+            continue
+        for number in numbers(field.default):
+            assert field.outside(number) is None, field.name
+        assert not field.choices or field.default in field.choices, field.name
+
+
+@pytest.mark.parametrize("spec", specs())
+def test_it_is_made_with_its_parameters_and_keeps_them(spec: PartSpec) -> None:
+    params = minimal(spec)
+    assert params == minimal(spec)
+    assert hash(params) == hash(minimal(spec))
+
+
+def test_no_part_imports_anything_heavy() -> None:
+    modules = [
+        CATALOG.get(kind, name).cls.__module__
+        for kind in CATALOG.kinds()
+        for name in CATALOG.names(kind)
+    ]
+    program = (
+        "import importlib, json, sys\n"
+        f"for name in {modules!r}: importlib.import_module(name)\n"
+        f"print(json.dumps([m for m in {HEAVY!r} if m in sys.modules]))"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert json.loads(result.stdout) == []
+
+
+def begun(spec: PartSpec) -> Any:
+    flight = spec.cls.flight[0].start
+    where = (0.0, 0.0, 0.0) if flight is GROUND else START
+    return spec.cls(minimal(spec), entry(where, flight=flight))
+
+
+@pytest.mark.parametrize("spec", specs("behaviors"))
+def test_a_behavior_is_deterministic_and_finite_and_emits_what_it_says(spec: PartSpec) -> None:
+    def run(behavior: Any) -> list[Any]:
+        return [behavior.update(tick) for tick in ticks()]
+
+    for output in same_twice(lambda: begun(spec), run):
+        given = output.setpoint if isinstance(output, Done | Failed) else output
+        if isinstance(given, Command):
+            assert spec.cls.emits is CommandKind.ATTITUDE_THRUST
+            continue
+        assert given.kind in (spec.cls.emits, SetpointKind.IDLE)
+        if given.kind is SetpointKind.POSITION:
+            assert None not in (given.position, given.velocity, given.acceleration, given.heading)
+
+
+@pytest.mark.parametrize("spec", specs("behaviors"))
+def test_a_behavior_begins_where_it_is_entered(spec: PartSpec) -> None:
+    where = (0.0, 0.0, 0.0) if spec.cls.flight[0].start is GROUND else START
+    output = begun(spec).update(next(ticks()))
+    given = output.setpoint if isinstance(output, Done | Failed) else output
+    if isinstance(given, Setpoint) and given.position is not None:
+        assert given.position == pytest.approx(where, abs=0.001)
+
+
+@pytest.mark.parametrize("spec", specs("behaviors"))
+def test_a_behavior_that_needs_no_estimate_works_without_one(spec: PartSpec) -> None:
+    if spec.cls.needs_estimate:
+        return
+    behavior = begun(spec)
+    for tick in ticks():
+        behavior.update(tick._replace(estimate=None, fleet={"nano": None}))
+
+
+@pytest.mark.parametrize("spec", specs("behaviors"))
+def test_a_footprint_is_finite_and_begins_at_the_entry(spec: PartSpec) -> None:
+    params = minimal(spec)
+    for where in (None, START):
+        footprint = spec.cls.footprint(params, where)
+        assert footprint is None or isinstance(footprint, Footprint)
+        if footprint is not None:
+            assert footprint.speed >= 0.0
+            assert where is None or where in footprint.points
+            assert all(math.isfinite(number) for number in numbers(footprint.points))
+
+
+@pytest.mark.parametrize("spec", specs("processors"))
+def test_a_processor_is_deterministic_and_finite_and_returns_what_it_says(spec: PartSpec) -> None:
+    for kind, returned in spec.cls.accepts.items():
+
+        def run(processor: Any, kind: SetpointKind = kind) -> list[Any]:
+            return [processor(path(i, kind), tick) for i, tick in enumerate(ticks())]
+
+        for output in same_twice(lambda: spec.cls(minimal(spec), SITE), run):
+            assert isinstance(output, Alarm) or output.kind is returned
+
+
+@pytest.mark.parametrize("spec", specs("processors"))
+def test_a_processor_leaves_a_harmless_setpoint_alone(spec: PartSpec) -> None:
+    for kind in spec.cls.accepts:
+        processor = spec.cls(minimal(spec), SITE)
+        asked = [path(i, kind) for i in range(TICKS)]
+        given = [processor(s, tick) for s, tick in zip(asked, ticks(), strict=True)]
+        assert all(g is a for g, a in zip(given, asked, strict=True))
+
+
+@pytest.mark.parametrize("spec", specs("trackers"))
+def test_a_tracker_is_deterministic_and_finite_and_gives_what_it_says(spec: PartSpec) -> None:
+    for kind in spec.cls.accepts:
+
+        def run(tracker: Any, kind: SetpointKind = kind) -> list[Any]:
+            return [tracker.update(path(i, kind), tick) for i, tick in enumerate(ticks())]
+
+        for command in same_twice(lambda: spec.cls(minimal(spec), SITE), run):
+            assert isinstance(command, Command)
+            assert 0.0 <= command.thrust <= SITE.airframe.max_thrust
+            assert sum(x * x for x in command.attitude) == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("spec", specs("supervisors"))
+def test_a_supervisor_is_deterministic_and_is_silent_about_a_good_flight(spec: PartSpec) -> None:
+    def run(supervisor: Any) -> list[Any]:
+        return [supervisor.check(tick, True) for tick in list(ticks())[:100]]
+
+    assert same_twice(lambda: spec.cls(minimal(spec), SITE), run) == [None] * 100
+
+
+@pytest.mark.parametrize("spec", specs("supervisors"))
+def test_a_supervisor_bears_a_vehicle_that_reports_nothing(spec: PartSpec) -> None:
+    silent = Tick(0, DT, 0.0, None, None, None, {"nano": None})
+    supervisor = spec.cls(minimal(spec), SITE)
+    assert supervisor.check(silent, False) is None
+    alarm = supervisor.check(silent, True)
+    assert alarm is None or (isinstance(alarm, Alarm) and math.isfinite(alarm.value))
+
+
+@pytest.mark.parametrize("spec", specs("estimators"))
+def test_an_estimator_is_deterministic_and_finite(spec: PartSpec) -> None:
+    assert all(isinstance(kind, MeasurementKind) for kind in spec.cls.needs)
+
+    def run(estimator: Any) -> list[Any]:
+        generator = random.Random(3)
+        estimates: list[Estimate | None] = []
+        for i in range(TICKS):
+            now = i * round(DT * NS)
+            position = tuple(x + generator.gauss(0.0, 0.0005) for x in START)
+            poses = [Pose(now, position, from_heading(0.1))] if i % 2 else []
+            estimates.append(estimator.update(poses, now))
+        return estimates
+
+    estimates = same_twice(lambda: spec.cls(minimal(spec), SITE), run)
+    assert estimates[0] is None
+    assert estimates[-1] is not None
+    assert estimates[-1].position == pytest.approx(START, abs=0.01)
+    assert estimates[-1].velocity == pytest.approx(ZERO, abs=0.5)
+
+
+@pytest.mark.parametrize("spec", specs("drivers"))
+def test_a_driver_says_what_it_takes_and_gives(spec: PartSpec) -> None:
+    assert spec.cls.accepts <= frozenset(CommandKind)
+    assert spec.cls.provides <= frozenset(MeasurementKind)
+    assert spec.cls.accepts
+    assert spec.cls.provides
+    rate = spec.cls.step_rate(minimal(spec))
+    assert rate is None or rate > 0.0
