@@ -141,7 +141,8 @@ def rotorpy_loop(seconds: float = 2.0) -> None:
     except ImportError as error:
         print(f"\nrotorpy: skipped, {error}")
         return
-    print(f"\nrotorpy, one vehicle, its SE3 controller at 100 Hz: {real_time_factor(seconds):.1f} x")
+    factor = real_time_factor(seconds)
+    print(f"\nrotorpy, one vehicle, its SE3 controller at 100 Hz: {factor:.1f} x real time")
 
 
 def main() -> None:

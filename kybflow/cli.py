@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -149,15 +150,16 @@ def validate(
 def _validate(paths: list[Path], format: Format, target: str | None, sets: tuple[str, ...]) -> int:
     from kybflow.validation import report_text, validate_paths
 
-    valid, checked = True, []
+    files = []
     for one in validate_paths(paths, target, sets):
-        valid = valid and one.valid
-        checked.append(one)
+        files.append(one.summary if format is Format.JSON else {"valid": one.valid})
         for text in one.reports if format is Format.TEXT else ():
             echo(text)
     if format is Format.JSON:
-        echo(report_text(checked))
-    return 0 if valid else INVALID
+        echo(report_text(files))
+    if not files:
+        echo(f"no mission is under {', '.join(map(str, paths))}", err=True)
+    return 0 if files and all(file["valid"] for file in files) else INVALID
 
 
 @app.command(epilog="Examples:  kybflow parts  |  kybflow parts circle")
@@ -215,8 +217,19 @@ def main() -> None:
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
             reconfigure(errors="backslashreplace")
-    command, paths = sys.argv[1:2], sys.argv[2:]
-    if command == ["validate"] and paths and not any(path.startswith("-") for path in paths):
+    try:
+        _run(sys.argv[1:])
+    except KybflowError as error:
+        echo(f"kybflow: {error}", err=True)
+        sys.exit(INVALID)
+    except BrokenPipeError:  # whoever read the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+
+
+def _run(arguments: list[str]) -> None:
+    paths = arguments[1:]
+    if arguments[:1] == ["validate"] and paths and not any(p.startswith("-") for p in paths):
         # typer builds a pydantic adapter for each parameter: 60 ms that the plainest call is spared
         sys.exit(_validate([Path(path) for path in paths], Format.TEXT, None, ()))
     app()

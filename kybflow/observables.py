@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from math import dist
+from typing import Protocol
 
-from kybflow.geometry import Quat, Vec3, distance, heading_of, norm, tilt_of
+from kybflow.geometry import Quat, Vec3, heading_of, norm, tilt_of
 from kybflow.signals import Battery, Setpoint
 from kybflow.units import ANGLE, DURATION, LENGTH, RATIO, SPEED, VOLTAGE, Dimension
 
@@ -21,10 +22,15 @@ class Unavailable(Exception):
     false."""
 
 
-class State(NamedTuple):
-    position: Vec3
-    velocity: Vec3
-    attitude: Quat
+class State(Protocol):
+    """Position and velocity in the world, attitude body to world: an Estimate or a Truth."""
+
+    @property
+    def position(self) -> Vec3: ...
+    @property
+    def velocity(self) -> Vec3: ...
+    @property
+    def attitude(self) -> Quat: ...
 
 
 class View(Protocol):
@@ -66,14 +72,14 @@ def _position_error(view: View) -> float:
     position = view.wanted.position
     if position is None:
         raise Unavailable
-    return distance(position, view.state.position)
+    return dist(position, view.state.position)
 
 
 def _velocity_error(view: View) -> float:
     velocity = view.wanted.velocity
     if velocity is None:
         raise Unavailable
-    return distance(velocity, view.state.velocity)
+    return dist(velocity, view.state.velocity)
 
 
 OBSERVABLES: dict[str, Observable] = {

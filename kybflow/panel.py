@@ -64,13 +64,14 @@ class LivePanel:
         self._live = Live(console=console, auto_refresh=False)
         self._drawn = 0.0
         self._began = time.monotonic()
+        self._engine: Engine | None = None
 
     def __enter__(self) -> LivePanel:
         self._live.__enter__()
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._live.refresh()
+        self._draw()
         self._live.__exit__(None, None, None)
 
     def hear(self, event: Event) -> None:
@@ -78,11 +79,15 @@ class LivePanel:
 
     def look(self, engine: Engine) -> None:
         """Redraw, at most ten times a second."""
-        now = time.monotonic()
-        if now - self._drawn < _REDRAW:
-            return
-        self._drawn = now
-        self._live.update(self._drawing(engine, now - self._began), refresh=True)
+        self._engine = engine
+        if time.monotonic() - self._drawn >= _REDRAW:
+            self._draw()
+
+    def _draw(self) -> None:
+        if self._engine is not None:
+            self._drawn = time.monotonic()
+            drawing = self._drawing(self._engine, self._drawn - self._began)
+            self._live.update(drawing, refresh=True)
 
     def _drawing(self, engine: Engine, wall: float) -> Group:
         seconds = engine.seconds()

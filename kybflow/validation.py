@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import Result, compile_mission
@@ -32,6 +33,16 @@ class Checked:
             texts.append(f"{self.path}: ok{warned} ({self.milliseconds:.1f} ms)")
         return texts
 
+    @property
+    def summary(self) -> dict[str, Any]:
+        """All of it for programs."""
+        return {
+            "path": self.path,
+            "valid": self.valid,
+            "milliseconds": round(self.milliseconds, 3),
+            "diagnostics": [to_json(d) for d in self.result.diagnostics],
+        }
+
 
 def validate_paths(
     paths: Iterable[Path], target: str | None, sets: Sequence[str]
@@ -53,16 +64,7 @@ def _missions(paths: Iterable[Path]) -> Iterator[Path]:
             yield path
 
 
-def report_text(checked: Iterable[Checked]) -> str:
-    """All of it as JSON."""
-    files = [
-        {
-            "path": one.path,
-            "valid": one.valid,
-            "milliseconds": round(one.milliseconds, 3),
-            "diagnostics": [to_json(d) for d in one.result.diagnostics],
-        }
-        for one in checked
-    ]
+def report_text(files: Sequence[dict[str, Any]]) -> str:
+    """The summaries of every file as one JSON text."""
     whole = {"kybflow": 1, "valid": all(f["valid"] for f in files), "files": files}
     return json.dumps(whole, indent=2)

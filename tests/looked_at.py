@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from kybflow.geometry import LEVEL, ZERO, Quat, Vec3
 from kybflow.observables import State, Unavailable
-from kybflow.signals import Battery, Setpoint, SetpointKind
+from kybflow.signals import Battery, Setpoint, SetpointKind, Truth
 
 
 @dataclass
@@ -31,7 +31,7 @@ class LookedAt:
         self.asked.append("state")
         if self.position is None:
             raise Unavailable
-        return State(self.position, self.velocity, self.attitude)
+        return Truth(self.position, self.velocity, self.attitude, (0.0, 0.0, 0.0))
 
     @property
     def wanted(self) -> Setpoint:

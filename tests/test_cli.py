@@ -45,7 +45,7 @@ def test_validate_speaks_json(bad: str) -> None:
     assert (result.exit_code, report["valid"]) == (2, False)
     assert [file["valid"] for file in report["files"]] == [True, False]
     found = report["files"][1]["diagnostics"]
-    assert {"KYB101", "KYB102"} == {d["code"] for d in found}
+    assert [d["code"] for d in found] == ["KYB101"]
     assert {"file", "line", "column", "severity", "message", "help"} <= set(found[0])
 
 
@@ -85,7 +85,8 @@ def test_schema_prints_writes_and_checks(tmp_path: Path) -> None:
 def test_the_plainest_call_loads_nothing_heavy() -> None:
     heavy = "numpy", "mujoco", "rich", "transitions", "plotly", "pydantic", "foxglove", "asyncio"
     code = (
-        "import sys; from kybflow.cli import main; sys.argv = ['kybflow', 'validate', sys.argv[1]]\n"
+        "import sys; from kybflow.cli import main\n"
+        "sys.argv = ['kybflow', 'validate', sys.argv[1]]\n"
         "try: main()\nexcept SystemExit as end: code = end.code\n"
         f"print([m for m in {heavy} if m in sys.modules], code)"
     )

@@ -64,7 +64,8 @@ class EstimatorUse:
 @dataclass(frozen=True, slots=True)
 class Vehicle:
     """One vehicle. `begin` is the name of the first state: the one written, else the first
-    behavior."""
+    behavior. `airframe_spans` holds the span of each of the airframe's parameters that was
+    written."""
 
     name: Text
     airframe: Airframe
@@ -79,6 +80,7 @@ class Vehicle:
     begin: Text
     states: dict[str, State]
     span: Span
+    airframe_spans: dict[str, Span] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +95,8 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A whole mission as written."""
+    """A whole mission as written. `spans` holds the span of each key of the top level that was
+    written."""
 
     mission: Text
     summary: str
@@ -107,3 +110,4 @@ class Document:
     time_limit: float
     vehicles: dict[str, Vehicle]
     expect: tuple[Text, ...]
+    spans: dict[str, Span] = field(default_factory=dict)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
@@ -98,9 +99,10 @@ def _cut_by_yaml(node: Mapping, key: str) -> Diagnostic | None:
 def _explain_missing(fault: Fault) -> Iterator[Diagnostic]:
     node = fault.node
     assert isinstance(node, Mapping)
+    unknown = [k for k in node.entries if k not in fault.schema["properties"]]
     for key in fault.wanted:
-        if node.get(key) is not None:
-            continue
+        if node.get(key) is not None or get_close_matches(key, unknown, n=1):
+            continue  # the misspelt key is reported already
         if fault.part:
             yield Diagnostic("KYB108", f"`{fault.part}` needs `{key}`", node.span)
         else:

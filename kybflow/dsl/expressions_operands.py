@@ -124,12 +124,15 @@ class Operands(Types):
             self.findings.append(errors.misplaced_statistic(self.text, place, token.text))
         inner = self.operand()
         node = inner.node
-        vehicle = node.vehicle if isinstance(node, Read) else None
+        vehicle = _subject(node)
         if not isinstance(node, Read | Distance | Separation) or inner.dimension is None:
             node = self._no_statistic(inner)
         state = None
         if self.skip("in"):
             state = self.state(vehicle or "", self.name("a state"))
+            if vehicle is None:
+                message = f"`{inner.source}` belongs to no one vehicle that could be in `{state}`"
+                self.mismatch(inner, message, "of no one vehicle", "leave `in ...` away")
         function = cast(Function, token.text)
         return Aggregate(function, node, vehicle if state else None, state), inner.dimension
 
@@ -140,3 +143,12 @@ class Operands(Types):
             message = f"there is no statistic of `{inner.source}`"
             self.mismatch(inner, message, "not measured in numbers", "")
         return Read(None, "elapsed")
+
+
+def _subject(node: object) -> str | None:
+    """The vehicle that a value is about: of a distance, the first that is named."""
+    if isinstance(node, Read):
+        return node.vehicle
+    if isinstance(node, Distance):
+        return node.a.vehicle or node.b.vehicle
+    return None

@@ -11,6 +11,8 @@ Operands, their types and units: `kybflow.dsl.expressions_operands`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from kybflow.dsl import expressions_errors as errors
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.expressions_cursor import Scope
@@ -29,6 +31,7 @@ from kybflow.dsl.expressions_tree import (
     InState,
     Not,
     Number,
+    Operator,
     Or,
 )
 from kybflow.dsl.source import Text
@@ -38,6 +41,14 @@ __all__ = ["Scope", "parse"]
 
 MAX_DEPTH = 32
 MAX_LENGTH = 2000
+_FLIPPED: Mapping[Operator, Operator] = {
+    "<": ">",
+    "<=": ">=",
+    ">": "<",
+    ">=": "<=",
+    "==": "==",
+    "!=": "!=",
+}
 
 
 def parse(text: Text, scope: Scope) -> tuple[Expression | None, list[Diagnostic]]:
@@ -135,6 +146,5 @@ class _Parser(Operands):
             raise errors.unreadable(self.text, self.peek(), "`and`, `or` or the end")
         compare = self.compared(left, operator, right)
         if isinstance(compare.left, Number) and isinstance(compare.right, Aggregate):
-            flipped = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}.get(operator, operator)
-            return self.compared(right, flipped, left)
+            return self.compared(right, _FLIPPED[operator], left)
         return compare

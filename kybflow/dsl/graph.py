@@ -74,11 +74,14 @@ def _reached(vehicle: VehiclePlan) -> set[str]:
 
 
 def _drawn(state: StatePlan) -> list[TransitionPlan]:
-    """Its arrows, but for the failures that the language adds."""
+    """Its arrows; of those that the language adds, no failures and no end of what never ends."""
+    footprint = state.behavior.cls.footprint(state.behavior.params, None)
+    is_endless = footprint is not None and footprint.is_endless
     return [
         arrow
         for arrow in state.transitions
-        if arrow.cause != "failed" or not (arrow.implied or state.built_in)
+        if not (arrow.implied or state.built_in)
+        or not (arrow.cause == "failed" or (arrow.cause == "then" and is_endless))
     ]
 
 

@@ -68,28 +68,27 @@ def arranged(
 def _closing(count: int, edges: Sequence[tuple[int, int]], first: int) -> set[int]:
     """The edges that close a circle in a depth-first walk from `first`."""
     leaving: list[list[int]] = [[] for _ in range(count)]
-    for index, (source, _) in enumerate(edges):
-        leaving[source].append(index)
+    for number, (source, _) in enumerate(edges):
+        leaving[source].append(number)
     closing: set[int] = set()
-    state = [0] * count
-    for root in [first, *range(count)]:
-        if state[root]:
-            continue
-        path = [(root, iter(leaving[root]))]
-        state[root] = 1
+    open_vertices: set[int] = set()
+    seen: set[int] = set()
+    for root in (first, *range(count)):
+        path = [(root, iter(leaving[root]))] if root not in seen else []
         while path:
             vertex, rest = path[-1]
-            index = next(rest, None)
-            if index is None:
-                state[vertex] = 2
+            seen.add(vertex)
+            open_vertices.add(vertex)
+            for number in rest:
+                target = edges[number][1]
+                if target in open_vertices:
+                    closing.add(number)
+                elif target not in seen:
+                    path.append((target, iter(leaving[target])))
+                    break
+            else:
+                open_vertices.discard(vertex)
                 path.pop()
-                continue
-            target = edges[index][1]
-            if state[target] == 1:
-                closing.add(index)
-            elif state[target] == 0:
-                state[target] = 1
-                path.append((target, iter(leaving[target])))
     return closing
 
 
@@ -105,7 +104,7 @@ def _ranks(count: int, down: Sequence[tuple[int, int]]) -> list[int]:
 def _chain(
     layout: Layout, upper: int, lower: int, ranks: Sequence[int], label: Size
 ) -> tuple[int, ...]:
-    passed = []
+    passed: list[int] = []
     for layer in range(2 * ranks[upper] + 1, 2 * ranks[lower]):
         vertex = len(layout.sizes)
         layout.sizes.append(Size(4.0, 4.0, 0.0) if passed else label)

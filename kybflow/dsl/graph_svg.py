@@ -84,7 +84,7 @@ def _drawing(drawing: Drawing) -> tuple[str, float, float]:
 
 def _box_size(box: Box, loop: Edge | None) -> Size:
     half = _box_width(box) / 2
-    return Size(half, half + (_label_size(loop.labels).right + 24 if loop else 0.0), _HEIGHT)
+    return Size(half, half + (_label_size(loop.labels).right + 28 if loop else 0.0), _HEIGHT)
 
 
 def _box_width(box: Box) -> float:
@@ -181,7 +181,7 @@ def _loop(edge: Edge, box: Box, x: float, y: float) -> str:
     path = f"M{right:.1f} {y - 9:.1f} C{right + 30:.1f} {y - 9:.1f} "
     path += f"{right + 30:.1f} {y + 9:.1f} {right:.1f} {y + 9:.1f}"
     line = f'<path class="edge" d="{path}" {_MARKED}/>'
-    return line + _label(edge.labels, right + 24, y, "label")
+    return line + _label(edge.labels, right + 28, y, "label")
 
 
 def _label(labels: Sequence[str], x: float, y: float, style: str) -> str:

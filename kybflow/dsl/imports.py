@@ -34,37 +34,48 @@ class Place(NamedTuple):
 
 def find(text: Scalar, importer: Place, root: Path, found: list[Diagnostic]) -> Place | None:
     """The file that `text` names in the file `importer` of a mission whose folder is `root`."""
-    name = text.text
-    relative = Path(name)
-    if "\0" in name or relative.is_absolute():
-        found.append(_outside(text))
+    relative = Path(text.text)
+    try:
+        place = None if relative.is_absolute() else _search(relative, importer, root)
+    except PermissionError:
+        place = None
+    except (OSError, ValueError):  # a name that no file can have
+        found.append(_missing(text))
         return None
+    if place is None:
+        found.append(_outside(text))
+    elif not place.file:
+        found.append(_missing(text))
+    return place if place and place.file else None
+
+
+def _search(relative: Path, importer: Place, root: Path) -> Place | None:
+    """The file beside the importer, else in an installed library; one without a name where there is
+    none, None where it is outside of the roots."""
     beside = importer.path.parent / relative
     if not _within(beside, (root, *_home_of(importer.path))):
-        found.append(_outside(text))
         return None
     if beside.is_file():
-        shown = os.path.normpath(os.path.join(os.path.dirname(importer.file), name))
-        return Place(beside, shown)
+        folder = os.path.dirname(importer.file)
+        return Place(beside, os.path.normpath(os.path.join(folder, relative)))
     home = installed(relative.parts[0]) if len(relative.parts) > 1 else None
-    if home is not None:
-        path = home.joinpath(*relative.parts[1:])
-        path = path if path.suffix else path.with_suffix(".yaml")
-        if not _within(path, (home,)):
-            found.append(_outside(text))
-            return None
-        if path.is_file():
-            return Place(path, shown_path(path))
-    found.append(
-        Diagnostic(
-            "KYB120",
-            f"`{name}` is no file",
-            text.span,
-            notes=(f"looked for {os.path.join(os.path.dirname(importer.file), name)}",),
-            help="the standard library is `kybflow/airframes`",
-        )
+    if home is None:
+        return Place(beside, "")
+    path = home.joinpath(*relative.parts[1:])
+    path = path if path.suffix else path.with_suffix(".yaml")
+    if not _within(path, (home,)):
+        return None
+    return Place(path, shown_path(path) if path.is_file() else "")
+
+
+def _missing(text: Scalar) -> Diagnostic:
+    return Diagnostic(
+        "KYB120",
+        f"`{text.text}` is no file",
+        text.span,
+        notes=("looked beside the importing file and in the installed libraries",),
+        help="the standard library is `kybflow/airframes`",
     )
-    return None
 
 
 def _outside(text: Scalar) -> Diagnostic:
@@ -107,7 +118,10 @@ def installed(name: str) -> Path | None:
         folders = (package / "missions", package.parent / "missions")
         return next((f / "library" for f in folders if f.is_dir()), None)
     for entry in entry_points(group=GROUP, name=name):
-        spec = importlib.util.find_spec(entry.value)
+        try:
+            spec = importlib.util.find_spec(entry.value)
+        except ModuleNotFoundError:
+            continue
         for folder in (spec.submodule_search_locations or ()) if spec else ():
             return Path(folder) / "library"
     return None

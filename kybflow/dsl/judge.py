@@ -14,7 +14,7 @@ from kybflow.dsl.explain import Fault, explain
 from kybflow.dsl.nodes import Mapping, Node, Sequence, describe, head_of, to_json
 from kybflow.dsl.schema import nullable, params_schema
 from kybflow.dsl.skeleton import library_schema, skeleton
-from kybflow.params import Field
+from kybflow.params import fields_of
 
 
 @functools.cache
@@ -23,8 +23,8 @@ def _skeleton(kind: str) -> Draft202012Validator:
 
 
 @functools.cache
-def _part(fields: tuple[Field, ...]) -> Draft202012Validator:
-    return Draft202012Validator(nullable(params_schema(fields, "")))
+def _part(params: type) -> Draft202012Validator:
+    return Draft202012Validator(nullable(params_schema(fields_of(params), "")))
 
 
 def judge_file(root: Node, kind: str) -> list[Diagnostic]:
@@ -53,9 +53,9 @@ def judge_mission(root: Node, found: list[Diagnostic]) -> Mapping | None:
     return None if findings else root
 
 
-def judge_params(node: Mapping, fields: tuple[Field, ...], part: str) -> list[Diagnostic]:
+def judge_params(node: Mapping, params: type, part: str) -> list[Diagnostic]:
     """What is wrong with the parameters of `part`; `node` has nothing but them."""
-    return list(_findings(node, _part(fields), part))
+    return list(_findings(node, _part(params), part))
 
 
 def _findings(root: Node, validator: Draft202012Validator, part: str = "") -> Iterator[Diagnostic]:

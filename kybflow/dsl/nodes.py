@@ -115,6 +115,11 @@ def describe(node: Node) -> str:
     return "text" if isinstance(value, str) else "a number"
 
 
+def entries_of(node: Node | None) -> dict[str, Entry]:
+    """The entries of a mapping; none of anything else."""
+    return node.entries if isinstance(node, Mapping) else {}
+
+
 def head_of(node: Node) -> Span:
     """The first key of a mapping: the place for what is missing in it."""
     if isinstance(node, Mapping) and node.entries:

@@ -1,42 +1,23 @@
-"""Text to node tree: PyYAML's C parser, no constructor, every node with its place.
-
-The tree is composed here from the parser's events and not by PyYAML's own composer, because that
-one recurses in C: 20,000 nested brackets would end the process. Depth, size and the number of nodes
-with every alias expanded are bounded; tags, merge keys and second documents are refused.
-"""
+"""A file to text and its node tree: opened, bounded, decoded, composed."""
 
 from __future__ import annotations
 
 import hashlib
 import stat
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import yaml
-
+from kybflow.dsl.composer import compose
 from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence
+from kybflow.dsl.nodes import Node
 from kybflow.dsl.source import Span
 
 CODES = {
     "KYB001": "The file can't be opened or is no regular file.",
     "KYB002": "The file is larger than a mission may be.",
     "KYB003": "The file is not UTF-8 text.",
-    "KYB004": "The file is not YAML.",
-    "KYB005": "The file is empty.",
-    "KYB006": "A file holds one document, not several.",
-    "KYB007": "A mapping has the same key twice.",
-    "KYB008": "YAML tags are refused: a mission holds values, never objects.",
-    "KYB009": "YAML's merge key is refused: `like` says the same with one rule.",
-    "KYB010": "A key is not a plain name.",
-    "KYB011": "Nested deeper than a mission needs.",
-    "KYB012": "More values than a mission may have, counted with every alias expanded.",
-    "KYB013": "An alias that nothing defines, or that contains itself.",
 }
 MAX_BYTES = 2_000_000
-MAX_NODES = 20_000
-MAX_DEPTH = 40
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class Source(NamedTuple):
@@ -101,140 +82,3 @@ def _decode(data: bytes, file: str) -> str:
                 help="save it as UTF-8",
             )
         ) from None
-
-
-def compose(text: str, file: str) -> tuple[Node | None, list[Diagnostic]]:
-    """The tree of `text`, None when it can't be had, and what was found on the way."""
-    composer = _Composer(file)
-    try:
-        return composer.document(_Loader(text)), composer.found
-    except _Unreadable as stop:
-        return None, [*composer.found, stop.diagnostic]
-    except (yaml.YAMLError, UnicodeError) as error:
-        return None, [*composer.found, _not_yaml(error, text, file)]
-
-
-class _Composer:
-    """Builds one tree from the parser's events. `sizes` are the nodes under each anchor."""
-
-    def __init__(self, file: str) -> None:
-        self.file = file
-        self.found: list[Diagnostic] = []
-        self.anchors: dict[str, Node | None] = {}
-        self.sizes: dict[str, int] = {}
-        self.total = 0
-
-    def document(self, loader: Any) -> Node:
-        loader.get_event()
-        if loader.check_event(yaml.StreamEndEvent):
-            raise self._stop("KYB005", f"`{self.file}` is empty", loader.get_event())
-        loader.get_event()
-        root = self._node(loader, loader.get_event(), 0)
-        loader.get_event()
-        if not loader.check_event(yaml.StreamEndEvent):
-            second = loader.get_event()
-            raise self._stop("KYB006", "a second document begins here", second)
-        return root
-
-    def _node(self, loader: Any, event: Any, depth: int) -> Node:
-        if isinstance(event, yaml.AliasEvent):
-            return self._alias(event)
-        self.total += 1
-        if depth > MAX_DEPTH:
-            raise self._stop("KYB011", f"nested deeper than {MAX_DEPTH} levels", event)
-        self._bound(event)
-        if event.tag is not None and event.tag != "!":
-            self._refuse(
-                "KYB008", f"the tag `{event.tag}` is refused", event, "write the value without it"
-            )
-        before, anchor = self.total, event.anchor
-        if anchor is not None:
-            self.anchors[anchor] = None
-        node = self._content(loader, event, depth)
-        if anchor is not None:
-            self.anchors[anchor] = node
-            self.sizes[anchor] = self.total - before + 1
-        return node
-
-    def _content(self, loader: Any, event: Any, depth: int) -> Node:
-        if isinstance(event, yaml.ScalarEvent):
-            return Scalar(event.value, self._span(event), event.style not in (None, ""))
-        if isinstance(event, yaml.SequenceStartEvent):
-            items: list[Node] = []
-            while not isinstance(inner := loader.get_event(), yaml.SequenceEndEvent):
-                items.append(self._node(loader, inner, depth + 1))
-            return Sequence(tuple(items), self._span(event, inner))
-        entries: dict[str, Entry] = {}
-        while not isinstance(inner := loader.get_event(), yaml.MappingEndEvent):
-            key = self._node(loader, inner, depth + 1)
-            value = self._node(loader, loader.get_event(), depth + 1)
-            self._enter(entries, key, value)
-        return Mapping(entries, self._span(event, inner))
-
-    def _enter(self, entries: dict[str, Entry], key: Node, value: Node) -> None:
-        if not isinstance(key, Scalar):
-            what = "a list" if isinstance(key, Sequence) else "a mapping"
-            self.found.append(
-                Diagnostic("KYB010", f"{what} can't be a key", key.span, help="a key is a name")
-            )
-        elif key.text == "<<" and not key.quoted:
-            self.found.append(
-                Diagnostic(
-                    "KYB009",
-                    "YAML's merge key `<<` is refused",
-                    key.span,
-                    help="start from another entry with `like: NAME`",
-                )
-            )
-        elif key.text in entries:
-            first = entries[key.text].key.span
-            message = f"`{key.text}` is written twice"
-            self.found += [
-                Diagnostic("KYB007", message, key.span, "again", (f"first at {first.at}",)),
-                Diagnostic("KYB007", message, first, "first", (f"again at {key.span.at}",)),
-            ]
-        else:
-            entries[key.text] = Entry(key, value)
-
-    def _alias(self, event: Any) -> Node:
-        name = event.anchor
-        node = self.anchors.get(name)
-        if name not in self.anchors:
-            raise self._stop("KYB013", f"nothing is marked `&{name}`", event)
-        if node is None:
-            raise self._stop("KYB013", f"`*{name}` is inside of `&{name}`", event)
-        self.total += self.sizes[name]
-        self._bound(event)
-        return node
-
-    def _bound(self, event: Any) -> None:
-        if self.total > MAX_NODES:
-            raise self._stop("KYB012", f"more than {MAX_NODES} values", event)
-
-    def _refuse(self, code: str, message: str, event: Any, help: str) -> None:
-        self.found.append(Diagnostic(code, message, self._span(event), help=help))
-
-    def _stop(self, code: str, message: str, event: Any) -> _Unreadable:
-        return _Unreadable(Diagnostic(code, message, self._span(event)))
-
-    def _span(self, event: Any, last: Any = None) -> Span:
-        start, end = event.start_mark, (last or event).end_mark
-        return Span(self.file, start.line + 1, start.column + 1, end.line + 1, end.column + 1)
-
-
-def _not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
-    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-    if mark is None:
-        reason = getattr(error, "reason", None) or "a character that no text file has"
-        position = getattr(error, "position", 0)
-        line = text.count("\n", 0, position) + 1 if isinstance(position, int) else 1
-        return Diagnostic("KYB004", f"this is not YAML: {reason}", Span(file, line, 1, line, 2))
-    span = Span(file, mark.line + 1, mark.column + 1, mark.line + 1, mark.column + 2)
-    lines = text.splitlines()
-    line_text = lines[mark.line] if mark.line < len(lines) else ""
-    if "\t" in line_text[: mark.column + 1]:
-        return Diagnostic("KYB004", "a tab can't indent YAML", span, help="indent with spaces")
-    problem = getattr(error, "problem", None) or "it can't be understood"
-    context = getattr(error, "context", None)
-    notes = (context,) if context else ()
-    return Diagnostic("KYB004", f"this is not YAML: {problem}", span, notes=notes)

@@ -10,6 +10,7 @@ from kybflow.dsl.source import Span
 
 _WIDEST = 160
 """Longer source lines are cut around the marked text."""
+_LONGEST = 500
 
 
 def render(diagnostic: Diagnostic, texts: dict[str, str]) -> str:
@@ -21,7 +22,7 @@ def render(diagnostic: Diagnostic, texts: dict[str, str]) -> str:
           = `depart` (take_off) leaves the vehicle in the air
           = help: did you mean `deliver`?
     """
-    return "\n".join(printable(line) for line in _lines(diagnostic, texts))
+    return "\n".join(clipped(printable(line)) for line in _lines(diagnostic, texts))
 
 
 def _lines(diagnostic: Diagnostic, texts: dict[str, str]) -> Iterator[str]:
@@ -58,6 +59,11 @@ def _source(span: Span, label: str, texts: dict[str, str]) -> Iterator[str]:
     yield f"      | {' ' * (start - first)}{marks} {label}".rstrip()
 
 
+def clipped(text: str) -> str:
+    """`text`, its middle left out where it is longer than anybody reads."""
+    return text if len(text) <= _LONGEST else f"{text[:200]} ... {text[-200:]}"
+
+
 def printable(text: str) -> str:
     """`text` without what could command a terminal or can't be encoded."""
     if text.isprintable():
@@ -78,9 +84,9 @@ def to_json(diagnostic: Diagnostic) -> dict[str, Any]:
         "end_column": span.end_column,
         "severity": diagnostic.severity.value,
         "code": diagnostic.code,
-        "message": diagnostic.message,
+        "message": clipped(diagnostic.message),
         "label": diagnostic.label,
-        "notes": list(diagnostic.notes),
+        "notes": [clipped(note) for note in diagnostic.notes],
         "help": diagnostic.help,
         "imported_from": [reached.at for reached in span.via],
     }

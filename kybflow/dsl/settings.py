@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from kybflow.dsl.composer import compose
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.nodes import NAME, Mapping, Node, Scalar, Sequence
-from kybflow.dsl.reader import compose
 from kybflow.dsl.source import Span
 
 CODES = {"KYB135": "A `--set` that is not `name=value`."}

@@ -13,7 +13,7 @@ from kybflow.dsl.nodes import Mapping, Node, Scalar, describe
 from kybflow.dsl.source import Span
 from kybflow.dsl.values import decode
 from kybflow.errors import KybflowError
-from kybflow.params import Field
+from kybflow.params import fields_of
 
 if TYPE_CHECKING:
     from kybflow.catalog import Catalog, PartSpec
@@ -61,7 +61,7 @@ class Uses:
         spec = self.spec(kind, name)
         if spec is None:
             return None
-        params = self.params(spec.params, spec.fields, body, spec.name, name.span)
+        params = self.params(spec.params, body, spec.name, name.span)
         if params is None:
             return None
         label = node.get("as") if isinstance(node, Mapping) else None
@@ -93,11 +93,10 @@ class Uses:
             self.found.append(Diagnostic("KYB141", message, name.span))
             return None
 
-    def params(
-        self, cls: type[Any], fields: tuple[Field, ...], body: Mapping, part: str, head: Span
-    ) -> Any:
+    def params(self, cls: type, body: Mapping, part: str, head: Span) -> Any:
         """The parameters of `part` as `cls`; None when they have errors. `head` is the place for
         what is missing."""
+        fields = fields_of(cls)
         if not body.entries and not any(field.required for field in fields):
             return cls()
         decoded: list[Diagnostic] = []
@@ -107,7 +106,7 @@ class Uses:
             if (node := body.get(field.name)) is not None
         }
         said = {finding.span for finding in decoded}
-        judged = judge_params(Mapping(body.entries, head), fields, part)
+        judged = judge_params(Mapping(body.entries, head), cls, part)
         findings = [*decoded, *(finding for finding in judged if finding.span not in said)]
         self.found += findings
         return None if findings else cls(**values)

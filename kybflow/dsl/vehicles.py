@@ -7,14 +7,13 @@ from typing import Any
 from kybflow.dsl.built_in import failure_of
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import EstimatorUse, PartUse, State, Transition, Vehicle
-from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence
+from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.source import Span, Text
 from kybflow.dsl.uses import Uses
 from kybflow.dsl.values import decode, quantity_field
 from kybflow.geometry import ZERO
-from kybflow.params import fields_of
 from kybflow.site import Airframe
-from kybflow.units import ANGLE, DURATION, LENGTH, Dimension
+from kybflow.units import ANGLE, DURATION, LENGTH
 
 CODES = {
     "KYB143": "A transition that says nothing of when.",
@@ -58,6 +57,9 @@ class Vehicles:
             begin=begin,
             states=states,
             span=name.span,
+            airframe_spans={
+                key: e.value.span for key, e in entries_of(body.get("airframe")).items()
+            },
         )
 
     def _missing(self, name: Scalar, key: str, help: str) -> None:
@@ -70,9 +72,7 @@ class Vehicles:
             self._missing(name, "airframe", "name one: `airframe: std.mk_quadro`")
             return None
         head = body.entries["airframe"].key.span
-        airframe: Airframe | None = self._uses.params(
-            Airframe, fields_of(Airframe), node, "airframe", head
-        )
+        airframe: Airframe | None = self._uses.params(Airframe, node, "airframe", head)
         return airframe
 
     def _start(self, name: Scalar, body: Mapping) -> tuple[Any, float, Span]:
@@ -82,13 +82,17 @@ class Vehicles:
         place, turn = node.get("at"), node.get("heading")
         at = quantity_field("at", LENGTH, "vector")
         start = ZERO if place is None else decode(place, at, self._found)
-        heading = self._quantity(turn, "heading", ANGLE) if turn is not None else 0.0
+        angle = quantity_field("heading", ANGLE)
+        heading = 0.0 if turn is None else decode(turn, angle, self._found)
         return start, heading or 0.0, node.span if place is None else place.span
 
-    def _quantity(self, node: Node | None, key: str, dimension: Dimension) -> float | None:
+    def _duration(self, keys: Mapping, key: str, above: float | None = None) -> float | None:
+        node = keys.get(key)
         if node is None:
             return None
-        value: float | None = decode(node, quantity_field(key, dimension), self._found)
+        at_least = 0.0 if above is None else None
+        field = quantity_field(key, DURATION, above=above, at_least=at_least)
+        value: float | None = decode(node, field, self._found)
         return value
 
     def _tracker(self, name: Scalar, body: Mapping) -> PartUse | None:
@@ -104,8 +108,8 @@ class Vehicles:
         for use, node in uses:
             keys = node if isinstance(node, Mapping) else Mapping({}, node.span)
             healthy = keys.get("healthy")
-            recover = self._quantity(keys.get("recover_after"), "recover_after", DURATION)
-            limit = self._quantity(keys.get("for_at_most"), "for_at_most", DURATION)
+            recover = self._duration(keys, "recover_after")
+            limit = self._duration(keys, "for_at_most", above=0.0)
             text = healthy.as_text if isinstance(healthy, Scalar) else None
             decoded.append(EstimatorUse(use, text, recover or 0.0, limit))
         return tuple(decoded)
@@ -155,7 +159,7 @@ class Vehicles:
             if isinstance(goal, Scalar):
                 arrows.append(Transition(cause, goal.as_text, goal.span))
         limit = node.get("within")
-        after = self._quantity(limit, "within", DURATION)
+        after = self._duration(node, "within", above=0.0)
         if limit is not None and after is not None:
             failed = node.get("failed")
             implied = Text(failure_of(part.spec.cls.flight), limit.span, verbatim=False)
@@ -165,7 +169,7 @@ class Vehicles:
 
     def _next(self, node: Mapping) -> Transition:
         when, event, goal = node.get("when"), node.get("event"), node.get("go")
-        after = self._quantity(node.get("after"), "after", DURATION)
+        after = self._duration(node, "after")
         assert isinstance(goal, Scalar)
         if when is None and event is None and node.get("after") is None:
             self._found.append(
@@ -183,7 +187,7 @@ class Vehicles:
             when=when.as_text if isinstance(when, Scalar) else None,
             event=event.as_text if isinstance(event, Scalar) else None,
             after=after,
-            hold=self._quantity(node.get("for"), "for", DURATION) or 0.0,
+            hold=self._duration(node, "for") or 0.0,
         )
 
 

@@ -3,7 +3,7 @@ and where each line came from. Reading it back gives the same plan."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from kybflow.dsl.document import Document, EstimatorUse, PartUse, State, Transition, Vehicle
@@ -29,33 +29,31 @@ def written(document: Document) -> str:
 
 def _mission(document: Document) -> Iterator[Line]:
     at = document.mission.span.at
-    yield "kybflow: 1", at
+    yield "kybflow: 1", document.spans["kybflow"].at
     yield f"mission: {_quoted(document.mission.text)}", at
     if document.summary:
         yield f"summary: {_quoted(document.summary)}", at
-    control = document.control_span
-    yield (
-        f"control: {_quantity(float(document.control_rate), FREQUENCY)}",
-        control.at if control else "",
-    )
-    yield f"hover_limit: {_quantity(document.hover_limit, DURATION)}", ""
-    yield f"time_limit: {_quantity(document.time_limit, DURATION)}", ""
+    origin = {key: span.at for key, span in document.spans.items()}
+    rate = _quantity(float(document.control_rate), FREQUENCY)
+    yield f"control: {rate}", origin.get("control", "")
+    yield f"hover_limit: {_quantity(document.hover_limit, DURATION)}", origin.get("hover_limit", "")
+    yield f"time_limit: {_quantity(document.time_limit, DURATION)}", origin.get("time_limit", "")
     if document.fence is not None:
         low, high = (_vector(corner, LENGTH) for corner in document.fence)
-        origin = document.fence_span.at if document.fence_span else ""
-        yield "world:", origin
-        yield f"  fence: {{from: {low}, to: {high}}}", origin
-    yield "vehicles:", ""
+        yield "world:", origin.get("world", "")
+        yield f"  fence: {{from: {low}, to: {high}}}", origin.get("world", "")
+    yield "vehicles:", origin.get("vehicles", "")
     for vehicle in document.vehicles.values():
         yield from _vehicle(vehicle)
     if document.expect:
-        yield "expect:", ""
+        yield "expect:", origin.get("expect", "")
         for text in document.expect:
             yield f"  - {_quoted(text.text)}", text.span.at
-    yield "targets:", ""
-    yield f"  {document.target.text}:", ""
+    yield "targets:", origin.get("targets", "")
+    yield f"  {document.target.text}:", origin.get("targets", "")
     for name, vehicle in document.vehicles.items():
-        yield f"    {name}: {{driver: {_use(vehicle.driver)}}}", vehicle.driver.span.at
+        at = vehicle.driver.span.at if "targets" in document.spans else ""
+        yield f"    {name}: {{driver: {_use(vehicle.driver)}}}", at
 
 
 def _vehicle(vehicle: Vehicle) -> Iterator[Line]:
@@ -64,24 +62,28 @@ def _vehicle(vehicle: Vehicle) -> Iterator[Line]:
     yield "    airframe:", at
     for field in fields_of(Airframe):
         value = getattr(vehicle.airframe, field.name)
-        yield f"      {field.name}: {_value(value, field)}", at
+        span = vehicle.airframe_spans.get(field.name)
+        yield f"      {field.name}: {_value(value, field)}", span.at if span else ""
     place = _vector(vehicle.start, LENGTH)
     heading = _quantity(vehicle.heading, ANGLE)
     yield f"    start: {{at: {place}, heading: {heading}}}", vehicle.start_span.at
     yield from _list("estimators", [(_estimator(e), e.part.span) for e in vehicle.estimators])
     yield from _list("processors", [(_use(p), p.span) for p in vehicle.processors])
     yield f"    tracker: {_use(vehicle.tracker)}", vehicle.tracker.span.at
-    yield from _list("supervisors", [(_use(s), s.span) for s in vehicle.supervisors])
+    yield from _list(
+        "supervisors",
+        [(_use(s), None if s.span == vehicle.span else s.span) for s in vehicle.supervisors],
+    )
     yield f"    begin: {vehicle.begin.text}", vehicle.begin.span.at
-    yield "    behaviors:", ""
+    yield "    behaviors:", at
     for state in vehicle.states.values():
         yield f"      {state.name.text}: {_state(state)}", state.span.at
 
 
-def _list(key: str, items: list[tuple[str, Span]]) -> Iterator[Line]:
+def _list(key: str, items: Sequence[tuple[str, Span | None]]) -> Iterator[Line]:
     yield f"    {key}:{'' if items else ' []'}", ""
     for text, span in items:
-        yield f"      - {text}", span.at
+        yield f"      - {text}", span.at if span else ""
 
 
 def _use(use: PartUse, word: str = "use", more: tuple[str, ...] = ()) -> str:

@@ -62,7 +62,7 @@ class Engine:
         self.events.tell("run_started")
         red = self._preflight()
         if red:
-            return "preflight: " + "; ".join(f"{l.vehicle}: {l.check}: {l.reason}" for l in red)
+            return "preflight: " + "; ".join(f"{x.vehicle}: {x.check}: {x.reason}" for x in red)
         self._begin()
         while not all(vehicle.rests for vehicle in self.vehicles):
             if self.seconds() >= self.plan.time_limit:
@@ -123,7 +123,7 @@ class Engine:
         return lambda expression: bind(expression, self._believed, own, self.seconds)
 
     def _interrupted(self) -> bool:
-        """The first interrupt lands every vehicle; true when a second one asks to cut the stream."""
+        """The first interrupt lands every vehicle; true when a second one cuts the stream."""
         if not self._landing:
             self._landing = True
             for vehicle in self.vehicles:

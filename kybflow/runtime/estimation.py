@@ -17,8 +17,9 @@ from kybflow.site import Site
 class Candidate:
     """One estimator of the list with its health; also the view that its health condition reads.
 
-    It is healthy while its condition holds. Once it was not, it must hold for `recover_after` seconds
-    before it counts again. `for_at_most` bounds the time in which it may be used at a stretch.
+    It is healthy while its condition holds. Once it was not, it must hold for `recover_after`
+    seconds before it counts again. `for_at_most` bounds the time in which it may be used at a
+    stretch.
     """
 
     def __init__(self, plan: EstimatorPlan, site: Site) -> None:

@@ -1,8 +1,9 @@
 """The failsafe of one vehicle: what its supervisors and processors report becomes one reaction.
 
-Severest first: `land_blind`, `land`, `brake`, `warn`. An alarm that persists is told once. From `land` upwards
-the reaction latches: nothing but a severer one is heard until the vehicle rests in `fault`, on the
-ground. A reaction that needs a position is replaced by `land_blind` where there is none.
+Severest first: `land_blind`, `land`, `brake`, `warn`. An alarm that persists is told once. From
+`land` upwards the reaction latches: nothing but a severer one is heard until the vehicle rests in
+`fault`, on the ground. A reaction that needs a position is replaced by `land_blind` where there is
+none.
 """
 
 from __future__ import annotations

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import random
-import signal
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 from kybflow.dsl.plan import Plan, VehiclePlan
@@ -19,6 +17,7 @@ from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
+from kybflow.runtime.interrupts import Interrupts
 from kybflow.runtime.outcome import EXIT_CODES, Ending, summarise
 from kybflow.runtime.recorder import Recorder
 from kybflow.runtime.run_folder import create_run_folder
@@ -112,7 +111,7 @@ class _Run:
         engine = self._engine = Engine(plan, clock, sessions, vehicles, events, observers)
         for name, value in self._request.options:
             engine.options.set(name, value, "command line")
-        with _Interrupts(engine):
+        with Interrupts(engine):
             return engine.run()
 
     def _judge(self) -> None:
@@ -196,24 +195,3 @@ def _clock(plan: Plan, speed: float | None) -> Clock:
     if plan.simulated:
         return SimulatedClock(plan.control_rate, speed)
     return WallClock(plan.control_rate)
-
-
-class _Interrupts:
-    """Ctrl-C, SIGTERM and a closed terminal land; each is counted for the engine."""
-
-    SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
-        self._before: dict[signal.Signals, Any] = {}
-
-    def __enter__(self) -> None:
-        for number in self.SIGNALS:
-            self._before[number] = signal.signal(number, self._count)
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _count(self, number: int, frame: FrameType | None) -> None:
-        self._engine.interrupts += 1

@@ -6,7 +6,7 @@ w = F(T), y = w / m. With everything over the airframe's weight, the estimate r 
 over mass follows the error e = y - w r: r' = P w e, P' = lambda P - P^2 w^2,
 lambda = lambda0 (1 - P / kappa0).
 
-On the ground the floor carries a part of the weight: there the believed weight is raised from half
+On the ground the floor carries a part of the weight: there the believed weight is raised from 60 %
 of the guess until the vehicle lifts, and what lifted it is the first estimate.
 """
 
@@ -20,7 +20,7 @@ FORGETTING = 2.0
 LARGEST_GAIN = 4.0
 SMALLEST_GAIN = 0.01
 LOWEST, HIGHEST = 0.5, 2.0
-SPOOL_START = 0.5
+SPOOL_START = 0.6
 SPOOL_RATE = 1.0
 """Airframe weights per second."""
 

@@ -1,8 +1,8 @@
 """Options: every part's parameters, by name, while the run goes on.
 
-`mk.processors.limit_speed.speed` is the parameter `speed` of the processor `limit_speed` of `mk`. Type,
-unit and bounds are those of the declaration. A change takes effect at the next tick and is told as an
-event with who made it; one that is refused says why and changes nothing.
+`mk.processors.limit_speed.speed` is the parameter `speed` of the processor `limit_speed` of `mk`.
+Type, unit and bounds are those of the declaration. A change takes effect at the next tick and is
+told as an event with who made it; one that is refused says why and changes nothing.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Options:
     def names(self) -> Iterator[str]:
         for name, holder in self._holders.items():
             for label, parameters in holder.parameters().items():
-                for field in fields_of(type(parameters)):
+                for field in fields_of(parameters.__class__):
                     yield f"{name}.{label}.{field.name}"
 
     def get(self, name: str) -> Any:
@@ -49,7 +49,8 @@ class Options:
         return getattr(holder.parameters()[label], field.name)
 
     def set(self, name: str, value: Any, by: str) -> None:
-        """Ask for a change; `value` is SI, or text with a unit. Raises OptionRefused with the reason."""
+        """Ask for a change; `value` is SI, or text with a unit. Raises OptionRefused with the
+        reason."""
         try:
             holder, label, field = self._find(name)
             if field.read_only:
@@ -76,7 +77,7 @@ class Options:
         parameters = holder.parameters().get(label) if holder else None
         if holder is None or parameters is None:
             raise OptionRefused(f"there is no option `{name}`")
-        for field in fields_of(type(parameters)):
+        for field in fields_of(parameters.__class__):
             if field.name == field_name:
                 return holder, label, field
         raise OptionRefused(f"`{label}` of `{vehicle}` has no parameter `{field_name}`")

@@ -20,8 +20,7 @@ class Believed:
 
     @property
     def state(self) -> State:
-        estimate = self._estimate()
-        return State(estimate.position, estimate.velocity, estimate.attitude)
+        return self._estimate()
 
     @property
     def wanted(self) -> Setpoint:
@@ -73,7 +72,4 @@ class Actual(Believed):
 
     @property
     def state(self) -> State:
-        truth = self._vehicle.truth
-        if truth is None:
-            return super().state
-        return State(truth.position, truth.velocity, truth.attitude)
+        return self._vehicle.truth or super().state

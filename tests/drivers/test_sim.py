@@ -109,7 +109,7 @@ def test_an_attitude_command_is_followed_without_seeing_the_truth():
     link = session.links["a"]
     now = lift(session, link)
     push(session, link, 0.5, thrust(11.5, from_euler(0.1, 0.0, 0.0)), now)
-    assert tilt_of(link.truth().attitude) == pytest.approx(0.1, abs=0.01)
+    assert tilt_of(link.truth().attitude) == pytest.approx(0.1, abs=0.02)
     assert link.truth().velocity[1] < -0.2
 
 
@@ -273,12 +273,12 @@ def test_what_flies_differs_from_what_its_maker_says_within_the_model_error():
     assert world().links["a"].body.mass == FRAME.mass
 
 
-def test_two_vehicles_push_each_other_away():
-    session = world(seat(), seat("b", (0.0, 0.30, 0.0)))
-    for now in range(PERIOD, NS // 2, PERIOD):
-        session.advance(now)
-    gap = session.links["b"].truth().position[1] - session.links["a"].truth().position[1]
-    assert gap > 0.34
+def test_a_vehicle_that_runs_into_another_pushes_it():
+    session = world(seat(), seat("b", (0.0, 0.45, 0.0)))
+    session.data.qpos[[2, 9]] = 1.0
+    session.data.qvel[1] = 1.5
+    session.advance(NS // 5)
+    assert session.links["b"].truth().velocity[1] > 0.3
 
 
 def test_sixteen_vehicles_share_one_world():

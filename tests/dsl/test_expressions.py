@@ -108,6 +108,9 @@ def test_health_reads_the_estimators_own_age_and_spread() -> None:
     assert expected == read("age < 300 ms and spread < 5 cm", HEALTH)
 
 
+TO_POINT = Aggregate(
+    "max", Distance(Place(None, point=(1.0, 2.0, 3.0)), Place("b")), "b", "landed"
+)
 ERROR = Aggregate("mean", Read("a", "position_error"), "a", "eight")
 
 
@@ -123,6 +126,10 @@ ERROR = Aggregate("mean", Read("a", "position_error"), "a", "eight")
         ),
         ("eventually b in landed within 90 s", Eventually(InState("b", "landed"), 90.0)),
         ("eventually b in landed", Eventually(InState("b", "landed"), None)),
+        (
+            "max(distance([1 2 3] to b) in landed) < 1 cm",
+            Compare("<", TO_POINT, Number(0.01, LENGTH)),
+        ),
     ],
 )
 def test_expectations(words: str, expected: Any) -> None:
@@ -179,6 +186,11 @@ def test_mistakes(words: str, code: str, message: str, marked: str) -> None:
         ),
         ("max(a.behavior) < 3", "KYB212", "there is no statistic of `a.behavior`"),
         ("always separation(a) > 1 m", "KYB212", "a separation needs two vehicles"),
+        (
+            "min(separation(all) in eight) > 1 m",
+            "KYB212",
+            "`separation(all)` belongs to no one vehicle that could be in `eight`",
+        ),
         ("finished", "KYB210", "found the end where `within` should be"),
     ],
 )

@@ -52,7 +52,31 @@ HOSTILE = {
     "a list": (b"- kybflow: 1\n", "KYB102"),
     "a word": (b"kybflow\n", "KYB102"),
     "an import outside": (HEAD + b"import: {a: ../../x.yaml}\nvehicles: {a: {}}\n", "KYB121"),
-    "an import with a NUL": (HEAD + b'import: {a: "x\\0y"}\nvehicles: {a: {}}\n', "KYB121"),
+    "an import with a NUL": (HEAD + b'import: {a: "x\\0y"}\nvehicles: {a: {}}\n', "KYB120"),
+    "an import with a huge name": (
+        HEAD + b"import: {a: " + b"y" * 900_000 + b"}\nvehicles: {a: {}}\n",
+        "KYB120",
+    ),
+    "a part with a huge name": (
+        HEAD + b"vehicles: {a: {behaviors: {x: {do: " + b"y" * 900_000 + b"}}}}\n",
+        "KYB140",
+    ),
+    "a target with a huge name": (
+        HEAD
+        + b"import: {std: kybflow/airframes}\nvehicles: {a: {like: std.mk_quadro, "
+        + b"behaviors: {x: {do: hover, then: "
+        + b"y" * 900_000
+        + b"}}}}\n",
+        "KYB201",
+    ),
+    "a huge condition": (
+        HEAD
+        + b"import: {std: kybflow/airframes}\nvehicles: {a: {like: std.mk_quadro, behaviors: "
+        + b"{x: {do: take_off, height: 1 m, next: [{go: x, when: "
+        + b"(" * 900_000
+        + b"}]}}}}\n",
+        "KYB214",
+    ),
     "a long chain of `like`": (HEAD + CYCLE, "KYB125"),
     "much through `like`": (HEAD + WIDE, "KYB126"),
     "a million spaces": (HEAD + b"vehicles: " + b" " * 1_000_000 + b"{a: {}}\n", "KYB102"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import yaml
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from kybflow.catalog import load_catalog
@@ -43,7 +43,7 @@ def check(result: Result) -> None:
 
 
 @given(st.data())
-@settings(max_examples=100)
+@settings(max_examples=100, suppress_health_check=[HealthCheck.too_slow])
 def test_changed_text(tmp_path_factory, data) -> None:
     text = TEXT.replace("library/airframes.yaml", "kybflow/airframes")
     for _ in range(data.draw(st.integers(1, 3))):
@@ -54,7 +54,7 @@ def test_changed_text(tmp_path_factory, data) -> None:
 
 
 @given(st.data())
-@settings(max_examples=100)
+@settings(max_examples=100, suppress_health_check=[HealthCheck.too_slow])
 def test_changed_tree(tmp_path_factory, data) -> None:
     tree = yaml.safe_load(TEXT)
     tree["import"] = {"std": "kybflow/airframes"}
@@ -78,7 +78,7 @@ def test_changed_tree(tmp_path_factory, data) -> None:
 
 
 @given(st.text(max_size=12), st.text(max_size=8))
-@settings(max_examples=100)
+@settings(max_examples=100, suppress_health_check=[HealthCheck.too_slow])
 def test_any_setting(name: str, value: str) -> None:
     path = REPO / "missions" / "figure_eight.yaml"
     for text in (f"{name}={value}", f"lap={value}", name):

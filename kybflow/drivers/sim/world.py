@@ -62,17 +62,19 @@ class World(Session):
         if self._winds:
             self._blow()
         model, data, step, felt = self.model, self.data, mujoco.mj_step, self._felt
-        rotors, control, pack = self._rotors, self._control, self._pack
-        while (time := self._next) <= now:
+        rotors, control, pack, pilots = self._rotors, self._control, self._pack, self._pilots
+        steps, rate, time = self._steps, self._rate, self._next
+        while time <= now:
             pack(rotors, 0, *control)
             step(model, data)
-            for (update, first), row in zip(self._pilots, felt.tolist(), strict=True):
+            for (update, first), row in zip(pilots, felt.tolist(), strict=True):
                 control[first : first + 4] = update(row)
-            self._steps += 1
-            self._next = (self._steps + 1) * NS // self._rate
             if self._due <= time:
                 self._measure(time)
-        if abs(data.time - self._steps / self._rate) > 0.5 / self._rate:
+            steps += 1
+            time = (steps + 1) * NS // rate
+        self._steps, self._next = steps, time
+        if abs(data.time * rate - steps) > 0.5:
             raise DriverError("the simulation diverged and MuJoCo started it again")
         if self._viewer is not None:
             self._viewer.show(now)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.checks.case import Case, condition_scope
+from kybflow.dsl.checks.entries import endless_states
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import State, Transition, Vehicle
 from kybflow.dsl.expressions import And, Compare, Condition, Expression, Number, Or, parse
@@ -33,11 +34,14 @@ class _Asked:
 
 def never_fires(case: Case) -> Iterator[Diagnostic]:
     """KYB206: an arrow that can never fire, because one that is asked before it fires whenever it
-    would.
+    would, or because it waits for the end of a behavior that never ends.
 
     In a tick `next` is asked from the top, then whether the behavior ended, then `within`. An arrow
     with a time alone ends the state by then, so that what would come later never comes.
     """
+    for vehicle in case.vehicles():
+        for name in sorted(endless_states(vehicle)):
+            yield from _never_done(vehicle.states[name])
     for vehicle, state in case.states():
         asked = list(_asked(case, vehicle, state))
         for index, later in enumerate(asked):
@@ -45,6 +49,18 @@ def never_fires(case: Case) -> Iterator[Diagnostic]:
             before += [a for a in asked if _is_sooner(a, later)]
             if before:
                 yield _shadowed(state, later.transition, before[0].transition)
+
+
+def _never_done(state: State) -> Iterator[Diagnostic]:
+    for transition in state.transitions:
+        if transition.cause == "then":
+            yield Diagnostic(
+                "KYB206",
+                f"this way out of `{state.name.text}` is never taken",
+                transition.target.span,
+                label=f"`{state.part.name.text}` never ends by itself",
+                help="leave it with `next` or `within`, or bound it if it has a parameter for that",
+            )
 
 
 def _asked(case: Case, vehicle: Vehicle, state: State) -> Iterator[_Asked]:

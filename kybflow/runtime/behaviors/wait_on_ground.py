@@ -28,4 +28,4 @@ class WaitOnGround(
 
     @classmethod
     def footprint(cls, params: WaitOnGroundParams, entry: Vec3 | None) -> Footprint | None:
-        return Footprint((entry,), 0.0, entry) if entry is not None else None
+        return Footprint(() if entry is None else (entry,), 0.0, entry, is_endless=True)

@@ -15,7 +15,7 @@ Thrust is the believed mass times the wanted specific force a + g along the body
 points body z along it. The jerk turns it at the rate z x jerk / |a + g|, fed forward as body rates
 (Mellinger and Kumar, ICRA 2011, eq. 11). Tilt and thrust are limited to the airframe's; while they
 are, on the ground, and in steps longer than 40 ms, the integral stands still. On the ground the
-thrust is raised from half of what the believed mass asks for until the vehicle lifts; in the air
+thrust is raised from 60 % of what the believed mass asks for until the vehicle lifts; in the air
 the mass is estimated.
 """
 
@@ -41,6 +41,8 @@ from kybflow.site import Site
 from kybflow.units import Acceleration, Angle, Damping, Length, Number, Ratio
 
 LONGEST_STEP = 0.04
+WEIGH_EVERY = 0.015
+"""Seconds between two updates of the mass, whose filter is far slower."""
 MOST_TRIM = 0.1
 """About 6 degrees, as the slope that body z may be turned by."""
 LEAST_LIFT, MOST_THRUST = 0.3, 0.95
@@ -93,6 +95,7 @@ class Cascade(Tracker[CascadeParams]):
         self._flies = self._limited = False
         self._floor: float | None = None
         self._lift = 0.0
+        self._weighed = WEIGH_EVERY
 
     @property
     def hover_thrust(self) -> float:
@@ -126,8 +129,13 @@ class Cascade(Tracker[CascadeParams]):
         above = self._floor + self.params.lift_off
         self._flies = height > above
         if self._flies:
-            self._mass.update(self._lift, estimate.velocity[2], dt)
-        elif _asks_up(setpoint, above):
+            self._weighed += dt
+            if self._weighed >= WEIGH_EVERY:
+                self._mass.update(self._lift, estimate.velocity[2], self._weighed)
+                self._weighed = 0.0
+            return
+        self._weighed = WEIGH_EVERY
+        if _asks_up(setpoint, above):
             self._mass.spool_up(dt)
 
     def _wanted(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
@@ -151,8 +159,10 @@ class Cascade(Tracker[CascadeParams]):
             ay += k * ey
             az += k * (wz - pz)
             if self._flies and not self._limited and dt < LONGEST_STEP:
-                i, limit = p.integral * dt, p.integral_limit
-                ix, iy = _clamped(ix + i * ex, limit), _clamped(iy + i * ey, limit)
+                i, most = p.integral * dt, p.integral_limit
+                ix, iy = ix + i * ex, iy + i * ey
+                ix = most if ix > most else -most if ix < -most else ix
+                iy = most if iy > most else -most if iy < -most else iy
                 self._integral = (ix, iy)
         return (ax + ix, ay + iy, az)
 
@@ -175,12 +185,10 @@ class Cascade(Tracker[CascadeParams]):
         if self._slope is not None and self._flies and dt < LONGEST_STEP:
             k, (tx, ty), (sx, sy) = self.params.trim * dt, self._trim, self._slope
             x, y = tx + k * (sx - up[0]), ty + k * (sy - up[1])
-            self._trim = (_clamped(x, MOST_TRIM), _clamped(y, MOST_TRIM))
+            x = MOST_TRIM if x > MOST_TRIM else -MOST_TRIM if x < -MOST_TRIM else x
+            y = MOST_TRIM if y > MOST_TRIM else -MOST_TRIM if y < -MOST_TRIM else y
+            self._trim = (x, y)
         return self._trim
-
-
-def _clamped(value: float, limit: float) -> float:
-    return -limit if value < -limit else limit if value > limit else value
 
 
 def _rates(setpoint: Setpoint, force: Vec3, attitude: Quat) -> Vec3:

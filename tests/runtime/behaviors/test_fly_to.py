@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kybflow.geometry import ZERO, Vec3, norm
+from kybflow.parts import Footprint
 from kybflow.runtime.behaviors.fly_to import FlyTo, FlyToParams
 from kybflow.signals import Done, Failed
 
@@ -75,4 +76,4 @@ def test_a_vehicle_that_does_not_arrive_fails_with_the_distance() -> None:
 
 def test_its_footprint_is_the_straight_line() -> None:
     print_ = FlyTo.footprint(FlyToParams(position=(1.0, 0.0, 1.0)), START)
-    assert print_ == ((START, (1.0, 0.0, 1.0)), 1.0, (1.0, 0.0, 1.0))
+    assert print_ == Footprint((START, (1.0, 0.0, 1.0)), 1.0, (1.0, 0.0, 1.0))

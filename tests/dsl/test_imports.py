@@ -1,0 +1,64 @@
+"""A laboratory's own library, found through its entry point."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from kybflow.catalog import load_catalog
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.imports import installed
+
+MISSION = """
+kybflow: 1
+mission: m
+import: {{lab: {name}/quads}}
+vehicles:
+  a: {{like: lab.quad, behaviors: {{up: {{do: take_off, height: 1 m}}}}}}
+"""
+LIBRARY = """
+library: quads
+import: {std: kybflow/airframes}
+airframes: {quad: {like: std.mk_quadro, mass: 2 kg}}
+vehicles: {quad: {airframe: quad}}
+"""
+
+
+def package(folder: Path, name: str, library: str | None) -> None:
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[kybflow.missions]\n{name} = {name}.missions\n")
+    if library is not None:
+        (folder / name / "missions" / "library").mkdir(parents=True)
+        (folder / name / "__init__.py").write_text("")
+        (folder / name / "missions" / "library" / "quads.yaml").write_text(library)
+
+
+def test_a_library_of_a_package_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package(tmp_path / "site", "kyblab", LIBRARY)
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    mission = tmp_path / "mission.yaml"
+    mission.write_text(MISSION.format(name="kyblab"))
+    result = compile_mission(mission, catalog=load_catalog())
+    assert [d.message for d in result.diagnostics] == []
+    assert result.plan is not None
+    assert result.plan.vehicles[0].airframe.mass == 2.0
+
+
+def test_a_package_that_is_gone_is_no_library(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package(tmp_path / "site", "kybgone", None)
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    mission = tmp_path / "mission.yaml"
+    mission.write_text(MISSION.format(name="kybgone"))
+    (finding, *_) = compile_mission(mission, catalog=load_catalog()).diagnostics
+    assert finding.code == "KYB120"
+
+
+def test_the_standard_library_is_at_hand() -> None:
+    home = installed("kybflow")
+    assert home is not None
+    assert (home / "defaults.yaml").is_file()
