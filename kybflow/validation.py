@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from kybflow.catalog import load_catalog
-from kybflow.dsl.compiler import Result, compile_mission
+from kybflow.dsl.compiler import Result, check_mission
 from kybflow.dsl.render import render, to_json
 
 
@@ -51,7 +51,7 @@ def validate_paths(
     catalog = load_catalog()
     for path in _missions(paths):
         begin = time.perf_counter()
-        result = compile_mission(path, catalog=catalog, target=target, sets=sets)
+        result = check_mission(path, catalog=catalog, target=target, sets=sets)
         took = (time.perf_counter() - begin) * 1e3
         yield Checked(str(path), result, took, result.valid)
 

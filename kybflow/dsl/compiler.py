@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from collections.abc import Mapping as MappingOf
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.checks import run_checks
 from kybflow.dsl.diagnostics import Diagnostic, has_errors, in_order
+from kybflow.dsl.document import Document
 from kybflow.dsl.judge import is_library, judge_mission
 from kybflow.dsl.lower import lower
-from kybflow.dsl.nodes import Node
 from kybflow.dsl.plan import Plan, SourceFile
-from kybflow.dsl.reader import Source, read
+from kybflow.dsl.reader import read
 from kybflow.dsl.resolve import Files, resolve, resolve_library
 from kybflow.dsl.settings import FILE, parse_settings
 from kybflow.dsl.shape import shape
@@ -42,56 +41,50 @@ def compile_mission(
     path: str | Path, *, catalog: Catalog, target: str | None = None, sets: Sequence[str] = ()
 ) -> Result:
     """What the mission in `path` means on `target`, with its parameters set by `sets`
-    (`name=value`); a library is judged and has no plan. Never raises for what a file or a setting
-    says."""
-    source = read(Path(path), str(path))
-    found = list(source.found)
-    settings = parse_settings(sets, found)
-    if source.root is None:
-        return Result(None, in_order(found), _texts([source], sets))
-    files = Files(source, Path(path))
+    (`name=value`). Never raises for what a file or a setting says."""
+    document, files, found = _document(Path(path), str(path), catalog, target, sets)
     plan = None
-    if not has_errors(found):
-        if is_library(source.root):
-            resolve_library(source, files, found)
-        else:
-            plan = _plan(source.root, files, settings, catalog, target, found)
+    if document is not None:
+        sources = tuple(SourceFile(s.file, s.sha256) for s in files.sources.values())
+        plan = lower(document, catalog, sources, written(document))
     return _result(plan, files, sets, found)
 
 
-def _plan(
-    root: Node,
-    files: Files,
-    settings: MappingOf[str, Node],
-    catalog: Catalog,
-    target: str | None,
-    found: list[Diagnostic],
-) -> Plan | None:
-    mission = judge_mission(root, found)
-    if mission is None:
-        return None
-    resolved = resolve(mission, files, settings, found)
-    if resolved is None:
-        return None
-    document = shape(resolved, catalog, target, found)
-    if document is None:
-        return None
-    found += run_checks(document, catalog)
-    if has_errors(found):
-        return None
-    sources = tuple(SourceFile(s.file, s.sha256) for s in files.sources.values())
-    return lower(document, catalog, sources, written(document))
+def check_mission(
+    path: str | Path, *, catalog: Catalog, target: str | None = None, sets: Sequence[str] = ()
+) -> Result:
+    """What `compile_mission` finds, without the plan: `lower` finds nothing. A library is judged
+    too."""
+    _, files, found = _document(Path(path), str(path), catalog, target, sets)
+    return _result(None, files, sets, found)
+
+
+def _document(
+    path: Path, file: str, catalog: Catalog, target: str | None, sets: Sequence[str]
+) -> tuple[Document | None, Files, list[Diagnostic]]:
+    source = read(path, file)
+    files = Files(source, path)
+    found = list(source.found)
+    settings = parse_settings(sets, found)
+    if source.root is None or has_errors(found):
+        return None, files, found
+    if is_library(source.root):
+        resolve_library(source, files, found)
+        return None, files, found
+    mission = judge_mission(source.root, found)
+    resolved = None if mission is None else resolve(mission, files, settings, found)
+    document = None if resolved is None else shape(resolved, catalog, target, found)
+    if document is not None:
+        found += run_checks(document, catalog)
+    return None if has_errors(found) else document, files, found
 
 
 def _result(
     plan: Plan | None, files: Files, sets: Sequence[str], found: list[Diagnostic]
 ) -> Result:
     located = (replace(d, span=_reached(d, files)) for d in found)
-    return Result(plan, in_order(located), _texts(files.sources.values(), sets))
-
-
-def _texts(sources: Iterable[Source], sets: Sequence[str]) -> dict[str, str]:
-    return {s.file: s.text for s in sources} | {FILE: "\n".join(sets)}
+    texts = {s.file: s.text for s in files.sources.values()} | {FILE: "\n".join(sets)}
+    return Result(plan, in_order(located), texts)
 
 
 def _reached(diagnostic: Diagnostic, files: Files) -> Span:

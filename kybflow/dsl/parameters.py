@@ -39,23 +39,31 @@ class Declared(NamedTuple):
     span: Span
 
 
+class Setting(NamedTuple):
+    """A value from outside of the file, and where its name stands."""
+
+    node: Node
+    name: Span
+
+
 def declare(
-    section: Node | None, settings: MappingOf[str, Scalar | Node], found: list[Diagnostic]
+    section: Node | None, settings: MappingOf[str, Setting], found: list[Diagnostic]
 ) -> dict[str, Declared]:
     """The parameters of `section` after `settings` (values by name)."""
     entries = section.entries if isinstance(section, Mapping) else {}
     declared: dict[str, Declared] = {}
     for name, entry in entries.items():
-        one = _declare(name, entry, settings.get(name), found)
+        given = settings.get(name)
+        one = _declare(name, entry, given.node if given else None, found)
         if one is not None:
             declared[name] = one
-    for name, node in settings.items():
+    for name, setting in settings.items():
         if name not in entries:
             found.append(
                 Diagnostic(
                     "KYB131",
-                    f"the mission has no parameter `{name}`",
-                    node.span,
+                    f"there is no parameter `{name}`",
+                    setting.name,
                     help=did_you_mean(name, entries) if entries else "it declares none",
                 )
             )

@@ -20,7 +20,7 @@ from kybflow.dsl.imports import (
 )
 from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, count
 from kybflow.dsl.offers import EMPTY, Offers
-from kybflow.dsl.parameters import Declared, Substitution, declare
+from kybflow.dsl.parameters import Declared, Setting, Substitution, declare
 from kybflow.dsl.reader import Source
 from kybflow.dsl.source import Span
 
@@ -43,7 +43,9 @@ class Files:
         self.root = path.parent
         self.sources: dict[str, Source] = {mission.file: mission}
         self.via: dict[str, tuple[Span, ...]] = {mission.file: ()}
-        self.open: dict[Path, Span] = {path.resolve(): Span(mission.file, 1, 1, 1, 1)}
+        readable = mission.root is not None
+        first = Span(mission.file, 1, 1, 1, 1)
+        self.open: dict[Path, Span] = {path.resolve(): first} if readable else {}
         self.mission = Place(path, mission.file)
 
     def add(self, source: Source, importer: str, at: Span) -> None:
@@ -52,7 +54,7 @@ class Files:
 
 
 def resolve(
-    root: Mapping, files: Files, settings: MappingOf[str, Node], found: list[Diagnostic]
+    root: Mapping, files: Files, settings: MappingOf[str, Setting], found: list[Diagnostic]
 ) -> Resolved | None:
     """The mission `root` after imports, parameters and `like`; None when it has errors there."""
     base = _defaults(files, found)
@@ -119,20 +121,23 @@ def _imports(
     return offers
 
 
-def _import_of(node: Node, substitution: Substitution) -> tuple[Scalar | None, dict[str, Node]]:
+def _import_of(node: Node, substitution: Substitution) -> tuple[Scalar | None, dict[str, Setting]]:
     if isinstance(node, Scalar):
         return node, {}
     assert isinstance(node, Mapping)
     file, given = node.get("from"), node.get("with")
     values = given.entries if isinstance(given, Mapping) else {}
-    settings = {name: substitution.apply(entry.value) for name, entry in values.items()}
+    settings = {
+        name: Setting(substitution.apply(entry.value), entry.key.span)
+        for name, entry in values.items()
+    }
     return (file if isinstance(file, Scalar) else None), settings
 
 
 def _library(
     target: Place,
     at: Span,
-    settings: dict[str, Node],
+    settings: dict[str, Setting],
     importer: Place,
     files: Files,
     base: Mapping,

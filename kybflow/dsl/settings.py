@@ -7,16 +7,19 @@ from collections.abc import Iterable
 from kybflow.dsl.composer import compose
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.nodes import NAME, Mapping, Node, Scalar, Sequence
+from kybflow.dsl.parameters import Setting
 from kybflow.dsl.source import Span
 
-CODES = {"KYB135": "A `--set` that is not `name=value`."}
+CODES = {
+    "KYB135": "A `--set` that is not `name=value`.",
+}
 FILE = "--set"
 """The name of the file that spans of settings point into; each setting is one of its lines."""
 
 
-def parse_settings(sets: Iterable[str], found: list[Diagnostic]) -> dict[str, Node]:
+def parse_settings(sets: Iterable[str], found: list[Diagnostic]) -> dict[str, Setting]:
     """The values by name; the last one counts."""
-    settings: dict[str, Node] = {}
+    settings: dict[str, Setting] = {}
     for line, text in enumerate(sets, start=1):
         name, equals, value = text.partition("=")
         span = Span(FILE, line, 1, line, len(text) + 1)
@@ -32,7 +35,8 @@ def parse_settings(sets: Iterable[str], found: list[Diagnostic]) -> dict[str, No
             message = f"`{value}` is no value of a parameter"
             found.append(Diagnostic("KYB135", message, span))
             continue
-        settings[name.strip()] = _placed(node, line, len(name) + 1)
+        place = Span(FILE, line, 1, line, len(name) + 1)
+        settings[name.strip()] = Setting(_placed(node, line, len(name) + 1), place)
     return settings
 
 

@@ -53,9 +53,15 @@ def world_text(sites: Sequence[Site], bodies: Sequence[Body], timestep: float) -
     fences = {site.fence: None for site in sites if site.fence is not None}
     return f"""<mujoco model="kybflow">
 <option timestep="{timestep!r}" gravity="0 0 -9.81" integrator="Euler"/>
+<visual><headlight ambient="0.4 0.4 0.4" diffuse="0.4 0.4 0.4"/></visual>
+<asset>
+<texture name="tiles" type="2d" builtin="checker" rgb1="0.72 0.74 0.77" rgb2="0.62 0.64 0.68"
+ width="256" height="256"/>
+<material name="tiles" texture="tiles" texrepeat="1 1" texuniform="true"/>
+</asset>
 <worldbody>
-<light pos="0 0 6" dir="0 0 -1" directional="true"/>
-<geom name="floor" type="plane" size="0 0 1" pos="0 0 {-LEGS}" rgba="0.55 0.57 0.6 1"/>
+<light pos="0 0 6" dir="0 0 -1" directional="true" castshadow="false" diffuse="0.6 0.6 0.6"/>
+<geom name="floor" type="plane" size="0 0 1" pos="0 0 {-LEGS}" material="tiles"/>
 {"".join(_fence(box) for box in fences)}
 {vehicles}
 </worldbody>

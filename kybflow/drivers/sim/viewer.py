@@ -8,6 +8,9 @@ from kybflow.errors import DriverError
 from kybflow.signals import NS, Time
 
 PERIOD: Time = NS // 60
+LOOK_AT = (0.0, 0.0, 0.8)
+DISTANCE = 5.0
+"""Where the camera begins: a flight room of a few metres, seen from the south-east corner."""
 
 
 class Viewer:
@@ -24,7 +27,13 @@ class Viewer:
                 raise DriverError("--live needs a display, and there is none; fly without it")
         import mujoco.viewer
 
-        self._handle = mujoco.viewer.launch_passive(model, data)
+        self._handle = mujoco.viewer.launch_passive(
+            model, data, show_left_ui=False, show_right_ui=False
+        )
+        with self._handle.lock():
+            camera = self._handle.cam
+            camera.lookat[:] = LOOK_AT
+            camera.distance, camera.elevation, camera.azimuth = DISTANCE, -20.0, 135.0
         self._due: Time = 0
 
     def show(self, now: Time) -> None:

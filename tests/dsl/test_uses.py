@@ -1,0 +1,34 @@
+"""Parts that can't be loaded are findings, not tracebacks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from kybflow.catalog import Catalog
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.nodes import Scalar
+from kybflow.dsl.source import Span
+from kybflow.dsl.uses import Uses
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        ('"""A part."""\nimport a_package_that_is_not_here\n', "a_package_that_is_not_here"),
+        ('"""A part."""\n', "should define the class `Spiral(Behavior[...])`"),
+    ],
+)
+def test_a_broken_part_is_kyb141(
+    body: str, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = f"kyb_part_{abs(hash(body))}"
+    (tmp_path / f"{module}.py").write_text(body)
+    monkeypatch.syspath_prepend(tmp_path)
+    found: list[Diagnostic] = []
+    catalog = Catalog({"behaviors": {"spiral": module}})
+    place = Span("m.yaml", 1, 1, 1, 7)
+    assert Uses(catalog, found).one("behaviors", Scalar("spiral", place)) is None
+    assert [(d.code, d.span) for d in found] == [("KYB141", place)]
+    assert reason in found[0].message
