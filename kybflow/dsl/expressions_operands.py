@@ -130,7 +130,7 @@ class Operands(Types):
         state = None
         if self.skip("in"):
             state = self.state(vehicle or "", self.name("a state"))
-            if vehicle is None:
+            if vehicle is None and inner.node is not None and not inner.is_broken:
                 message = f"`{inner.source}` belongs to no one vehicle that could be in `{state}`"
                 self.mismatch(inner, message, "of no one vehicle", "leave `in ...` away")
         function = cast(Function, token.text)
