@@ -108,9 +108,7 @@ def test_health_reads_the_estimators_own_age_and_spread() -> None:
     assert expected == read("age < 300 ms and spread < 5 cm", HEALTH)
 
 
-TO_POINT = Aggregate(
-    "max", Distance(Place(None, point=(1.0, 2.0, 3.0)), Place("b")), "b", "landed"
-)
+TO_POINT = Aggregate("max", Distance(Place(None, point=(1.0, 2.0, 3.0)), Place("b")), "b", "landed")
 ERROR = Aggregate("mean", Read("a", "position_error"), "a", "eight")
 
 

@@ -1,0 +1,41 @@
+"""What the README shows is true: its report, its mission's length, its links."""
+
+import re
+from pathlib import Path
+
+from kybflow.catalog import load_catalog
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.render import render
+
+ROOT = Path(__file__).parent.parent
+TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def test_the_report_is_what_kybflow_says(tmp_path: Path, monkeypatch):
+    missions = tmp_path / "missions"
+    (missions / "library").mkdir(parents=True)
+    for file in (ROOT / "missions" / "library").iterdir():
+        (missions / "library" / file.name).write_bytes(file.read_bytes())
+    mission = (ROOT / "missions" / "figure_eight.yaml").read_text(encoding="utf-8")
+    wrong = mission.replace("width: 1.46 m", "width: 1.46 s")
+    (missions / "figure_eight.yaml").write_text(wrong, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    result = compile_mission("missions/figure_eight.yaml", catalog=load_catalog())
+    [finding] = result.diagnostics
+    assert render(finding, result.texts) in TEXT
+
+
+def test_the_mission_is_as_long_as_it_says():
+    [(lines, path)] = re.findall(r"\[(\d+) lines\]\((.*?)\)", TEXT)
+    assert int(lines) == len((ROOT / path).read_text(encoding="utf-8").splitlines())
+
+
+def test_every_link_leads_somewhere():
+    broken = [
+        (page.name, link)
+        for page in PAGES
+        for link in re.findall(r"\]\((?!http)([^)#]+)", page.read_text(encoding="utf-8"))
+        if not (page.parent / link).exists()
+    ]
+    assert broken == []
