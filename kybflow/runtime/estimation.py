@@ -31,6 +31,7 @@ class Candidate:
         self._at_most = None if plan.for_at_most is None else round(plan.for_at_most * NS)
         self._healthy_since: Time | None = None
         self._was_lost = False
+        self._spent = False
         self._holds = self._bound(plan.healthy)
 
     def _bound(self, healthy: Expression | None) -> Callable[[], bool]:
@@ -48,8 +49,13 @@ class Candidate:
         if self._healthy_since is None:
             self._healthy_since = now
         if self._at_most is not None and self.in_use_since is not None:
-            return now - self.in_use_since <= self._at_most
-        return not self._was_lost or now - self._healthy_since >= self._recover
+            self._spent = now - self.in_use_since >= self._at_most
+        recovered = not self._was_lost or now - self._healthy_since >= self._recover
+        return recovered and not self._spent
+
+    def renew(self) -> None:
+        """Another estimator is used: this one may be used again for its time."""
+        self._spent = False
 
     @property
     def age(self) -> float:
@@ -93,6 +99,9 @@ class Estimation:
             self.in_use.in_use_since = None
         if chosen is not None:
             chosen.in_use_since = now
+            for other in self.candidates:
+                if other is not chosen:
+                    other.renew()
         self.in_use = chosen
 
 

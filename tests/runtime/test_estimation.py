@@ -1,0 +1,100 @@
+"""The choice of the estimator: the first healthy one, with hysteresis and a bound on its use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+from plans import FENCE, NANO
+
+from kybflow.dsl.expressions import Compare, Number, Read
+from kybflow.dsl.plan import EstimatorPlan, PartPlan
+from kybflow.geometry import LEVEL, ZERO
+from kybflow.runtime.estimation import Estimation
+from kybflow.signals import NS, Estimate
+from kybflow.site import Site
+from kybflow.units import DURATION
+
+SITE = Site("a", NANO, ZERO, 0.0, FENCE, 0.1)
+
+
+@dataclass(frozen=True)
+class Named:
+    name: str
+
+
+class Scripted:
+    """An estimator whose age is set by the test; None: it has no estimate."""
+
+    ages: dict[str, float | None] = {}  # noqa: RUF012 (the test sets it)
+
+    def __init__(self, params: Named, site: Site) -> None:
+        self.params = params
+
+    def update(self, measurements, now):
+        age = self.ages[self.params.name]
+        if age is None:
+            return None
+        return Estimate(now, ZERO, ZERO, LEVEL, ZERO, self.params.name, age, 0.0)
+
+
+def candidate(name: str, recover: float = 1.0, at_most: float | None = None) -> EstimatorPlan:
+    part = PartPlan(name, Scripted, Named(name), f"estimators.{name}")
+    fresh = Compare("<", Read(None, "estimate.age"), Number(0.3, DURATION))
+    return EstimatorPlan(part, fresh, recover, at_most)
+
+
+@pytest.fixture
+def ages():
+    Scripted.ages = {"first": 0.0, "second": 0.0}
+    yield Scripted.ages
+    Scripted.ages = {}
+
+
+def run(estimation: Estimation, begin: float, end: float) -> list[str | None]:
+    """Which source is used at each tenth of a second, without repetitions."""
+    used: list[str | None] = []
+    for tick in range(round(begin * 10), round(end * 10)):
+        estimate = estimation.update((), tick * NS // 10)
+        source = estimate.source if estimate else None
+        if not used or used[-1] != source:
+            used.append(source)
+    return used
+
+
+def test_the_first_healthy_one_is_used(ages):
+    estimation = Estimation((candidate("first"), candidate("second")), SITE)
+    assert run(estimation, 0.0, 1.0) == ["first"]
+    ages["first"] = 0.4
+    assert run(estimation, 1.0, 2.0) == ["second"]
+    ages["second"] = None
+    assert run(estimation, 2.0, 3.0) == [None]
+
+
+def test_one_that_was_lost_counts_again_only_after_its_time(ages):
+    estimation = Estimation((candidate("first"), candidate("second")), SITE)
+    run(estimation, 0.0, 1.0)
+    ages["first"] = 0.4
+    run(estimation, 1.0, 2.0)
+    ages["first"] = 0.0
+    assert run(estimation, 2.0, 2.9) == ["second"]
+    ages["first"] = 0.4
+    run(estimation, 2.9, 3.0)
+    ages["first"] = 0.0
+    assert run(estimation, 3.0, 3.9) == ["second"]
+    assert run(estimation, 3.9, 4.5) == ["second", "first"]
+
+
+def test_at_the_start_nobody_waits(ages):
+    assert run(Estimation((candidate("first", recover=9.0),), SITE), 0.0, 0.1) == ["first"]
+
+
+def test_one_that_may_be_used_for_a_time_only_is_spent_until_another_was_used(ages):
+    estimation = Estimation((candidate("first"), candidate("second", at_most=2.0)), SITE)
+    ages["first"] = 0.4
+    assert run(estimation, 0.0, 2.0) == ["second"]
+    assert run(estimation, 2.0, 9.0) == [None]
+    ages["first"] = 0.0
+    assert run(estimation, 9.0, 10.0) == ["first"]
+    ages["first"] = 0.4
+    assert run(estimation, 10.0, 11.0) == ["second"]
