@@ -90,8 +90,8 @@ def load_catalog() -> Catalog:
 def _scan(found: dict[str, str], package: str) -> None:
     try:
         spec = importlib.util.find_spec(package)
-    except ModuleNotFoundError:
-        return
+    except Exception as error:  # a lab's own package may raise anything while it is imported
+        raise PartError(f"the package of {package} can't be imported: {error!r}") from error
     for info in pkgutil.iter_modules(spec.submodule_search_locations if spec else []):
         if info.name.startswith("_"):
             continue

@@ -127,7 +127,7 @@ def graph(
     if out is None:
         typer.echo(drawn.text, nl=False)
     else:
-        out.write_text(drawn.text, encoding="utf-8")
+        _write(out, drawn.text, "--out")
 
 
 @app.command(
@@ -192,13 +192,21 @@ def schema(
 
     text = schema_text(load_catalog())
     if write is not None:
-        write.write_text(text, encoding="utf-8")
+        _write(write, text, "--write")
     elif check is not None:
         if not check.is_file() or check.read_text(encoding="utf-8") != text:
             echo(f"{check} is not current; mend it with: kybflow schema --write {check}", err=True)
             raise typer.Exit(INVALID)
     else:
         typer.echo(text, nl=False)
+
+
+def _write(path: Path, text: str, option: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        message = f"`{path}` can't be written: {error.strerror}"
+        raise typer.BadParameter(message, param_hint=option) from None
 
 
 def echo(text: str, err: bool = False) -> None:

@@ -5,6 +5,7 @@ KybflowError
 ├── PartError       a part whose declaration is wrong (a programmer's mistake)
 ├── Refused         a part that can't start, with the reason
 ├── EstimateMissing a part asked for an estimate where there is none
+├── PartFailed      a part that raised in a run: which, and what
 ├── OptionRefused   a change of an option that was not made, with the reason
 └── DriverError     a driver or device that failed
 
@@ -42,9 +43,23 @@ class EstimateMissing(KybflowError):
     """A part asked for the vehicle's estimate where no estimator has one."""
 
 
+class PartFailed(KybflowError):
+    """A part that raised, or gave what no part may give, in a run. `part` is its label."""
+
+    def __init__(self, part: str, error: Exception) -> None:
+        super().__init__(described(error))
+        self.part = part
+
+
 class OptionRefused(KybflowError):
     """A change of a run-time option that was not made, and why."""
 
 
 class DriverError(KybflowError):
     """A driver, a link or a device that failed."""
+
+
+def described(error: Exception) -> str:
+    """Any exception in one line: its type, and what it says."""
+    name = type(error).__name__
+    return f"{name}: {error}" if str(error) else name

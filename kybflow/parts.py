@@ -114,12 +114,14 @@ class Entry(NamedTuple):
 class Footprint(NamedTuple):
     """Where a behavior will go, for the static checks: `points` bound its path (metres, world),
     `speed` is its fastest (m/s), `exit` where its normal end leaves the vehicle, None when it can't
-    be told; `is_endless` when it has no normal end."""
+    be told; `is_endless` when it has no normal end; `acceleration` is the largest horizontal one
+    that its curves need (m/s^2)."""
 
     points: tuple[Vec3, ...]
     speed: float
     exit: Vec3 | None
     is_endless: bool = False
+    acceleration: float = 0.0
 
 
 class Behavior(Part[P]):
@@ -128,7 +130,7 @@ class Behavior(Part[P]):
     The constructor may raise Refused with a reason. The engine calls `update` once a tick while the
     state is active; it returns a Setpoint, or Done or Failed with the last one (or a Command, when
     it `emits` a kind of command, to steer the on-board controller without tracker and estimate).
-    Whatever it raises fails its vehicle into the failsafe.
+    Whatever it raises fails its vehicle into the failsafe, as does an IDLE setpoint in the air.
     """
 
     kind = "behaviors"
@@ -165,9 +167,9 @@ class Behavior(Part[P]):
 class Estimator(Part[P]):
     """Turns measurements into an estimate. Lives as long as its vehicle.
 
-    Called once a tick with the measurements of the kinds in `needs` that arrived since the last
-    tick, oldest first;
-    returns the estimate at `now`, or None as long as it has none.
+    Called once a tick with every measurement that arrived since the last tick, oldest first, of
+    whatever kind; `needs` are the kinds without which it can't work. Returns the estimate at `now`,
+    or None as long as it has none. One that raises is not asked again, and its vehicle lands.
     """
 
     kind = "estimators"
@@ -186,7 +188,7 @@ class Processor(Part[P]):
     `accepts` maps each kind of setpoint that it takes to the kind it returns. Called once a tick,
     in the order of the mission, while a behavior with an estimate flies; `safety` ones from take-
     off to touch-down, the others only in behaviors that stay in the air. Returns the setpoint, or
-    an Alarm that asks for a reaction.
+    an Alarm that asks for a reaction. One that raises is left out, and its vehicle lands.
     """
 
     kind = "processors"
@@ -223,7 +225,7 @@ class Tracker(Part[P]):
 class Supervisor(Part[P]):
     """Watches one bound and reports; it never acts. Lives as long as its vehicle; `always` ones are
     in every vehicle, named in the mission or not. Called once a tick, before anything else is
-    decided."""
+    decided. One that raises is not asked again, and its vehicle lands."""
 
     kind = "supervisors"
     always: ClassVar[bool] = False

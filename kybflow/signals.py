@@ -109,7 +109,8 @@ class Command(NamedTuple):
     attitude: body to world. thrust: newtons along body z; zero with `armed` false stops the rotors.
     rates: body rates to feed forward. heading: what the sender believes the heading to be now, for
     an on-board filter that can't see it (an autopilot takes it from external vision in the same
-    way); None when nobody knows.
+    way); None when nobody knows: then the heading in `attitude` means nothing, and the on-board
+    controller holds the one that it has.
     """
 
     attitude: Quat

@@ -97,7 +97,7 @@ def parse_quantity(text: str, dimension: Dimension) -> float:
     match = _QUANTITY.match(text)
     if match is None:
         raise UnitError(
-            f"`{text}` is not {_article(dimension)}", f"write it like `{dimension.example}`"
+            f"`{text}` is not {article(dimension.name)}", f"write it like `{dimension.example}`"
         )
     value = float(match[1])
     unit = (match[2] or "").strip()
@@ -112,13 +112,13 @@ def _factor(text: str, number: str, unit: str, dimension: Dimension) -> float:
         if dimension.bare_allowed:
             return 1.0
         choices = " or ".join(f"`{number} {u}`" for u in dimension.units)
-        raise UnitError(f"{_article(dimension)} needs a unit", f"write {choices}")
+        raise UnitError(f"{article(dimension.name)} needs a unit", f"write {choices}")
     if unit in dimension.units:
         return dimension.units[unit]
     for other in DIMENSIONS.values():
         if unit in other.units:
             raise UnitError(
-                f"`{text}` is {_article(other)}, but {_article(dimension)} is needed",
+                f"`{text}` is {article(other.name)}, but {article(dimension.name)} is needed",
                 f"write it like `{dimension.example}`",
             )
     known = ", ".join(f"`{u}`" for u in dimension.units) or "none"
@@ -127,8 +127,9 @@ def _factor(text: str, number: str, unit: str, dimension: Dimension) -> float:
     )
 
 
-def _article(dimension: Dimension) -> str:
-    return f"{'an' if dimension.name[0] in 'aeiou' else 'a'} {dimension.name}"
+def article(noun: str) -> str:
+    """`noun` with `a` or `an` before it."""
+    return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
 
 
 def format_quantity(value: float, dimension: Dimension) -> str:

@@ -71,6 +71,13 @@ def test_a_wrong_command_line_ends_with_2_and_no_traceback(arguments: tuple[str,
     assert not isinstance(result.exception, Exception)
 
 
+def test_a_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "none" / "schema.json"
+    result = run("schema", "--write", str(path))
+    assert result.exit_code == 2
+    assert "can't be written" in result.output
+
+
 def test_schema_prints_writes_and_checks(tmp_path: Path) -> None:
     path = tmp_path / "schema.json"
     assert json.loads(run("schema").output)["title"] == "mission"
@@ -106,3 +113,10 @@ def test_parts_ends_where_its_reader_does() -> None:
         check=False,
     )
     assert "Traceback" not in done.stderr
+
+
+def test_the_plain_call_says_what_the_parsed_one_says(bad: str) -> None:
+    command = [sys.executable, "-m", "kybflow", "validate", bad]
+    plain = subprocess.run(command, capture_output=True, text=True, check=False)
+    parsed = run("validate", bad, "--format", "text")
+    assert (parsed.exit_code, parsed.output) == (plain.returncode, plain.stdout)

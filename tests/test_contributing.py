@@ -20,20 +20,31 @@ def block(language: str) -> str:
 def test_the_five_minutes_are_true(tmp_path: Path):
     [part] = re.findall(r"Write the file\*\* `(.*?)`", TEXT)
     [mission] = re.findall(r"Fly it\*\* in `(.*?)`", TEXT)
-    for folder in ("kybflow", "missions"):
+    for folder in ("kybflow", "missions", "schemas", "tests"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
     (tmp_path / part).write_text(block("python"), encoding="utf-8")
     (tmp_path / mission).write_text(block("yaml"), encoding="utf-8")
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    commands = re.findall(r"kybflow (parts nod|run \S+)", TEXT)
-    assert commands == ["parts nod", f"run {mission}"]
+    commands = re.findall(r"kybflow (parts nod|run \S+|schema --write [\w/.]+)", TEXT)
+    assert commands == [
+        "parts nod",
+        f"run {mission}",
+        "schema --write schemas/mission.schema.json",
+    ]
     for command in commands:
-        done = subprocess.run(
-            [sys.executable, "-m", "kybflow", *command.split()],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
+        do(tmp_path, "kybflow", *command.split())
+    tests = ["tests/test_part_contract.py", "tests/dsl", "tests/test_missions.py"]
+    do(tmp_path, "pytest", "-q", "-k", "nod or current", *tests)
+
+
+def do(folder: Path, *command: str) -> None:
+    """Run a module as the text says, in the copy."""
+    done = subprocess.run(
+        [sys.executable, "-m", *command],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr

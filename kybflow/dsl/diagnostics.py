@@ -3,6 +3,7 @@ lives elsewhere."""
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -43,11 +44,23 @@ def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
     return any(d.severity is Severity.ERROR for d in diagnostics)
 
 
+_LONGEST = 80
+_COMPARED = 200
+"""Comparing a name with thousands of others, thousands of times, would never end."""
+
+
+def _around(names: list[str], place: int) -> list[str]:
+    if len(names) <= _COMPARED:
+        return names
+    return names[max(0, place - _COMPARED // 2) : place + _COMPARED // 2]
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """The help line for an unknown name: the nearest known one, or all of them when none is near
     and they are few."""
     names = sorted(set(known))
-    near = get_close_matches(name, names, n=1, cutoff=0.6)
+    place = bisect(names, name)
+    near = get_close_matches(name[:_LONGEST], _around(names, place), n=1, cutoff=0.6)
     if near:
         return f"did you mean `{near[0]}`?"
     if not names:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.nodes import NAME, Mapping, Node, Scalar, describe, head_of
 from kybflow.dsl.values import decode, quantity_field
-from kybflow.units import DIMENSIONS
+from kybflow.units import DIMENSIONS, article
 
 CODES = {
     "KYB101": "A key that the language doesn't have there.",
@@ -173,10 +173,6 @@ def _explain_name(fault: Fault) -> Iterator[Diagnostic]:
         node.entries[bad].key.span,
         help="a name has letters, digits and `_`, and begins with no digit",
     )
-
-
-def article(noun: str) -> str:
-    return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
 
 
 _EXPLAINERS = {

@@ -91,6 +91,13 @@ def joined_statistics(text: Text, place: tuple[int, int]) -> Diagnostic:
     return Diagnostic("KYB213", message, text.part(*place), label="joined here", help=way_out)
 
 
+def momentary(text: Text, place: tuple[int, int]) -> Diagnostic:
+    """KYB213: a form that belongs elsewhere."""
+    message = "a statistic is compared with a quantity or with another statistic"
+    way_out = "write `max(...)` or another statistic around the other side"
+    return Diagnostic("KYB213", message, text.part(*place), label="of which time?", help=way_out)
+
+
 def timeless(text: Text, place: tuple[int, int]) -> Diagnostic:
     """KYB213: a form that belongs elsewhere."""
     message = "this expectation does not say when it should hold"

@@ -82,26 +82,38 @@ class _Parser(Operands):
         first = self.peek()
         if self.skip("finished"):
             self.expect("within")
-            return Finished(self.quantity(DURATION))
+            return Finished(self._limit())
         if self.skip("always"):
             return Always(self._condition())
         if self.skip("finally"):
             return Finally(self._condition())
         if self.skip("eventually"):
             condition = self._condition()
-            limit = self.quantity(DURATION) if self.skip("within") else None
+            limit = self._limit() if self.skip("within") else None
             return Eventually(condition, limit)
         return self._statistic(first)
+
+    def _limit(self) -> float:
+        """Seconds after the start, more than none."""
+        token = self.peek()
+        before = len(self.findings)
+        value = self.quantity(DURATION)
+        if value <= 0.0 and len(self.findings) == before:
+            place, message = (token.start, token.end), f"`{token.text}` is before the run begins"
+            self.findings.append(errors.mismatch(self.text, place, message, "", ""))
+        return value
 
     def _statistic(self, first: Token) -> Condition:
         self.statistics_allowed = True
         condition = self._condition()
-        lone = isinstance(condition, Compare) and isinstance(condition.left, Aggregate)
-        if not lone and not self.findings:
-            place = (first.start, self.behind())
-            joined = self.statistics_seen
-            finding = errors.joined_statistics if joined else errors.timeless
-            self.findings.append(finding(self.text, place))
+        if self.findings or _is_statistic(condition):
+            return condition
+        place = (first.start, self.behind())
+        finding = errors.timeless
+        if self.statistics_seen:
+            alone = isinstance(condition, Compare)
+            finding = errors.momentary if alone else errors.joined_statistics
+        self.findings.append(finding(self.text, place))
         return condition
 
     def _condition(self) -> Condition:
@@ -148,3 +160,11 @@ class _Parser(Operands):
         if isinstance(compare.left, Number) and isinstance(compare.right, Aggregate):
             return self.compared(right, _FLIPPED[operator], left)
         return compare
+
+
+def _is_statistic(condition: Condition) -> bool:
+    return (
+        isinstance(condition, Compare)
+        and isinstance(condition.left, Aggregate)
+        and isinstance(condition.right, Aggregate | Number)
+    )

@@ -8,7 +8,7 @@ from collections.abc import Collection
 from kybflow.dsl.expressions_cursor import Cursor, Operand, is_quantity
 from kybflow.dsl.expressions_tokens import Token
 from kybflow.dsl.expressions_tree import Compare, Number, Operator, Read, Value, Word
-from kybflow.units import NUMBER, Dimension
+from kybflow.units import NUMBER, Dimension, article
 
 STAND_IN = Number(0.0, NUMBER)
 """Stands where a finding says why there is nothing."""
@@ -78,6 +78,4 @@ class Types(Cursor):
 
 
 def type_name(dimension: Dimension | None) -> str:
-    if dimension is None:
-        return "a name"
-    return f"{'an' if dimension.name[0] in 'aeiou' else 'a'} {dimension.name}"
+    return "a name" if dimension is None else article(dimension.name)

@@ -21,6 +21,7 @@ CODES = {
     "KYB121": "An import that leaves the mission's folder and the installed libraries.",
     "KYB122": "Files that import each other in a circle.",
     "KYB123": "An imported file that is no library.",
+    "KYB127": "More imports than a mission may have, counted along every way to a library.",
 }
 GROUP = "kybflow.missions"
 

@@ -18,6 +18,7 @@ from kybflow.dsl.plan import (
     TransitionPlan,
     VehiclePlan,
 )
+from kybflow.dsl.scopes import Scopes
 from kybflow.dsl.source import Text
 
 if TYPE_CHECKING:
@@ -45,31 +46,12 @@ def lower(
         fence=document.fence,
         vehicles=tuple(_vehicle(v, scopes, built_in) for v in document.vehicles.values()),
         expectations=tuple(
-            ExpectationPlan(text.text, scopes.expectation(text), text.span.at)
+            ExpectationPlan(text.as_written, _parsed(text, scopes.expectation()), text.span.at)
             for text in document.expect
         ),
         sources=sources,
         resolved=resolved,
     )
-
-
-class Scopes:
-    """What each expression of a document may name."""
-
-    def __init__(self, document: Document) -> None:
-        self._states = {n: (*v.states, *BUILT_IN) for n, v in document.vehicles.items()}
-        self._estimators = {
-            n: tuple(e.part.label for e in v.estimators) for n, v in document.vehicles.items()
-        }
-
-    def condition(self, text: Text, vehicle: str) -> Expression:
-        return _parsed(text, Scope("condition", self._states, vehicle, self._estimators))
-
-    def health(self, text: Text, vehicle: str) -> Expression:
-        return _parsed(text, Scope("health", self._states, vehicle, self._estimators))
-
-    def expectation(self, text: Text) -> Expression:
-        return _parsed(text, Scope("expectation", self._states, None, self._estimators))
 
 
 def _parsed(text: Text, scope: Scope) -> Expression:
@@ -90,7 +72,7 @@ def _vehicle(vehicle: Vehicle, scopes: Scopes, built_in: dict[str, StatePlan]) -
         estimators=tuple(
             EstimatorPlan(
                 _part(e.part),
-                None if e.healthy is None else scopes.health(e.healthy, name),
+                None if e.healthy is None else _parsed(e.healthy, scopes.health(name)),
                 e.recover_after,
                 e.for_at_most,
             )
@@ -128,7 +110,7 @@ def _arrow(arrow: Transition, vehicle: str, scopes: Scopes) -> TransitionPlan:
     return TransitionPlan(
         cause=arrow.cause,
         target=arrow.target.text,
-        when=None if arrow.when is None else scopes.condition(arrow.when, vehicle),
+        when=None if arrow.when is None else _parsed(arrow.when, scopes.condition(vehicle)),
         event=None if arrow.event is None else arrow.event.text,
         after=arrow.after,
         hold=arrow.hold,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Any, NamedTuple
 
-from kybflow.dsl.source import Span, Text
+from kybflow.dsl.source import Inset, Span, Text
 
 _NULL = frozenset({"", "~", "null", "Null", "NULL"})
 _TRUE = frozenset({"true", "True", "TRUE"})
@@ -20,13 +20,16 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z", re.ASCII)
 
 
 class Scalar(NamedTuple):
-    """One value as written. `quoted` text is never a number. `parameter` names the parameter that
-    stood here before its value did; the span is then that of `$name`."""
+    """One value. `quoted` text is never a number. `parameter` names the parameter that stood here
+    before its value did; the span is then that of `$name`. Where parameters stood between other
+    words, `written` is the text with them, and `insets` are their values."""
 
     text: str
     span: Span
     quoted: bool = False
     parameter: str = ""
+    written: str = ""
+    insets: tuple[Inset, ...] = ()
 
     @property
     def is_null(self) -> bool:
@@ -37,13 +40,12 @@ class Scalar(NamedTuple):
         """The scalar for an expression or a name, with column arithmetic where that holds."""
         s = self.span
         if self.parameter or s.line != s.end_line:
-            return Text(self.text, s, verbatim=False)
-        width = s.end_column - s.column
-        if not self.quoted:
-            return Text(self.text, s, verbatim=width == len(self.text))
-        if width != len(self.text) + 2:
-            return Text(self.text, s, verbatim=False)
-        return Text(self.text, Span(s.file, s.line, s.column + 1, s.line, s.end_column - 1))
+            return Text(self.text, s, verbatim=False, written=self.written)
+        excess = s.end_column - s.column - len(self.written or self.text)
+        if self.quoted and excess == 2:
+            s = Span(s.file, s.line, s.column + 1, s.line, s.end_column - 1)
+        verbatim = excess == (2 if self.quoted else 0)
+        return Text(self.text, s, verbatim, self.written, self.insets)
 
 
 class Entry(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.like import merge
-from kybflow.dsl.nodes import Entry, Mapping, Scalar
+from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar
 from kybflow.dsl.source import Span
 
 _CHAIN = 20
@@ -62,12 +62,23 @@ class Offers:
         plain = Mapping({k: e for k, e in own.entries.items() if k != "like"}, own.span)
         whole = merge(base, plain)
         airframe = plain.entries.get("airframe")
-        if section == "vehicles" and airframe and isinstance(airframe.value, Scalar):
-            body = None if airframe.value.is_null else self.named("airframes", airframe.value)
+        if section == "vehicles" and airframe and whole.get("airframe") is not None:
+            body = self._airframe(airframe.value, whole)
             if body is None:
                 return None
             whole.entries["airframe"] = Entry(airframe.key, body)
         return whole
+
+    def _airframe(self, written: Node, whole: Mapping) -> Node | None:
+        """The airframe of a vehicle: the one that is named, or started from with `like`."""
+        if isinstance(written, Scalar):
+            return self.named("airframes", written)
+        like = written.get("like") if isinstance(written, Mapping) else None
+        if not isinstance(written, Mapping) or not isinstance(like, Scalar):
+            return whole.get("airframe")
+        base = self.named("airframes", like)
+        own = {key: entry for key, entry in written.entries.items() if key != "like"}
+        return None if base is None else merge(base, Mapping(own, written.span))
 
     def named(self, section: str, name: Scalar) -> Mapping | None:
         """The entry that `name` (`x`, or `import.x`) means here."""

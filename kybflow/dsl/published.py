@@ -50,9 +50,9 @@ def _chosen(catalog: Catalog, kind: str, use: Schema, word: str = "use") -> Sche
         }
         for name in names
     ]
-    if "string" in use["type"]:
-        cases.insert(0, {"if": {"type": "string"}, "then": {"enum": names}})
-    return {**use, "properties": {**own, word: named}, "allOf": cases}
+    bare = {"anyOf": [{"enum": names}, {"type": ["object", "null"]}]}
+    more = bare if "string" in use["type"] else {}
+    return {**use, "properties": {**own, word: named}, **more, "allOf": cases}
 
 
 def _constant(catalog: Catalog, kind: str, name: str) -> Schema:

@@ -20,11 +20,13 @@ from kybflow.dsl.imports import (
 )
 from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, count
 from kybflow.dsl.offers import EMPTY, Offers
-from kybflow.dsl.parameters import Declared, Setting, Substitution, declare
+from kybflow.dsl.parameters import Declared, Setting, declare
 from kybflow.dsl.reader import Source
 from kybflow.dsl.source import Span
+from kybflow.dsl.substitution import Substitution
 
 MAX_AFTER_LIKE = 100_000
+MAX_IMPORTS = 200
 _CHAIN = 20
 _KEPT = frozenset({"import", "parameters"})
 
@@ -47,6 +49,7 @@ class Files:
         first = Span(mission.file, 1, 1, 1, 1)
         self.open: dict[Path, Span] = {path.resolve(): first} if readable else {}
         self.mission = Place(path, mission.file)
+        self.imports = 0
 
     def add(self, source: Source, importer: str, at: Span) -> None:
         self.sources.setdefault(source.file, source)
@@ -144,6 +147,12 @@ def _library(
     found: list[Diagnostic],
 ) -> Offers | None:
     real = target.path.resolve()
+    files.imports += 1
+    if files.imports > MAX_IMPORTS:
+        if files.imports == MAX_IMPORTS + 1:
+            message = f"more than {MAX_IMPORTS} imports, counted along every way"
+            found.append(Diagnostic("KYB127", message, at))
+        return None
     if real in files.open or len(files.open) > _CHAIN:
         first = files.open.get(real, at)
         message = f"`{target.file}` is imported while it is being imported"

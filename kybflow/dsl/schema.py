@@ -11,7 +11,7 @@ from typing import Any
 
 from kybflow.dsl.values import shown_value
 from kybflow.params import Field
-from kybflow.units import Dimension
+from kybflow.units import Dimension, article
 
 Schema = dict[str, Any]
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
@@ -38,7 +38,8 @@ def _escaped(unit: str) -> str:
 
 def _described(help: str, dimension: Dimension) -> str:
     si = f" [{dimension.si}]" if dimension.si else ""
-    return f"{help} A {dimension.name}{si}, like `{dimension.example}`."
+    what = article(dimension.name).capitalize()
+    return f"{help} {what}{si}, like `{dimension.example}`."
 
 
 def vector(dimension: Dimension, help: str, **bounds: Any) -> Schema:
@@ -84,7 +85,8 @@ def field_schema(field: Field) -> Schema:
             "minItems": 1,
         }
     if field.shape == "choice":
-        return {"description": text, "type": "string", "enum": list(field.choices)}
+        choices = [{"enum": list(field.choices)}, {"pattern": f"^{_PARAMETER}$"}]
+        return {"description": text, "type": "string", "anyOf": choices}
     if field.shape == "text":
         return {"description": text, "type": "string"}
     return {
@@ -129,5 +131,4 @@ def _with_null(schema: Any) -> Any:
     if not isinstance(schema, dict) or "type" not in schema:
         return schema
     kinds = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
-    choices = {"enum": [*schema["enum"], None]} if "enum" in schema else {}
-    return {**schema, "type": [*kinds, "null"], **choices}
+    return {**schema, "type": [*kinds, "null"]}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from kybflow.dsl.parameters import TYPES
 from kybflow.dsl.schema import Schema, params_schema, quantity, vector
 from kybflow.params import fields_of
 from kybflow.site import Airframe
@@ -128,7 +129,7 @@ def _parameter() -> Schema:
         "parameter",
         "A value that `--set` may change; `$name` stands for it.",
         {
-            "type": _text("`length`, `duration`, `position`, `ratio`, `number`, ..."),
+            "type": {**_text("What kind of value."), "examples": list(TYPES)},
             "default": {"description": "The value when nothing sets it.", **value},
             **{bound: {"description": "A bound.", "type": ["number", "string"]}
                for bound in ("above", "at_least", "below", "at_most")},

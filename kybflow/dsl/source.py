@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,14 +26,32 @@ class Span:
         return f"{self.file}:{self.line}"
 
 
+class Inset(NamedTuple):
+    """A value in the place of a parameter: the characters `start` to `end` of the text stand for
+    `written_start` to `written_end` of what was written."""
+
+    start: int
+    end: int
+    written_start: int
+    written_end: int
+
+
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A scalar as written, and where. `verbatim` is true when column arithmetic inside it holds
-    (plain, one line)."""
+    """A scalar, and where. `verbatim` is true when column arithmetic inside it holds (plain, one
+    line). `written` is what the author wrote where parameters stood in it, `insets` their values.
+    """
 
     text: str
     span: Span
     verbatim: bool = True
+    written: str = ""
+    insets: tuple[Inset, ...] = ()
+
+    @property
+    def as_written(self) -> str:
+        """The text as its author wrote it, `$name` and all."""
+        return self.written or self.text
 
     def part(self, start: int, end: int) -> Span:
         """The span of the characters `start` to `end` of the text; the whole span where that can't
@@ -40,5 +59,19 @@ class Text:
         if not self.verbatim or self.span.line != self.span.end_line:
             return self.span
         s = self.span
-        column = s.column
-        return Span(s.file, s.line, column + start, s.line, column + max(end, start + 1), s.via)
+        first = self._written_at(start)
+        last = max(self._written_at(end, is_end=True), first + 1)
+        return Span(s.file, s.line, s.column + first, s.line, s.column + last, s.via)
+
+    def _written_at(self, position: int, is_end: bool = False) -> int:
+        """Where the character at `position` of the text stands in what was written."""
+        shift = 0
+        for inset in self.insets:
+            if is_end and inset.start < position <= inset.end:
+                return inset.written_end
+            if not is_end and inset.start <= position < inset.end:
+                return inset.written_start
+            if position <= inset.start:
+                break
+            shift = inset.written_end - inset.end
+        return position + shift

@@ -49,7 +49,7 @@ class Uses:
         if isinstance(node, Mapping):
             wanted = node.get(word)
             name = wanted if isinstance(wanted, Scalar) else None
-            body = _parameters(node, own | {word, "as"})
+            body = _parameters(node, own | ({word, "as"} if word == "use" else {word}))
         if name is None:
             message = f"a part is needed, but this is {describe(node)}"
             if isinstance(node, Mapping):
@@ -64,7 +64,7 @@ class Uses:
         params = self.params(spec.params, body, spec.name, name.span)
         if params is None:
             return None
-        label = node.get("as") if isinstance(node, Mapping) else None
+        label = node.get("as") if isinstance(node, Mapping) and word == "use" else None
         return PartUse(
             name=name.as_text,
             spec=spec,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.nodes import Mapping, Node, Scalar, Sequence, describe
 from kybflow.errors import UnitError
 from kybflow.params import Field
-from kybflow.units import Dimension, format_quantity, parse_quantity
+from kybflow.units import Dimension, article, format_quantity, parse_quantity
 
 CODES = {
     "KYB104": "A value of another type, a quantity of another dimension or without its unit.",
@@ -16,6 +17,7 @@ CODES = {
     "KYB109": "A value that is none of the choices.",
 }
 _LONGEST = 100
+_INTEGER = re.compile(r"[+-]?\d+\Z", re.ASCII)
 _TRUTHS = {"true": True, "True": True, "false": False, "False": False}
 _SHAPES = {
     "vector": "three numbers in a list, `[x, y, z]`",
@@ -142,7 +144,7 @@ def _plain(node: Scalar, field: Field, found: list[Diagnostic]) -> Any:
         return None
     if field.shape == "boolean" and text in _TRUTHS:
         return _TRUTHS[text]
-    if field.shape == "integer" and text.lstrip("+-").isdecimal():
+    if field.shape == "integer" and _INTEGER.match(text):
         value = int(text)
         return value if _inside(value, node, field, found) else None
     found.append(_wrong(node, field))
@@ -151,11 +153,7 @@ def _plain(node: Scalar, field: Field, found: list[Diagnostic]) -> Any:
 
 def _wrong(node: Node, field: Field) -> Diagnostic:
     dimension = field.dimension
-    needed = _SHAPES.get(field.shape) or (
-        f"{'an' if dimension.name[0] in 'aeiou' else 'a'} {dimension.name}"
-        if dimension
-        else "one value"
-    )
+    needed = _SHAPES.get(field.shape) or (article(dimension.name) if dimension else "one value")
     size = f" of {len(node.items)}" if isinstance(node, Sequence) else ""
     text = f" `{node.text[:_LONGEST]}`" if isinstance(node, Scalar) else ""
     message = f"`{field.name}` must be {needed}, but this is {describe(node)}{size}{text}"

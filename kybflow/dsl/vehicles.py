@@ -16,7 +16,7 @@ from kybflow.site import Airframe
 from kybflow.units import ANGLE, DURATION, LENGTH
 
 CODES = {
-    "KYB143": "A transition that says nothing of when.",
+    "KYB143": "A transition that says nothing of when, or how long of nothing.",
 }
 _ESTIMATOR = frozenset({"healthy", "recover_after", "for_at_most"})
 _STATE = frozenset({"then", "next", "failed", "within"})
@@ -167,26 +167,25 @@ class Vehicles:
             arrows.append(Transition("within", target, limit.span, after=after))
         return tuple(arrows)
 
+    def _timeless(self, message: str, span: Span, help: str) -> None:
+        self._found.append(Diagnostic("KYB143", message, span, help=help))
+
     def _next(self, node: Mapping) -> Transition:
         when, event, goal = node.get("when"), node.get("event"), node.get("go")
-        after = self._duration(node, "after")
         assert isinstance(goal, Scalar)
         if when is None and event is None and node.get("after") is None:
-            self._found.append(
-                Diagnostic(
-                    "KYB143",
-                    f"nothing says when to go to `{goal.text}`",
-                    goal.span,
-                    help="add `when: CONDITION`, `event: NAME` or `after: 10 s`",
-                )
-            )
+            message, hint = f"nothing says when to go to `{goal.text}`", "`event: NAME` or"
+            self._timeless(message, goal.span, f"add `when: CONDITION`, {hint} `after: 10 s`")
+        elif when is None and node.get("for") is not None:
+            message = f"nothing says what must hold before it goes to `{goal.text}`"
+            self._timeless(message, node.entries["for"].key.span, "`for` belongs to a `when`")
         return Transition(
             "next",
             goal.as_text,
             node.span,
             when=when.as_text if isinstance(when, Scalar) else None,
             event=event.as_text if isinstance(event, Scalar) else None,
-            after=after,
+            after=self._duration(node, "after"),
             hold=self._duration(node, "for") or 0.0,
         )
 

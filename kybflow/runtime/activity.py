@@ -15,6 +15,9 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.outcome import VehicleScore
 from kybflow.signals import NS, Command, Done, Failed, Setpoint, Tick, Time
 
+_SAFE = frozenset({"brake", "landed"})
+"""Where a vehicle goes when nothing else will start."""
+
 Situation = Callable[[], Entry]
 """Gives what a behavior is entered with, when one is entered."""
 
@@ -107,7 +110,8 @@ class Activity:
 
     def _enter(self, situation: Situation) -> None:
         """Build the behavior of the present state. One that refuses to start has failed."""
-        for _ in range(len(self.plan.states)):
+        refused: set[str] = set()
+        while True:
             self._outcome, self._reason = "running", ""
             state, entry = self.state, situation()
             self.entered, self.changed = entry.now, True
@@ -117,7 +121,10 @@ class Activity:
                 self._build(state, entry)
                 return
             except Refused as refusal:
-                self._refused(str(refusal))
+                if state.name in (refused & _SAFE):
+                    raise
+                refused.add(state.name)
+                self._refused(str(refusal), refused)
 
     def _build(self, state: StatePlan, entry: Entry) -> None:
         name, cls = state.behavior.name, state.behavior.cls
@@ -131,11 +138,12 @@ class Activity:
         if leg.start is not leg.end:
             self.flight = MOVING
 
-    def _refused(self, reason: str) -> None:
+    def _refused(self, reason: str, refused: set[str]) -> None:
+        """Go where `failed` says, but to no state that has refused already."""
         self._outcome, self._reason = "failed", reason
         self._leave("refused", None)
         transition = self.machine.due(0.0, frozenset(), "failed", 0.0)
-        if transition is not None and transition.cause == "failed":
+        if transition is not None and transition.target not in refused:
             self.machine.fire(transition)
         else:
             self.machine.force("brake" if self.airborne else "landed")

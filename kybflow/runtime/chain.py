@@ -10,18 +10,21 @@ from typing import Any
 
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import Processor, Tracker
+from kybflow.runtime.checked import checked_command, checked_setpoint
+from kybflow.runtime.making import make
 from kybflow.signals import Alarm, Command, Setpoint, Tick
 from kybflow.site import Site
 
 
 class Chain:
-    """`stage` names the part at work, for the report when it raises."""
+    """`stage` is the label of the part at work, empty while none is: it tells which one raised.
+    Raises PartFailed for a part that can't be made."""
 
     def __init__(self, plan: VehiclePlan, site: Site, params: dict[str, Any]) -> None:
         self.processors: dict[str, Processor[Any]] = {
-            part.label: part.cls(params[part.label], site) for part in plan.processors
+            part.label: make(part, params[part.label], site) for part in plan.processors
         }
-        self.tracker: Tracker[Any] = plan.tracker.cls(params[plan.tracker.label], site)
+        self.tracker: Tracker[Any] = make(plan.tracker, params[plan.tracker.label], site)
         self.stage = ""
         self._tracker_label = plan.tracker.label
         self._active: tuple[tuple[str, Processor[Any]], ...] = ()
@@ -31,6 +34,11 @@ class Chain:
         touch-down."""
         self._active = tuple((n, p) for n, p in self.processors.items() if stays_in_air or p.safety)
 
+    def drop(self, label: str) -> bool:
+        """Leave out the processor `label`, which has failed; false when it is none."""
+        self._active = tuple(active for active in self._active if active[0] != label)
+        return self.processors.pop(label, None) is not None
+
     def follow(
         self, setpoint: Setpoint, tick: Tick, heed: Callable[[Alarm, Tick], bool]
     ) -> tuple[Setpoint, Command] | None:
@@ -38,18 +46,21 @@ class Chain:
 
         `heed` is told of a processor's alarm; when it says that the vehicle now does something
         else, the setpoint is out of date and the result is None. Otherwise the setpoint passes
-        unchanged.
+        unchanged. Raises ValueError for a setpoint or a command that is not finite.
         """
         for label, processor in self._active:
             self.stage = label
             output = processor(setpoint, tick)
             if isinstance(output, Alarm):
+                self.stage = ""
                 if heed(output, tick):
                     return None
-            else:
-                setpoint = output
+            elif output is not setpoint:
+                setpoint = checked_setpoint(output)
         self.stage = self._tracker_label
-        return setpoint, self.tracker.update(setpoint, tick)
+        command = checked_command(self.tracker.update(setpoint, tick))
+        self.stage = ""
+        return setpoint, command
 
     def parts(self) -> dict[str, Any]:
         """The living parts by label."""

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import Plan
+from kybflow.errors import described
 from kybflow.parts import Session
 from kybflow.runtime.clock import Clock
 from kybflow.runtime.conditions import bind
@@ -24,6 +25,8 @@ from kybflow.signals import NS, Time
 
 PREFLIGHT_PATIENCE = 5.0
 """Seconds in which every line of the preflight must have become green."""
+LANDING_PATIENCE = 60.0
+"""Seconds in which vehicles that are still in the air at the time limit must have landed."""
 _OBSERVED_EVERY = NS // 20
 
 Observer = Callable[["Engine"], None]
@@ -51,30 +54,39 @@ class Engine:
         self._believed = _views(Believed, vehicles)
         self._sessions, self._observers = tuple(sessions), tuple(observers)
         self._next_look: Time = 0
-        self._landing = False
+        self._ticked: Time | None = None
+        self._landing: str | None = None
 
     def seconds(self) -> float:
         """Time since the run began."""
         return self.clock.now / NS
 
     def run(self) -> str | None:
-        """Preflight, then tick until every vehicle rests or the mission's time limit has passed."""
+        """Preflight, then tick until every vehicle rests; land when the mission's time is over."""
         self.events.tell("run_started")
         red = self._preflight()
+        if self.interrupts:
+            return "interrupted"
         if red:
             return "preflight: " + "; ".join(f"{x.vehicle}: {x.check}: {x.reason}" for x in red)
         self._begin()
         while not all(vehicle.rests for vehicle in self.vehicles):
-            if self.seconds() >= self.plan.time_limit:
-                return f"not finished within the time limit of {self.plan.time_limit:g} s"
-            if self.interrupts and self._interrupted():
+            if self.interrupts > 1:
                 return "interrupted twice: the stream was cut"
+            if self.interrupts:
+                self._land("interrupted")
+            elif self.seconds() >= self.plan.time_limit:
+                self._land(f"not finished within the time limit of {self.plan.time_limit:g} s")
+            if self.seconds() >= self.plan.time_limit + LANDING_PATIENCE:
+                break
             self.tick()
-        return "interrupted" if self.interrupts else None
+        return self._landing
 
     def tick(self) -> None:
         """One period of every vehicle, then the world goes on."""
-        now, dt = self.clock.now, self.clock.period / NS
+        now = self.clock.now
+        dt = (self.clock.period if self._ticked is None else now - self._ticked) / NS
+        self._ticked = now
         self.events.turn(now)
         self.options.apply()
         for vehicle in self.vehicles:
@@ -89,15 +101,22 @@ class Engine:
         if self.clock.now >= self._next_look:
             self._next_look = self.clock.now + _OBSERVED_EVERY
             for observe in self._observers:
-                observe(self)
+                self._observed(observe)
         now = self.clock.step()
         for session in self._sessions:
             session.advance(now)
 
+    def _observed(self, observe: Observer) -> None:
+        try:
+            observe(self)
+        except Exception as error:  # who looks on must not stop who flies
+            self._observers = tuple(other for other in self._observers if other is not observe)
+            self.events.tell("observer_failed", reason=described(error))
+
     def _preflight(self) -> list[Line]:
         """Wait until all is green; the lines that stayed red."""
         red: list[Line] = []
-        while self.seconds() < PREFLIGHT_PATIENCE:
+        while self.seconds() < PREFLIGHT_PATIENCE and not self.interrupts:
             self.events.turn(self.clock.now)
             for vehicle in self.vehicles:
                 vehicle.sense(self.clock.now)
@@ -122,13 +141,12 @@ class Engine:
     def _condition(self, own: str) -> Callable[[Expression], Callable[[], bool]]:
         return lambda expression: bind(expression, self._believed, own, self.seconds)
 
-    def _interrupted(self) -> bool:
-        """The first interrupt lands every vehicle; true when a second one cuts the stream."""
-        if not self._landing:
-            self._landing = True
+    def _land(self, reason: str) -> None:
+        """Land every vehicle, once, whatever the mission says."""
+        if self._landing is None:
+            self._landing = reason
             for vehicle in self.vehicles:
-                vehicle.land("interrupted")
-        return self.interrupts > 1
+                vehicle.land(reason)
 
 
 def _views(kind: type[Believed], vehicles: Sequence[Vehicle]) -> Mapping[str, Believed]:

@@ -1,4 +1,7 @@
-"""Which estimator a vehicle flies on: the first healthy one of its list, with hysteresis."""
+"""Which estimator a vehicle flies on: the first healthy one of its list, with hysteresis.
+
+One that raises, or whose estimate is not finite, is not asked again.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,16 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from kybflow.dsl.expressions import Expression
-from kybflow.dsl.plan import EstimatorPlan
+from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
+from kybflow.errors import PartFailed
 from kybflow.observables import Unavailable
 from kybflow.parts import Estimator
+from kybflow.runtime.checked import checked_estimate
 from kybflow.runtime.conditions import bind
-from kybflow.signals import NS, Battery, Estimate, Measurement, Time
+from kybflow.runtime.events import Events
+from kybflow.runtime.making import make
+from kybflow.runtime.outcome import VehicleScore
+from kybflow.signals import NS, Estimate, Measurement, Time
 from kybflow.site import Site
 
 
@@ -23,8 +31,9 @@ class Candidate:
     """
 
     def __init__(self, plan: EstimatorPlan, site: Site) -> None:
-        self.name = plan.part.label.rpartition(".")[2]
-        self.part: Estimator[Any] = plan.part.cls(plan.part.params, site)
+        self.label = plan.part.label
+        self.name = self.label.rpartition(".")[2]
+        self.part: Estimator[Any] = make(plan.part, plan.part.params, site)
         self.estimate: Estimate | None = None
         self.in_use_since: Time | None = None
         self._recover = round(plan.recover_after * NS)
@@ -40,9 +49,10 @@ class Candidate:
         return bind(healthy, {self.name: self}, self.name, lambda: 0.0)
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> bool:
-        """Take the measurements; whether the estimator is healthy now."""
-        self.estimate = self.part.update(measurements, now)
-        if self.estimate is None or not self._holds():
+        """Take the measurements; whether the estimator is healthy now. Raises whatever the part
+        raises, and ValueError for an estimate that is not finite."""
+        self.estimate = estimate = self.part.update(measurements, now)
+        if estimate is None or not (checked_estimate(estimate) and self._holds()):
             self._was_lost = self._was_lost or self._healthy_since is not None
             self._healthy_since = None
             return False
@@ -77,37 +87,54 @@ class Candidate:
 
 
 class Estimation:
-    """The list of a vehicle's estimators."""
+    """The list of a vehicle's estimators. `report` is told of one that has failed."""
 
-    def __init__(self, plans: Sequence[EstimatorPlan], site: Site) -> None:
-        self.candidates = [Candidate(plan, site) for plan in plans]
-        self.in_use: Candidate | None = None
+    def __init__(
+        self,
+        plan: VehiclePlan,
+        site: Site,
+        events: Events,
+        score: VehicleScore,
+        report: Callable[[PartFailed], None],
+    ) -> None:
+        self._candidates = [Candidate(estimator, site) for estimator in plan.estimators]
+        self._in_use: Candidate | None = None
+        self._vehicle, self._events, self._score, self._report = plan.name, events, score, report
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
         """The estimate of the first healthy estimator, None when none is healthy."""
         chosen: Candidate | None = None
-        for candidate in self.candidates:
-            healthy = candidate.update(measurements, now)
+        for candidate in self._candidates:
+            try:
+                healthy = candidate.update(measurements, now)
+            except Exception as error:  # a part may raise anything
+                self._candidates = [c for c in self._candidates if c is not candidate]
+                self._report(PartFailed(candidate.label, error))
+                continue
             if healthy and chosen is None:
                 chosen = candidate
-        if chosen is not self.in_use:
+        if chosen is not self._in_use:
             self._change(chosen, now)
         return chosen.estimate if chosen is not None else None
 
+    def parts(self) -> dict[str, Any]:
+        """The living estimators by label."""
+        return {candidate.label: candidate.part for candidate in self._candidates}
+
     def _change(self, chosen: Candidate | None, now: Time) -> None:
-        if self.in_use is not None:
-            self.in_use.in_use_since = None
-        if chosen is not None:
+        previous = self._in_use
+        if previous is not None:
+            previous.in_use_since = None
+        self._in_use = chosen
+        before = previous.name if previous is not None else None
+        if chosen is None:
+            self._events.tell("estimate_lost", self._vehicle, previous=before)
+            self._score.estimator("", now / NS)
+        else:
             chosen.in_use_since = now
-            for other in self.candidates:
+            for other in self._candidates:
                 if other is not chosen:
                     other.renew()
-        self.in_use = chosen
-
-
-def newest_battery(measurements: Sequence[Measurement]) -> Battery | None:
-    """The last battery report among `measurements`."""
-    for measurement in reversed(measurements):
-        if type(measurement) is Battery:
-            return measurement
-    return None
+            name = chosen.name
+            self._events.tell("estimator_changed", self._vehicle, estimator=name, previous=before)
+            self._score.estimator(name, now / NS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from kybflow.errors import described
 from kybflow.signals import Event, Time
 
 Fields = str | float | bool | None
@@ -12,7 +13,7 @@ Fields = str | float | bool | None
 
 class Events:
     """Where events are told. `heard` holds the names of the last tick's: `NAME` for a vehicle's own
-    under its name, and `VEHICLE.NAME` for everybody."""
+    under its name, and `VEHICLE.NAME` for everybody. A listener that raises is told no more."""
 
     def __init__(self, listeners: Iterable[Callable[[Event], None]] = ()) -> None:
         self.listeners = list(listeners)
@@ -25,7 +26,11 @@ class Events:
         event = Event(self.now, name, vehicle, fields, at)
         self._fresh.append(event)
         for listener in self.listeners:
-            listener(event)
+            try:
+                listener(event)
+            except Exception as error:  # who listens must not stop who flies
+                self.listeners = [other for other in self.listeners if other is not listener]
+                self.tell("observer_failed", reason=described(error))
 
     def turn(self, now: Time) -> None:
         """A new tick begins: what was told in the last one is heard in this one."""

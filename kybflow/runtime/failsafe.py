@@ -3,13 +3,15 @@
 Severest first: `land_blind`, `land`, `brake`, `warn`. An alarm that persists is told once. From
 `land` upwards the reaction latches: nothing but a severer one is heard until the vehicle rests in
 `fault`, on the ground. A reaction that needs a position is replaced by `land_blind` where there is
-none.
+none. A part that raises lands its vehicle; a supervisor that does is not asked again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
+from typing import Any
 
+from kybflow.errors import PartFailed
 from kybflow.parts import Supervisor
 from kybflow.runtime.events import Events
 from kybflow.signals import NS, Alarm, Reaction, Tick, Time
@@ -28,24 +30,41 @@ class Failsafe:
     """`latched` is the reaction that can't be undone in the air any more, or None."""
 
     def __init__(
-        self, vehicle: str, supervisors: Sequence[Supervisor[object]], events: Events
+        self, vehicle: str, supervisors: Mapping[str, Supervisor[Any]], events: Events
     ) -> None:
         self.latched: Reaction | None = None
         self._vehicle = vehicle
-        self._supervisors = supervisors
+        self._supervisors = tuple(supervisors.items())
+        self._failed: Alarm | None = None
         self._events = events
         self._last: dict[str, Time] = {}
 
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:
         """Ask every supervisor; the severest alarm of this tick, None when all is well."""
         worst: Alarm | None = None
-        for supervisor in self._supervisors:
-            alarm = supervisor.check(tick, airborne)
+        for label, supervisor in self._supervisors:
+            try:
+                alarm = supervisor.check(tick, airborne)
+            except Exception as error:  # a part may raise anything
+                self._supervisors = tuple(s for s in self._supervisors if s[0] != label)
+                self.report(PartFailed(label, error))
+                continue
             if alarm is not None:
                 self.tell(alarm, tick.now)
                 if worst is None or alarm.reaction > worst.reaction:
                     worst = alarm
-        return worst
+        failed, self._failed = self._failed, None
+        return failed if failed and (not worst or failed.reaction > worst.reaction) else worst
+
+    def report(self, failure: PartFailed) -> None:
+        """A part failed that a landing may do without; `check` asks for the landing."""
+        self._failed = self.failure(failure, Reaction.LAND)
+
+    def failure(self, failure: PartFailed, reaction: Reaction, at: str = "") -> Alarm:
+        """Tell that a part failed; the alarm for it."""
+        reason = str(failure)
+        self._events.tell("part_failed", self._vehicle, at, part=failure.part, reason=reason)
+        return Alarm("part_failed", reaction, f"`{failure.part}` failed: {reason}", 0.0, 0.0)
 
     def tell(self, alarm: Alarm, now: Time) -> None:
         """Make an alarm an event, once as long as it goes on."""

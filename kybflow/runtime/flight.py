@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from kybflow.dsl.plan import Plan, VehiclePlan
-from kybflow.errors import DriverError
+from kybflow.errors import DriverError, PartFailed
 from kybflow.parts import Driver, Seat, Session
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.engine import Engine, Observer
@@ -98,6 +98,8 @@ class _Run:
             self._reason = self._flown(sessions, observers)
         except DriverError as error:
             self._driver_failed = str(error)
+        except PartFailed as failure:
+            self._reason = f"`{failure.part}` can't be made: {failure}"
         finally:
             for session in sessions:
                 session.close()
@@ -112,7 +114,9 @@ class _Run:
         for name, value in self._request.options:
             engine.options.set(name, value, "command line")
         with Interrupts(engine):
-            return engine.run()
+            reason = engine.run()
+        self._driver_failed = next((v.link_error for v in vehicles if v.link_error), None)
+        return reason
 
     def _judge(self) -> None:
         engine = self._engine

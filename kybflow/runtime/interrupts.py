@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import signal
+import time
+from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
 from kybflow.runtime.engine import Engine
+
+DEAF = 1.0
+"""Seconds after an interrupt in which another is the same one: a closed terminal sends several."""
 
 
 class Interrupts:
@@ -15,8 +20,10 @@ class Interrupts:
 
     SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, read: Callable[[], float] = time.monotonic) -> None:
         self._engine = engine
+        self._read = read
+        self._last: float | None = None
         self._before: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> None:
@@ -28,4 +35,7 @@ class Interrupts:
             signal.signal(number, handler)
 
     def _count(self, number: int, frame: FrameType | None) -> None:
-        self._engine.interrupts += 1
+        now = self._read()
+        if self._last is None or now - self._last >= DEAF:
+            self._last = now
+            self._engine.interrupts += 1

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from math import isfinite
 from typing import Any, Protocol
 
 from kybflow.errors import OptionRefused, UnitError
@@ -125,6 +126,8 @@ def _number(name: str, value: Any, field: Field) -> float:
 
 def _check_bounds(name: str, numbers: tuple[float, ...], field: Field) -> None:
     for number in numbers:
+        if not isfinite(number):
+            raise OptionRefused(f"`{name}` is finite, not {number:g}")
         broken = field.outside(number)
         if broken is not None:
             found = format_quantity(number, field.dimension) if field.dimension else f"{number:g}"

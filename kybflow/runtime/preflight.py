@@ -25,6 +25,8 @@ class Line(NamedTuple):
 def preflight(vehicle: Vehicle) -> tuple[Line, ...]:
     """The lines of one vehicle, as it stands on the ground."""
     estimate, battery, name = vehicle.estimate, vehicle.battery, vehicle.name
+    if vehicle.link_error is not None:
+        return (Line(name, "link", False, vehicle.link_error),)
     if estimate is None:
         sources = ", ".join(e.part.name for e in vehicle.plan.estimators)
         return (Line(name, "estimate", False, f"no healthy estimate from {sources}"),)

@@ -14,7 +14,7 @@ import pytest
 from kybflow.drivers.sim import Sim, SimParams
 from kybflow.drivers.sim.viewer import Viewer
 from kybflow.errors import DriverError
-from kybflow.geometry import LEVEL, ZERO, Vec3, from_euler, heading_of, tilt_of
+from kybflow.geometry import LEVEL, ZERO, Vec3, from_euler, from_heading, heading_of, tilt_of
 from kybflow.parts import Seat
 from kybflow.signals import NS, Battery, Command, CommandKind, MeasurementKind, Pose
 from kybflow.site import Airframe, Site
@@ -122,6 +122,16 @@ def test_heading_comes_from_the_command_because_an_imu_cannot_see_it():
         now += PERIOD
         session.advance(now)
     assert heading_of(link.truth().attitude) == pytest.approx(-0.2, abs=0.05)
+
+
+def test_a_sender_that_knows_no_heading_leaves_the_one_that_is_flown():
+    session = world(seat(heading=2.0))
+    link = session.links["a"]
+    _, now = push(session, link, 3.0, thrust(11.5, from_heading(2.0), 2.0))
+    push(session, link, 3.0, thrust(10.9, from_euler(0.05, 0.0, 0.0), None), now)
+    assert heading_of(link.truth().attitude) == pytest.approx(2.0, abs=0.05)
+    assert tilt_of(link.truth().attitude) == pytest.approx(0.05, abs=0.02)
+    assert link.truth().position[2] > 0.5
 
 
 def test_a_bias_of_the_gyroscope_is_felt_and_learnt():

@@ -24,6 +24,11 @@ WIDE = (
     + b"".join(b"  v%d: {like: a}\n" % i for i in range(2000))
 )
 
+QUAD = (
+    HEAD
+    + b"""import: {std: kybflow/airframes}
+vehicles: {a: {like: std.mk_quadro, behaviors: {"""
+)
 HOSTILE = {
     "empty": (b"", "KYB005"),
     "only a comment": (b"# nothing\n", "KYB005"),
@@ -79,6 +84,24 @@ HOSTILE = {
     ),
     "a long chain of `like`": (HEAD + CYCLE, "KYB125"),
     "much through `like`": (HEAD + WIDE, "KYB126"),
+    "a long circle": (
+        QUAD
+        + b"up: {do: take_off, height: 1 m, then: s0}, "
+        + b"".join(b"s%d: {do: brake, then: s%d}, " % (i, (i + 1) % 2000) for i in range(2000))
+        + b"}}}\n",
+        "KYB205",
+    ),
+    "many unknown names": (
+        QUAD + b"".join(b"s%d: {do: brake, then: t%d}, " % (i, i) for i in range(2000)) + b"}}}\n",
+        "KYB201",
+    ),
+    "many vehicles in one place": (
+        QUAD
+        + b"x: {do: wait_on_ground}}}"
+        + b"".join(b", v%d: {like: a}" % i for i in range(1000))
+        + b"}\n",
+        "KYB312",
+    ),
     "a million spaces": (HEAD + b"vehicles: " + b" " * 1_000_000 + b"{a: {}}\n", "KYB102"),
     "a huge integer": (HEAD + b"control: " + b"9" * 100_000 + b"\nvehicles: {a: {}}\n", "KYB104"),
     "a huge name": (HEAD + b"vehicles: {" + b"a" * 100_000 + b": {}}\n", "KYB004"),

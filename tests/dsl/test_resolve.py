@@ -137,7 +137,24 @@ def test_parameters_stand_inside_of_conditions_and_expectations(tmp_path: Path) 
     )
     text += "expect: [finally distance(a to $goal) < $tolerance]\n"
     plan = plan_of(tmp_path, text)
-    assert describe(plan.expectations[0].expression) == ("finally distance(a to [1 -2 0.5]) < 3 cm")
+    expectation = plan.expectations[0]
+    assert describe(expectation.expression) == "finally distance(a to [1 -2 0.5]) < 3 cm"
+    assert expectation.text == "finally distance(a to $goal) < $tolerance"
+
+
+def test_an_alias_is_a_value_in_one_place_and_an_expression_in_another(tmp_path: Path) -> None:
+    text = MISSION.replace("mission: m", "mission: m\nsummary: &s a $height")
+    (finding,) = compiled(tmp_path, text + "expect: [*s]\n").diagnostics
+    assert (finding.code, finding.message) == (
+        "KYB210",
+        "found `1 m` where a comparison such as `<` should be",
+    )
+
+
+def test_an_airframe_may_start_from_another_in_its_place(tmp_path: Path) -> None:
+    text = MISSION.replace("like: std.mk_quadro", "airframe: {like: std.nano_plus, mass: 1 kg}")
+    airframe = vehicle(plan_of(tmp_path, text), "a").airframe
+    assert (airframe.mass, airframe.diameter) == (1.0, 0.19)
 
 
 def test_names_in_a_library_are_its_own(tmp_path: Path) -> None:

@@ -4,38 +4,18 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import nan
-from pathlib import Path
 
 import pytest
-from plans import part, plan, state, then, vehicle
+from flights import NoParams, Still, down, hold, named, path, up
+from plans import part, state, then, vehicle
 
 from kybflow.drivers.sim import Sim
-from kybflow.dsl.plan import TransitionPlan
+from kybflow.dsl.plan import EstimatorPlan, TransitionPlan
 from kybflow.errors import Refused
-from kybflow.parts import AIR, Behavior, Entry
-from kybflow.runtime.flight import Flown, Request, fly
-from kybflow.signals import Event, Failed, Setpoint, SetpointKind, Tick
-
-
-@dataclass(frozen=True)
-class NoParams:
-    pass
-
-
-class Still(Behavior[NoParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
-    """Holds its entry position; tests change what `update` does."""
-
-    def __init__(self, params: NoParams, entry: Entry) -> None:
-        super().__init__(params, entry)
-        self.setpoint = Setpoint(
-            SetpointKind.POSITION, entry.position, (0.0,) * 3, (0.0,) * 3, heading=entry.heading
-        )
-
-    def update(self, tick: Tick) -> Setpoint | Failed:
-        return self.setpoint
+from kybflow.parts import AIR, Entry, Link
+from kybflow.signals import NS, Failed, Setpoint, SetpointKind, Tick
 
 
 class Exploding(Still, flight=AIR >> AIR, emits=SetpointKind.POSITION):
@@ -66,46 +46,6 @@ class Jumping(Still, flight=AIR >> AIR, emits=SetpointKind.POSITION):
     def update(self, tick: Tick) -> Setpoint:
         x, y, z = self.setpoint.position or (0.0, 0.0, 1.0)
         return self.setpoint._replace(position=(x + 1.0, y, z))
-
-
-def up(target: str, height: float = 0.6):
-    return state("up", part("behaviors", "take_off", height=height), then(target))
-
-
-def down():
-    return state("down", part("behaviors", "land"), then("landed"))
-
-
-def hold(seconds: float, target: str):
-    return state("hold", part("behaviors", "hover", for_time=seconds), then(target))
-
-
-Run = Callable[..., tuple[Flown, list[Event]]]
-
-
-@pytest.fixture
-def run(tmp_path: Path) -> Run:
-    def run(*vehicles, seed=0, options=(), observers=(), **facts):
-        told: list[Event] = []
-        request = Request(
-            seed=seed, out=tmp_path / str(len(list(tmp_path.iterdir()))), options=options
-        )
-        return fly(plan(*vehicles, **facts), request, (told.append,), observers), told
-
-    return run
-
-
-def path(told: list[Event], name: str) -> list[str]:
-    """The states that a vehicle was in, in order."""
-    return [
-        str(e.fields["behavior"])
-        for e in told
-        if e.name == "behavior_started" and e.vehicle == name
-    ]
-
-
-def named(told: list[Event], event: str) -> list[Event]:
-    return [e for e in told if e.name == event]
 
 
 def test_a_flight_goes_through_its_states_and_ends_on_the_ground(run):
@@ -204,16 +144,42 @@ def test_an_empty_battery_lands_and_latches(run):
     assert flown.exit_code == 1
 
 
+class Deaf(Link):
+    """A link to a simulated vehicle that hears nothing from `since` seconds on."""
+
+    def __init__(self, link: Link, since: float) -> None:
+        self.link, self.since = link, since
+
+    def read(self, now):
+        return self.link.read(now) if now < self.since * NS else ()
+
+    def send(self, command, now):
+        self.link.send(command, now)
+
+    def truth(self):
+        return self.link.truth()
+
+
+class DeafSim(Sim):
+    """The simulator with motion capture that is never heard."""
+
+    since = 0.0
+
+    @classmethod
+    def open(cls, seats, generator):
+        session = super().open(seats, generator)
+        session.links = {name: Deaf(link, cls.since) for name, link in session.links.items()}
+        return session
+
+
+class LaterDeafSim(DeafSim):
+    since = 8.0
+
+
 def test_a_lost_estimate_lands_blind_from_two_metres(run):
-    class Deaf:
-        """Motion capture goes silent at 8 s."""
-
-        def __call__(self, engine):
-            if engine.seconds() > 8.0:
-                engine.vehicles[0]._link.read = lambda now: []
-
+    deafer = replace(part("drivers", "sim"), cls=LaterDeafSim)
     states = [up("hold", height=1.5), hold(20.0, "down"), down()]
-    flown, told = run(vehicle("a", states), observers=(Deaf(),))
+    flown, told = run(vehicle("a", states, driver=deafer))
     assert path(told, "a") == ["up", "hold", "land_blind", "fault"]
     [started] = named(told, "failsafe_started")
     assert started.fields["reaction"] == "land_blind"
@@ -232,22 +198,23 @@ def test_an_interrupt_lands_and_leaves_a_whole_record(run):
     assert json.loads((flown.folder / "summary.json").read_text())["outcome"] == "interrupted"
 
 
-def test_the_time_limit_ends_a_run_that_hangs_in_the_air(run):
-    flown, _ = run(vehicle("a", [up("still"), state("still", Still)]), time_limit=6.0)
+def test_at_the_time_limit_a_run_that_hangs_in_the_air_lands(run):
+    flown, told = run(vehicle("a", [up("still"), state("still", Still)]), time_limit=6.0)
     assert flown.exit_code == 1
     assert "time limit of 6 s" in flown.summary["reason"]
-    assert flown.summary["vehicles"]["a"]["final"] == "air"
+    assert path(told, "a") == ["up", "still", "auto_land", "fault"]
+    assert flown.summary["vehicles"]["a"]["final"] == "ground"
+    assert flown.summary["sim_time_s"] < 12.0
 
 
-class DeafSim(Sim):
-    """The simulator with motion capture switched off."""
+def test_an_interrupt_in_the_preflight_ends_the_run_there(run):
+    def interrupt(engine):
+        if not engine.interrupts:
+            signal.raise_signal(signal.SIGTERM)
 
-    @classmethod
-    def open(cls, seats, generator):
-        session = super().open(seats, generator)
-        for link in session.links.values():
-            link.read = lambda now: []
-        return session
+    flown, told = run(vehicle("a", [up("down"), down()]), observers=(interrupt,))
+    assert flown.exit_code == 130
+    assert named(told, "behavior_started") == []
 
 
 def test_preflight_keeps_a_vehicle_without_poses_on_the_ground(run):
@@ -264,3 +231,17 @@ def test_options_of_the_command_line_reach_the_part_and_the_record(run):
     _, told = run(vehicle("a", [up("jump"), jump, down()], hover_limit=1.0), options=options)
     assert named(told, "option_changed")[0].fields["by"] == "command line"
     assert named(told, "position_error_exceeded")[0].fields["bound"] == pytest.approx(0.2)
+
+
+def test_an_option_reaches_a_living_estimator(run):
+    parts = []
+
+    class Kept(part("estimators", "mocap").cls):
+        def __init__(self, params, site):
+            super().__init__(params, site)
+            parts.append(self)
+
+    estimator = EstimatorPlan(replace(part("estimators", "mocap"), cls=Kept), None, 1.0, None)
+    options = (("a.estimators.mocap.gap", "200 ms"),)
+    run(vehicle("a", [up("down"), down()], estimators=(estimator,)), options=options)
+    assert parts[0].params.gap == pytest.approx(0.2)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import nan
 
 import pytest
-from plans import FENCE, NANO
+from plans import FENCE, NANO, part, state, vehicle
 
 from kybflow.dsl.expressions import Compare, Number, Read
 from kybflow.dsl.plan import EstimatorPlan, PartPlan
+from kybflow.errors import PartFailed
 from kybflow.geometry import LEVEL, ZERO
 from kybflow.runtime.estimation import Estimation
-from kybflow.signals import NS, Estimate
+from kybflow.runtime.events import Events
+from kybflow.runtime.outcome import VehicleScore
+from kybflow.signals import NS, Estimate, Event
 from kybflow.site import Site
 from kybflow.units import DURATION
 
@@ -51,6 +55,18 @@ def ages():
     Scripted.ages = {}
 
 
+def choice(
+    *candidates: EstimatorPlan,
+    failed: list[PartFailed] | None = None,
+    told: list[Event] | None = None,
+) -> Estimation:
+    states = [state("wait", part("behaviors", "wait_on_ground"))]
+    events = Events(() if told is None else (told.append,))
+    report = [].append if failed is None else failed.append
+    plan = vehicle("a", states, estimators=candidates)
+    return Estimation(plan, SITE, events, VehicleScore("a"), report)
+
+
 def run(estimation: Estimation, begin: float, end: float) -> list[str | None]:
     """Which source is used at each tenth of a second, without repetitions."""
     used: list[str | None] = []
@@ -63,7 +79,7 @@ def run(estimation: Estimation, begin: float, end: float) -> list[str | None]:
 
 
 def test_the_first_healthy_one_is_used(ages):
-    estimation = Estimation((candidate("first"), candidate("second")), SITE)
+    estimation = choice(candidate("first"), candidate("second"))
     assert run(estimation, 0.0, 1.0) == ["first"]
     ages["first"] = 0.4
     assert run(estimation, 1.0, 2.0) == ["second"]
@@ -72,7 +88,7 @@ def test_the_first_healthy_one_is_used(ages):
 
 
 def test_one_that_was_lost_counts_again_only_after_its_time(ages):
-    estimation = Estimation((candidate("first"), candidate("second")), SITE)
+    estimation = choice(candidate("first"), candidate("second"))
     run(estimation, 0.0, 1.0)
     ages["first"] = 0.4
     run(estimation, 1.0, 2.0)
@@ -86,11 +102,11 @@ def test_one_that_was_lost_counts_again_only_after_its_time(ages):
 
 
 def test_at_the_start_nobody_waits(ages):
-    assert run(Estimation((candidate("first", recover=9.0),), SITE), 0.0, 0.1) == ["first"]
+    assert run(choice(candidate("first", recover=9.0)), 0.0, 0.1) == ["first"]
 
 
 def test_one_that_may_be_used_for_a_time_only_is_spent_until_another_was_used(ages):
-    estimation = Estimation((candidate("first"), candidate("second", at_most=2.0)), SITE)
+    estimation = choice(candidate("first"), candidate("second", at_most=2.0))
     ages["first"] = 0.4
     assert run(estimation, 0.0, 2.0) == ["second"]
     assert run(estimation, 2.0, 9.0) == [None]
@@ -98,3 +114,21 @@ def test_one_that_may_be_used_for_a_time_only_is_spent_until_another_was_used(ag
     assert run(estimation, 9.0, 10.0) == ["first"]
     ages["first"] = 0.4
     assert run(estimation, 10.0, 11.0) == ["second"]
+
+
+@pytest.mark.parametrize("broken", [nan, "no number"])
+def test_one_that_fails_is_reported_once_and_the_next_is_used(ages, broken):
+    failed: list[PartFailed] = []
+    told: list[Event] = []
+    estimation = choice(candidate("first"), candidate("second"), failed=failed, told=told)
+    run(estimation, 0.0, 1.0)
+    ages["first"] = broken
+    assert run(estimation, 1.0, 2.0) == ["second"]
+    ages["first"] = 0.0
+    assert run(estimation, 2.0, 9.0) == ["second"]
+    assert [failure.part for failure in failed] == ["estimators.first"]
+    ages["second"] = broken
+    assert run(estimation, 9.0, 10.0) == [None]
+    assert [(e.name, e.fields["previous"]) for e in told] == [
+        ("estimator_changed", None), ("estimator_changed", "first"), ("estimate_lost", "second"),
+    ]  # fmt: skip

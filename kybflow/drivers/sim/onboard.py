@@ -2,7 +2,8 @@
 
 Attitude: the explicit complementary filter with bias of Mahony, Hamel and Pflimlin (IEEE TAC 2008,
 eq. 34), gyroscope and accelerometer; its heading follows the one that the sender believes, as an
-autopilot's follows external vision.
+autopilot's follows external vision. From a sender that knows none it takes the tilt alone, and
+holds the heading that it has.
 
 Control, per body axis: angular acceleration = P e + I integral(e) + D (rates - gyro), e twice the
 vector part of the attitude error; torque = inertia x angular acceleration, led by the rotors' time
@@ -16,7 +17,7 @@ from collections.abc import Iterator
 from math import sqrt
 from typing import NamedTuple
 
-from kybflow.geometry import GRAVITY, LEVEL, ZERO, Quat, from_heading, heading_of, wrap
+from kybflow.geometry import GRAVITY, LEVEL, ZERO, Quat, from_heading, heading_of, multiply, wrap
 from kybflow.signals import Command
 from kybflow.site import Airframe
 
@@ -55,6 +56,7 @@ class Pilot:
         self._attitude: Quat = from_heading(heading)
         self._bias = ZERO
         self._turn = 0.0
+        self._held: float | None = None
         self._wanted: Quat = LEVEL
         self._rates = ZERO
         self._thrust = 0.0
@@ -67,17 +69,24 @@ class Pilot:
 
     def receive(self, command: Command) -> None:
         """Hold `command` until the next one."""
-        self._wanted = command.attitude
         self._rates = command.rates
         self._thrust = command.thrust
         if command.heading is not None:
+            self._wanted, self._held = command.attitude, None
             self._turn = AIMING * wrap(command.heading - heading_of(self._attitude))
         else:
+            self._wanted = self._holding(command.attitude)
             self._turn = 0.0
         if not command.armed:
             self._integral = ZERO
             self._slow = STOPPED
         self._armed = command.armed
+
+    def _holding(self, attitude: Quat) -> Quat:
+        """The tilt of `attitude`, at the heading of the moment when nobody knew one any more."""
+        if self._held is None:
+            self._held = heading_of(self._attitude)
+        return multiply(from_heading(self._held - heading_of(attitude)), attitude)
 
     def update(self, felt: list[float]) -> Rotors:
         """The rotors' controls, 0 to 1, from what is felt where the IMU is: turn rate, rad/s, and

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from kybflow.dsl.built_in import BUILT_IN
-from kybflow.dsl.checks.case import Case, condition_scope
+from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entries import endless_states
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import State, Transition, Vehicle
@@ -64,7 +64,7 @@ def _never_done(state: State) -> Iterator[Diagnostic]:
 
 
 def _asked(case: Case, vehicle: Vehicle, state: State) -> Iterator[_Asked]:
-    scope = condition_scope(case.document, vehicle.name.text)
+    scope = case.scopes.condition(vehicle.name.text)
     timed = [t for t in state.transitions if t.cause in ("next", "within")]
     for transition in sorted(timed, key=lambda t: t.cause == "within"):
         when = parse(transition.when, scope)[0] if transition.when is not None else None

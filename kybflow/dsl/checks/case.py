@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.document import Document, State, Vehicle
-from kybflow.dsl.expressions import Scope
+from kybflow.dsl.scopes import Scopes
 from kybflow.parts import Behavior, Flight, Leg
 
 if TYPE_CHECKING:
@@ -23,12 +22,13 @@ TARGETS = tuple(name for name in BUILT_IN if name not in NO_TARGET)
 """The built-in states that an arrow of a mission may lead to."""
 
 
-@dataclass(frozen=True, slots=True)
 class Case:
-    """A mission under judgement and the parts at hand."""
+    """A mission under judgement, the parts at hand, and what its expressions may name."""
 
-    document: Document
-    catalog: Catalog
+    def __init__(self, document: Document, catalog: Catalog) -> None:
+        self.document = document
+        self.catalog = catalog
+        self.scopes = Scopes(document)
 
     def vehicles(self) -> Iterator[Vehicle]:
         yield from self.document.vehicles.values()
@@ -61,19 +61,3 @@ class Case:
 def part_of(vehicle: Vehicle, state: str) -> str:
     """The name of the part behind a state."""
     return vehicle.states[state].part.name.text if state in vehicle.states else BUILT_IN[state]
-
-
-def condition_scope(document: Document, vehicle: str | None) -> Scope:
-    """What a `when` of `vehicle` may name; with None, what an expectation may."""
-    estimators = {
-        name: tuple(use.part.label for use in v.estimators) for name, v in document.vehicles.items()
-    }
-    states = {name: (*v.states, *BUILT_IN) for name, v in document.vehicles.items()}
-    if vehicle is None:
-        return Scope("expectation", states, None, estimators)
-    return Scope("condition", states, vehicle, estimators)
-
-
-def health_scope(vehicle: str) -> Scope:
-    """What an estimator's health may name: its own age and spread."""
-    return Scope("health", {}, vehicle)

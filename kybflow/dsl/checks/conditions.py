@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.dsl.checks.case import Case, condition_scope, health_scope
+from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.expressions import parse
 
@@ -13,7 +13,7 @@ from kybflow.dsl.expressions import parse
 def conditions(case: Case) -> Iterator[Diagnostic]:
     """Every `when` of every behavior."""
     for vehicle, state in case.states():
-        scope = condition_scope(case.document, vehicle.name.text)
+        scope = case.scopes.condition(vehicle.name.text)
         for transition in state.transitions:
             if transition.when is not None:
                 yield from parse(transition.when, scope)[1]
@@ -24,11 +24,11 @@ def health(case: Case) -> Iterator[Diagnostic]:
     for vehicle in case.vehicles():
         for estimator in vehicle.estimators:
             if estimator.healthy is not None:
-                yield from parse(estimator.healthy, health_scope(vehicle.name.text))[1]
+                yield from parse(estimator.healthy, case.scopes.health(vehicle.name.text))[1]
 
 
 def expectations(case: Case) -> Iterator[Diagnostic]:
     """Every line of `expect`."""
-    scope = condition_scope(case.document, None)
+    scope = case.scopes.expectation()
     for expectation in case.document.expect:
         yield from parse(expectation, scope)[1]

@@ -85,6 +85,23 @@ def missing_measurements(case: Case) -> Iterator[Diagnostic]:
                 )
 
 
+def nothing_to_fly_by(case: Case) -> Iterator[Diagnostic]:
+    """KYB304: a vehicle has a behavior that needs an estimate of its state, and no estimator."""
+    for vehicle in case.vehicles():
+        if vehicle.estimators:
+            continue
+        behaviors = (s for s in vehicle.states.values() if s.part.spec.cls.needs_estimate)
+        state = next(behaviors, None)
+        if state is not None:
+            yield Diagnostic(
+                "KYB304",
+                f"`{vehicle.name.text}` has no estimator",
+                vehicle.span,
+                label=f"`{state.name.text}` ({state.part.name.text}) needs one",
+                help="name one under `estimators`",
+            )
+
+
 def control_rates(case: Case) -> Iterator[Diagnostic]:
     """KYB303: the control rate does not divide the rate of the driver's own steps, so that a tick
     would not fall on a step."""
@@ -92,7 +109,7 @@ def control_rates(case: Case) -> Iterator[Diagnostic]:
     for vehicle in case.vehicles():
         driver = vehicle.driver
         rate = driver.spec.cls.step_rate(driver.params)
-        if rate is None or abs(rate / control - round(rate / control)) < 1e-9:
+        if rate is None or _divides(control, rate):
             continue
         yield Diagnostic(
             "KYB303",
@@ -101,6 +118,11 @@ def control_rates(case: Case) -> Iterator[Diagnostic]:
             label=f"{rate:g} / {control} = {rate / control:.4g}",
             help=f"use {_divisor(rate, control)} Hz",
         )
+
+
+def _divides(control: int, rate: float) -> bool:
+    steps = round(rate / control)
+    return steps >= 1 and abs(rate / control - steps) < 1e-9
 
 
 def _divisor(rate: float, control: int) -> str:

@@ -79,19 +79,23 @@ def comes_down(vehicle: Vehicle, flights: Flights, endless: AbstractSet[str]) ->
     A behavior without `then` ends in `brake`, `hover` and then `auto_land`, or is on the ground.
     The states of `endless` have no normal end.
     """
-    down = {node for node in flights.nodes if node.flight is GROUND}
+    before: dict[Node, list[Node]] = {}
+    waiting = [node for node in flights.nodes if node.flight is GROUND]
     ending = (node for node in flights.nodes if node.state not in endless)
-    down |= {node for node in ending if _ends_by_default(vehicle, node)}
-    grew = True
-    while grew:
-        before = len(down)
-        for link in flights.links:
-            target, cause = link.transition.target.text, link.transition.cause
-            if cause == "failed" or (cause == "then" and link.source.state in endless):
-                continue
-            if target not in vehicle.states or Node(target, link.flight) in down:
-                down.add(link.source)
-        grew = len(down) > before
+    waiting += [node for node in ending if _ends_by_default(vehicle, node)]
+    for link in flights.links:
+        target, cause = link.transition.target.text, link.transition.cause
+        if cause == "failed" or (cause == "then" and link.source.state in endless):
+            continue
+        if target in vehicle.states:
+            before.setdefault(Node(target, link.flight), []).append(link.source)
+        else:
+            waiting.append(link.source)
+    down = set(waiting)
+    while waiting:
+        fresh = [node for node in before.get(waiting.pop(), ()) if node not in down]
+        down.update(fresh)
+        waiting += fresh
     return frozenset(down)
 
 

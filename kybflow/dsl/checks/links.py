@@ -155,18 +155,20 @@ def never_lands(case: Case) -> Iterator[Diagnostic]:
 
     A behavior that ends and has no `then` is followed by `brake`, `hover` and, after the hover
     limit, a landing. So this is a behavior without an end, or a circle of `then`, and no `next` or
-    `within` leads out of it. Failures do not count as a way out.
+    `within` leads out of it. Failures do not count as a way out. A `then` that is never taken is
+    reported as KYB206 alone.
     """
     for vehicle in case.vehicles():
-        flights, endless = flights_of(case, vehicle), endless_states(vehicle)
+        flights, endless = flights_of(case, vehicle), endless_states(vehicle) - _told(vehicle)
         if flights.broken or not _reached(vehicle) <= {*vehicle.states, *TARGETS}:
             continue
         stuck = {node.state for node in flights.nodes - comes_down(vehicle, flights, endless)}
+        ahead = _ahead(flights)
         told: set[str] = set()
         for name in [*(n for n in vehicle.states if n in endless), *vehicle.states]:
-            if name not in stuck:
+            if name not in stuck or name in told:
                 continue
-            circle = _circle(name, flights, endless)
+            circle = _circle(name, ahead, endless)
             if told.isdisjoint(circle):
                 yield _never_down(vehicle, name, circle)
             told.update(circle)
@@ -187,17 +189,24 @@ def _never_down(vehicle: Vehicle, name: str, circle: list[str]) -> Diagnostic:
     )
 
 
-def _circle(name: str, flights: Flights, endless: AbstractSet[str]) -> list[str]:
+def _told(vehicle: Vehicle) -> set[str]:
+    """The states with a `then`: where it is never taken, KYB206 says so."""
+    states = vehicle.states.items()
+    return {name for name, s in states if any(t.cause == "then" for t in s.transitions)}
+
+
+def _ahead(flights: Flights) -> dict[str, str]:
+    """Where the `then` of each state leads."""
+    thens = (link for link in flights.links if link.transition.cause == "then")
+    return {link.source.state: link.transition.target.text for link in thens}
+
+
+def _circle(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[str]:
     """The states from `name` on, along `then`, up to the first that comes twice or never ends."""
-    path = [name]
-    while True:
-        if path[-1] in endless:
-            return path
-        ahead = [
-            link.transition.target.text
-            for link in flights.links
-            if link.source.state == path[-1] and link.transition.cause == "then"
-        ]
-        path += ahead[:1]
-        if not ahead or ahead[0] in path[:-1]:
-            return path
+    path, passed = [name], {name}
+    while path[-1] in ahead and path[-1] not in endless:
+        path.append(ahead[path[-1]])
+        if path[-1] in passed:
+            break
+        passed.add(path[-1])
+    return path

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.entries import entries_of
+from kybflow.dsl.checks.entries import Entries, entries_of
 from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.document import State, Vehicle
 from kybflow.geometry import Vec3, distance
@@ -33,24 +32,33 @@ def starts_outside(case: Case) -> Iterator[Diagnostic]:
 
 
 def starts_too_close(case: Case) -> Iterator[Diagnostic]:
-    """KYB312: two vehicles start closer to each other than the larger one's diameter."""
-    for a, b in combinations(case.vehicles(), 2):
-        apart, needed = distance(a.start, b.start), max(a.airframe.diameter, b.airframe.diameter)
-        if apart >= needed:
+    """KYB312: two vehicles start closer to each other than the larger one's diameter.
+
+    Each vehicle is reported with the first that it is too close to.
+    """
+    vehicles = list(case.vehicles())
+    for index, b in enumerate(vehicles):
+        a = next((a for a in vehicles[:index] if distance(a.start, b.start) < _apart(a, b)), None)
+        if a is None:
             continue
+        near = format_quantity(distance(a.start, b.start), LENGTH)
         yield Diagnostic(
             "KYB312",
-            f"`{b.name.text}` starts {format_quantity(apart, LENGTH)} from `{a.name.text}`",
+            f"`{b.name.text}` starts {near} from `{a.name.text}`",
             b.start_span,
-            label=f"needs at least {format_quantity(needed, LENGTH)}",
+            label=f"needs at least {format_quantity(_apart(a, b), LENGTH)}",
             notes=(f"`{a.name.text}` starts at {_point(a.start)} ({a.start_span.at})",),
         )
+
+
+def _apart(a: Vehicle, b: Vehicle) -> float:
+    return max(a.airframe.diameter, b.airframe.diameter)
 
 
 def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
     """KYB313: a behavior goes outside the fence from an entry inside it that it can have."""
     fence = case.document.fence
-    for vehicle, state, entry, footprint in _footprints(case):
+    for vehicle, state, entry, footprint in footprints(case):
         if fence is None or (entry is not None and fence.outside_by(entry) > _ROUNDING):
             continue
         far = max(footprint.points, key=fence.outside_by, default=vehicle.start)
@@ -66,7 +74,7 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
 
 def too_fast(case: Case) -> Iterator[Diagnostic]:
     """KYB314: a behavior asks for more speed than the airframe may fly."""
-    for vehicle, state, _, footprint in _footprints(case):
+    for vehicle, state, _, footprint in footprints(case):
         limit = vehicle.airframe.speed
         if footprint.speed <= limit + _ROUNDING:
             continue
@@ -83,9 +91,8 @@ def undecided(case: Case) -> Iterator[Diagnostic]:
     """KYB315: it can't be told before the flight where a behavior goes, because it can be entered
     from anywhere; the fence processor and supervisor still hold it."""
     fence = case.document.fence
-    for vehicle, state in case.states():
-        entries = entries_of(vehicle).get(state.name.text)
-        if fence is None or entries is None or entries.known:
+    for state, entries in _entered(case):
+        if fence is None or entries.known:
             continue
         if _footprint(state, None) is None and _travels(state, fence):
             yield Diagnostic(
@@ -98,7 +105,14 @@ def undecided(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _footprints(case: Case) -> Iterator[tuple[Vehicle, State, Vec3 | None, Footprint]]:
+def _entered(case: Case) -> Iterator[tuple[State, Entries]]:
+    """Every state that is reached, with its entries."""
+    for vehicle in case.vehicles():
+        for name, entries in entries_of(vehicle).items():
+            yield vehicle.states[name], entries
+
+
+def footprints(case: Case) -> Iterator[tuple[Vehicle, State, Vec3 | None, Footprint]]:
     """The footprint of every state that is reached, from every entry that it can have."""
     for vehicle in case.vehicles():
         for name, entries in entries_of(vehicle).items():

@@ -99,4 +99,16 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         (x, y, z), r = params.center, params.radius
         corners = ((x - r, y, z), (x + r, y, z), (x, y - r, z), (x, y + r, z))
         points = corners if entry is None else (entry, *corners)
-        return Footprint(points, abs(params.speed), None, params.laps is None)
+        end = None if entry is None or params.laps is None else _exit(params, params.laps, entry)
+        inward = params.speed * params.speed / r
+        return Footprint(points, abs(params.speed), end, params.laps is None, inward)
+
+
+def _exit(params: CircleParams, laps: float, entry: Vec3) -> Vec3 | None:
+    """Where the last lap ends after an entry at rest; from the centre it depends on the heading."""
+    (x, y, z), r = params.center, params.radius
+    east, north = entry[0] - x, entry[1] - y
+    if hypot(east, north) <= 1e-6:
+        return None
+    phase = atan2(north, east) + (2.0 * pi * laps if params.speed > 0.0 else -2.0 * pi * laps)
+    return (x + r * cos(phase), y + r * sin(phase), z)

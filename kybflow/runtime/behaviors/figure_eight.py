@@ -14,7 +14,7 @@ motion, the centre is where that motion has died out. World frame, metres.
 
 from __future__ import annotations
 
-from math import cos, hypot, pi, sin
+from math import cos, hypot, pi, sin, sqrt
 
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 from kybflow.runtime.motion import Coast, Motion
@@ -93,9 +93,18 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
             return None
         a, b = params.width / 2.0, params.across / 2.0
         c, s = cos(params.rotation), sin(params.rotation)
-        corners = ((a, b), (a, -b), (-a, b), (-a, -b))
-        points = tuple(
-            (entry[0] + x * c - y * s, entry[1] + x * s + y * c, entry[2]) for x, y in corners
+        end = 2.0 * pi * params.laps
+        *points, last = (
+            (entry[0] + x * c - y * s, entry[1] + x * s + y * c, entry[2])
+            for x, y in ((a, b), (a, -b), (-a, b), (-a, -b), (a * sin(end), b * sin(2.0 * end)))
         )
         speed = 2.0 * pi / params.lap * hypot(a, 2.0 * b)
-        return Footprint((entry, *points), speed, entry)
+        return Footprint((entry, *points), speed, last, acceleration=_sharpest(a, b, params.lap))
+
+
+def _sharpest(a: float, b: float, lap: float) -> float:
+    """The largest acceleration in the loops: rate^2 sqrt(a^2 u + 64 b^2 u (1 - u)) with
+    u = sin^2 theta, at the u in [0, 1] where that is largest."""
+    rate, sharp = 2.0 * pi / lap, 64.0 * b * b
+    u = min(1.0, (a * a + sharp) / (2.0 * sharp)) if sharp > 0.0 else 1.0
+    return rate * rate * sqrt(a * a * u + sharp * u * (1.0 - u))

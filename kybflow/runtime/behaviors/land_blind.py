@@ -1,7 +1,8 @@
 """Come down without knowing where: level attitude, thrust ramped down from hover, then rotors off.
 
 The last resort when the estimate is lost. It needs neither estimator nor tracker: the on-board
-controller keeps the attitude level from its IMU, and the thrust is an open-loop function of time,
+controller keeps the attitude level and its heading from the IMU, and the thrust is an open-loop
+function of time,
 
     T(t) = T0 (1 - (1 - share) min(t / settle, 1) - fade max(t - settle, 0)
                - 2 vz0 / (g tau) max(1 - t / tau, 0)),      tau = 0.8 s
@@ -25,7 +26,7 @@ open-loop ramp is gentle for every error, this one is bounded for all of them.
 
 from __future__ import annotations
 
-from kybflow.geometry import GRAVITY, ZERO, from_heading
+from kybflow.geometry import GRAVITY, LEVEL, ZERO
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, param, params
 from kybflow.runtime.motion import IDLE, entry_motion
 from kybflow.signals import Command, CommandKind, Done, Tick
@@ -71,7 +72,6 @@ class LandBlind(
     def __init__(self, params: LandBlindParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._grounded = entry.flight is GROUND
-        self._attitude = from_heading(entry.heading)
         self._hover = entry.hover_thrust
         self._most = entry.site.airframe.max_thrust
         kick = -2.0 * entry_motion(entry).velocity[2] / (GRAVITY * _ARREST)
@@ -81,7 +81,7 @@ class LandBlind(
         if self._grounded or tick.elapsed >= self.params.time_bound:
             return Done(IDLE)
         thrust = self._hover * self._share_at(tick.elapsed)
-        return Command(self._attitude, min(max(thrust, 0.0), self._most), ZERO, None)
+        return Command(LEVEL, min(max(thrust, 0.0), self._most), ZERO, None)
 
     def _share_at(self, time: float) -> float:
         p = self.params

@@ -8,10 +8,10 @@ acceleration that the attitude and the airframe's rotor drag tell: g times the s
 less drag times velocity, horizontally.
 
 Attitude and body rates go through the same filter on the rotation, which has no sign to flip. The
-estimate is predicted over the latency to `now`. Poses with a stamp that is not newer than the last
-are dropped; after a gap longer than `gap` the filter starts again, and until `samples` poses have
-come there is no estimate. spread: running standard deviation of the innovation along an axis,
-metres.
+estimate is predicted over the latency to `now`. A pose whose stamp is not newer than the last one's
+is dropped, and so is one that is none (a lost body: not finite, or no rotation). After a gap longer
+than `gap` the filter starts again, and until `samples` poses have come there is no estimate.
+spread: running standard deviation of the innovation along an axis, metres.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Mocap(Estimator[MocapParams]):
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
         for pose in measurements:
-            if isinstance(pose, Pose):
+            if isinstance(pose, Pose) and _is_sound(pose):
                 self._take(pose)
         if self._count < self.params.samples:
             return None
@@ -144,3 +144,9 @@ class Mocap(Estimator[MocapParams]):
             k * (y * z - w * x) - self._drag * vy,
             0.0,
         )
+
+
+def _is_sound(pose: Pose) -> bool:
+    (px, py, pz), (w, x, y, z) = pose.position, pose.attitude
+    total = px + py + pz
+    return total - total == 0.0 and 0.9 < w * w + x * x + y * y + z * z < 1.1

@@ -64,3 +64,19 @@ def test_a_circle_too_tight_for_the_tilt_limit_is_refused() -> None:
 def test_a_circle_without_speed_is_refused() -> None:
     with pytest.raises(Refused):
         _circle(CENTER, speed=0.0)
+
+
+@pytest.mark.parametrize("speed", [0.5, -0.5])
+def test_its_footprint_says_where_its_laps_end(speed: float) -> None:
+    start = (1.5, 0.4, 1.0)
+    params = CircleParams(center=CENTER, radius=0.8, speed=speed, laps=1.3)
+    footprint = Circle.footprint(params, start)
+    flown = fly(_circle(start, speed=speed, laps=1.3), ideal(start))
+    assert footprint.exit == pytest.approx(flown.end.setpoint.position, abs=1e-3)
+    steady = flown.samples[len(flown.samples) * 2 // 3].setpoint.acceleration
+    assert footprint.acceleration == pytest.approx(math.hypot(*steady[:2]))
+
+
+def test_from_its_centre_it_cannot_tell_where_its_laps_end() -> None:
+    params = CircleParams(center=CENTER, radius=0.8, laps=1.0)
+    assert Circle.footprint(params, CENTER).exit is None

@@ -74,7 +74,16 @@ def test_its_footprint_bounds_what_it_flies() -> None:
         assert min(bounds) <= min(flown_axis)
         assert max(flown_axis) <= max(bounds)
     assert footprint.speed == pytest.approx(fastest(flown.samples), rel=1e-3)
-    assert footprint.exit == START
+    assert footprint.exit == pytest.approx(START)
+    sharpest = max(math.hypot(*s.setpoint.acceleration[:2]) for s in flown.samples)
+    assert footprint.acceleration == pytest.approx(sharpest, rel=1e-2)
+
+
+def test_its_footprint_ends_where_a_part_of_a_loop_does() -> None:
+    params = FigureEightParams(width=1.46, lap=10.0, laps=0.25)
+    assert FigureEight.footprint(params, START).exit == pytest.approx(
+        _fly(laps=0.25).end.setpoint.position, abs=1e-3
+    )
 
 
 def test_entered_in_motion_it_has_no_step() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import statistics
 from itertools import accumulate
-from math import cos, pi, sin
+from math import cos, nan, pi, sin
 
 import pytest
 from hypothesis import given
@@ -53,6 +53,18 @@ def test_it_needs_poses_and_tells_nothing_before_it_has_enough():
     estimator = mocap(samples=5)
     told = [estimator.update((Pose(ns(t), ZERO, LEVEL),), ns(t)) for t in every(120, 0.05)]
     assert [estimate is None for estimate in told] == [True] * 4 + [False] * 2
+
+
+@pytest.mark.parametrize(
+    "lost", [((nan, 0.0, 0.0), LEVEL), (ZERO, (0.0, 0.0, 0.0, 0.0)), (ZERO, (nan, 0.0, 0.0, 0.0))]
+)
+def test_a_pose_of_a_lost_body_is_dropped(lost):
+    def seen(t):
+        return lost if t > 0.4 else circling(t)
+
+    estimate = fed(mocap(), every(120, 0.5), seen)
+    assert estimate.age == pytest.approx(0.1, abs=0.02)
+    assert estimate.position == pytest.approx(circling(0.5)[0], abs=0.02)
 
 
 def test_a_battery_report_is_none_of_its_business():
