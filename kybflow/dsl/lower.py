@@ -71,25 +71,25 @@ def _vehicle(vehicle: Vehicle, scopes: Scopes, built_in: dict[str, StatePlan]) -
         heading=vehicle.heading,
         estimators=tuple(
             EstimatorPlan(
-                _part(e.part),
+                _part(e.part, f"estimators.{e.part.label}"),
                 None if e.healthy is None else _parsed(e.healthy, scopes.health(name)),
                 e.recover_after,
                 e.for_at_most,
             )
             for e in vehicle.estimators
         ),
-        processors=tuple(_part(p) for p in vehicle.processors),
-        tracker=_part(vehicle.tracker),
-        supervisors=tuple(_part(s) for s in vehicle.supervisors),
-        driver=_part(vehicle.driver),
+        processors=tuple(_part(p, f"processors.{p.label}") for p in vehicle.processors),
+        tracker=_part(vehicle.tracker, "tracker"),
+        supervisors=tuple(_part(s, f"supervisors.{s.label}") for s in vehicle.supervisors),
+        driver=_part(vehicle.driver, "driver"),
         begin=vehicle.begin.text,
         states={**own, **built_in},
         at=vehicle.span.at,
     )
 
 
-def _part(use: PartUse) -> PartPlan:
-    return PartPlan(use.spec.name, use.spec.cls, use.params, use.label, use.span.at)
+def _part(use: PartUse, label: str) -> PartPlan:
+    return PartPlan(use.spec.name, use.spec.cls, use.params, label, use.span.at)
 
 
 def _state(state: State, vehicle: str, scopes: Scopes) -> StatePlan:
@@ -103,7 +103,13 @@ def _state(state: State, vehicle: str, scopes: Scopes) -> StatePlan:
         arrows.append(TransitionPlan("failed", failure_of(legs), implied=True, at=at))
     order = ("next", "then", "failed", "within")
     arrows.sort(key=lambda arrow: order.index(arrow.cause))
-    return StatePlan(state.name.text, _part(state.part), legs, tuple(arrows), at=at)
+    name = state.name.text
+    return StatePlan(name, _part(state.part, _label(name)), legs, tuple(arrows), at=at)
+
+
+def _label(state: str) -> str:
+    """What a state's behavior is called among the options."""
+    return f"behaviors.{state}"
 
 
 def _arrow(arrow: Transition, vehicle: str, scopes: Scopes) -> TransitionPlan:
@@ -132,7 +138,7 @@ def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:
     states = {}
     for name, part in BUILT_IN.items():
         spec = catalog.get("behaviors", part)
-        behavior = PartPlan(part, spec.cls, spec.params(), name)
+        behavior = PartPlan(part, spec.cls, spec.params(), _label(name))
         states[name] = StatePlan(name, behavior, spec.cls.flight, arrows.get(name, ()), True)
     return states
 

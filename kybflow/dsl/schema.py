@@ -54,6 +54,16 @@ def vector(dimension: Dimension, help: str, **bounds: Any) -> Schema:
     }
 
 
+def _bounds(field: Field) -> dict[str, float]:
+    bounds = {
+        "exclusiveMinimum": field.above,
+        "minimum": field.at_least,
+        "exclusiveMaximum": field.below,
+        "maximum": field.at_most,
+    }
+    return {key: bound for key, bound in bounds.items() if bound is not None}
+
+
 def field_schema(field: Field) -> Schema:
     """The schema of one parameter."""
     text = (
@@ -61,16 +71,7 @@ def field_schema(field: Field) -> Schema:
         if field.required
         else f"{field.help} Default: {shown_value(field.default, field)}."
     )
-    bounds = {
-        key: bound
-        for key, bound in (
-            ("exclusiveMinimum", field.above),
-            ("minimum", field.at_least),
-            ("exclusiveMaximum", field.below),
-            ("maximum", field.at_most),
-        )
-        if bound is not None
-    }
+    bounds = _bounds(field)
     if field.dimension is not None:
         if field.shape == "scalar":
             return quantity(field.dimension, text, **bounds)

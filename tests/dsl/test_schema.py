@@ -51,6 +51,25 @@ def test_it_refuses_what_the_compiler_refuses(state: dict[str, object]) -> None:
     assert list(Draft202012Validator(SCHEMA).iter_errors(tree)) != []
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "is_right"),
+    [
+        ("tracker", "cascade", True),
+        ("tracker", None, True),
+        ("tracker", "casacde", False),
+        ("processors", ["fence", {"use": "fence", "margin": "20 cm"}], True),
+        ("processors", ["fense"], False),
+        ("supervisors", [{"use": "fence", "reaction": "land"}], True),
+        ("supervisors", [{"use": "fence", "reaction": "$reaction"}], True),
+        ("supervisors", [{"use": "fence", "reaction": None}], True),
+        ("supervisors", [{"use": "fence", "reaction": "lnad"}], False),
+    ],
+)
+def test_a_part_by_its_name_and_a_choice(key: str, value: object, is_right: bool) -> None:
+    tree = {"kybflow": 1, "mission": "m", "vehicles": {"a": {key: value}}}
+    assert Draft202012Validator(SCHEMA).is_valid(tree) is is_right
+
+
 def test_everything_that_can_be_written_is_described() -> None:
     catalog = load_catalog()
     for kind in BASES:

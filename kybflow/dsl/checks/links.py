@@ -24,10 +24,10 @@ def unknown_targets(case: Case) -> Iterator[Diagnostic]:
         known = [*vehicle.states, *TARGETS]
         if vehicle.begin.text not in vehicle.states:
             yield _unknown(vehicle.begin, vehicle, list(vehicle.states))
-        for state in vehicle.states.values():
-            for transition in state.transitions:
-                if transition.target.text not in known:
-                    yield _unknown_target(transition, vehicle, known)
+        arrows = (arrow for state in vehicle.states.values() for arrow in state.transitions)
+        for transition in arrows:
+            if transition.target.text not in known:
+                yield _unknown_target(transition, vehicle, known)
 
 
 def _unknown_target(transition: Transition, vehicle: Vehicle, known: list[str]) -> Diagnostic:

@@ -91,7 +91,7 @@ def undecided(case: Case) -> Iterator[Diagnostic]:
     """KYB315: it can't be told before the flight where a behavior goes, because it can be entered
     from anywhere; the fence processor and supervisor still hold it."""
     fence = case.document.fence
-    for state, entries in _entered(case):
+    for _, state, entries in _entered(case):
         if fence is None or entries.known:
             continue
         if _footprint(state, None) is None and _travels(state, fence):
@@ -105,22 +105,20 @@ def undecided(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _entered(case: Case) -> Iterator[tuple[State, Entries]]:
+def _entered(case: Case) -> Iterator[tuple[Vehicle, State, Entries]]:
     """Every state that is reached, with its entries."""
     for vehicle in case.vehicles():
         for name, entries in entries_of(vehicle).items():
-            yield vehicle.states[name], entries
+            yield vehicle, vehicle.states[name], entries
 
 
 def footprints(case: Case) -> Iterator[tuple[Vehicle, State, Vec3 | None, Footprint]]:
     """The footprint of every state that is reached, from every entry that it can have."""
-    for vehicle in case.vehicles():
-        for name, entries in entries_of(vehicle).items():
-            state = vehicle.states[name]
-            for entry in entries.asked():
-                footprint = _footprint(state, entry)
-                if footprint is not None:
-                    yield vehicle, state, entry, footprint
+    for vehicle, state, entries in _entered(case):
+        for entry in entries.asked():
+            footprint = _footprint(state, entry)
+            if footprint is not None:
+                yield vehicle, state, entry, footprint
 
 
 def _footprint(state: State, entry: Vec3 | None) -> Footprint | None:
