@@ -24,6 +24,9 @@ def end_of(legs: Iterable[Leg]) -> str:
 
 
 def failure_of(legs: Iterable[Leg]) -> str:
-    """Where a behavior without `failed` goes when it fails."""
-    on_ground = all(leg == (GROUND, GROUND) for leg in legs)
-    return "landed" if on_ground else "brake"
+    """Where a behavior without `failed` goes when it fails: a take-off or a landing, which may have
+    its feet on the ground, lands; what flies brakes."""
+    every = tuple(legs)
+    if all(leg == (GROUND, GROUND) for leg in every):
+        return "landed"
+    return "brake" if (AIR, AIR) in every else "auto_land"

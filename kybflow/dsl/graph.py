@@ -15,7 +15,10 @@ from kybflow.dsl.graph_types import Box, Drawing, Edge
 from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.units import DURATION
 
-FOOTNOTE = "A behavior that fails and does not say what follows brakes, hovers and lands."
+FOOTNOTE = (
+    "A behavior that fails and does not say what follows brakes, hovers and lands; "
+    "a take-off lands."
+)
 
 
 def svg(plan: Plan) -> str:

@@ -79,16 +79,16 @@ def _closing(count: int, edges: Sequence[tuple[int, int]], first: int) -> set[in
             vertex, rest = path[-1]
             seen.add(vertex)
             open_vertices.add(vertex)
-            for number in rest:
-                target = edges[number][1]
-                if target in open_vertices:
-                    closing.add(number)
-                elif target not in seen:
-                    path.append((target, iter(leaving[target])))
-                    break
-            else:
+            ahead = (n for n in rest if edges[n][1] in open_vertices or edges[n][1] not in seen)
+            taken = next(ahead, None)
+            if taken is None:
                 open_vertices.discard(vertex)
                 path.pop()
+            elif edges[taken][1] in open_vertices:
+                closing.add(taken)
+            else:
+                target = edges[taken][1]
+                path.append((target, iter(leaving[target])))
     return closing
 
 

@@ -69,6 +69,8 @@ class Activity:
         if transition is None:
             return
         self._leave("done" if transition.cause == "then" else transition.cause, transition)
+        if transition.cause in ("failed", "within") and self._is_unforeseen():
+            self._score.failure(self._reason or f"not done within {transition.after:g} s")
         self.machine.fire(transition)
         if latched and self.machine.state == "landed":
             self.machine.force("fault")
@@ -142,11 +144,18 @@ class Activity:
         """Go where `failed` says, but to no state that has refused already."""
         self._outcome, self._reason = "failed", reason
         self._leave("refused", None)
+        if self._is_unforeseen():
+            self._score.failure(reason)
         transition = self.machine.due(0.0, frozenset(), "failed", 0.0)
         if transition is not None and transition.target not in refused:
             self.machine.fire(transition)
         else:
             self.machine.force("brake" if self.airborne else "landed")
+
+    def _is_unforeseen(self) -> bool:
+        """Whether the mission does not say what follows when the present behavior fails."""
+        arrows = (arrow for arrow in self.state.transitions if arrow.cause == "failed")
+        return all(arrow.implied for arrow in arrows)
 
     def _leave(self, how: str, transition: TransitionPlan | None) -> None:
         at = transition.at if transition is not None else ""

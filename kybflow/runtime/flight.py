@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,21 +9,20 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from kybflow.dsl.plan import Plan, VehiclePlan
+from kybflow.dsl.plan import Plan
 from kybflow.errors import DriverError, PartFailed
-from kybflow.parts import Driver, Seat, Session
-from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
+from kybflow.parts import Session
 from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
 from kybflow.runtime.interrupts import Interrupts
+from kybflow.runtime.opening import build_vehicles, clock_for, open_sessions
+from kybflow.runtime.options import check_options
 from kybflow.runtime.outcome import EXIT_CODES, Ending, summarise
 from kybflow.runtime.recorder import Recorder
 from kybflow.runtime.run_folder import create_run_folder
 from kybflow.runtime.score import Score
-from kybflow.runtime.vehicle import Vehicle
 from kybflow.signals import Event
-from kybflow.site import Site
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +60,7 @@ def fly(
     """Fly `plan`. Raises RunFolderError when the folder can't be used, OptionRefused for an option
     that can't be changed; whatever happens later is in the summary."""
     began, started = time.monotonic(), datetime.now().astimezone()
+    check_options(plan, request.options)
     folder = create_run_folder(plan, request.out, started)
     recorder = Recorder(folder.log, plan)
     try:
@@ -94,7 +93,7 @@ class _Run:
         """Open the drivers, fly to the end, close them."""
         sessions: list[Session] = []
         try:
-            sessions = _open(self._plan, self._request.seed)
+            sessions = open_sessions(self._plan, self._request.seed)
             self._reason = self._flown(sessions, observers)
         except DriverError as error:
             self._driver_failed = str(error)
@@ -108,8 +107,8 @@ class _Run:
 
     def _flown(self, sessions: Sequence[Session], observers: Sequence[Observer]) -> str | None:
         plan, events = self._plan, self._events
-        vehicles = _vehicles(plan, sessions, events, self._recorder, self._score)
-        clock = _clock(plan, self._request.speed)
+        vehicles = build_vehicles(plan, sessions, events, self._recorder, self._score)
+        clock = clock_for(plan, self._request.speed)
         engine = self._engine = Engine(plan, clock, sessions, vehicles, events, observers)
         for name, value in self._request.options:
             engine.options.set(name, value, "command line")
@@ -147,55 +146,3 @@ class _Run:
             sim_time_s=engine.seconds() if engine else 0.0,
             wall_time_s=wall_time_s,
         )
-
-
-def _open(plan: Plan, seed: int) -> list[Session]:
-    """One session for each driver, with every vehicle that flies on it."""
-    generator = random.Random(seed)
-    by_driver: dict[type[Driver[Any]], list[VehiclePlan]] = {}
-    for vehicle in plan.vehicles:
-        by_driver.setdefault(vehicle.driver.cls, []).append(vehicle)
-    sessions: list[Session] = []
-    try:
-        for driver, vehicles in by_driver.items():
-            seats = [Seat(_site(plan, v), v.driver.params) for v in vehicles]
-            sessions.append(driver.open(seats, generator))
-    except DriverError:
-        for session in sessions:
-            session.close()
-        raise
-    return sessions
-
-
-def _site(plan: Plan, vehicle: VehiclePlan) -> Site:
-    return Site(
-        vehicle.name,
-        vehicle.airframe,
-        vehicle.start,
-        vehicle.heading,
-        plan.fence,
-        1.0 / plan.control_rate,
-    )
-
-
-def _vehicles(
-    plan: Plan, sessions: Sequence[Session], events: Events, recorder: Recorder, score: Score
-) -> list[Vehicle]:
-    links = {name: link for session in sessions for name, link in session.links.items()}
-    return [
-        Vehicle(
-            vehicle,
-            _site(plan, vehicle),
-            links[vehicle.name],
-            events,
-            recorder.vehicle(vehicle.name),
-            score.vehicle(vehicle.name),
-        )
-        for vehicle in plan.vehicles
-    ]
-
-
-def _clock(plan: Plan, speed: float | None) -> Clock:
-    if plan.simulated:
-        return SimulatedClock(plan.control_rate, speed)
-    return WallClock(plan.control_rate)

@@ -8,13 +8,16 @@ told as an event with who made it; one that is refused says why and changes noth
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
 from math import isfinite
 from typing import Any, Protocol
 
+from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.errors import OptionRefused, UnitError
 from kybflow.params import Field, fields_of
 from kybflow.runtime.events import Events
+from kybflow.runtime.making import parts_of
 from kybflow.units import format_quantity, parse_quantity
 
 
@@ -77,11 +80,38 @@ class Options:
         holder = self._holders.get(vehicle)
         parameters = holder.parameters().get(label) if holder else None
         if holder is None or parameters is None:
-            raise OptionRefused(f"there is no option `{name}`")
+            raise self._unknown(name)
         for field in fields_of(parameters.__class__):
             if field.name == field_name:
                 return holder, label, field
-        raise OptionRefused(f"`{label}` of `{vehicle}` has no parameter `{field_name}`")
+        raise self._unknown(name)
+
+    def _unknown(self, name: str) -> OptionRefused:
+        near = get_close_matches(name, list(self.names()), n=1)
+        hint = f"; did you mean `{near[0]}`?" if near else ""
+        return OptionRefused(f"there is no option `{name}`{hint}")
+
+
+class _Planned:
+    """A vehicle before it exists, as the options see it."""
+
+    def __init__(self, plan: VehiclePlan) -> None:
+        self.name = plan.name
+        self._parameters = {part.label: part.params for part in parts_of(plan)}
+
+    def parameters(self) -> dict[str, Any]:
+        return self._parameters
+
+    def change(self, label: str, parameters: Any) -> None:
+        self._parameters[label] = parameters
+
+
+def check_options(plan: Plan, wanted: Iterable[tuple[str, str]]) -> None:
+    """Raises OptionRefused for the first of `wanted` (name, value) that can't be set; nothing is
+    opened or written before that is known."""
+    options = Options(tuple(_Planned(vehicle) for vehicle in plan.vehicles), Events())
+    for name, value in wanted:
+        options.set(name, value, "command line")
 
 
 def _decoded(name: str, value: Any, field: Field) -> Any:

@@ -66,6 +66,7 @@ def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[O
         return "interrupted", ending.reason or "interrupted"
     reasons = [
         ending.reason,
+        _failures(score),
         _faults(score),
         _in_the_air(ending.airborne),
         _broken(verdicts),
@@ -104,6 +105,13 @@ def summarise(
         "expectations": [_expectation(verdict) for verdict in verdicts],
         "recording": ending.recording,
     }
+
+
+def _failures(score: Score) -> str:
+    """Behaviors that failed where the mission does not say what then; a `failed` arrow foresees
+    it."""
+    found = [f"{v.name}: {failure}" for v in score.vehicles.values() for failure in v.failures]
+    return "; ".join(found)
 
 
 def _faults(score: Score) -> str:

@@ -80,6 +80,7 @@ class VehicleScore:
         self.behaviors: list[BehaviorScore] = []
         self.estimators: list[EstimatorUse] = []
         self.min_battery: float | None = None
+        self.failures: list[str] = []
         self._position, self._velocity = Errors(), Errors()
 
     def entered(self, state: str, part: str, t_s: float) -> None:
@@ -92,6 +93,10 @@ class VehicleScore:
         """The present state was left, and how its behavior ended."""
         if self.behaviors:
             self.behaviors[-1].end_s, self.behaviors[-1].ended = t_s, how
+
+    def failure(self, reason: str) -> None:
+        """The present behavior failed, and the mission does not say what then."""
+        self.failures.append(f"`{self.behaviors[-1].name}` failed: {reason}")
 
     def sample(self, position_error: float | None, velocity_error: float | None) -> None:
         """One tick's errors, m and m/s; None where the setpoint has no such field."""

@@ -105,15 +105,18 @@ def test_a_behavior_that_refuses_to_start_goes_where_its_failed_says(run):
 
 def test_without_a_failed_arrow_a_refusal_brakes_hovers_and_lands(run):
     shut = state("shut", Refusing, then("down"))
-    _, told = run(vehicle("a", [up("shut"), shut, down()], hover_limit=1.0))
+    flown, told = run(vehicle("a", [up("shut"), shut, down()], hover_limit=1.0))
     assert path(told, "a") == ["up", "shut", "brake", "hover", "auto_land", "landed"]
+    assert flown.exit_code == 1
+    assert "a: `shut` failed: the door is shut" in flown.summary["reason"]
 
 
 def test_a_behavior_that_fails_goes_where_its_failed_says(run):
     failing = state("try", Failing, then("hold"), TransitionPlan("failed", "down"))
-    _, told = run(vehicle("a", [up("try"), failing, hold(9.0, "down"), down()]))
+    flown, told = run(vehicle("a", [up("try"), failing, hold(9.0, "down"), down()]))
     assert path(told, "a") == ["up", "try", "down", "landed"]
     assert named(told, "behavior_failed")[0].fields["reason"] == "no way through"
+    assert flown.exit_code == 0
 
 
 def test_within_ends_a_state_that_takes_too_long(run):

@@ -56,7 +56,7 @@ def test_a_change_takes_effect_when_the_next_tick_begins(options, told):
         (NAME, "-1 m/s", "must be above 0"),
         (NAME, "2 kg", "is a mass, but a speed is needed"),
         (NAME, "fast", "is not a speed"),
-        ("mk.processors.limit_speed.spede", "1", "has no parameter `spede`"),
+        ("mk.processors.limit_speed.spede", "1", "did you mean `mk.processors.limit_speed.speed`"),
         ("mk.processors.unknown.speed", "1", "there is no option"),
         ("other.processors.limit_speed.speed", "1", "there is no option"),
         ("mk.driver.physics", "400 Hz", "is read-only"),
