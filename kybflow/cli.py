@@ -6,7 +6,7 @@ import os
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import IO, Annotated, cast
 
 import typer
 
@@ -89,13 +89,15 @@ def run(
     """
     from rich.console import Console
 
+    from kybflow.panel import Outlet
     from kybflow.running import Asked, run_mission
     from kybflow.runtime.flight import Request
 
     pace = 1.0 if live and speed is None else speed
     request = Request(seed, out, pace, tuple(_pair(option) for option in options or ()))
     asked = Asked(mission, target, tuple(sets or ()), request, live, plain, report)
-    raise typer.Exit(run_mission(asked, Console(), Console(stderr=True)))
+    screen, errors = (Console(file=cast(IO[str], Outlet(s))) for s in (sys.stdout, sys.stderr))
+    raise typer.Exit(run_mission(asked, screen, errors))
 
 
 def _pair(option: str) -> tuple[str, str]:

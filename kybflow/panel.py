@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import deque
+from typing import IO, Any
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -16,6 +18,37 @@ from kybflow.runtime.vehicle import Vehicle
 from kybflow.signals import NS, Event
 
 _SHOWN = 6
+
+
+class Outlet:
+    """Standard output while a vehicle flies: a reader that has gone (`| head`) or a disk that is
+    full must not stop the flight, so what can't be written goes nowhere."""
+
+    def __init__(self, stream: IO[str]) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        try:
+            return self._stream.write(text)
+        except OSError:
+            self._drain()
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except OSError:
+            self._drain()
+
+    def _drain(self) -> None:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self._stream.fileno())
+        os.close(nowhere)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
 _REDRAW = 0.1
 _QUIET_FIELDS = frozenset({"behavior", "part"})
 
@@ -28,7 +61,8 @@ def sentence(event: Event) -> str:
         words.append(str(fields["behavior"]))
     if "part" in fields:
         words.append(f"({fields['part']})")
-    words += [f"{k}={_short(v)}" for k, v in fields.items() if k not in _QUIET_FIELDS]
+    told = {k: v for k, v in fields.items() if k not in _QUIET_FIELDS and v is not None}
+    words += [f"{k}={_short(v)}" for k, v in told.items()]
     at = f"  [{event.at}]" if event.at else ""
     return f"{event.time / NS:7.2f} s  {event.vehicle:8} {' '.join(words)}{at}"
 
@@ -109,7 +143,7 @@ def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:
     return (
         vehicle.name,
         vehicle.activity.machine.state if flying else "preflight",
-        estimate.source if estimate else "none",
+        vehicle.estimator or "none",
         f"{battery.remaining:.0%}" if battery else "-",
         f"{distance(wanted, estimate.position) * 1000:.0f} mm" if wanted and estimate else "-",
         f"{estimate.position[2]:.2f} m" if estimate else "-",

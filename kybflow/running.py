@@ -17,7 +17,7 @@ from kybflow.panel import LivePanel, PlainPanel
 from kybflow.runtime.flight import Flown, Request, fly
 from kybflow.runtime.outcome import INVALID
 from kybflow.runtime.report import write_report
-from kybflow.units import DIMENSIONS, format_quantity
+from kybflow.units import format_measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +94,4 @@ def _value(expectation: dict[str, object]) -> str:
     value = expectation["value"]
     if not isinstance(value, float):
         return ""
-    dimension = next((d for d in DIMENSIONS.values() if d.si and d.si == expectation["unit"]), None)
-    shown = format_quantity(value, dimension) if dimension else f"{value:.4g}"
-    return f"  ({shown})"
+    return f"  ({format_measured(value, str(expectation['unit']))})"

@@ -139,3 +139,16 @@ def format_quantity(value: float, dimension: Dimension) -> str:
     if dimension is RATIO:
         return f"{value * 100:.4g} %"
     return f"{value:.4g} {dimension.si}".rstrip()
+
+
+_READABLE = {"rad": (1 / DEG, "deg"), "rad/s": (1 / DEG, "deg/s")}
+_SMALL = {"m": (100.0, "cm"), "m/s": (100.0, "cm/s")}
+
+
+def format_measured(value: float, si: str, sign: str = "") -> str:
+    """A measured `value` (in the SI unit `si`) with three digits, as a report shows it: angles in
+    degrees, lengths and speeds below one in centimetres. `sign` "+" shows the plus."""
+    factor, unit = _READABLE.get(si, (1.0, si))
+    if si in _SMALL and abs(value) < 1.0:
+        factor, unit = _SMALL[si]
+    return f"{value * factor:{sign}.3g} {unit}".rstrip()

@@ -120,3 +120,36 @@ def test_the_plain_call_says_what_the_parsed_one_says(bad: str) -> None:
     plain = subprocess.run(command, capture_output=True, text=True, check=False)
     parsed = run("validate", bad, "--format", "text")
     assert (parsed.exit_code, parsed.output) == (plain.returncode, plain.stdout)
+
+
+FIRST = str(REPO / "missions" / "first_flight.yaml")
+
+
+@pytest.mark.parametrize("outlet", ["| head -1", "> /dev/full"])
+def test_a_flight_goes_on_when_nobody_can_be_told(tmp_path: Path, outlet: str) -> None:
+    command = f"{sys.executable} -m kybflow run {FIRST} --no-report --out {tmp_path} {outlet}"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
+    assert json.loads((tmp_path / "summary.json").read_text())["outcome"] == "succeeded"
+    assert done.stderr == ""
+
+
+def test_run_shows_values_as_the_report_does(tmp_path: Path) -> None:
+    result = run("run", FIRST, "--out", str(tmp_path), "--set", "height=50cm")
+    assert result.exit_code == 0
+    assert "held    finished within 30 s  (" in result.output
+    assert f"report: {tmp_path / 'report.html'}" in result.output
+
+
+def test_an_unknown_option_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    result = run("run", FIRST, "--out", str(out), "--option", "nano.processor.fence.margin=1")
+    assert result.exit_code == 2
+    assert "did you mean `nano.processors.fence.margin`?" in result.output
+    assert not out.exists()
+
+
+def test_graph_draws_both_ways(tmp_path: Path) -> None:
+    assert "stateDiagram-v2" in run("graph", FIRST).output
+    drawing = tmp_path / "first.svg"
+    assert run("graph", FIRST, "--format", "svg", "--out", str(drawing)).exit_code == 0
+    assert drawing.read_text(encoding="utf-8").startswith("<svg")

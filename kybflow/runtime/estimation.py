@@ -117,6 +117,11 @@ class Estimation:
             self._change(chosen, now)
         return chosen.estimate if chosen is not None else None
 
+    @property
+    def source(self) -> str | None:
+        """The name of the estimator in use."""
+        return self._in_use.name if self._in_use is not None else None
+
     def parts(self) -> dict[str, Any]:
         """The living estimators by label."""
         return {candidate.label: candidate.part for candidate in self._candidates}

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from html import escape
 from typing import Any
 
 from kybflow.runtime.report_data import Run
+from kybflow.units import format_measured
 
 _OUTCOMES = {
     "succeeded": "✓ succeeded",
@@ -17,9 +17,6 @@ _OUTCOMES = {
 }
 _DASH = "\N{EN DASH}"
 _FEW_VISITS = 16
-_DEGREES = 180.0 / math.pi
-_SHOWN = {"rad": (_DEGREES, "deg"), "rad/s": (_DEGREES, "deg/s")}
-_SMALL = {"m": (100.0, "cm"), "m/s": (100.0, "cm/s")}
 
 
 def badge(run: Run) -> str:
@@ -148,14 +145,10 @@ def _percent(value: float | None) -> str:
 
 
 def _quantity(value: float | None, unit: str, sign: str = "") -> str:
-    """A value in SI as a person would write it; small lengths and speeds in centimetres."""
+    """A value in SI as a person would write it; a dash for none."""
     if value is None:
         return _DASH
-    factor, shown = _SHOWN.get(unit, (1.0, unit))
-    if unit in _SMALL and abs(value) < 1.0:
-        factor, shown = _SMALL[unit]
-    number = f"{value * factor:{sign}.3g}".replace("-", "\N{MINUS SIGN}")
-    return f"{number} {shown}".rstrip()
+    return format_measured(value, unit, sign).replace("-", "\N{MINUS SIGN}")
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:

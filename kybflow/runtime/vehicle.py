@@ -80,6 +80,11 @@ class Vehicle:
         self.activity = Activity(plan, self._params, events, score)
 
     @property
+    def estimator(self) -> str | None:
+        """The name of the estimator in use, as the mission calls it."""
+        return self._estimation.source
+
+    @property
     def rests(self) -> bool:
         """On the ground, in a state that nothing leaves any more."""
         return not self.activity.airborne and not self.activity.state.transitions

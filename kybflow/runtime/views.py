@@ -42,7 +42,10 @@ class Believed:
 
     @property
     def estimator(self) -> str:
-        return self._estimate().source
+        source = self._vehicle.estimator
+        if source is None:
+            raise Unavailable
+        return source
 
     @property
     def elapsed(self) -> float:
