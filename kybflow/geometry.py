@@ -7,7 +7,7 @@ array costs ten times as much as the arithmetic on three numbers.
 
 from __future__ import annotations
 
-from math import acos, asin, atan2, cos, pi, sin, sqrt
+from math import acos, asin, atan2, cos, dist, pi, sin, sqrt
 
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
@@ -42,7 +42,7 @@ def norm(a: Vec3) -> float:
 
 
 def distance(a: Vec3, b: Vec3) -> float:
-    return norm(sub(a, b))
+    return dist(a, b)
 
 
 def wrap(angle: float) -> float:

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import dist
 from typing import Protocol
 
-from kybflow.geometry import Quat, Vec3, heading_of, norm, tilt_of
+from kybflow.geometry import Quat, Vec3, distance, heading_of, norm, tilt_of
 from kybflow.signals import Battery, Setpoint
 from kybflow.units import ANGLE, DURATION, LENGTH, RATIO, SPEED, VOLTAGE, Dimension
 
@@ -72,14 +71,14 @@ def _position_error(view: View) -> float:
     position = view.wanted.position
     if position is None:
         raise Unavailable
-    return dist(position, view.state.position)
+    return distance(position, view.state.position)
 
 
 def _velocity_error(view: View) -> float:
     velocity = view.wanted.velocity
     if velocity is None:
         raise Unavailable
-    return dist(velocity, view.state.velocity)
+    return distance(velocity, view.state.velocity)
 
 
 OBSERVABLES: dict[str, Observable] = {
