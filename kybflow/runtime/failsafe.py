@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from kybflow.errors import PartFailed
+from kybflow.errors import PartFailed, described
 from kybflow.parts import Supervisor
 from kybflow.runtime.events import Events
 from kybflow.signals import NS, Alarm, Reaction, Tick, Time
@@ -55,6 +55,19 @@ class Failsafe:
                     worst = alarm
         failed, self._failed = self._failed, None
         return failed if failed and (not worst or failed.reaction > worst.reaction) else worst
+
+    def foresee(self, tick: Tick) -> list[tuple[str, str]]:
+        """What would make the vehicle land at once if it flew as it stands: (supervisor, reason)."""
+        found = []
+        for label, supervisor in self._supervisors:
+            try:
+                alarm = supervisor.check(tick, True)
+            except Exception as error:  # a part may raise anything
+                found.append((label, f"it failed: {described(error)}"))
+                continue
+            if alarm is not None and alarm.reaction >= Reaction.LAND:
+                found.append((label, alarm.reason))
+        return found
 
     def report(self, failure: PartFailed) -> None:
         """A part failed that a landing may do without; `check` asks for the landing."""

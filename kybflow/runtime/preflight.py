@@ -23,7 +23,8 @@ class Line(NamedTuple):
 
 
 def preflight(vehicle: Vehicle) -> tuple[Line, ...]:
-    """The lines of one vehicle, as it stands on the ground."""
+    """The lines of one vehicle, as it stands on the ground. What a supervisor would land it for in
+    the air keeps it there."""
     estimate, battery, name = vehicle.estimate, vehicle.battery, vehicle.name
     if vehicle.link_error is not None:
         return (Line(name, "link", False, vehicle.link_error),)
@@ -31,6 +32,7 @@ def preflight(vehicle: Vehicle) -> tuple[Line, ...]:
         sources = ", ".join(e.part.name for e in vehicle.plan.estimators)
         return (Line(name, "estimate", False, f"no healthy estimate from {sources}"),)
     away = distance(estimate.position, vehicle.site.start)
+    foreseen = (Line(name, label, False, reason) for label, reason in vehicle.foreseen())
     return (
         Line(name, "estimate", True, f"{estimate.source}, spread {estimate.spread * 1000:.1f} mm"),
         Line(
@@ -45,4 +47,5 @@ def preflight(vehicle: Vehicle) -> tuple[Line, ...]:
             battery is not None,
             "no report" if battery is None else f"{battery.remaining:.0%}",
         ),
+        *foreseen,
     )

@@ -89,12 +89,16 @@ class Vehicle:
         """On the ground, in a state that nothing leaves any more."""
         return not self.activity.airborne and not self.activity.state.transitions
 
+    def foreseen(self) -> list[tuple[str, str]]:
+        """What would make it land at once if it flew now: (supervisor, reason)."""
+        return self.failsafe.foresee(self._standing())
+
     def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
         """Enter the first state."""
         try:
             self.activity.begin(conditions, self.entry)
         except Exception as error:  # see _decided
-            self._escalate(error, self._tick(self.now, 0.0, {}))
+            self._escalate(error, self._standing())
 
     def sense(self, now: Time) -> None:
         """Read the link and renew the estimate."""
@@ -143,7 +147,7 @@ class Vehicle:
         """Land now, whatever the mission says: an operator's interrupt, or its time is over."""
         if not self.rests:
             alarm = Alarm("interrupted", Reaction.LAND, reason, 0.0, 0.0)
-            self.react(alarm, self._tick(self.now, 0.0, {}))
+            self.react(alarm, self._standing())
 
     def parameters(self) -> dict[str, Any]:
         """Each part's parameters, by label."""
@@ -162,6 +166,10 @@ class Vehicle:
         if self.link_error is None:
             self.link_error = described(error)
             self.failsafe.report(PartFailed(self.plan.driver.label, error))
+
+    def _standing(self) -> Tick:
+        """The tick between two ticks: no time passes, nobody else is seen."""
+        return self._tick(self.now, 0.0, {})
 
     def _tick(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> Tick:
         elapsed = (now - self.activity.entered) / NS

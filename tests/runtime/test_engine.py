@@ -228,6 +228,14 @@ def test_preflight_keeps_a_vehicle_without_poses_on_the_ground(run):
     assert "a: estimate: no healthy estimate from mocap" in flown.summary["reason"]
 
 
+def test_preflight_keeps_a_vehicle_on_the_ground_that_would_land_at_once(run):
+    empty = part("drivers", "sim", battery=0.1)
+    flown, told = run(vehicle("a", [up("down"), down()], driver=empty))
+    assert named(told, "behavior_started") == []
+    assert flown.exit_code == 1
+    assert "a: supervisors.battery: 10% left, below 15%" in flown.summary["reason"]
+
+
 def test_options_of_the_command_line_reach_the_part_and_the_record(run):
     options = (("a.processors.position_error.limit", "20 cm"),)
     jump = state("jump", Jumping, then("down"))

@@ -49,5 +49,7 @@ class Fence(Supervisor[FenceParams]):
         if not self._outside:
             return None
         reason = f"{beyond:.2f} m beyond the fence, {bound:g} m allowed"
+        if beyond <= bound:
+            reason = "not back inside the fence"
         reaction = Reaction[self.params.reaction.upper()]
         return Alarm("fence_breached", reaction, reason, beyond, bound)
