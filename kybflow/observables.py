@@ -115,3 +115,25 @@ OBSERVABLES: dict[str, Observable] = {
     "behavior": Observable("Name of the present state.", None, lambda v: v.behavior),
     "estimator": Observable("Name of the estimator in use.", None, lambda v: v.estimator),
 }
+
+EVENTS: dict[str, str] = {
+    "run_started": "The run begins.",
+    "run_ended": "The run is over.",
+    "observer_failed": "Something that looks on was left out, because it raised.",
+    "preflight_passed": "A check before take-off is green.",
+    "preflight_failed": "A check before take-off stayed red.",
+    "behavior_started": "A behavior was entered.",
+    "behavior_ended": "A behavior was left.",
+    "behavior_failed": "A behavior failed.",
+    "took_off": "The vehicle is in the air.",
+    "landed": "The vehicle is on the ground again.",
+    "estimator_changed": "Another estimator is in use.",
+    "estimate_lost": "No estimator can be used.",
+    "part_failed": "A part raised, or could not be made.",
+    "failsafe_started": "The failsafe takes over.",
+    "option_changed": "A parameter has another value.",
+    "option_refused": "A parameter can't have the value.",
+}
+"""What the engine tells, by name; parts declare the events of their alarms themselves."""
+OF_THE_RUN = frozenset({"run_started", "run_ended", "observer_failed"})
+"""The events that belong to no vehicle."""

@@ -30,7 +30,7 @@ from kybflow.signals import (
     Time,
     Truth,
 )
-from kybflow.site import Site
+from kybflow.site import Box, Site
 
 if TYPE_CHECKING:
     import random
@@ -46,9 +46,10 @@ P = TypeVar("P")
 
 class Part(ABC, Generic[P]):
     """The root of every part. `kind` is the plural that names its folder and its group in the
-    catalog."""
+    catalog. `events` are the events that its alarms become."""
 
     kind: ClassVar[str]
+    events: ClassVar[tuple[str, ...]] = ()
     params: P
 
 
@@ -197,6 +198,11 @@ class Processor(Part[P]):
 
     def __init__(self, params: P, site: Site) -> None:
         self.params = params
+
+    @classmethod
+    def keeps_inside(cls, params: P, fence: Box) -> Box | None:
+        """The box inside `fence` that no setpoint leaves; None when it bounds none."""
+        return None
 
     @abstractmethod
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm: ...

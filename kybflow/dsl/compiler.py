@@ -16,7 +16,7 @@ from kybflow.dsl.plan import Plan, SourceFile
 from kybflow.dsl.reader import read
 from kybflow.dsl.resolve import Files, resolve, resolve_library
 from kybflow.dsl.settings import FILE, parse_settings
-from kybflow.dsl.shape import shape
+from kybflow.dsl.shape import airframes_of, shape
 from kybflow.dsl.source import Span
 from kybflow.dsl.written import written
 
@@ -69,7 +69,8 @@ def _document(
     if source.root is None or has_errors(found):
         return None, files, found
     if is_library(source.root):
-        resolve_library(source, files, found)
+        airframes = resolve_library(source, files, found)
+        list(airframes_of(airframes, catalog, found))
         return None, files, found
     mission = judge_mission(source.root, found)
     resolved = None if mission is None else resolve(mission, files, settings, found)

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence
+from kybflow.dsl.nodes import NO_COMMAS, Entry, Mapping, Node, Scalar, Sequence, is_cut
 from kybflow.dsl.source import Span
 
 CODES = {
@@ -102,9 +102,19 @@ class _Composer:
         entries: dict[str, Entry] = {}
         while not isinstance(inner := loader.get_event(), yaml.MappingEndEvent):
             key = self._node(loader, inner, depth + 1)
+            if entries and not isinstance(key, Scalar):
+                self._cut(next(reversed(entries.values())), key)
             value = self._node(loader, loader.get_event(), depth + 1)
             self._enter(entries, key, value)
         return Mapping(entries, self._span(event, inner))
+
+    def _cut(self, before: Entry, key: Node) -> None:
+        """Stop where YAML ended a condition at its comma: what follows is no mapping."""
+        if is_cut(before.value):
+            name = before.key.text
+            message = f"YAML ends `{name}` at the comma and reads a list as a key"
+            hint = f"{NO_COMMAS}; a point is `$point`, a parameter of the type `position`"
+            raise _Unreadable(Diagnostic("KYB010", message, key.span, help=hint))
 
     def _enter(self, entries: dict[str, Entry], key: Node, value: Node) -> None:
         if not isinstance(key, Scalar):

@@ -84,6 +84,15 @@ class Vehicle:
 
 
 @dataclass(frozen=True, slots=True)
+class AirframeUse:
+    """An airframe that the mission itself describes, whether something flies it or not."""
+
+    name: Text
+    airframe: Airframe
+    spans: dict[str, Span]
+
+
+@dataclass(frozen=True, slots=True)
 class Parameter:
     """A mission parameter after `--set`: its value (SI; a vector for a position), its dimension's
     name."""
@@ -110,4 +119,5 @@ class Document:
     time_limit: float
     vehicles: dict[str, Vehicle]
     expect: tuple[Text, ...]
+    airframes: tuple[AirframeUse, ...] = ()
     spans: dict[str, Span] = field(default_factory=dict)

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
-from kybflow.dsl.nodes import NAME, Mapping, Node, Scalar, describe, head_of
+from kybflow.dsl.nodes import NAME, NO_COMMAS, Mapping, Node, Scalar, describe, head_of, is_cut
 from kybflow.dsl.values import decode, quantity_field
 from kybflow.units import DIMENSIONS, article
 
@@ -22,6 +22,7 @@ CODES = {
     "KYB111": "A version of the language that this program doesn't read.",
 }
 LATER = frozenset({"flows", "groups", "on", "faults", "chains", "inputs", "obstacles", "sensors"})
+_CONDITIONS = frozenset({"when", "healthy"})
 _SHAPES = {
     "object": "a mapping",
     "array": "a list",
@@ -50,6 +51,8 @@ def explain(fault: Fault) -> Iterator[Diagnostic]:
     """The findings that say what `fault` means."""
     if fault.keyword == "pattern" and isinstance(fault.node, Mapping):
         return _explain_name(fault)
+    if "maxLength" in fault.schema and fault.keyword in ("pattern", "maxLength"):
+        return _explain_title(fault)
     return _EXPLAINERS.get(fault.keyword, _explain_value)(fault)
 
 
@@ -84,15 +87,14 @@ def _cut_by_yaml(node: Mapping, key: str) -> Diagnostic | None:
     if NAME.match(key) or before < 0:
         return None
     first = node.entries[keys[before]]
-    text = first.value.text if isinstance(first.value, Scalar) else ""
-    if text.count("(") <= text.count(")"):
+    if not isinstance(first.value, Scalar) or not is_cut(first.value):
         return None
     return Diagnostic(
         "KYB101",
         f"YAML ends `{first.key.text}` at the comma and reads `{key}` as a key",
         node.entries[key].key.span,
-        notes=(f"`{first.key.text}` is `{text}`",),
-        help="the language has no commas: write `distance(a to b)`, `separation(a and b)`",
+        notes=(f"`{first.key.text}` is `{first.value.text}`",),
+        help=NO_COMMAS,
     )
 
 
@@ -130,7 +132,9 @@ def _explain_value(fault: Fault) -> Iterator[Diagnostic]:
     place = f"`{name}`" if name else f"{article(schema.get('title', 'file'))}"
     shown = f" `{node.text[:60]}`" if isinstance(node, Scalar) and node.text else ""
     hint = ""
-    if wanted == "text" and isinstance(node, Scalar):
+    if name in _CONDITIONS:
+        hint = "write a condition, like `state.altitude > 1 m`"
+    elif wanted == "text" and isinstance(node, Scalar):
         hint = f'write "{node.text[:60]}" in quotes if you mean the text'
     yield Diagnostic(
         "KYB103",
@@ -172,6 +176,17 @@ def _explain_name(fault: Fault) -> Iterator[Diagnostic]:
         f"`{bad}` can't be a name",
         node.entries[bad].key.span,
         help="a name has letters, digits and `_`, and begins with no digit",
+    )
+
+
+def _explain_title(fault: Fault) -> Iterator[Diagnostic]:
+    most = fault.schema["maxLength"]
+    found = repr(str(fault.instance)[:most])[1:-1]
+    yield Diagnostic(
+        "KYB110",
+        f"`{found}` can't be the name of a {fault.name}",
+        fault.node.span,
+        help=f"a name has letters, digits and `_`, begins with no digit and has at most {most}",
     )
 
 

@@ -77,6 +77,21 @@ def mismatch(
     return Diagnostic("KYB212", message, text.part(*place), label=label, help=way_out)
 
 
+def never_reached(text: Text, place: tuple[int, int], other: str) -> Diagnostic:
+    """KYB215: a bound that can't be reached: a share is from 0 % to 100 %, a time after the
+    start."""
+    message = f"`{other}` is never more than 100 % or less than 0 %"
+    return Diagnostic("KYB215", message, text.part(*place), label="never reached")
+
+
+def before_the_start(text: Text, place: tuple[int, int]) -> Diagnostic:
+    """KYB215: a bound that can't be reached: a share is from 0 % to 100 %, a time after the
+    start."""
+    message = "nothing can happen before the run begins"
+    way_out = "write a time above 0 s, which counts from the start"
+    return Diagnostic("KYB215", message, text.part(*place), label="no time left", help=way_out)
+
+
 def misplaced_statistic(text: Text, place: tuple[int, int], function: str) -> Diagnostic:
     """KYB213: a form that belongs elsewhere."""
     message = f"`{function}(...)` looks at a whole run; a condition is asked every tick"

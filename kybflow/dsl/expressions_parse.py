@@ -99,8 +99,8 @@ class _Parser(Operands):
         before = len(self.findings)
         value = self.quantity(DURATION)
         if value <= 0.0 and len(self.findings) == before:
-            place, message = (token.start, token.end), f"`{token.text}` is before the run begins"
-            self.findings.append(errors.mismatch(self.text, place, message, "", ""))
+            place = (token.start, token.end)
+            self.findings.append(errors.before_the_start(self.text, place))
         return value
 
     def _statistic(self, first: Token) -> Condition:

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from kybflow.dsl import expressions_errors as errors
 from kybflow.dsl.expressions_cursor import Cursor, Operand, is_quantity
 from kybflow.dsl.expressions_tokens import Token
 from kybflow.dsl.expressions_tree import Compare, Number, Operator, Read, Value, Word
-from kybflow.units import NUMBER, Dimension, article
+from kybflow.units import NUMBER, RATIO, Dimension, article
 
 STAND_IN = Number(0.0, NUMBER)
 """Stands where a finding says why there is nothing."""
@@ -48,6 +49,8 @@ class Types(Cursor):
         told = f"`{other.source}` is {type_name(other.dimension)}"
         if is_quantity(side) and other.dimension is not None:
             value = self.measured(side.source, place, other.dimension, told)
+            if other.dimension is RATIO and not 0.0 <= value <= 1.0:
+                self.findings.append(errors.never_reached(self.text, place, other.source))
             return Number(value, other.dimension)
         if is_quantity(side):
             self.mismatch(side, f"{told}, `{side.source}` is a quantity", "a quantity", "")

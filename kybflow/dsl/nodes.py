@@ -19,6 +19,9 @@ _FLOAT = re.compile(r"[+-]?(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?\Z", re.ASCII)
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z", re.ASCII)
 
 
+NO_COMMAS = "the language has no commas: write `distance(a to b)`, `separation(a and b)`"
+
+
 class Scalar(NamedTuple):
     """One value. `quoted` text is never a number. `parameter` names the parameter that stood here
     before its value did; the span is then that of `$name`. Where parameters stood between other
@@ -113,8 +116,13 @@ def describe(node: Node) -> str:
         return "nothing"
     value = _scalar_to_json(node)
     if isinstance(value, bool):
-        return f"`{node.text}`"
+        return "a boolean"
     return "text" if isinstance(value, str) else "a number"
+
+
+def is_cut(node: Node) -> bool:
+    """Whether YAML ended a plain text at a comma inside of brackets."""
+    return isinstance(node, Scalar) and node.text.count("(") > node.text.count(")")
 
 
 def entries_of(node: Node | None) -> dict[str, Entry]:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.imports import Place, installed, read_library
 from kybflow.dsl.like import merge
-from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar
+from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, entries_of
 from kybflow.dsl.source import Span
 
 _CHAIN = 20
 EMPTY = Mapping({}, Span("", 1, 1, 1, 1))
+_STANDARD = "kybflow/airframes"
+_SECTIONS = ("airframes", "vehicles")
 
 
 class Offers:
@@ -94,13 +99,29 @@ class Offers:
                 return None if offers is None else offers.get(section, inner)
         elif not library and inner in self.names(section):
             return self.get(section, inner)
-        what = "vehicle" if section == "vehicles" else "airframe"
-        self._found.append(
-            Diagnostic(
-                "KYB124",
-                f"no {what} is called `{name.text}`",
-                name.span,
-                help=did_you_mean(name.text, self.names(section)) or f"none is under `{section}`",
-            )
-        )
+        self._found.append(self._unknown(section, name, library))
         return None
+
+    def _unknown(self, section: str, name: Scalar, library: str) -> Diagnostic:
+        if library and library not in self._imports:
+            message, names = f"there is no import `{library}`", self._imports
+            return Diagnostic("KYB124", message, name.span, help=_import_of(name.text, names))
+        what = section.removesuffix("s")
+        asking = {own for kind, own in self._open if kind == section}
+        known = [other for other in self.names(section) if other not in asking]
+        hint = did_you_mean(name.text, known) or f"no other is under `{section}`"
+        return Diagnostic("KYB124", f"no {what} is called `{name.text}`", name.span, help=hint)
+
+
+def _import_of(name: str, imports: Iterable[str]) -> str:
+    """The way out where `name` is of a library that is not imported."""
+    library, _, inner = name.rpartition(".")
+    near = did_you_mean(library, imports)
+    home = installed("kybflow")
+    if near.startswith("did") or home is None:
+        return near
+    root = read_library(Place(home / "airframes.yaml", "")).source.root
+    offered = [entries_of(root.get(s)) for s in _SECTIONS] if isinstance(root, Mapping) else []
+    if any(inner in entries for entries in offered):
+        return f"write `import: {{{library}: {_STANDARD}}}`"
+    return near or f"import a library under this name: `import: {{{library}: library/FILE.yaml}}`"

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping as MappingOf
 from decimal import Decimal
+from math import inf
 from typing import Any, NamedTuple
 
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.document import Parameter
 from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence
 from kybflow.dsl.source import Span
-from kybflow.dsl.values import decode, quantity_field
+from kybflow.dsl.values import bounds_of, decode, quantity_field
 from kybflow.params import Field
 from kybflow.units import DIMENSIONS, LENGTH, NUMBER, RATIO, Dimension
 
@@ -19,6 +20,7 @@ CODES = {
     "KYB131": "A value for a parameter that the mission doesn't have.",
     "KYB132": "A parameter without a value: no default, and nothing set it.",
     "KYB134": "A parameter of an unknown type.",
+    "KYB136": "A parameter whose bounds leave no value.",
 }
 QUANTITIES: dict[str, Dimension] = {d.name.replace(" ", "_"): d for d in DIMENSIONS.values()}
 TYPES = (*QUANTITIES, "position", "integer", "text", "boolean")
@@ -76,6 +78,10 @@ def _declare(
         found.append(Diagnostic("KYB134", message, kind.span, help=did_you_mean(kind.text, TYPES)))
         return None
     field = _field(name, kind.text, body, found)
+    if not _has_room(field):
+        message = f"no value of `{name}` can be {bounds_of(field)}"
+        found.append(Diagnostic("KYB136", message, entry.key.span, help="correct its bounds"))
+        return None
     default = body.get("default")
     default_value = None if default is None else decode(default, field, found)
     node = setting or default
@@ -108,6 +114,14 @@ def _field(name: str, kind: str, body: Mapping, found: list[Diagnostic]) -> Fiel
         if node is not None:
             bounds[bound] = decode(node, quantity_field(bound, dimension), found)
     return quantity_field(name, dimension, shape, **bounds)
+
+
+def _has_room(field: Field) -> bool:
+    """Whether any value is inside of the bounds."""
+    low = max((b for b in (field.above, field.at_least) if b is not None), default=-inf)
+    high = min((b for b in (field.below, field.at_most) if b is not None), default=inf)
+    is_open = low in (field.above, field.below) or high in (field.above, field.below)
+    return low < high or (low == high and not is_open)
 
 
 def _typed(node: Node, field: Field) -> Node:

@@ -18,7 +18,7 @@ from kybflow.dsl.imports import (
     read_library,
     shown_path,
 )
-from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, count
+from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, count, entries_of
 from kybflow.dsl.offers import EMPTY, Offers
 from kybflow.dsl.parameters import Declared, Setting, declare
 from kybflow.dsl.reader import Source
@@ -32,7 +32,8 @@ _KEPT = frozenset({"import", "parameters"})
 
 
 class Resolved(NamedTuple):
-    """A mission after imports, parameters and `like`: its top level, whose `vehicles` are whole."""
+    """A mission after imports, parameters and `like`: its top level, whose `airframes` and
+    `vehicles` are whole."""
 
     root: Mapping
     parameters: dict[str, Parameter]
@@ -77,12 +78,26 @@ def resolve(
             message = f"more than {MAX_AFTER_LIKE} values after `like`"
             found.append(Diagnostic("KYB126", message, entry.key.span))
             break
+    airframes = _airframes(plain, offers)
     if has_errors(found):
         return None
-    entries = {**plain.entries}
+    entries = {**plain.entries, **airframes}
     entries["vehicles"] = Entry(entries["vehicles"].key, Mapping(whole, vehicles.span))
     parameters = {name: d.parameter for name, d in declared.items()}
     return Resolved(Mapping(entries, root.span), parameters)
+
+
+def _airframes(plain: Mapping, offers: Offers) -> dict[str, Entry]:
+    """The entry `airframes`, each of them whole; none where there is none."""
+    section = plain.entries.get("airframes")
+    if section is None:
+        return {}
+    whole = {
+        name: Entry(entry.key, body)
+        for name, entry in entries_of(section.value).items()
+        if (body := offers.get("airframes", name)) is not None
+    }
+    return {"airframes": Entry(section.key, Mapping(whole, section.key.span))}
 
 
 def _offers(
@@ -182,18 +197,18 @@ def _library_root(library: Library, at: Span, found: list[Diagnostic]) -> Mappin
     return None
 
 
-def resolve_library(source: Source, files: Files, found: list[Diagnostic]) -> None:
-    """Find what is wrong with a library file on its own."""
+def resolve_library(source: Source, files: Files, found: list[Diagnostic]) -> Mapping:
+    """Find what is wrong with a library file on its own; its airframes, whole."""
     root = _library_root(judged(source), Span(source.file, 1, 1, 1, 1), found)
     if root is None:
-        return
+        return EMPTY
     base = _defaults(files, found)
     declared = declare(root.get("parameters"), {}, found)
-    offers, _, substitution = _offers(root, declared, files.mission, files, base, found)
+    offers, plain, substitution = _offers(root, declared, files.mission, files, base, found)
     found += substitution.unused()
-    for section in ("airframes", "vehicles"):
-        for name in offers.own(section):
-            offers.get(section, name)
+    for name in offers.own("vehicles"):
+        offers.get("vehicles", name)
+    return Mapping(_airframes(plain, offers), root.span)
 
 
 def _defaults(files: Files, found: list[Diagnostic]) -> Mapping:

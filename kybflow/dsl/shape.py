@@ -3,10 +3,11 @@ everything."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from kybflow.dsl.diagnostics import Diagnostic, has_errors
-from kybflow.dsl.document import Document, PartUse, Vehicle
+from kybflow.dsl.document import AirframeUse, Document, PartUse, Vehicle
 from kybflow.dsl.nodes import Mapping, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.resolve import Resolved
 from kybflow.dsl.source import Text
@@ -14,7 +15,7 @@ from kybflow.dsl.targets import drivers_of, other_targets, target_of
 from kybflow.dsl.uses import Uses
 from kybflow.dsl.values import decode, quantity_field
 from kybflow.dsl.vehicles import Vehicles
-from kybflow.site import Box
+from kybflow.site import Airframe, Box
 from kybflow.units import DURATION, FREQUENCY, LENGTH, Dimension
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ CODES = {
     "KYB153": "A fence whose corners are in the wrong order.",
 }
 CONTROL_RATE = 250
+LEAST_CONTROL, MOST_CONTROL = 25, 1000
 HOVER_LIMIT = 30.0
 TIME_LIMIT = 600.0
 
@@ -39,6 +41,7 @@ def shape(
     drivers = drivers_of(root, name, uses)
     found += other_targets(root, name, catalog)
     vehicles = _vehicles(root, drivers, Vehicles(uses))
+    airframes = tuple(airframes_of(root, catalog, found))
     rate = _control(root, found)
     fence = _fence(root, found)
     limits = [_duration(root, key, default, found) for key, default in _LIMITS.items()]
@@ -59,6 +62,7 @@ def shape(
         expect=tuple(
             item.as_text for item in _items(root.get("expect")) if isinstance(item, Scalar)
         ),
+        airframes=airframes,
         spans={key: entry.key.span for key, entry in root.entries.items()},
     )
 
@@ -99,6 +103,10 @@ def _control(root: Mapping, found: list[Diagnostic]) -> int:
     if node is not None and not rate.is_integer():
         message = f"`control` must be a whole number of Hz, but this is {rate:g} Hz"
         found.append(Diagnostic("KYB152", message, node.span))
+    elif node is not None and not LEAST_CONTROL <= rate <= MOST_CONTROL:
+        message = f"`control` can't be {rate:g} Hz"
+        hint = f"fly with {LEAST_CONTROL} to {MOST_CONTROL} Hz: below, no tracker holds a vehicle"
+        found.append(Diagnostic("KYB152", message, node.span, help=hint))
     return int(rate)
 
 
@@ -122,6 +130,18 @@ def _fence(root: Mapping, found: list[Diagnostic]) -> Box | None:
             )
         )
     return Box(low, high)
+
+
+def airframes_of(root: Mapping, catalog: Catalog, found: list[Diagnostic]) -> Iterator[AirframeUse]:
+    """Those of the file itself. One that lacks something may be there to start from."""
+    for entry in entries_of(root.get("airframes")).values():
+        body, findings = entry.value, list[Diagnostic]()
+        assert isinstance(body, Mapping)
+        airframe = Uses(catalog, findings).params(Airframe, body, "airframe", entry.key.span)
+        found += [finding for finding in findings if finding.code != "KYB108"]
+        if airframe is not None:
+            spans = {key: own.value.span for key, own in body.entries.items()}
+            yield AirframeUse(entry.key.as_text, airframe, spans)
 
 
 def _vehicles(root: Mapping, drivers: dict[str, PartUse], vehicles: Vehicles) -> dict[str, Vehicle]:

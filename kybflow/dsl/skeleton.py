@@ -10,7 +10,13 @@ from kybflow.params import fields_of
 from kybflow.site import Airframe
 from kybflow.units import ANGLE, DURATION, FREQUENCY, LENGTH
 
-_NAME = "^[A-Za-z_][A-Za-z0-9_]*$"
+_NAME = r"^[A-Za-z_][A-Za-z0-9_]*(?!\n)$"
+"""Python's `$` alone would let a line break end the name."""
+
+
+def _title() -> Schema:
+    """The name of a file's content; a run's folder is called by it."""
+    return {"description": "Its name.", "type": "string", "pattern": _NAME, "maxLength": 60}
 
 
 def _text(help: str) -> Schema:
@@ -163,7 +169,7 @@ def library_schema() -> Schema:
     """The shape of a library file."""
     return _mapping(
         "library", "What missions share.",
-        {"library": _text("Its name."), **_shared()}, required=["library"],
+        {"library": _title(), **_shared()}, required=["library"],
     )  # fmt: skip
 
 
@@ -176,7 +182,7 @@ def skeleton() -> Schema:
         "A kybflow mission: what flies, what it trusts, what it does, what is expected of it.",
         {
             "kybflow": {"description": "Version of the language.", "const": 1},
-            "mission": _text("Its name."),
+            "mission": _title(),
             **shared,
             "world": _mapping("world", "Where it flies.", {"fence": _fence()}),
             **_rates(),

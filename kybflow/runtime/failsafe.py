@@ -57,7 +57,7 @@ class Failsafe:
         return failed if failed and (not worst or failed.reaction > worst.reaction) else worst
 
     def foresee(self, tick: Tick) -> list[tuple[str, str]]:
-        """What would make the vehicle land at once if it flew as it stands: (supervisor, reason)."""
+        """What would make it land at once if it flew as it stands: (supervisor, reason)."""
         found = []
         for label, supervisor in self._supervisors:
             try:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Container, Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from kybflow.dsl.checks import arrows, conditions, data, limits, links, space
+from kybflow.dsl.checks import arrows, conditions, data, events, limits, links, space
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import Document
@@ -24,6 +24,7 @@ CHECKS: tuple[Callable[[Case], Iterator[Diagnostic]], ...] = (
     links.never_lands,
     arrows.never_fires,
     arrows.reserved_names,
+    events.unknown_events,
     conditions.conditions,
     conditions.health,
     conditions.expectations,
@@ -34,10 +35,14 @@ CHECKS: tuple[Callable[[Case], Iterator[Diagnostic]], ...] = (
     space.starts_outside,
     space.starts_too_close,
     space.leaves_the_fence,
+    space.held_back,
+    space.unfenced,
     space.too_fast,
     space.undecided,
     limits.beyond_the_airframe,
     limits.too_steep,
+    limits.too_heavy,
+    limits.no_rigid_body,
 )
 _NAMED = re.compile(r"`([^`]*)`")
 

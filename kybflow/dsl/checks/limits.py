@@ -1,20 +1,23 @@
-"""What is asked of an airframe beyond its limits: KYB316 and KYB317."""
+"""What is asked of an airframe beyond its limits: KYB316 to KYB319."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from math import atan
+from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import PartUse, Vehicle
+from kybflow.dsl.source import Span, Text
 from kybflow.geometry import GRAVITY
 from kybflow.params import fields_of
 from kybflow.site import Airframe
-from kybflow.units import ANGLE, format_quantity
+from kybflow.units import ANGLE, FORCE, format_quantity
 
 _ROUNDING = 1e-6
+_SPARE = 1.1
 _LIMITS = frozenset({"tilt", "speed", "climb"})
 """The airframe's parameters that bound those of the same name in a tracker and a processor."""
 
@@ -59,4 +62,55 @@ def too_steep(case: Case) -> Iterator[Diagnostic]:
             label=f"needs a tilt of {format_quantity(tilt, ANGLE)}",
             notes=(f"its airframe may tilt {format_quantity(limit, ANGLE)}",),
             help="fly it slower or wider",
+        )
+
+
+class _Frame(NamedTuple):
+    """An airframe, what is called by it, and where its numbers are written."""
+
+    name: Text
+    airframe: Airframe
+    spans: dict[str, Span]
+
+    def place(self, *keys: str) -> Span:
+        """Where the first of `keys` is that is written in the same file."""
+        spans = [self.spans[key] for key in keys if key in self.spans]
+        return next((s for s in spans if s.file == self.name.span.file), self.name.span)
+
+
+def _airframes(case: Case) -> Iterator[_Frame]:
+    """Every airframe that is flown, then those that the mission only describes."""
+    flown = [_Frame(v.name, v.airframe, v.airframe_spans) for v in case.vehicles()]
+    yield from flown
+    for use in case.document.airframes:
+        if all(use.airframe != frame.airframe for frame in flown):
+            yield _Frame(use.name, use.airframe, use.spans)
+
+
+def too_heavy(case: Case) -> Iterator[Diagnostic]:
+    """KYB318: four rotors at their largest thrust can't lift the airframe with a tenth to spare."""
+    for frame in _airframes(case):
+        most, weight = frame.airframe.max_thrust, frame.airframe.hover_thrust
+        if most >= _SPARE * weight:
+            continue
+        yield Diagnostic(
+            "KYB318",
+            f"`{frame.name.text}` can't fly: its four rotors lift {most:.3g} N",
+            frame.place("thrust", "mass"),
+            label=f"it weighs {format_quantity(weight, FORCE)}",
+            notes=("a tenth more than the weight is needed to steer",),
+        )
+
+
+def no_rigid_body(case: Case) -> Iterator[Diagnostic]:
+    """KYB319: moments of inertia that no body has: each is at most the sum of the other two."""
+    for frame in _airframes(case):
+        inertia = frame.airframe.inertia
+        if min(inertia) > 0.0 and 2.0 * max(inertia) <= sum(inertia) * (1.0 + _ROUNDING):
+            continue
+        yield Diagnostic(
+            "KYB319",
+            f"no body has the moments of inertia of `{frame.name.text}`",
+            frame.place("inertia"),
+            help="each is above zero and at most the sum of the other two",
         )

@@ -1,4 +1,4 @@
-"""Where the mission goes and how fast: KYB311 to KYB315."""
+"""Where the mission goes and how fast: KYB311 to KYB315, KYB320 and KYB321."""
 
 from __future__ import annotations
 
@@ -70,6 +70,50 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
                 label=_beyond(fence, far),
                 notes=(_extent(fence),),
             )
+
+
+def held_back(case: Case) -> Iterator[Diagnostic]:
+    """KYB320: a behavior stays inside the fence, but goes where a processor lets no setpoint go."""
+    fence = case.document.fence
+    if fence is None:
+        return
+    for vehicle, state, entry, footprint in footprints(case):
+        inside = [p for p in footprint.points if fence.outside_by(p) <= _ROUNDING]
+        for part in vehicle.processors:
+            room = part.spec.cls.keeps_inside(part.params, fence)
+            far = max(inside, key=room.outside_by, default=None) if room is not None else None
+            if room is None or far is None or room.outside_by(far) <= _ROUNDING:
+                continue
+            if entry is not None and room.outside_by(entry) > _ROUNDING:
+                continue
+            yield Diagnostic(
+                "KYB320",
+                f"`{part.label}` keeps `{vehicle.name.text}` from where `{state.name.text}` goes",
+                state.part.name.span,
+                label=_beyond(room, far),
+                notes=(
+                    f"`{part.label}` lets it go from {_point(room.low)} to {_point(room.high)}",
+                ),
+                help="stay further from the fence, or make the margin smaller",
+            )
+
+
+def unfenced(case: Case) -> Iterator[Diagnostic]:
+    """KYB321: there is a fence, but no processor of a vehicle keeps its setpoints inside; the
+    supervisor lands it only when it is outside."""
+    fence = case.document.fence
+    for vehicle in case.vehicles() if fence is not None else ():
+        boxes = (p.spec.cls.keeps_inside(p.params, fence) for p in vehicle.processors)
+        if any(box is not None for box in boxes):
+            continue
+        yield Diagnostic(
+            "KYB321",
+            f"no processor keeps `{vehicle.name.text}` inside the fence",
+            vehicle.name.span,
+            label="lands only when it is outside",
+            help="add `fence` to its processors",
+            severity=Severity.WARNING,
+        )
 
 
 def too_fast(case: Case) -> Iterator[Diagnostic]:

@@ -46,6 +46,10 @@ class Fence(Processor[FenceParams]):
         self._margin = params.margin
         self._room = _shrunk(site.fence, params.margin) if site.fence is not None else None
 
+    @classmethod
+    def keeps_inside(cls, params: FenceParams, fence: Box) -> Box | None:
+        return _shrunk(fence, params.margin)
+
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
         if self._fence is None or self._room is None:
             return setpoint

@@ -27,6 +27,7 @@ class PositionError(Processor[PositionErrorParams]):
         for kind in (SetpointKind.POSITION, SetpointKind.VELOCITY, SetpointKind.ACCELERATION)
     }
     safety = True
+    events = ("position_error_exceeded",)
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm:
         if setpoint.position is None:

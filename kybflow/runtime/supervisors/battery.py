@@ -34,6 +34,7 @@ class BatteryParams:
 
 class Battery(Supervisor[BatteryParams]):
     always = True
+    events = ("battery_low",)
 
     def __init__(self, params: BatteryParams, site: Site) -> None:
         super().__init__(params, site)

@@ -26,6 +26,7 @@ class EstimateParams:
 
 class Estimate(Supervisor[EstimateParams]):
     always = True
+    events = ("estimate_lost",)
 
     def __init__(self, params: EstimateParams, site: Site) -> None:
         super().__init__(params, site)

@@ -30,6 +30,7 @@ class FenceParams:
 
 class Fence(Supervisor[FenceParams]):
     always = True
+    events = ("fence_breached",)
 
     def __init__(self, params: FenceParams, site: Site) -> None:
         super().__init__(params, site)

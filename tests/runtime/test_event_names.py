@@ -1,0 +1,35 @@
+"""Every event that is told has its name where the compiler looks for it."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from kybflow.catalog import load_catalog
+from kybflow.observables import EVENTS, OF_THE_RUN
+
+RUNTIME = Path(__file__).parents[2] / "kybflow" / "runtime"
+TOLD = re.compile(r'\btell\(\s*"(\w+)"(?: if [^,]*? else "(\w+)")?|_tell\(\s*"(\w+)"')
+RAISED = re.compile(r'\bAlarm\(\s*"(\w+)"')
+CATALOG = load_catalog()
+PARTS = [(kind, name) for kind in CATALOG.kinds() for name in CATALOG.names(kind)]
+
+
+def told_by_the_engine() -> set[str]:
+    texts = [path.read_text(encoding="utf-8") for path in RUNTIME.glob("*.py")]
+    return {name for text in texts for names in TOLD.findall(text) for name in names if name}
+
+
+def test_the_table_has_what_the_engine_tells_and_no_more() -> None:
+    assert told_by_the_engine() == set(EVENTS)
+    assert set(EVENTS) > OF_THE_RUN
+
+
+@pytest.mark.parametrize(("kind", "name"), PARTS)
+def test_a_part_declares_the_events_of_its_alarms(kind: str, name: str) -> None:
+    cls: Any = CATALOG.get(kind, name).cls
+    assert set(RAISED.findall(inspect.getsource(inspect.getmodule(cls) or cls))) == set(cls.events)
