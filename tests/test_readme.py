@@ -6,6 +6,7 @@ from pathlib import Path
 from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.render import render
+from kybflow.observables import EVENTS, OBSERVABLES
 
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -29,6 +30,12 @@ def test_the_report_is_what_kybflow_says(tmp_path: Path, monkeypatch):
 def test_the_mission_is_as_long_as_it_says():
     [(lines, path)] = re.findall(r"\[(\d+) lines\]\((.*?)\)", TEXT)
     assert int(lines) == len((ROOT / path).read_text(encoding="utf-8").splitlines())
+
+
+def test_the_language_page_has_every_observable_and_every_event():
+    page = (ROOT / "docs" / "mission-language.md").read_text(encoding="utf-8")
+    missing = [name for name in (*OBSERVABLES, *EVENTS) if f"`{name}`" not in page]
+    assert missing == []
 
 
 def test_every_link_leads_somewhere():
