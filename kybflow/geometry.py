@@ -66,12 +66,6 @@ def conjugate(q: Quat) -> Quat:
     return (q[0], -q[1], -q[2], -q[3])
 
 
-def normalized(q: Quat) -> Quat:
-    w, x, y, z = q
-    n = sqrt(w * w + x * x + y * y + z * z)
-    return (w / n, x / n, y / n, z / n)
-
-
 def rotate(q: Quat, v: Vec3) -> Vec3:
     """`v` from the body to the world."""
     w, x, y, z = q

@@ -11,7 +11,7 @@ from rich.console import Console
 from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.dsl.render import render
+from kybflow.dsl.render import render_all
 from kybflow.errors import KybflowError
 from kybflow.panel import LivePanel, PlainPanel
 from kybflow.runtime.flight import Flown, Request, fly
@@ -38,8 +38,8 @@ def run_mission(asked: Asked, out: Console, err: Console) -> int:
     result = compile_mission(
         asked.path, catalog=load_catalog(), target=asked.target, sets=asked.sets
     )
-    for diagnostic in result.diagnostics:
-        err.print(render(diagnostic, result.texts) + "\n", markup=False, soft_wrap=True)
+    for text in render_all(result.diagnostics, result.texts):
+        err.print(text, markup=False, soft_wrap=True)
     if result.plan is None:
         return INVALID
     try:

@@ -11,7 +11,7 @@ from typing import Any
 
 from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import Result, check_mission
-from kybflow.dsl.render import render, to_json
+from kybflow.dsl.render import render_all, to_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Checked:
     @property
     def reports(self) -> list[str]:
         """What is to be printed for it, one text a finding and a last line."""
-        texts = [render(d, self.result.texts) + "\n" for d in self.result.diagnostics]
+        texts = render_all(self.result.diagnostics, self.result.texts)
         count = len(texts)
         if self.valid:
             warned = f", {count} warning{'s' * (count > 1)}" if count else ""

@@ -112,7 +112,6 @@ class Document:
     target: Text
     parameters: dict[str, Parameter]
     fence: Box | None
-    fence_span: Span | None
     control_rate: int
     control_span: Span | None
     hover_limit: float

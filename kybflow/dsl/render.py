@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from kybflow.dsl.diagnostics import Diagnostic
@@ -57,6 +57,11 @@ def _source(span: Span, label: str, texts: dict[str, str]) -> Iterator[str]:
     marks = "^" * min(end - start, _WIDEST - (start - first))
     yield f"{span.line:>5} | {shown}"
     yield f"      | {' ' * (start - first)}{marks} {label}".rstrip()
+
+
+def render_all(diagnostics: Iterable[Diagnostic], texts: dict[str, str]) -> list[str]:
+    """Every finding as `render` writes it, with an empty line behind each."""
+    return [render(diagnostic, texts) + "\n" for diagnostic in diagnostics]
 
 
 def clipped(text: str) -> str:

@@ -53,7 +53,6 @@ def shape(
         target=name,
         parameters=resolved.parameters,
         fence=fence,
-        fence_span=_span_of(root.get("world")),
         control_rate=rate,
         control_span=_span_of(root.get("control")),
         hover_limit=limits[0],

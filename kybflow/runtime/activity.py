@@ -69,8 +69,8 @@ class Activity:
         if transition is None:
             return
         self._leave("done" if transition.cause == "then" else transition.cause, transition)
-        if transition.cause in ("failed", "within") and self._is_unforeseen():
-            self._score.failure(self._reason or f"not done within {transition.after:g} s")
+        if transition.cause in ("failed", "within"):
+            self._score_unforeseen(self._reason or f"not done within {transition.after:g} s")
         self.machine.fire(transition)
         if latched and self.machine.state == "landed":
             self.machine.force("fault")
@@ -89,12 +89,12 @@ class Activity:
             self._end()
             return output.setpoint
         if isinstance(output, Failed):
-            self._outcome, self._reason = "failed", output.reason
+            self.fail(output.reason)
             return output.setpoint
         return output
 
     def fail(self, reason: str) -> None:
-        """The behavior failed from outside: a part of its chain raised."""
+        """The behavior has failed: it said so, refused to start, or a part of its chain raised."""
         self._outcome, self._reason = "failed", reason
 
     def close(self, now: Time) -> None:
@@ -142,20 +142,20 @@ class Activity:
 
     def _refused(self, reason: str, refused: set[str]) -> None:
         """Go where `failed` says, but to no state that has refused already."""
-        self._outcome, self._reason = "failed", reason
+        self.fail(reason)
         self._leave("refused", None)
-        if self._is_unforeseen():
-            self._score.failure(reason)
+        self._score_unforeseen(reason)
         transition = self.machine.due(0.0, frozenset(), "failed", 0.0)
         if transition is not None and transition.target not in refused:
             self.machine.fire(transition)
         else:
             self.machine.force("brake" if self.airborne else "landed")
 
-    def _is_unforeseen(self) -> bool:
-        """Whether the mission does not say what follows when the present behavior fails."""
+    def _score_unforeseen(self, reason: str) -> None:
+        """Count the failure when the mission does not say what follows it."""
         arrows = (arrow for arrow in self.state.transitions if arrow.cause == "failed")
-        return all(arrow.implied for arrow in arrows)
+        if all(arrow.implied for arrow in arrows):
+            self._score.failure(reason)
 
     def _leave(self, how: str, transition: TransitionPlan | None) -> None:
         at = transition.at if transition is not None else ""

@@ -80,7 +80,6 @@ def case(flown: PartUse, control_rate: int = 250, **parts: Any) -> Case:
         target=name,
         parameters={},
         fence=FENCE,
-        fence_span=None,
         control_rate=control_rate,
         control_span=None,
         hover_limit=30.0,
