@@ -19,10 +19,30 @@ from typing import Any
 
 from kybflow.errors import PartError
 from kybflow.params import Field, fields_of
-from kybflow.parts import Behavior, Driver, Estimator, Part, Processor, Supervisor, Tracker
+from kybflow.parts import (
+    Action,
+    Behavior,
+    Driver,
+    Estimator,
+    Fault,
+    Part,
+    Processor,
+    Supervisor,
+    Tracker,
+)
 
 BASES: dict[str, type[Part[Any]]] = {
-    base.kind: base for base in (Behavior, Estimator, Processor, Tracker, Supervisor, Driver)
+    base.kind: base
+    for base in (
+        Behavior,
+        Estimator,
+        Processor,
+        Tracker,
+        Supervisor,
+        Driver,
+        Fault,
+        Action,
+    )
 }
 _HOMES = {"drivers": "kybflow"}
 GROUP = "kybflow.parts"

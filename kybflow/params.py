@@ -29,6 +29,9 @@ from kybflow.units import Dimension, Vec3
 T = TypeVar("T")
 _KEY = "kybflow"
 RESERVED = frozenset({"do", "use", "as", "then", "next", "failed", "within", "for"})
+Tightens = Literal["up", "down"]
+"""The direction in which a safety parameter becomes stricter; a choice becomes so along its
+list."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +42,7 @@ class _Facts:
     below: float | None
     at_most: float | None
     read_only: bool
+    tightens: Tightens | None
 
 
 def param(
@@ -50,10 +54,11 @@ def param(
     below: float | None = None,
     at_most: float | None = None,
     read_only: bool = False,
+    tightens: Tightens | None = None,
 ) -> Any:
     """A parameter: its help, its default (SI) and its bounds (SI; for a vector they hold for each
-    number)."""
-    facts = _Facts(help, above, at_least, below, at_most, read_only)
+    number). One that `tightens` changes in that direction only while its vehicle flies."""
+    facts = _Facts(help, above, at_least, below, at_most, read_only, tightens)
     return dataclasses.field(default=default, metadata={_KEY: facts}, kw_only=True)
 
 
@@ -84,6 +89,7 @@ class Field:
     below: float | None
     at_most: float | None
     read_only: bool
+    tightens: Tightens | None = None
 
     def outside(self, value: float) -> str | None:
         """Which bound `value` (SI) breaks, in words, or None."""
@@ -120,6 +126,7 @@ def _field(cls: type, field: dataclasses.Field[Any], hint: Any) -> Field:
     return Field(
         field.name, shape, dimension, choices, optional, required, default,
         facts.help, facts.above, facts.at_least, facts.below, facts.at_most, facts.read_only,
+        facts.tightens,
     )  # fmt: skip
 
 

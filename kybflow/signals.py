@@ -22,6 +22,7 @@ class MeasurementKind(Enum):
 
     POSE = "pose"
     BATTERY = "battery"
+    IMU = "imu"
 
 
 class Pose(NamedTuple):
@@ -41,7 +42,18 @@ class Battery(NamedTuple):
     voltage: float
 
 
-Measurement = Pose | Battery
+class Imu(NamedTuple):
+    """What the inertial sensors felt on average over the last `dt` seconds, biases and noise and
+    all: specific force (m/s^2; at rest it points up with 9.81) and turn rate (rad/s), body
+    frame."""
+
+    time: Time
+    dt: float
+    specific_force: Vec3
+    angular_velocity: Vec3
+
+
+Measurement = Pose | Battery | Imu
 
 
 class Estimate(NamedTuple):
@@ -125,11 +137,13 @@ class Reaction(IntEnum):
 
     WARN = 1
     BRAKE = 2
-    LAND = 3
-    LAND_BLIND = 4
+    GO_HOME = 3
+    LAND = 4
+    LAND_BLIND = 5
+    CUT = 6
 
 
-ReactionName = Literal["warn", "brake", "land", "land_blind"]
+ReactionName = Literal["warn", "brake", "go_home", "land", "land_blind", "cut"]
 """A reaction as a mission chooses it for a supervisor."""
 
 
@@ -174,7 +188,8 @@ class Tick(NamedTuple):
     now: the tick's time. dt: seconds since the vehicle's last tick. elapsed: seconds since the
     behavior was entered.
     fleet: the frozen estimates of every vehicle (None for a vehicle without one), by name.
-    setpoint: what the tracker followed in the last tick.
+    setpoint: what the tracker followed in the last tick. imu: the newest one, where the vehicle
+    subscribes to it. link_age: seconds since the link delivered anything.
     """
 
     now: Time
@@ -184,6 +199,8 @@ class Tick(NamedTuple):
     battery: Battery | None
     setpoint: Setpoint | None
     fleet: dict[str, Estimate | None]
+    imu: Imu | None = None
+    link_age: float = 0.0
 
     def known(self) -> Estimate:
         """The estimate; raises EstimateMissing where there is none."""

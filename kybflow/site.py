@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from kybflow.geometry import GRAVITY, Vec3
 from kybflow.params import param, params
+from kybflow.shapes import Box, Shape
 from kybflow.units import Angle, Damping, Duration, Force, Inertias, Length, Mass, Ratio, Speed
 
 
@@ -53,35 +56,11 @@ class Airframe:
         return 4.0 * self.thrust
 
 
-class Box(NamedTuple):
-    """An axis-aligned box in the world, metres."""
-
-    low: Vec3
-    high: Vec3
-
-    def contains(self, p: Vec3) -> bool:
-        return (
-            self.low[0] <= p[0] <= self.high[0]
-            and self.low[1] <= p[1] <= self.high[1]
-            and self.low[2] <= p[2] <= self.high[2]
-        )
-
-    def outside_by(self, p: Vec3) -> float:
-        """How far `p` is beyond the nearest face that it has crossed: positive outside, negative
-        inside."""
-        low, high = self.low, self.high
-        return max(
-            low[0] - p[0],
-            p[0] - high[0],
-            low[1] - p[1],
-            p[1] - high[1],
-            low[2] - p[2],
-            p[2] - high[2],
-        )
-
-
 class Site(NamedTuple):
-    """What a vehicle's parts are built with: who it is, what it flies, where, how often."""
+    """What a vehicle's parts are built with: who it is, what it flies, where, how often.
+
+    home: where `go_home` flies, None for the start. obstacles: the world's, by name.
+    """
 
     vehicle: str
     airframe: Airframe
@@ -89,3 +68,5 @@ class Site(NamedTuple):
     heading: float
     fence: Box | None
     dt: float
+    home: Vec3 | None = None
+    obstacles: Mapping[str, Shape] = MappingProxyType({})

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from kybflow.geometry import LEVEL, ZERO, Vec3, add, norm, scale, sub
 from kybflow.parts import AIR, Behavior, Entry, Flight
+from kybflow.shapes import Box
 from kybflow.signals import (
     NS,
     Battery,
@@ -17,7 +18,7 @@ from kybflow.signals import (
     SetpointKind,
     Tick,
 )
-from kybflow.site import Airframe, Box, Site
+from kybflow.site import Airframe, Site
 
 DT = 0.004
 MASS = 0.230

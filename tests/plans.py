@@ -15,7 +15,8 @@ from kybflow.dsl.plan import (
     VehiclePlan,
 )
 from kybflow.parts import Behavior, Leg
-from kybflow.site import Airframe, Box
+from kybflow.shapes import Box
+from kybflow.site import Airframe
 
 NANO = Airframe(
     mass=0.230,

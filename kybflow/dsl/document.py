@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from kybflow.dsl.plan import Cause
 from kybflow.dsl.source import Span, Text
 from kybflow.geometry import Vec3
-from kybflow.site import Airframe, Box
+from kybflow.shapes import Box, Shape
+from kybflow.site import Airframe
 
 if TYPE_CHECKING:
     from kybflow.catalog import PartSpec
@@ -81,6 +82,8 @@ class Vehicle:
     states: dict[str, State]
     span: Span
     airframe_spans: dict[str, Span] = field(default_factory=dict)
+    home: Vec3 | None = None
+    home_span: Span | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +93,72 @@ class AirframeUse:
     name: Text
     airframe: Airframe
     spans: dict[str, Span]
+
+
+@dataclass(frozen=True, slots=True)
+class ObstacleUse:
+    """One entry of `world.obstacles`."""
+
+    name: Text
+    shape: Shape
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class ActionUse:
+    """One action as written, `{NAME: VALUE}`; `target` is the vehicle, option, event, flow or label
+    that it is about, `value` what is asked of it: a state's, phase's or text's name, a node of an
+    option's value. `part` is set for an action from a package."""
+
+    name: Text
+    target: Text | None
+    value: Any
+    part: PartUse | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Callback:
+    """One entry of `on:`."""
+
+    event: Text
+    fields: tuple[tuple[Text, Text], ...]
+    when: Text | None
+    actions: tuple[ActionUse, ...]
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class FaultUse:
+    """One entry of `faults:`."""
+
+    part: PartUse
+    vehicle: Text
+    time: float | None
+    when: Text | None
+    duration: float | None
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """One phase of a flow as written; keys of `run` and `give` are vehicles or groups."""
+
+    name: Text
+    run: tuple[tuple[Text, Text], ...]
+    give: tuple[tuple[Text, Text], ...]
+    set: tuple[ActionUse, ...]
+    transitions: tuple[Transition, ...]
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """One entry of `flows:`."""
+
+    name: Text
+    begin: Text
+    phases: dict[str, Phase]
+    span: Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,3 +189,10 @@ class Document:
     expect: tuple[Text, ...]
     airframes: tuple[AirframeUse, ...] = ()
     spans: dict[str, Span] = field(default_factory=dict)
+    points: dict[str, Vec3] = field(default_factory=dict)
+    point_spans: dict[str, Span] = field(default_factory=dict)
+    obstacles: tuple[ObstacleUse, ...] = ()
+    groups: dict[str, tuple[Text, ...]] = field(default_factory=dict)
+    callbacks: tuple[Callback, ...] = ()
+    faults: tuple[FaultUse, ...] = ()
+    flows: dict[str, Flow] = field(default_factory=dict)

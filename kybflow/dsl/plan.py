@@ -7,13 +7,14 @@ from, for events and reports; it is empty for what nobody wrote.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from kybflow.dsl.expressions import Expression
 from kybflow.geometry import Vec3
 from kybflow.parts import Leg
-from kybflow.site import Airframe, Box
+from kybflow.shapes import Box, Shape
+from kybflow.site import Airframe
 
 Cause = Literal["next", "then", "failed", "within"]
 
@@ -89,6 +90,124 @@ class VehiclePlan:
     begin: str
     states: dict[str, StatePlan]
     at: str = ""
+    home: Vec3 | None = None
+    """Where `go_home` flies; None for the start."""
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """Ask a vehicle to enter a state."""
+
+    vehicle: str
+    state: str
+
+
+@dataclass(frozen=True, slots=True)
+class SetOption:
+    """Ask for another value (SI) of an option."""
+
+    option: str
+    value: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Enable:
+    """Switch a processor that is no safety part on or off."""
+
+    vehicle: str
+    label: str
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Emit:
+    """Tell a custom event."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class EnterPhase:
+    """Ask a flow to enter a phase."""
+
+    flow: str
+    phase: str
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """Tell a text; `{vehicle}`, `{time}` and the event's own fields in it are filled in."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Land every vehicle and end the run."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """Call an action from a package."""
+
+    part: PartPlan
+
+
+ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Log | Stop | Call
+
+
+@dataclass(frozen=True, slots=True)
+class CallbackPlan:
+    """One entry of `on:`: when an event called `event` of `vehicle` (empty: of any, or of the run)
+    is heard whose fields are as `fields` says, and `when` holds, the actions are done in order."""
+
+    event: str
+    vehicle: str
+    actions: tuple[ActionPlan, ...]
+    fields: tuple[tuple[str, str], ...] = ()
+    when: Expression | None = None
+    at: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FaultPlan:
+    """One entry of `faults:`: at `time` seconds of the run, or when `when` first holds, `part`
+    breaks `vehicle` for `duration` seconds (None: for good)."""
+
+    part: PartPlan
+    vehicle: str
+    time: float | None = None
+    when: Expression | None = None
+    duration: float | None = None
+    at: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PhasePlan:
+    """One phase of a flow. On entry it gives vehicles to other flows (`give`: vehicle to flow),
+    sets options and asks vehicles to enter states (`run`: vehicle to state). `transitions` are
+    asked like those of a state: `next` from the top, then `within`. One without any is the last;
+    so is one whose every arrow is to the name `end`."""
+
+    name: str
+    run: dict[str, str]
+    give: dict[str, str]
+    set: tuple[SetOption, ...]
+    transitions: tuple[TransitionPlan, ...]
+    at: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FlowPlan:
+    """Phases over the vehicles that it drives: `vehicles` are those that it has from the start."""
+
+    name: str
+    begin: str
+    vehicles: tuple[str, ...]
+    phases: dict[str, PhasePlan]
+    at: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,3 +244,9 @@ class Plan:
     sources: tuple[SourceFile, ...]
     resolved: str
     """The mission after imports, `like`, parameters and defaults, as YAML text."""
+    obstacles: dict[str, Shape] = field(default_factory=dict)
+    points: dict[str, Vec3] = field(default_factory=dict)
+    groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    callbacks: tuple[CallbackPlan, ...] = ()
+    faults: tuple[FaultPlan, ...] = ()
+    flows: tuple[FlowPlan, ...] = ()

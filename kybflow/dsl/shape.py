@@ -15,7 +15,8 @@ from kybflow.dsl.targets import drivers_of, other_targets, target_of
 from kybflow.dsl.uses import Uses
 from kybflow.dsl.values import decode, quantity_field
 from kybflow.dsl.vehicles import Vehicles
-from kybflow.site import Airframe, Box
+from kybflow.shapes import Box
+from kybflow.site import Airframe
 from kybflow.units import DURATION, FREQUENCY, LENGTH, Dimension
 
 if TYPE_CHECKING:

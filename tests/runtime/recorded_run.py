@@ -14,6 +14,7 @@ from kybflow.runtime.expectations import Verdict
 from kybflow.runtime.outcome import Ending, Score, summarise
 from kybflow.runtime.recorder import Recorder
 from kybflow.runtime.run_folder import create_run_folder
+from kybflow.shapes import Box
 from kybflow.signals import (
     NS,
     Battery,
@@ -25,7 +26,7 @@ from kybflow.signals import (
     SetpointKind,
     Truth,
 )
-from kybflow.site import Airframe, Box
+from kybflow.site import Airframe
 
 STARTED = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 LEVEL = from_heading(0.0)

@@ -19,7 +19,8 @@ from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
 from kybflow.geometry import Vec3
-from kybflow.site import Box, Site
+from kybflow.shapes import Box
+from kybflow.site import Site
 
 LEGS = 0.05
 """Height of the rotor plane above the floor when a vehicle stands, metres."""

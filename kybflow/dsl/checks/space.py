@@ -10,7 +10,7 @@ from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.document import State, Vehicle
 from kybflow.geometry import Vec3, distance
 from kybflow.parts import Footprint
-from kybflow.site import Box
+from kybflow.shapes import Box
 from kybflow.units import LENGTH, SPEED, format_quantity
 
 _ROUNDING = 1e-6

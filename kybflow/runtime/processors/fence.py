@@ -18,8 +18,9 @@ from typing import ClassVar
 
 from kybflow.geometry import ZERO, Vec3
 from kybflow.parts import Processor, param, params
+from kybflow.shapes import Box
 from kybflow.signals import Setpoint, SetpointKind, Tick
-from kybflow.site import Box, Site
+from kybflow.site import Site
 from kybflow.units import Length
 
 _UNDER = 0.5

@@ -13,8 +13,9 @@ persists is returned in every tick; the engine makes one event of it. World fram
 from __future__ import annotations
 
 from kybflow.parts import Supervisor, param, params
+from kybflow.shapes import Box
 from kybflow.signals import Alarm, Reaction, ReactionName, Tick
-from kybflow.site import Box, Site
+from kybflow.site import Site
 from kybflow.units import Length
 
 _BACK_INSIDE = 0.05

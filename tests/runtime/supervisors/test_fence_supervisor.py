@@ -5,8 +5,8 @@ from flying import FENCE, SITE, estimate, tick
 
 from kybflow.geometry import Vec3
 from kybflow.runtime.supervisors.fence import Fence, FenceParams
+from kybflow.shapes import Box
 from kybflow.signals import Alarm, Reaction
-from kybflow.site import Box
 
 
 def fence(**more: object) -> Fence:

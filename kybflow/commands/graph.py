@@ -1,0 +1,42 @@
+"""`kybflow graph`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from kybflow.commands.common import INVALID, Sets, Target, echo, write
+
+EXAMPLES = (
+    "Examples:  kybflow graph missions/figure_eight.yaml  |  kybflow graph "
+    "missions/figure_eight.yaml --format svg --out eight.svg"
+)
+
+
+class Drawing(StrEnum):
+    MERMAID = "mermaid"
+    SVG = "svg"
+
+
+def graph(
+    mission: Annotated[Path, typer.Argument(help="The mission to draw.")],
+    format: Annotated[Drawing, typer.Option(help="How to draw it.")] = Drawing.MERMAID,
+    out: Annotated[Path | None, typer.Option(help="Write it to this file.")] = None,
+    target: Target = None,
+    sets: Sets = None,
+) -> None:
+    """Draw each vehicle's state machine, with flight types and conditions."""
+    from kybflow.drawing import draw_mission
+
+    drawn = draw_mission(mission, format.value, target, tuple(sets or ()))
+    for text in drawn.reports:
+        echo(text, err=True)
+    if drawn.text is None:
+        raise typer.Exit(INVALID)
+    if out is None:
+        typer.echo(drawn.text, nl=False)
+    else:
+        write(out, drawn.text, "--out")

@@ -1,0 +1,68 @@
+"""`kybflow run`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import IO, Annotated, cast
+
+import typer
+
+from kybflow.commands.common import Sets, Target
+
+EXAMPLES = (
+    "Examples:  kybflow run missions/figure_eight.yaml  |  kybflow run "
+    "missions/figure_eight.yaml --set lap=8s --seed 3  |  kybflow run missions/first_flight.yaml "
+    "--speed 1 --live"
+)
+
+
+def run(
+    mission: Annotated[Path, typer.Argument(help="The mission to fly.")],
+    target: Target = None,
+    sets: Sets = None,
+    seed: Annotated[int, typer.Option(help="Seed of everything that is drawn by chance.")] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Run folder; runs/MISSION-TIME by default.")
+    ] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            min=0.01, help="Pace of a simulation, 1 is real time; else as fast as it goes."
+        ),
+    ] = None,
+    options: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--option",
+            metavar="NAME=VALUE",
+            help="Change a parameter of a part, like mk.processors.limit_speed.speed=50cm/s.",
+        ),
+    ] = None,
+    live: Annotated[bool, typer.Option("--live", help="Show the simulation in a window.")] = False,
+    plain: Annotated[bool, typer.Option("--plain", help="Events as lines, no table.")] = False,
+    report: Annotated[bool, typer.Option(help="Write report.html.")] = True,
+) -> None:
+    """Fly a mission and report.
+
+    Exit code 0: it ended as it should and every expectation held. 1: it did not. 2: the mission or
+    the command line is invalid. 3: a driver or device failed. 130: interrupted.
+    """
+    from rich.console import Console
+
+    from kybflow.panel import Outlet
+    from kybflow.running import Asked, run_mission
+    from kybflow.runtime.flight import Request
+
+    pace = 1.0 if live and speed is None else speed
+    request = Request(seed, out, pace, tuple(_pair(option) for option in options or ()))
+    asked = Asked(mission, target, tuple(sets or ()), request, live, plain, report)
+    screen, errors = (Console(file=cast(IO[str], Outlet(s))) for s in (sys.stdout, sys.stderr))
+    raise typer.Exit(run_mission(asked, screen, errors))
+
+
+def _pair(option: str) -> tuple[str, str]:
+    name, equals, value = option.partition("=")
+    if not equals:
+        raise typer.BadParameter(f"`{option}` is not NAME=VALUE", param_hint="--option")
+    return name.strip(), value.strip()

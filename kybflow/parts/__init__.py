@@ -1,0 +1,20 @@
+"""What a part is: one base class for each kind.
+
+A part is one file with its docstring, its `@params` and its class; the file name is the name used
+in YAML. Parts are
+passive: none sleeps, starts a thread, prints, reads a clock or draws from a global generator.
+`self.params` is replaced as a whole when an option changes, between ticks; read it in every update.
+"""
+
+from kybflow.params import Field, fields_of, param, params
+from kybflow.parts.action import Action, Deck
+from kybflow.parts.base import Part
+from kybflow.parts.behavior import AIR, GROUND, MOVING, Behavior, Entry, Flight, Footprint, Leg
+from kybflow.parts.chain import Estimator, Processor, Supervisor, Tracker
+from kybflow.parts.devices import Driver, Fault, Filter, Link, Rig, Seat, Session
+
+__all__ = [
+    "AIR", "GROUND", "MOVING", "Action", "Behavior", "Deck", "Driver", "Entry", "Estimator",
+    "Fault", "Field", "Filter", "Flight", "Footprint", "Leg", "Link", "Part", "Processor", "Rig",
+    "Seat", "Session", "Supervisor", "Tracker", "fields_of", "param", "params",
+]  # fmt: skip

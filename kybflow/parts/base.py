@@ -1,0 +1,17 @@
+"""The root of every part."""
+
+from __future__ import annotations
+
+from abc import ABC
+from typing import ClassVar, Generic, TypeVar
+
+P = TypeVar("P")
+
+
+class Part(ABC, Generic[P]):
+    """The root of every part. `kind` is the plural that names its folder and its group in the
+    catalog. `events` are the events that its alarms become."""
+
+    kind: ClassVar[str]
+    events: ClassVar[tuple[str, ...]] = ()
+    params: P

@@ -1,0 +1,106 @@
+"""The parts between a vehicle's measurements and its command: estimators, processors, trackers; and
+the supervisors that watch them."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar
+
+from kybflow.parts.base import P, Part
+from kybflow.shapes import Box
+from kybflow.signals import (
+    Alarm,
+    Command,
+    CommandKind,
+    Estimate,
+    Measurement,
+    MeasurementKind,
+    Setpoint,
+    SetpointKind,
+    Tick,
+    Time,
+)
+from kybflow.site import Site
+
+
+class Estimator(Part[P]):
+    """Turns measurements into an estimate. Lives as long as its vehicle.
+
+    Called once a tick with every measurement that arrived since the last tick, oldest first, of
+    whatever kind; `needs` are the kinds without which it can't work. Returns the estimate at `now`,
+    or None as long as it has none. One that raises is not asked again, and its vehicle lands.
+    """
+
+    kind = "estimators"
+    needs: ClassVar[frozenset[MeasurementKind]]
+
+    def __init__(self, params: P, site: Site) -> None:
+        self.params = params
+
+    @abstractmethod
+    def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None: ...
+
+    def anchor(self, estimate: Estimate) -> None:
+        """Told of the estimate that the vehicle flies on, in every tick in which that is another
+        estimator's, after `update`; dead reckoning starts from it. Most need none."""
+
+
+class Processor(Part[P]):
+    """Bends a setpoint on its way to the tracker; a callable. Made anew at each take-off.
+
+    `accepts` maps each kind of setpoint that it takes to the kind it returns. Called once a tick,
+    in the order of the mission, while a behavior with an estimate flies; `safety` ones from take-
+    off to touch-down, the others only in behaviors that stay in the air. Returns the setpoint, or
+    an Alarm that asks for a reaction. One that raises is left out, and its vehicle lands.
+    """
+
+    kind = "processors"
+    accepts: ClassVar[dict[SetpointKind, SetpointKind]]
+    safety: ClassVar[bool] = False
+
+    def __init__(self, params: P, site: Site) -> None:
+        self.params = params
+
+    @classmethod
+    def keeps_inside(cls, params: P, fence: Box) -> Box | None:
+        """The box inside `fence` that no setpoint leaves; None when it bounds none."""
+        return None
+
+    @abstractmethod
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm: ...
+
+
+class Tracker(Part[P]):
+    """Turns a setpoint into a command. Made anew at each take-off. `accepts` kinds of setpoint,
+    `gives` a command."""
+
+    kind = "trackers"
+    accepts: ClassVar[frozenset[SetpointKind]]
+    gives: ClassVar[CommandKind]
+
+    def __init__(self, params: P, site: Site) -> None:
+        self.params = params
+
+    @property
+    @abstractmethod
+    def hover_thrust(self) -> float:
+        """Newtons that it believes hold the vehicle now."""
+
+    @abstractmethod
+    def update(self, setpoint: Setpoint, tick: Tick) -> Command: ...
+
+
+class Supervisor(Part[P]):
+    """Watches one bound and reports; it never acts. Lives as long as its vehicle; `always` ones are
+    in every vehicle, named in the mission or not. Called once a tick, before anything else is
+    decided. One that raises is not asked again, and its vehicle lands."""
+
+    kind = "supervisors"
+    always: ClassVar[bool] = False
+
+    def __init__(self, params: P, site: Site) -> None:
+        self.params = params
+
+    @abstractmethod
+    def check(self, tick: Tick, airborne: bool) -> Alarm | None: ...
