@@ -97,17 +97,18 @@ class Catalog:
 @functools.cache
 def load_catalog() -> Catalog:
     """The catalog of everything installed. Raises PartError when two packages offer the same
-    part."""
+    part, or one a part whose name the language needs."""
     modules: dict[str, dict[str, str]] = {kind: {} for kind in BASES}
     for kind in BASES:
-        _scan(modules[kind], f"{_HOMES.get(kind, 'kybflow.runtime')}.{kind}")
+        _scan(modules[kind], kind, _HOMES.get(kind, "kybflow.runtime"))
     for entry in entry_points(group=GROUP):
         for kind in BASES:
-            _scan(modules[kind], f"{entry.value}.{kind}")
+            _scan(modules[kind], kind, entry.value)
     return Catalog(modules)
 
 
-def _scan(found: dict[str, str], package: str) -> None:
+def _scan(found: dict[str, str], kind: str, home: str) -> None:
+    package = f"{home}.{kind}"
     try:
         spec = importlib.util.find_spec(package)
     except Exception as error:  # a lab's own package may raise anything while it is imported
@@ -116,6 +117,8 @@ def _scan(found: dict[str, str], package: str) -> None:
         if info.name.startswith("_"):
             continue
         module = f"{package}.{info.name}"
+        if info.name in BASES[kind].reserved:
+            raise PartError(f"{module}: the language itself has the {kind[:-1]} `{info.name}`")
         if info.name in found:
             raise PartError(f"two packages offer `{info.name}`: {found[info.name]} and {module}")
         found[info.name] = module

@@ -10,7 +10,19 @@ from typing import Annotated
 
 import typer
 
-from kybflow.commands import graph, parts, run, schema, validate
+from kybflow.commands import (
+    explain,
+    graph,
+    library,
+    new,
+    parts,
+    preflight,
+    run,
+    schema,
+    show,
+    test,
+    validate,
+)
 from kybflow.commands.common import INVALID, echo
 from kybflow.errors import KybflowError
 
@@ -36,7 +48,13 @@ def _version(
 for _name, _command, _examples in (
     ("run", run.run, run.EXAMPLES),
     ("validate", validate.validate, validate.EXAMPLES),
+    ("test", test.fly_tests, test.EXAMPLES),
+    ("preflight", preflight.preflight, preflight.EXAMPLES),
+    ("explain", explain.explain, explain.EXAMPLES),
     ("graph", graph.graph, graph.EXAMPLES),
+    ("show", show.show, show.EXAMPLES),
+    ("new", new.new, new.EXAMPLES),
+    ("library", library.library, library.EXAMPLES),
     ("parts", parts.parts, parts.EXAMPLES),
     ("schema", schema.schema, schema.EXAMPLES),
 ):

@@ -2,11 +2,13 @@
 
 KybflowError
 ├── UnitError       a quantity that can't be read: what was found, what was expected
+├── FileError       a file of a parameter that its part can't use: which line, and why
 ├── PartError       a part whose declaration is wrong (a programmer's mistake)
 ├── Refused         a part that can't start, with the reason
 ├── EstimateMissing a part asked for an estimate where there is none
 ├── PartFailed      a part that raised in a run: which, and what
 ├── OptionRefused   a change of an option that was not made, with the reason
+├── EventRefused    an event that was not told, with the reason
 └── DriverError     a driver or device that failed
 
 Mistakes in a mission are not exceptions: they are collected as diagnostics
@@ -28,6 +30,16 @@ class UnitError(KybflowError):
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
+        self.hint = hint
+
+
+class FileError(KybflowError):
+    """A file that a parameter names and that the part can't use. `line` counts from 1, 0 stands for
+    the whole file; `hint` is the way out, one line, or empty."""
+
+    def __init__(self, message: str, line: int = 0, hint: str = "") -> None:
+        super().__init__(message)
+        self.line = line
         self.hint = hint
 
 
@@ -53,6 +65,10 @@ class PartFailed(KybflowError):
 
 class OptionRefused(KybflowError):
     """A change of a run-time option that was not made, and why."""
+
+
+class EventRefused(KybflowError):
+    """An event from the command line that was not told, and why."""
 
 
 class DriverError(KybflowError):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf, pi
 from typing import Protocol
 
 from kybflow.geometry import Quat, Vec3, distance, heading_of, norm, tilt_of
@@ -19,6 +20,18 @@ from kybflow.units import ANGLE, DURATION, LENGTH, RATIO, SPEED, VOLTAGE, Dimens
 class Unavailable(Exception):
     """The value can't be known now (no estimate yet, no battery report): a comparison with it is
     false."""
+
+
+def chains_of(state: str) -> tuple[str, ...]:
+    """The chains in which a state is, outermost first: `a` and `a.b` for `a.b.c`."""
+    if "." not in state:
+        return ()
+    return tuple(state[:i] for i, letter in enumerate(state) if letter == ".")
+
+
+def is_in(behavior: str, state: str) -> bool:
+    """Whether a vehicle whose state is `behavior` is in `state`: the same, or a chain around it."""
+    return behavior == state or ("." in behavior and behavior.startswith(f"{state}."))
 
 
 class State(Protocol):
@@ -60,11 +73,13 @@ class View(Protocol):
 @dataclass(frozen=True, slots=True)
 class Observable:
     """One name. `dimension` None: a name (of a state, of an estimator), compared with `==` and
-    `!=`."""
+    `!=`. It is never below `low` or above `high` (SI)."""
 
     help: str
     dimension: Dimension | None
     read: Callable[[View], float | str]
+    low: float = -inf
+    high: float = inf
 
 
 def _position_error(view: View) -> float:
@@ -87,31 +102,35 @@ OBSERVABLES: dict[str, Observable] = {
     ),
     "state.x": Observable("Position east.", LENGTH, lambda v: v.state.position[0]),
     "state.y": Observable("Position north.", LENGTH, lambda v: v.state.position[1]),
-    "state.speed": Observable("Norm of the velocity.", SPEED, lambda v: norm(v.state.velocity)),
+    "state.speed": Observable(
+        "Norm of the velocity.", SPEED, lambda v: norm(v.state.velocity), low=0.0
+    ),
     "state.climb": Observable("Vertical speed, up.", SPEED, lambda v: v.state.velocity[2]),
     "state.tilt": Observable(
-        "Angle between body z and world z.", ANGLE, lambda v: tilt_of(v.state.attitude)
+        "Angle between body z and world z.", ANGLE, lambda v: tilt_of(v.state.attitude), 0.0, pi
     ),
     "state.heading": Observable(
-        "Heading from east.", ANGLE, lambda v: heading_of(v.state.attitude)
+        "Heading from east.", ANGLE, lambda v: heading_of(v.state.attitude), -pi, pi
     ),
     "battery.remaining": Observable(
-        "Charge left, 0 to 100 %.", RATIO, lambda v: v.battery.remaining
+        "Charge left, 0 to 100 %.", RATIO, lambda v: v.battery.remaining, 0.0, 1.0
     ),
-    "battery.voltage": Observable("Voltage of the battery.", VOLTAGE, lambda v: v.battery.voltage),
+    "battery.voltage": Observable(
+        "Voltage of the battery.", VOLTAGE, lambda v: v.battery.voltage, low=0.0
+    ),
     "estimate.age": Observable(
-        "Age of the newest measurement in the estimate.", DURATION, lambda v: v.age
+        "Age of the newest measurement in the estimate.", DURATION, lambda v: v.age, low=0.0
     ),
     "estimate.spread": Observable(
-        "Standard deviation of the position.", LENGTH, lambda v: v.spread
+        "Standard deviation of the position.", LENGTH, lambda v: v.spread, low=0.0
     ),
     "position_error": Observable(
-        "Distance from the setpoint before tracking.", LENGTH, _position_error
+        "Distance from the setpoint before tracking.", LENGTH, _position_error, low=0.0
     ),
     "velocity_error": Observable(
-        "Norm of the velocity's difference from the setpoint's.", SPEED, _velocity_error
+        "Norm of the velocity's difference from the setpoint's.", SPEED, _velocity_error, low=0.0
     ),
-    "elapsed": Observable("Time in the present behavior.", DURATION, lambda v: v.elapsed),
+    "elapsed": Observable("Time in the present behavior.", DURATION, lambda v: v.elapsed, low=0.0),
     "behavior": Observable("Name of the present state.", None, lambda v: v.behavior),
     "estimator": Observable("Name of the estimator in use.", None, lambda v: v.estimator),
 }
@@ -131,9 +150,81 @@ EVENTS: dict[str, str] = {
     "estimate_lost": "No estimator can be used.",
     "part_failed": "A part raised, or could not be made.",
     "failsafe_started": "The failsafe takes over.",
+    "failsafe_ended": "The failsafe gives the vehicle back to what it was doing.",
+    "paused": "The vehicle holds; what it was doing is frozen.",
+    "resumed": "The vehicle goes on with what it was doing when it was paused.",
+    "pause_refused": "The vehicle can't be paused now.",
+    "switch_refused": "A state that was asked for can't be entered now.",
+    "phase_started": "A flow entered a phase.",
+    "phase_ended": "A flow left a phase.",
+    "phase_refused": "A phase that was asked for can't be entered now.",
+    "flow_ended": "A flow is over; `FLOW.finished` is told with it.",
+    "driver_changed": "Another flow drives the vehicle.",
+    "give_refused": "A flow can't give a vehicle that it doesn't drive.",
+    "processor_enabled": "A processor is in use again.",
+    "processor_disabled": "A processor is left out.",
+    "reset": "A fault was forgotten, on the ground.",
+    "reset_refused": "A fault can't be forgotten now.",
     "option_changed": "A parameter has another value.",
     "option_refused": "A parameter can't have the value.",
+    "fault_injected": "A fault of the mission is at work on the vehicle.",
+    "fault_ended": "A fault's time is over.",
+    "fault_failed": "A fault could not be injected.",
+    "run_stopped": "Somebody ends the run: every vehicle lands.",
+    "logged": "A callback said something.",
+    "action_failed": "An action of a package raised and was left out.",
 }
 """What the engine tells, by name; parts declare the events of their alarms themselves."""
-OF_THE_RUN = frozenset({"run_started", "run_ended", "observer_failed"})
+OF_THE_RUN = frozenset(
+    {
+        "run_started", "run_ended", "run_stopped", "observer_failed", "logged", "action_failed",
+        "phase_started", "phase_ended", "phase_refused", "flow_ended",
+    }
+)  # fmt: skip
 """The events that belong to no vehicle."""
+TOO_LATE = frozenset({"run_ended", "preflight_failed"})
+"""The events after which no tick follows, so that nothing can answer them."""
+
+ALARM_FIELDS = ("reaction", "reason", "value", "bound")
+"""What an alarm's event carries; the last two are numbers."""
+EVENT_FIELDS: dict[str, tuple[str, ...]] = {
+    "run_started": (),
+    "run_ended": ("reason",),
+    "observer_failed": ("reason",),
+    "run_stopped": ("reason",),
+    "logged": ("text",),
+    "action_failed": ("action", "reason"),
+    "preflight_passed": ("check", "found"),
+    "preflight_failed": ("check", "reason"),
+    "behavior_started": ("behavior", "part"),
+    "behavior_ended": ("behavior", "how"),
+    "behavior_failed": ("behavior", "reason"),
+    "took_off": (),
+    "landed": (),
+    "estimator_changed": ("estimator", "previous", "reason", "offset", "blended"),
+    "estimate_lost": ("previous", *ALARM_FIELDS),
+    "part_failed": ("part", "reason"),
+    "failsafe_started": ALARM_FIELDS,
+    "failsafe_ended": ("reaction", "alarm"),
+    "paused": ("by",),
+    "resumed": ("by",),
+    "pause_refused": ("by", "reason"),
+    "switch_refused": ("state", "by", "reason"),
+    "phase_started": ("flow", "phase"),
+    "phase_ended": ("flow", "phase", "how"),
+    "phase_refused": ("flow", "phase", "by", "reason"),
+    "flow_ended": ("flow", "phase"),
+    "driver_changed": ("flow",),
+    "give_refused": ("flow", "to", "reason"),
+    "processor_enabled": ("processor", "by"),
+    "processor_disabled": ("processor", "by"),
+    "reset": ("by",),
+    "reset_refused": ("by", "reason"),
+    "option_changed": ("option", "value", "by"),
+    "option_refused": ("option", "by", "reason"),
+    "fault_injected": ("fault",),
+    "fault_ended": ("fault",),
+    "fault_failed": ("fault", "reason"),
+}
+"""What each event of EVENTS carries beside its vehicle and its time. A part's own event is an
+alarm's; a custom one carries nothing."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import types
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import (
     Annotated,
@@ -24,14 +25,23 @@ from typing import (
 )
 
 from kybflow.errors import PartError
+from kybflow.files import File
 from kybflow.units import Dimension, Vec3
 
 T = TypeVar("T")
 _KEY = "kybflow"
-RESERVED = frozenset({"do", "use", "as", "then", "next", "failed", "within", "for"})
+RESERVED = frozenset(
+    {
+        "do", "use", "as", "then", "next", "failed", "within", "for", "at", "on", "inject", "when",
+    }
+)  # fmt: skip
 Tightens = Literal["up", "down"]
 """The direction in which a safety parameter becomes stricter; a choice becomes so along its
 list."""
+Named = Literal["vehicle"]
+"""What of the mission a text can be the name of: another vehicle."""
+Reads = Callable[[File], object]
+"""What a part makes of a file; raises FileError for one that it can't use."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +53,8 @@ class _Facts:
     at_most: float | None
     read_only: bool
     tightens: Tightens | None
+    names: Named | None
+    reads: Reads | None
 
 
 def param(
@@ -55,10 +67,14 @@ def param(
     at_most: float | None = None,
     read_only: bool = False,
     tightens: Tightens | None = None,
+    names: Named | None = None,
+    reads: Reads | None = None,
 ) -> Any:
     """A parameter: its help, its default (SI) and its bounds (SI; for a vector they hold for each
-    number). One that `tightens` changes in that direction only while its vehicle flies."""
-    facts = _Facts(help, above, at_least, below, at_most, read_only, tightens)
+    number). One that `tightens` changes in that direction only while its vehicle flies. A text that
+    `names` something of the mission is checked to be such a name; a file is checked by what the
+    part `reads` it with."""
+    facts = _Facts(help, above, at_least, below, at_most, read_only, tightens, names, reads)
     return dataclasses.field(default=default, metadata={_KEY: facts}, kw_only=True)
 
 
@@ -72,8 +88,8 @@ def params(cls: type[T]) -> type[T]:
 class Field:
     """One parameter, as the compiler, the schema and the options see it.
 
-    shape is one of: scalar, vector, path (of vectors), integer, boolean, text, choice. `dimension`
-    is set for the first three; `choices` for the last.
+    shape is one of: scalar, vector, path (of vectors), integer, boolean, text, file, choice.
+    `dimension` is set for the first three; `choices` for the last.
     """
 
     name: str
@@ -90,6 +106,18 @@ class Field:
     at_most: float | None
     read_only: bool
     tightens: Tightens | None = None
+    names: Named | None = None
+    reads: Reads | None = None
+
+    def loosens(self, before: Any, after: Any) -> bool:
+        """Whether a safety parameter is less strict with `after` than with `before`; of a vector,
+        in any of its numbers."""
+        if self.tightens is None or before is None or after is None:
+            return False
+        if self.choices:
+            before, after = self.choices.index(before), self.choices.index(after)
+        pairs = zip(before, after, strict=True) if self.shape == "vector" else ((before, after),)
+        return any(b > a if self.tightens == "up" else b < a for b, a in pairs)
 
     def outside(self, value: float) -> str | None:
         """Which bound `value` (SI) breaks, in words, or None."""
@@ -126,7 +154,7 @@ def _field(cls: type, field: dataclasses.Field[Any], hint: Any) -> Field:
     return Field(
         field.name, shape, dimension, choices, optional, required, default,
         facts.help, facts.above, facts.at_least, facts.below, facts.at_most, facts.read_only,
-        facts.tightens,
+        facts.tightens, facts.names, facts.reads,
     )  # fmt: skip
 
 
@@ -139,7 +167,7 @@ def _strip_optional(hint: Any) -> tuple[Any, bool]:
 
 
 def _shape(where: str, hint: Any) -> tuple[str, Dimension | None, tuple[str, ...]]:
-    simple = {int: "integer", bool: "boolean", str: "text"}
+    simple = {int: "integer", bool: "boolean", str: "text", File: "file"}
     if hint in simple:
         return simple[hint], None, ()
     if get_origin(hint) is Literal:

@@ -59,7 +59,8 @@ class Airframe:
 class Site(NamedTuple):
     """What a vehicle's parts are built with: who it is, what it flies, where, how often.
 
-    home: where `go_home` flies, None for the start. obstacles: the world's, by name.
+    home: where `go_home` flies, None for the start. obstacles: the world's, by name. diameters:
+    of every vehicle's airframe, by name.
     """
 
     vehicle: str
@@ -70,3 +71,4 @@ class Site(NamedTuple):
     dt: float
     home: Vec3 | None = None
     obstacles: Mapping[str, Shape] = MappingProxyType({})
+    diameters: Mapping[str, float] = MappingProxyType({})

@@ -81,6 +81,8 @@ Damping = Annotated[float, DAMPING]
 Voltage = Annotated[float, VOLTAGE]
 Position = Annotated[Vec3, LENGTH]
 Velocity = Annotated[Vec3, SPEED]
+AngularVelocity = Annotated[Vec3, ANGULAR_RATE]
+Accelerations = Annotated[Vec3, ACCELERATION]
 Inertias = Annotated[Vec3, INERTIA]
 Path = Annotated[tuple[Vec3, ...], LENGTH]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,13 @@ class Checked:
             warned = f", {count} warning{'s' * (count > 1)}" if count else ""
             texts.append(f"{self.path}: ok{warned} ({self.milliseconds:.1f} ms)")
         return texts
+
+    @property
+    def annotations(self) -> list[str]:
+        """What GitHub Actions shows beside the lines, one command a finding."""
+        from kybflow.dsl.annotations import to_annotation
+
+        return [to_annotation(d) for d in self.result.diagnostics]
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -64,7 +71,20 @@ def _missions(paths: Iterable[Path]) -> Iterator[Path]:
             yield path
 
 
-def report_text(files: Sequence[dict[str, Any]]) -> str:
-    """The summaries of every file as one JSON text."""
-    whole = {"kybflow": 1, "valid": all(f["valid"] for f in files), "files": files}
+def _as_json(files: Sequence[Checked]) -> str:
+    whole = {
+        "kybflow": 1,
+        "valid": all(f.valid for f in files),
+        "files": [f.summary for f in files],
+    }
     return json.dumps(whole, indent=2)
+
+
+def _as_sarif(files: Sequence[Checked]) -> str:
+    from kybflow.dsl.sarif import to_sarif
+
+    return to_sarif(d for file in files for d in file.result.diagnostics)
+
+
+WHOLE: dict[str, Callable[[Sequence[Checked]], str]] = {"json": _as_json, "sarif": _as_sarif}
+"""The formats that say everything in one text, at the end."""

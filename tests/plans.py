@@ -65,6 +65,13 @@ def built_in_states(hover_limit: float = 30.0) -> list[StatePlan]:
             **more,
         ),
         state(
+            "auto_home",
+            part("behaviors", "go_home"),
+            then("auto_land"),
+            TransitionPlan("failed", "auto_land"),
+            **more,
+        ),
+        state(
             "auto_land",
             part("behaviors", "land"),
             then("landed"),
@@ -81,7 +88,7 @@ def vehicle(name: str, states: list[StatePlan], **more: Any) -> VehiclePlan:
     supervisors = tuple(
         part("supervisors", spec.name) for spec in load_catalog().always("supervisors")
     )
-    every = [*states, *built_in_states(more.pop("hover_limit", 30.0))]
+    every = [*states, *built_in_states(more.get("hover_limit", 30.0))]
     facts: dict[str, Any] = {
         "airframe": NANO,
         "start": (0.0, 0.0, 0.0),

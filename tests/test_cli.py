@@ -148,6 +148,36 @@ def test_an_unknown_option_is_refused_before_anything_is_written(tmp_path: Path)
     assert not out.exists()
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("operator.go", "is not NAME@TIME"),
+        ("@2s", "is not NAME@TIME"),
+        ("operator.go@2 m", "`2 m` is a length, but a duration is needed"),
+        ("operator.go@-1", "is before the run"),
+        ("operator.lnad@2s", "did you mean `operator.land`?"),
+        ("nano.landed@2s", "nothing here waits for `nano.landed`"),
+    ],
+)
+def test_an_event_that_cannot_be_given_is_refused_before_anything_is_written(
+    given: str, said: str, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    result = run("run", FIRST, "--out", str(out), "--emit", given)
+    assert result.exit_code == 2
+    assert said in " ".join(result.output.replace("│", " ").split())
+    assert not out.exists()
+
+
+def test_events_are_given_while_it_flies(tmp_path: Path) -> None:
+    words = ("--emit", "operator.land@6s", "--emit", "operator.pause@ 5.5", "--no-report")
+    result = run("run", FIRST, "--out", str(tmp_path), *words)
+    told = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
+    given = [(e["event"], e["t_s"]) for e in told if e["event"].startswith("operator.")]
+    assert given == [("operator.pause", 5.5), ("operator.land", 6.0)]
+    assert result.exit_code in (0, 1)
+
+
 def test_graph_draws_both_ways(tmp_path: Path) -> None:
     assert "stateDiagram-v2" in run("graph", FIRST).output
     drawing = tmp_path / "first.svg"

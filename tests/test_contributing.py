@@ -20,7 +20,7 @@ def block(language: str) -> str:
 def test_the_five_minutes_are_true(tmp_path: Path):
     [part] = re.findall(r"Write the file\*\* `(.*?)`", TEXT)
     [mission] = re.findall(r"Fly it\*\* in `(.*?)`", TEXT)
-    for folder in ("kybflow", "missions", "schemas", "tests"):
+    for folder in ("docs", "kybflow", "missions", "schemas", "tests"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     (tmp_path / part).write_text(block("python"), encoding="utf-8")

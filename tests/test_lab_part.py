@@ -1,5 +1,6 @@
 """A lab's own package: installed as its README says, found by its entry point, flown."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -40,6 +41,14 @@ def test_its_mission_flies(installed: dict[str, str], tmp_path: Path):
     assert flown.returncode == 0, flown.stdout + flown.stderr
 
 
+def test_its_parts_keep_the_contract_of_all_parts(installed: dict[str, str]):
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+    command += [str(ROOT / "tests" / "test_part_contract.py"), "-k", "bob or tally"]
+    judged = subprocess.run(command, env=installed, capture_output=True, text=True, check=False)
+    assert judged.returncode == 0, judged.stdout
+    assert "skipped" not in judged.stdout.splitlines()[-1]
+
+
 def test_a_mistake_in_its_parameters_is_reported_like_any_other(
     installed: dict[str, str], tmp_path: Path
 ):
@@ -49,6 +58,30 @@ def test_a_mistake_in_its_parameters_is_reported_like_any_other(
     shown = kybflow(installed, "validate", str(bad))
     assert shown.returncode == 2
     assert "a duration, but a length is needed" in shown.stdout
+
+
+def test_its_action_counts_and_emits(installed: dict[str, str], tmp_path: Path):
+    mission = str(ROOT / "examples" / "lab-parts" / "bob.yaml")
+    kybflow(installed, "run", mission, "--out", str(tmp_path), "--no-report")
+    told = (tmp_path / "events.jsonl").read_text(encoding="utf-8").splitlines()
+    names = [json.loads(line)["event"] for line in told]
+    assert names.count("logged") == 3
+    assert names.count("tally_reached") == 1
+    assert "action_failed" not in names
+
+
+def test_a_package_may_not_take_the_name_of_an_action_of_the_language(tmp_path: Path):
+    home = tmp_path / "lab_words" / "actions"
+    home.mkdir(parents=True)
+    for file in (home.parent / "__init__.py", home / "__init__.py", home / "log.py"):
+        file.touch()
+    meta = tmp_path / "lab_words-1.dist-info"
+    meta.mkdir()
+    (meta / "METADATA").write_text("Metadata-Version: 2.1\nName: lab-words\nVersion: 1\n")
+    (meta / "entry_points.txt").write_text("[kybflow.parts]\nlab = lab_words\n")
+    shown = kybflow({**os.environ, "PYTHONPATH": str(tmp_path)}, "parts")
+    assert shown.returncode == 2
+    assert "lab_words.actions.log: the language itself has the action `log`" in shown.stderr
 
 
 def test_two_packages_with_one_name_are_refused_with_both_places(

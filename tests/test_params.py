@@ -6,7 +6,7 @@ import pytest
 
 from kybflow.catalog import Catalog, load_catalog
 from kybflow.errors import PartError
-from kybflow.params import fields_of, param, params
+from kybflow.params import RESERVED, fields_of, param, params
 from kybflow.units import LENGTH, Length, Path, Position
 
 
@@ -51,6 +51,20 @@ def test_a_parameter_needs_a_type_with_a_unit():
 
     with pytest.raises(PartError, match=r"use the types of kybflow\.units"):
         fields_of(Wrong)
+
+
+def test_a_text_may_be_the_name_of_a_vehicle():
+    @params
+    class Named:
+        other: str = param("Another vehicle.", names="vehicle")
+        note: str = param("Any text.", default="")
+
+    assert [field.names for field in fields_of(Named)] == ["vehicle", None]
+
+
+@pytest.mark.parametrize("name", ["at", "on", "inject", "when"])
+def test_the_keys_of_a_fault_are_no_parameters(name: str):
+    assert name in RESERVED
 
 
 def test_a_field_needs_param():

@@ -17,9 +17,10 @@ import pytest
 from flying import DT, SITE, at_rest, entry, estimate
 
 from kybflow.catalog import PartSpec, load_catalog
-from kybflow.geometry import ZERO, Vec3, from_heading
+from kybflow.files import File
+from kybflow.geometry import GRAVITY, LEVEL, ZERO, Vec3, from_heading
 from kybflow.params import Field
-from kybflow.parts import GROUND, Footprint
+from kybflow.parts import GROUND, Deck, Effect, Footprint
 from kybflow.signals import (
     NS,
     Alarm,
@@ -28,7 +29,10 @@ from kybflow.signals import (
     CommandKind,
     Done,
     Estimate,
+    Event,
     Failed,
+    Imu,
+    Measurement,
     MeasurementKind,
     Pose,
     Setpoint,
@@ -39,7 +43,9 @@ from kybflow.signals import (
 CATALOG = load_catalog()
 HEAVY = ("numpy", "scipy", "mujoco", "transitions", "cv2", "plotly", "foxglove", "pymavlink")
 TICKS = 200
+DECK = frozenset(name for name in vars(Deck) if not name.startswith("_"))
 START: Vec3 = (0.1, 0.2, 1.0)
+TABLE = File("table.csv", "", "t, x, y, z\n0, 0.1, 0.2, 1\n2, 0.5, 0.5, 1.2\n4, 0.5, 0.2, 1\n")
 PLAUSIBLE = {"length": 1.0, "duration": 8.0, "position": (0.5, 0.5, 1.2)}
 
 
@@ -63,6 +69,8 @@ def plausible(field: Field) -> Any:
     if field.shape in ("scalar", "integer"):
         value = PLAUSIBLE.get(field.dimension.name if field.dimension else "", 1.0)
         return int(value) if field.shape == "integer" else value
+    if field.shape == "file":
+        return TABLE
     return {"choice": field.choices[:1], "boolean": (True,), "text": ("a",)}[field.shape][0]
 
 
@@ -219,7 +227,7 @@ def test_a_processor_is_deterministic_and_finite_and_returns_what_it_says(spec: 
 
 @pytest.mark.parametrize("spec", specs("processors"))
 def test_a_processor_leaves_a_harmless_setpoint_alone(spec: PartSpec) -> None:
-    for kind in spec.cls.accepts:
+    for kind in spec.cls.takes(minimal(spec)):
         processor = spec.cls(minimal(spec), SITE)
         asked = [path(i, kind) for i in range(TICKS)]
         given = [processor(s, tick) for s, tick in zip(asked, ticks(), strict=True)]
@@ -266,8 +274,12 @@ def test_an_estimator_is_deterministic_and_finite(spec: PartSpec) -> None:
         for i in range(TICKS):
             now = i * round(DT * NS)
             position = tuple(x + generator.gauss(0.0, 0.0005) for x in START)
-            poses = [Pose(now, position, from_heading(0.1))] if i % 2 else []
-            estimates.append(estimator.update(poses, now))
+            felt = (generator.gauss(0.0, 0.1), 0.0, GRAVITY)
+            measured: list[Measurement] = [Imu(now, DT, felt, ZERO)]
+            if i % 2:
+                measured.append(Pose(now, position, from_heading(0.1)))
+            estimates.append(estimator.update(measured, now))
+            estimator.anchor(Estimate(now, position, ZERO, LEVEL, ZERO, "another", 0.0, 0.001))
         return estimates
 
     estimates = same_twice(lambda: spec.cls(minimal(spec), SITE), run)
@@ -285,3 +297,36 @@ def test_a_driver_says_what_it_takes_and_gives(spec: PartSpec) -> None:
     assert spec.cls.provides
     rate = spec.cls.step_rate(minimal(spec))
     assert rate is None or rate > 0.0
+
+
+@pytest.mark.parametrize("spec", specs("faults"))
+def test_a_fault_breaks_the_vehicle_that_it_is_on_and_is_fixed_in_flight(spec: PartSpec) -> None:
+    fault = spec.cls(minimal(spec), random.Random(1))
+    effects = fault.effects("nano")
+    assert "nano" in effects
+    assert all(isinstance(effect, Effect) for effect in effects.values())
+    assert all(field.read_only for field in spec.fields)
+
+
+class Notes:
+    """A deck that notes what it is asked for."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[Any, ...]] = []
+
+    def __getattr__(self, name: str) -> Any:
+        assert name in DECK, f"a deck has no `{name}`"
+        return lambda *words: self.asked.append((name, *words))
+
+
+@pytest.mark.parametrize("spec", specs("actions"))
+def test_an_action_is_deterministic_and_emits_what_it_says(spec: PartSpec) -> None:
+    def run(action: Any) -> list[Any]:
+        notes = Notes()
+        for i in range(TICKS):
+            action(Event(i, "behavior_ended", "nano", {"behavior": "up", "how": "done"}), notes)
+            action(Event(i, "run_started", "", {}), notes)
+        return notes.asked
+
+    asked = same_twice(lambda: spec.cls(minimal(spec)), run)
+    assert {words[1] for words in asked if words[0] == "emit"} <= set(spec.cls.events)

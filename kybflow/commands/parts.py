@@ -14,7 +14,8 @@ EXAMPLES = "Examples:  kybflow parts  |  kybflow parts circle"
 def parts(
     name: Annotated[str | None, typer.Argument(help="A part; without it, all are listed.")] = None,
 ) -> None:
-    """What behaviors, estimators, processors, trackers, supervisors and drivers there are."""
+    """What behaviors, estimators, processors, trackers, supervisors, drivers, faults and actions
+    there are."""
     from kybflow.catalog import load_catalog
     from kybflow.listing import list_parts, show_part, unknown_part
 

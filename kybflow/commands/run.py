@@ -9,6 +9,8 @@ from typing import IO, Annotated, cast
 import typer
 
 from kybflow.commands.common import Sets, Target
+from kybflow.errors import UnitError
+from kybflow.units import DURATION, parse_quantity
 
 EXAMPLES = (
     "Examples:  kybflow run missions/figure_eight.yaml  |  kybflow run "
@@ -39,6 +41,14 @@ def run(
             help="Change a parameter of a part, like mk.processors.limit_speed.speed=50cm/s.",
         ),
     ] = None,
+    emits: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--emit",
+            metavar="NAME@TIME",
+            help="Give an event while it flies, like operator.go@2s; TIME is that of the run.",
+        ),
+    ] = None,
     live: Annotated[bool, typer.Option("--live", help="Show the simulation in a window.")] = False,
     plain: Annotated[bool, typer.Option("--plain", help="Events as lines, no table.")] = False,
     report: Annotated[bool, typer.Option(help="Write report.html.")] = True,
@@ -55,10 +65,26 @@ def run(
     from kybflow.runtime.flight import Request
 
     pace = 1.0 if live and speed is None else speed
-    request = Request(seed, out, pace, tuple(_pair(option) for option in options or ()))
+    changes = tuple(_pair(option) for option in options or ())
+    request = Request(seed, out, pace, changes, tuple(_timed(emit) for emit in emits or ()))
     asked = Asked(mission, target, tuple(sets or ()), request, live, plain, report)
     screen, errors = (Console(file=cast(IO[str], Outlet(s))) for s in (sys.stdout, sys.stderr))
     raise typer.Exit(run_mission(asked, screen, errors))
+
+
+def _timed(emit: str) -> tuple[float, str]:
+    """(seconds, name) of `NAME@TIME`."""
+    name, at, time = emit.rpartition("@")
+    if not at or not name.strip():
+        raise typer.BadParameter(f"`{emit}` is not NAME@TIME", param_hint="--emit")
+    try:
+        seconds = parse_quantity(time, DURATION)
+    except UnitError as error:
+        reason = f"`{emit}`: {error}; {error.hint}" if error.hint else f"`{emit}`: {error}"
+        raise typer.BadParameter(reason, param_hint="--emit") from None
+    if seconds < 0.0:
+        raise typer.BadParameter(f"`{emit}` is before the run", param_hint="--emit")
+    return seconds, name.strip()
 
 
 def _pair(option: str) -> tuple[str, str]:

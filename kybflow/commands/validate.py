@@ -12,18 +12,22 @@ from kybflow.commands.common import INVALID, Sets, Target, echo
 
 EXAMPLES = (
     "Examples:  kybflow validate missions/figure_eight.yaml  |  kybflow validate missions "
-    "--format json  |  kybflow validate missions/figure_eight.yaml --set lap=8s"
+    "--format sarif  |  kybflow validate missions/figure_eight.yaml --set lap=8s"
 )
 
 
 class Format(StrEnum):
     TEXT = "text"
     JSON = "json"
+    SARIF = "sarif"
+    GITHUB = "github"
 
 
 def validate(
     paths: Annotated[list[Path], typer.Argument(help="Missions, or folders of missions.")],
-    format: Annotated[Format, typer.Option(help="For people or for programs.")] = Format.TEXT,
+    format: Annotated[
+        Format, typer.Option(help="For people, programs, code scanning or GitHub Actions.")
+    ] = Format.TEXT,
     target: Target = None,
     sets: Sets = None,
 ) -> None:
@@ -37,15 +41,19 @@ def validate(
 def validate_all(
     paths: list[Path], format: Format, target: str | None, sets: tuple[str, ...]
 ) -> int:
-    from kybflow.validation import report_text, validate_paths
+    from kybflow.validation import WHOLE, validate_paths
 
-    files = []
+    whole = WHOLE.get(format)
+    files, valid = [], []
     for one in validate_paths(paths, target, sets):
-        files.append(one.summary if format is Format.JSON else {"valid": one.valid})
-        for text in one.reports if format is Format.TEXT else ():
+        valid.append(one.valid)
+        if whole is not None:
+            files.append(one)
+            continue
+        for text in one.annotations if format is Format.GITHUB else one.reports:
             echo(text)
-    if format is Format.JSON:
-        echo(report_text(files))
-    if not files:
+    if whole is not None:
+        echo(whole(files))
+    if not valid:
         echo(f"no mission is under {', '.join(map(str, paths))}", err=True)
-    return 0 if files and all(file["valid"] for file in files) else INVALID
+    return 0 if valid and all(valid) else INVALID

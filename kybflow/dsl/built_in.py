@@ -10,12 +10,14 @@ BUILT_IN = {
     "landed": "wait_on_ground",
     "brake": "brake",
     "hover": "hover",
+    "auto_home": "go_home",
     "auto_land": "land",
     "land_blind": "land_blind",
     "fault": "wait_on_ground",
 }
 """Each built-in state with its behavior. `brake` goes to `hover`, that after `hover_limit` to
-`auto_land`, that to `landed`; `land_blind` goes to `fault`, which is never left."""
+`auto_land`, as does `auto_home`, and that to `landed`; `land_blind` goes to `fault`, which only a
+reset leaves."""
 
 
 def end_of(legs: Iterable[Leg]) -> str:

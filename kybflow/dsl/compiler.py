@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kybflow.dsl.attachments import attachments_of
 from kybflow.dsl.checks import run_checks
 from kybflow.dsl.diagnostics import Diagnostic, has_errors, in_order
-from kybflow.dsl.document import Document
+from kybflow.dsl.document import Document, Parameter
 from kybflow.dsl.judge import is_library, judge_mission
 from kybflow.dsl.lower import lower
 from kybflow.dsl.plan import Plan, SourceFile
@@ -26,11 +27,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """The plan, None when there are errors; the findings in order; the text of every file."""
+    """The plan, None when there are errors; the findings in order; the text of every file; the
+    parameters that the plan was made with."""
 
     plan: Plan | None
     diagnostics: tuple[Diagnostic, ...]
     texts: dict[str, str] = field(default_factory=dict)
+    parameters: dict[str, Parameter] = field(default_factory=dict)
 
     @property
     def valid(self) -> bool:
@@ -45,9 +48,11 @@ def compile_mission(
     document, files, found = _document(Path(path), str(path), catalog, target, sets)
     plan = None
     if document is not None:
-        sources = tuple(SourceFile(s.file, s.sha256) for s in files.sources.values())
+        read = (SourceFile(s.file, s.sha256) for s in files.sources.values())
+        sources = (*read, *attachments_of(document))
         plan = lower(document, catalog, sources, written(document))
-    return _result(plan, files, sets, found)
+    result = _result(plan, files, sets, found)
+    return result if document is None else replace(result, parameters=document.parameters)
 
 
 def check_mission(

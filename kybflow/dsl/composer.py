@@ -27,7 +27,7 @@ CODES = {
     "KYB012": "More values than a mission may have, counted with every alias expanded.",
     "KYB013": "An alias that nothing defines, or that contains itself.",
 }
-MAX_NODES = 20_000
+MAX_NODES = 100_000
 MAX_DEPTH = 40
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 

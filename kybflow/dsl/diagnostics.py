@@ -36,8 +36,12 @@ class Diagnostic:
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Each finding once, sorted by place."""
-    return tuple(sorted(dict.fromkeys(diagnostics), key=lambda d: d.order))
+    """Each finding once, sorted by place: what every use of a chain gets wrong is told for the
+    first."""
+    first: dict[tuple[object, ...], Diagnostic] = {}
+    for diagnostic in diagnostics:
+        first.setdefault((*diagnostic.order, diagnostic.message), diagnostic)
+    return tuple(sorted(first.values(), key=lambda d: d.order))
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from kybflow.dsl.plan import Cause
 from kybflow.dsl.source import Span, Text
 from kybflow.geometry import Vec3
+from kybflow.parts import Footprint
 from kybflow.shapes import Box, Shape
 from kybflow.site import Airframe
 
@@ -32,7 +33,9 @@ class PartUse:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """One arrow as written; `span` is the whole of it, `target.span` the name of its goal."""
+    """One arrow as written; `span` is the whole of it, `target.span` the name of its goal. `since`
+    is the chain whose arrow it is: its `after` counts from the entry of that. `enters` is the chain
+    that it enters, whose first state is the target."""
 
     cause: Cause
     target: Text
@@ -41,6 +44,8 @@ class Transition:
     event: Text | None = None
     after: float | None = None
     hold: float = 0.0
+    since: str = ""
+    enters: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +57,25 @@ class State:
     transitions: tuple[Transition, ...]
     span: Span
     inherited: bool = False
+    _footprints: dict[Vec3 | None, Footprint | None] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
+
+    def footprint(self, entry: Vec3 | None) -> Footprint | None:
+        """Where the behavior goes from `entry`; several checks ask for the same."""
+        if entry not in self._footprints:
+            self._footprints[entry] = self.part.spec.cls.footprint(self.part.params, entry)
+        return self._footprints[entry]
+
+
+@dataclass(frozen=True, slots=True)
+class ChainUse:
+    """A behavior that is a chain of states, `NAME.INNER`. Its arrows are also among those of every
+    state inside."""
+
+    name: Text
+    transitions: tuple[Transition, ...]
+    span: Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +90,8 @@ class EstimatorUse:
 class Vehicle:
     """One vehicle. `begin` is the name of the first state: the one written, else the first
     behavior. `airframe_spans` holds the span of each of the airframe's parameters that was
-    written."""
+    written, `spans` that of each of the vehicle's own keys. `asked` are the states that callbacks
+    and flows may ask for at any time."""
 
     name: Text
     airframe: Airframe
@@ -84,6 +109,18 @@ class Vehicle:
     airframe_spans: dict[str, Span] = field(default_factory=dict)
     home: Vec3 | None = None
     home_span: Span | None = None
+    spans: dict[str, Span] = field(default_factory=dict)
+    asked: frozenset[str] = frozenset()
+    chains: dict[str, ChainUse] = field(default_factory=dict)
+    known: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
+    """What checks have worked out of it, for those that ask again."""
+
+    def goal(self, name: str) -> str:
+        """The state that `name` means as a goal: a chain's name means its first state."""
+        inside = f"{name}."
+        if name in self.states:
+            return name
+        return next((state for state in self.states if state.startswith(inside)), name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +143,8 @@ class ObstacleUse:
 
 @dataclass(frozen=True, slots=True)
 class ActionUse:
-    """One action as written, `{NAME: VALUE}`; `target` is the vehicle, option, event, flow or label
-    that it is about, `value` what is asked of it: a state's, phase's or text's name, a node of an
-    option's value. `part` is set for an action from a package."""
+    """One action as written: `{NAME: VALUE}`, or one of `{NAME: {TARGET: VALUE}}`. `value` is a
+    Text, the node of an option's value, None for an action from a package, which has a `part`."""
 
     name: Text
     target: Text | None
@@ -174,7 +210,7 @@ class Parameter:
 @dataclass(frozen=True, slots=True)
 class Document:
     """A whole mission as written. `spans` holds the span of each key of the top level that was
-    written."""
+    written, and of the fence."""
 
     mission: Text
     summary: str
@@ -193,6 +229,7 @@ class Document:
     point_spans: dict[str, Span] = field(default_factory=dict)
     obstacles: tuple[ObstacleUse, ...] = ()
     groups: dict[str, tuple[Text, ...]] = field(default_factory=dict)
+    group_spans: dict[str, Span] = field(default_factory=dict)
     callbacks: tuple[Callback, ...] = ()
     faults: tuple[FaultUse, ...] = ()
     flows: dict[str, Flow] = field(default_factory=dict)

@@ -21,7 +21,7 @@ CODES = {
     "KYB110": "A name that can't be one.",
     "KYB111": "A version of the language that this program doesn't read.",
 }
-LATER = frozenset({"flows", "groups", "on", "faults", "chains", "inputs", "obstacles", "sensors"})
+LATER = frozenset({"inputs", "sensors"})
 _CONDITIONS = frozenset({"when", "healthy"})
 _SHAPES = {
     "object": "a mapping",
@@ -101,7 +101,8 @@ def _cut_by_yaml(node: Mapping, key: str) -> Diagnostic | None:
 def _explain_missing(fault: Fault) -> Iterator[Diagnostic]:
     node = fault.node
     assert isinstance(node, Mapping)
-    unknown = [k for k in node.entries if k not in fault.schema["properties"]]
+    is_closed = fault.schema.get("additionalProperties") is False
+    unknown = [k for k in node.entries if is_closed and k not in fault.schema["properties"]]
     for key in fault.wanted:
         if node.get(key) is not None or get_close_matches(key, unknown, n=1):
             continue  # the misspelt key is reported already
@@ -134,6 +135,8 @@ def _explain_value(fault: Fault) -> Iterator[Diagnostic]:
     hint = ""
     if name in _CONDITIONS:
         hint = "write a condition, like `state.altitude > 1 m`"
+    elif name == "log" and isinstance(node, Mapping):
+        hint = "write a text that has braces in quotes"
     elif wanted == "text" and isinstance(node, Scalar):
         hint = f'write "{node.text[:60]}" in quotes if you mean the text'
     yield Diagnostic(

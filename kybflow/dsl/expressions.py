@@ -17,6 +17,7 @@ from kybflow.dsl.expressions_tree import (
     Expression,
     Finally,
     Finished,
+    GroupInState,
     InState,
     Not,
     Number,
@@ -30,6 +31,6 @@ from kybflow.dsl.expressions_tree import (
 
 __all__ = [
     "Aggregate", "Always", "And", "Clock", "Compare", "Condition", "Distance", "Eventually",
-    "Expression", "Finally", "Finished", "InState", "Not", "Number", "Or", "Place", "Read",
-    "Scope", "Separation", "Value", "Word", "describe", "parse",
+    "Expression", "Finally", "Finished", "GroupInState", "InState", "Not", "Number", "Or", "Place",
+    "Read", "Scope", "Separation", "Value", "Word", "describe", "parse",
 ]  # fmt: skip

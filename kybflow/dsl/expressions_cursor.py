@@ -5,14 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 from kybflow.dsl import expressions_errors as errors
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.expressions_tokens import Token, tokens_of
 from kybflow.dsl.expressions_tree import Aggregate, Operator, Value
-from kybflow.dsl.source import Text
+from kybflow.dsl.source import PREFIX, Text
 from kybflow.errors import UnitError
+from kybflow.geometry import ZERO, Vec3
 from kybflow.observables import OBSERVABLES
 from kybflow.units import Dimension, parse_quantity
 
@@ -23,12 +24,17 @@ HEALTH: Mapping[str, str] = {"age": "estimate.age", "spread": "estimate.spread"}
 @dataclass(frozen=True, slots=True)
 class Scope:
     """What an expression may name. `vehicles` maps each to its states (the built-in ones too);
-    `own` is the vehicle that asks, None in an expectation; `estimators` each vehicle's."""
+    `own` is the vehicle that asks, None in an expectation and in a flow; `estimators` each
+    vehicle's; `points` those of the world; `groups` maps each to its vehicles."""
 
     kind: Literal["condition", "health", "expectation"]
     vehicles: Mapping[str, Collection[str]]
     own: str | None = None
     estimators: Mapping[str, Collection[str]] = field(default_factory=dict)
+    points: Mapping[str, Vec3] = field(default_factory=dict)
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    read: dict[Text, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What was parsed in this scope; several checks ask for the same."""
 
 
 class Operand(NamedTuple):
@@ -96,10 +102,27 @@ class Cursor:
         return self.measured(token.text, (token.start, token.end), dimension, "")
 
     def vehicle(self, token: Token) -> str:
-        if token.text not in self.scope.vehicles:
+        if token.text in self.scope.groups:
+            message = f"`{token.text}` is a group, and one vehicle is needed"
+            self.findings.append(errors.group_for_one(self.text, token, message))
+        elif token.text not in self.scope.vehicles:
             message = f"there is no vehicle `{token.text}`"
             self.unknown(token, message, self.scope.vehicles)
         return token.text
+
+    def point(self, token: Token) -> Vec3:
+        """The coordinates of `world.points.NAME`."""
+        name = token.text.removeprefix(PREFIX)
+        if name not in self.scope.points:
+            place = Token("name", name, token.end - len(name), token.end)
+            self.unknown(place, f"the world has no point `{name}`", self.scope.points)
+        return self.scope.points.get(name, ZERO)
+
+    def group(self, token: Token) -> tuple[str, ...]:
+        if token.text not in self.scope.groups:
+            message = f"there is no group `{token.text}`"
+            self.unknown(token, message, self.scope.groups)
+        return self.scope.groups.get(token.text, ())
 
     def state(self, vehicle: str, token: Token) -> str:
         states = self.scope.vehicles.get(vehicle)

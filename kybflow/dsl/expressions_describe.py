@@ -13,6 +13,7 @@ from kybflow.dsl.expressions_tree import (
     Expression,
     Finally,
     Finished,
+    GroupInState,
     InState,
     Not,
     Number,
@@ -35,12 +36,14 @@ def describe(expression: Expression) -> str:
             return f"{_value(left)} {operator} {_value(right)}"
         case InState(vehicle, state):
             return f"{vehicle} in {state}"
+        case GroupInState(quantifier, group, _, state):
+            return f"{quantifier} {group} in {state}"
         case And(parts):
             return " and ".join(_grouped(p, (Or,)) for p in parts)
         case Or(parts):
             return " or ".join(_grouped(p, (Or,)) for p in parts)
         case Not(part):
-            return f"not {_grouped(part, (And, Or, Compare, InState))}"
+            return f"not {_grouped(part, (And, Or, Compare, InState, GroupInState))}"
     return _expectation(expression)
 
 

@@ -69,6 +69,14 @@ def unknown(
     return Diagnostic("KYB211", message, span, label="unknown", help=did_you_mean(name, known))
 
 
+def group_for_one(text: Text, token: Token, message: str) -> Diagnostic:
+    """KYB212: two sides that can't be compared, or a quantity of another dimension or without its
+    unit, or a group where one vehicle is needed."""
+    way_out = f"write `all {token.text} in STATE` or `any {token.text} in STATE`"
+    span = text.part(token.start, token.end)
+    return Diagnostic("KYB212", message, span, label="several vehicles", help=way_out)
+
+
 def mismatch(
     text: Text, place: tuple[int, int], message: str, label: str, way_out: str
 ) -> Diagnostic:

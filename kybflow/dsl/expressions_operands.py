@@ -1,9 +1,10 @@
 """Operands of a comparison: what they read and what type they have.
 
 operand   := quantity | 'time' | observable | VEHICLE '.' observable | word
-           | 'distance' '(' place 'to' place ')' | 'separation' '(' all | NAME 'and' NAME ... ')'
+           | 'distance' '(' place 'to' place ')' | 'separation' '(' all | some 'and' some ... ')'
            | ('mean'|'max'|'min'|'rms') '(' operand ['in' STATE] ')'
-place     := VEHICLE | VEHICLE '.start' | 'start' | '[' x y z ']'
+some      := VEHICLE | GROUP
+place     := VEHICLE | VEHICLE '.start' | 'start' | 'world.points.' NAME | '[' x y z ']'
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from kybflow.dsl.expressions_tree import (
     Value,
 )
 from kybflow.dsl.expressions_types import Types
+from kybflow.dsl.source import PREFIX
 from kybflow.observables import OBSERVABLES
 from kybflow.units import DURATION, LENGTH, Dimension
 
@@ -96,19 +98,21 @@ class Operands(Types):
         token = self.name("a vehicle or a point")
         if token.text == "start" and self.scope.own is not None:
             return Place(None, start=True)
+        if token.text.startswith(PREFIX):
+            return Place(None, point=self.point(token))
         name = token.text.removesuffix(".start")
         end = token.start + len(name)
         self.vehicle(Token("name", name, token.start, end))
         return Place(name, start=name != token.text)
 
     def _separation(self, function: Token) -> Separation:
-        first = self.name("a vehicle or `all`")
+        first = self.name("a vehicle, a group or `all`")
         if first.text == "all" and "all" not in self.scope.vehicles:
             vehicles = list(self.scope.vehicles)
         else:
-            vehicles = [self.vehicle(first)]
+            vehicles = [*self._some(first)]
             while self.skip("and"):
-                vehicles.append(self.vehicle(self.name("a vehicle")))
+                vehicles += self._some(self.name("a vehicle or a group"))
         if len(set(vehicles)) < 2:
             place = (function.start, self.behind())
             message = "a separation needs two vehicles"
@@ -116,6 +120,9 @@ class Operands(Types):
             found = errors.mismatch(self.text, place, message, "one vehicle", way_out)
             self.findings.append(found)
         return Separation(tuple(dict.fromkeys(vehicles)))
+
+    def _some(self, token: Token) -> tuple[str, ...]:
+        return self.scope.groups.get(token.text) or (self.vehicle(token),)
 
     def _aggregate(self, token: Token) -> tuple[Aggregate, Dimension | None]:
         self.statistics_seen = True

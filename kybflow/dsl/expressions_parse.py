@@ -4,7 +4,8 @@
                  | 'eventually' condition ['within' quantity] | statistic operator statistic
     condition   := both ('or' both)*
     both        := single ('and' single)*
-    single      := 'not' single | '(' condition ')' | NAME 'in' NAME | operand operator operand
+    single      := 'not' single | '(' condition ')' | VEHICLE 'in' STATE
+                 | ('all' | 'any') GROUP 'in' STATE | operand operator operand
 
 Operands, their types and units: `kybflow.dsl.expressions_operands`.
 """
@@ -12,6 +13,7 @@ Operands, their types and units: `kybflow.dsl.expressions_operands`.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import cast, get_args
 
 from kybflow.dsl import expressions_errors as errors
 from kybflow.dsl.diagnostics import Diagnostic
@@ -28,11 +30,13 @@ from kybflow.dsl.expressions_tree import (
     Expression,
     Finally,
     Finished,
+    GroupInState,
     InState,
     Not,
     Number,
     Operator,
     Or,
+    Quantifier,
 )
 from kybflow.dsl.source import Text
 from kybflow.units import DURATION
@@ -41,7 +45,8 @@ __all__ = ["Scope", "parse"]
 
 MAX_DEPTH = 32
 MAX_LENGTH = 2000
-_FLIPPED: Mapping[Operator, Operator] = {
+_QUANTIFIERS = frozenset(get_args(Quantifier))
+FLIPPED: Mapping[Operator, Operator] = {
     "<": ">",
     "<=": ">=",
     ">": "<",
@@ -53,6 +58,13 @@ _FLIPPED: Mapping[Operator, Operator] = {
 
 def parse(text: Text, scope: Scope) -> tuple[Expression | None, list[Diagnostic]]:
     """The expression that `text` says, or None and what is wrong with it. Never raises."""
+    if text not in scope.read:
+        scope.read[text] = _parsed(text, scope)
+    expression, found = scope.read[text]
+    return expression, list(found)
+
+
+def _parsed(text: Text, scope: Scope) -> tuple[Expression | None, list[Diagnostic]]:
     try:
         if len(text.text) > MAX_LENGTH:
             raise errors.too_long(text, MAX_LENGTH)
@@ -141,6 +153,8 @@ class _Parser(Operands):
                 return inner
             if self.peek(1).text == "in":
                 return self._in_state()
+            if self.peek().text in _QUANTIFIERS and self.peek(1).kind == "name":
+                return self._group_in_state()
             return self._comparison()
         finally:
             self._depth -= 1
@@ -150,6 +164,17 @@ class _Parser(Operands):
         self.expect("in")
         return InState(vehicle, self.state(vehicle, self.name("a state")))
 
+    def _group_in_state(self) -> Condition:
+        quantifier = cast(Quantifier, self.take().text)
+        name = self.name("a group")
+        vehicles = self.group(name)
+        self.expect("in")
+        token, before = self.name("a state"), len(self.findings)
+        for vehicle in vehicles:
+            if len(self.findings) == before:
+                self.state(vehicle, token)
+        return GroupInState(quantifier, name.text, vehicles, token.text)
+
     def _comparison(self) -> Condition:
         left = self.operand()
         operator = self.operator()
@@ -157,8 +182,10 @@ class _Parser(Operands):
         if self.peek().kind == "operator":
             raise errors.unreadable(self.text, self.peek(), "`and`, `or` or the end")
         compare = self.compared(left, operator, right)
+        if not isinstance(compare, Compare):
+            return compare
         if isinstance(compare.left, Number) and isinstance(compare.right, Aggregate):
-            return self.compared(right, _FLIPPED[operator], left)
+            return self.compared(right, FLIPPED[operator], left)
         return compare
 
 

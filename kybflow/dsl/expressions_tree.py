@@ -11,6 +11,7 @@ from kybflow.geometry import Vec3
 from kybflow.units import Dimension
 
 Operator = Literal["<", "<=", ">", ">=", "==", "!="]
+Quantifier = Literal["all", "any"]
 Function = Literal["mean", "max", "min", "rms"]
 
 
@@ -79,6 +80,16 @@ class InState:
 
 
 @dataclass(frozen=True, slots=True)
+class GroupInState:
+    """Whether all or any of `vehicles`, which are `group`, are in `state`."""
+
+    quantifier: Quantifier
+    group: str
+    vehicles: tuple[str, ...]
+    state: str
+
+
+@dataclass(frozen=True, slots=True)
 class Aggregate:
     """A statistic of `value` over the run, or over the ticks in which `vehicle` is in `state`."""
 
@@ -112,7 +123,7 @@ class Not:
     part: Condition
 
 
-Condition = Compare | InState | And | Or | Not
+Condition = Compare | InState | GroupInState | And | Or | Not
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,18 @@ from collections.abc import Collection
 from kybflow.dsl import expressions_errors as errors
 from kybflow.dsl.expressions_cursor import Cursor, Operand, is_quantity
 from kybflow.dsl.expressions_tokens import Token
-from kybflow.dsl.expressions_tree import Compare, Number, Operator, Read, Value, Word
+from kybflow.dsl.expressions_tree import (
+    Compare,
+    Condition,
+    InState,
+    Not,
+    Number,
+    Operator,
+    Read,
+    Value,
+    Word,
+)
+from kybflow.observables import chains_of
 from kybflow.units import NUMBER, RATIO, Dimension, article
 
 STAND_IN = Number(0.0, NUMBER)
@@ -18,8 +29,9 @@ STAND_IN = Number(0.0, NUMBER)
 class Types(Cursor):
     """The middle third of the parser."""
 
-    def compared(self, left: Operand, operator: Operator, right: Operand) -> Compare:
-        """The comparison, its sides brought to one dimension."""
+    def compared(self, left: Operand, operator: Operator, right: Operand) -> Condition:
+        """The comparison, its sides brought to one dimension; `behavior == CHAIN` asks whether the
+        vehicle is anywhere inside of the chain."""
         a, b = left.node, right.node
         if left.is_broken or right.is_broken:
             return Compare(operator, STAND_IN, STAND_IN)
@@ -32,7 +44,20 @@ class Types(Cursor):
         if operator not in ("==", "!=") and left.dimension is right.dimension is None:
             message = "names are compared with `==` and `!=`"
             self.mismatch(right, message, "names have no order", "")
-        return Compare(operator, a, b)
+        return self._in_chain(a, operator, b) or Compare(operator, a, b)
+
+    def _in_chain(self, a: object, operator: Operator, b: object) -> Condition | None:
+        read, word = (a, b) if isinstance(a, Read) else (b, a)
+        if not isinstance(read, Read) or not isinstance(word, Word) or read.name != "behavior":
+            return None
+        vehicle = read.vehicle or self.scope.own or ""
+        states = self.scope.vehicles.get(vehicle, ())
+        if not any(word.text in chains_of(state) for state in states):
+            return None
+        inside = InState(vehicle, word.text)
+        if operator == "==":
+            return inside
+        return Not(inside) if operator == "!=" else None
 
     def _nothing_known(self, left: Operand, operator: Operator, right: Operand) -> Compare:
         words = [side for side in (left, right) if not is_quantity(side)]

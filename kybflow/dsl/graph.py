@@ -1,4 +1,5 @@
-"""Draws the state machines of a plan: what is drawn, and its text for Mermaid.
+"""Draws the state machines of a plan, of vehicles and of flows: what is drawn, and its text for
+Mermaid.
 
 Arrows that are taken when all goes well or as the mission says are drawn; the failure arrows that
 the language adds are not. Vehicles with the same machine share a drawing.
@@ -6,19 +7,31 @@ the language adds are not. Vehicles with the same machine share a drawing.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from kybflow.dsl.expressions import describe
 from kybflow.dsl.expressions_describe import quantity
 from kybflow.dsl.graph_svg import picture
 from kybflow.dsl.graph_types import Box, Drawing, Edge
-from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan, VehiclePlan
+from kybflow.dsl.plan import (
+    END,
+    FlowPlan,
+    PhasePlan,
+    Plan,
+    StatePlan,
+    TransitionPlan,
+    VehiclePlan,
+)
 from kybflow.units import DURATION
 
 FOOTNOTE = (
     "A behavior that fails and does not say what follows brakes, hovers and lands; "
     "a take-off lands."
 )
+
+
+Groups = Mapping[str, tuple[str, ...]]
 
 
 def svg(plan: Plan) -> str:
@@ -39,7 +52,8 @@ def drawings(plan: Plan) -> list[Drawing]:
     same: dict[_Machine, list[str]] = {}
     for vehicle in plan.vehicles:
         same.setdefault(_machine(vehicle), []).append(vehicle.name)
-    return [Drawing(", ".join(names), m.begin, m.boxes, m.edges) for m, names in same.items()]
+    vehicles = [Drawing(", ".join(names), m.begin, m.boxes, m.edges) for m, names in same.items()]
+    return [*vehicles, *(_flow(flow, plan.groups) for flow in plan.flows)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +72,7 @@ def _machine(vehicle: VehiclePlan) -> _Machine:
         for arrow in _drawn(vehicle.states[box.name]):
             added = arrow.implied or box.is_built_in
             ends = (box.name, arrow.target)
-            labels.setdefault(ends, []).append(_cause(arrow))
+            labels.setdefault(ends, []).append(cause_of(arrow))
             implied[ends] = implied.get(ends, True) and added
     edges = tuple(Edge(*ends, tuple(text), implied[ends]) for ends, text in labels.items())
     return _Machine(vehicle.begin, boxes, edges)
@@ -66,7 +80,8 @@ def _machine(vehicle: VehiclePlan) -> _Machine:
 
 def _reached(vehicle: VehiclePlan) -> set[str]:
     """The mission's own states, and the built-in ones that a drawn arrow leads to."""
-    waiting = [name for name, state in vehicle.states.items() if not state.built_in]
+    own = (name for name, state in vehicle.states.items() if not state.built_in)
+    waiting = [*own, vehicle.begin]
     reached = set(waiting)
     while waiting:
         for arrow in _drawn(vehicle.states[waiting.pop()]):
@@ -94,28 +109,62 @@ def _box(state: StatePlan) -> Box:
     return Box(state.name, state.behavior.name, flight, state.built_in)
 
 
-def _cause(arrow: TransitionPlan) -> str:
+def cause_of(arrow: TransitionPlan) -> str:
+    """When an arrow is taken, in words."""
     if arrow.cause == "then":
         return "done"
     if arrow.cause == "failed":
         return "failed"
     if arrow.cause == "within":
-        return f"not done within {quantity(arrow.after or 0.0, DURATION)}"
+        whole = f"{arrow.since} " if arrow.since else ""
+        return f"{whole}not done within {quantity(arrow.after or 0.0, DURATION)}"
     parts = [describe(arrow.when)] if arrow.when is not None else []
     if arrow.hold > 0.0:
         parts.append(f"for {quantity(arrow.hold, DURATION)}")
     if arrow.event is not None:
         parts.append(f"event {arrow.event}")
     if arrow.after is not None:
-        parts.append(f"after {quantity(arrow.after, DURATION)}")
+        inside = f" in {arrow.since}" if arrow.since else ""
+        parts.append(f"after {quantity(arrow.after, DURATION)}{inside}")
     return " ".join(parts)
+
+
+def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
+    """The machine of a flow: its phases, and `end` where something leads there."""
+    labels: dict[tuple[str, str], list[str]] = {}
+    for phase in flow.phases.values():
+        for arrow in phase.transitions:
+            labels.setdefault((phase.name, arrow.target), []).append(cause_of(arrow))
+        if not phase.transitions:
+            labels[phase.name, END] = ["done"]
+    boxes = [Box(p.name, _asked(p, groups), "", False) for p in flow.phases.values()]
+    if any(target == END for _, target in labels):
+        boxes.append(Box(END, "the flow is over", "", True))
+    edges = tuple(Edge(*ends, tuple(text), False) for ends, text in labels.items())
+    return Drawing(f"flow {flow.name}", flow.begin, tuple(boxes), edges)
+
+
+def _asked(phase: PhasePlan, groups: Groups) -> str:
+    """What a phase asks of whom."""
+    asked = {**phase.run, **phase.chains}
+    texts = [f"{names}: {state}" for names, state in _together(asked, groups)]
+    texts += [f"{names} to {flow}" for names, flow in _together(phase.give, groups)]
+    return " · ".join(texts) or "asks nothing"
+
+
+def _together(asked: Mapping[str, str], groups: Groups) -> Iterator[tuple[str, str]]:
+    """Those of whom the same is asked, by their group's name where there is one."""
+    for goal in dict.fromkeys(asked.values()):
+        names = tuple(name for name, own in asked.items() if own == goal)
+        group = next((g for g, of in groups.items() if set(of) == set(names)), None)
+        yield group or ", ".join(names), goal
 
 
 def _mermaid_box(prefix: str, drawing: Drawing) -> list[str]:
     ids = {box.name: f"{prefix}s{number}" for number, box in enumerate(drawing.boxes, start=1)}
     lines = [f'  state "{drawing.title}" as {prefix} {{', f"    [*] --> {ids[drawing.begin]}"]
     for box in drawing.boxes:
-        text = _escaped(f"{box.name}<br>{box.part}, {box.flight}")
+        text = _escaped(f"{box.name}<br>{box.part}{', ' if box.flight else ''}{box.flight}")
         lines.append(f'    state "{text}" as {ids[box.name]}')
     for edge in drawing.edges:
         label = _escaped("<br>".join(edge.labels))

@@ -22,6 +22,7 @@ _STYLE = """
   .label { font-size: 11.5px; fill: #33414e }
   .box { stroke-width: 1.4 } .ground { fill: #f1ede4; stroke: #a08c5b }
   .air { fill: #e4eff9; stroke: #4a86bd } .change { fill: #e6f4ea; stroke: #4d9a63 }
+  .phase { fill: #efe9f6; stroke: #8468ad }
   .implied { fill: #ffffff; stroke: #a9b3bd; stroke-dasharray: 5 3 }
   .edge { fill: none; stroke: #52606d; stroke-width: 1.4 }
   .faint { stroke: #a9b3bd; stroke-dasharray: 5 3 } .faint-text { fill: #7b8794 }
@@ -92,7 +93,7 @@ def _box_width(box: Box) -> float:
 
 
 def _caption(box: Box) -> str:
-    return f"{box.part} · {box.flight}"
+    return f"{box.part} · {box.flight}" if box.flight else box.part
 
 
 def _label_size(labels: Sequence[str]) -> Size:
@@ -166,8 +167,9 @@ def _begin(layout: Layout, box: int) -> str:
 
 def _box(box: Box, x: float, y: float) -> str:
     width = _box_width(box)
-    start, end = box.flight.split(" → ")
-    kind = "implied" if box.is_built_in else start if start == end else "change"
+    start, _, end = box.flight.partition(" → ")
+    kind = "phase" if not box.flight else start if start == end else "change"
+    kind = "implied" if box.is_built_in else kind
     return (
         f'<rect class="box {kind}" x="{x - width / 2:.1f}" y="{y - _HEIGHT / 2:.1f}" '
         f'width="{width:.1f}" height="{_HEIGHT:.0f}" rx="9"/>'

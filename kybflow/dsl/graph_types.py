@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 
 class Box(NamedTuple):
-    """A state: its name, its part, its flight type in words."""
+    """A state: its name, its part, its flight type in words. A phase has none, and for a part what
+    it asks."""
 
     name: str
     part: str
@@ -24,7 +25,7 @@ class Edge(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """One machine; `title` names the vehicles that have it."""
+    """One machine; `title` names the vehicles that have it, or its flow."""
 
     title: str
     begin: str

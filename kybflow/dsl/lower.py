@@ -6,11 +6,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.built_in import BUILT_IN, end_of, failure_of
-from kybflow.dsl.document import Document, PartUse, State, Transition, Vehicle
+from kybflow.dsl.document import Document, FaultUse, PartUse, State, Transition, Vehicle
 from kybflow.dsl.expressions import Expression, Scope, parse
+from kybflow.dsl.lower_flows import flow_plans
+from kybflow.dsl.lower_on import callback_plans
 from kybflow.dsl.plan import (
     EstimatorPlan,
     ExpectationPlan,
+    FaultPlan,
     PartPlan,
     Plan,
     SourceFile,
@@ -44,14 +47,29 @@ def lower(
         hover_limit=document.hover_limit,
         time_limit=document.time_limit,
         fence=document.fence,
-        vehicles=tuple(_vehicle(v, scopes, built_in) for v in document.vehicles.values()),
+        vehicles=tuple(
+            _vehicle(v, scopes, built_in, document.hover_limit) for v in document.vehicles.values()
+        ),
         expectations=tuple(
             ExpectationPlan(text.as_written, _parsed(text, scopes.expectation()), text.span.at)
             for text in document.expect
         ),
         sources=sources,
         resolved=resolved,
+        obstacles={use.name.text: use.shape for use in document.obstacles},
+        points=document.points,
+        groups={name: tuple(m.text for m in of) for name, of in document.groups.items()},
+        flows=flow_plans(document, scopes.flow(), catalog),
+        callbacks=callback_plans(document, scopes.flow(), catalog),
+        faults=tuple(_fault(use, scopes) for use in document.faults),
     )
+
+
+def _fault(use: FaultUse, scopes: Scopes) -> FaultPlan:
+    vehicle = use.vehicle.text
+    when = None if use.when is None else _parsed(use.when, scopes.condition(vehicle))
+    part = _part(use.part, use.part.label)
+    return FaultPlan(part, vehicle, use.time, when, use.duration, use.span.at)
 
 
 def _parsed(text: Text, scope: Scope) -> Expression:
@@ -61,7 +79,9 @@ def _parsed(text: Text, scope: Scope) -> Expression:
     return expression
 
 
-def _vehicle(vehicle: Vehicle, scopes: Scopes, built_in: dict[str, StatePlan]) -> VehiclePlan:
+def _vehicle(
+    vehicle: Vehicle, scopes: Scopes, built_in: dict[str, StatePlan], hover_limit: float
+) -> VehiclePlan:
     name = vehicle.name.text
     own = {n: _state(s, name, scopes) for n, s in vehicle.states.items()}
     return VehiclePlan(
@@ -85,6 +105,8 @@ def _vehicle(vehicle: Vehicle, scopes: Scopes, built_in: dict[str, StatePlan]) -
         begin=vehicle.begin.text,
         states={**own, **built_in},
         at=vehicle.span.at,
+        home=vehicle.home,
+        hover_limit=hover_limit,
     )
 
 
@@ -121,6 +143,8 @@ def _arrow(arrow: Transition, vehicle: str, scopes: Scopes) -> TransitionPlan:
         after=arrow.after,
         hold=arrow.hold,
         at=arrow.span.at,
+        since=arrow.since,
+        enters=arrow.enters,
     )
 
 
@@ -132,6 +156,7 @@ def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:
             _implied("then", "auto_land"),
             _implied("failed", "auto_land"),
         ),
+        "auto_home": (_implied("then", "auto_land"), _implied("failed", "auto_land")),
         "auto_land": (_implied("then", "landed"), _implied("failed", "land_blind")),
         "land_blind": (_implied("then", "fault"), _implied("failed", "fault")),
     }

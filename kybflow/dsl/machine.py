@@ -1,4 +1,5 @@
-"""A vehicle's state machine, built with `transitions` from the plan: the only import of it.
+"""The state machine of a vehicle, and of a flow, built with `transitions` from the plan: the only
+import of it.
 
 Each arrow of the plan is a trigger of its own whose condition is the arrow's guard: that its `when`
 has held, its event is heard, its time has passed, its behavior has ended. `due` asks the guards
@@ -10,14 +11,15 @@ triggers return is not read: the state tells.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import Literal, NamedTuple
 
 from transitions import Machine
 
 from kybflow.dsl.expressions import Expression
-from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
+from kybflow.dsl.plan import END, FlowPlan, TransitionPlan, VehiclePlan
+from kybflow.observables import chains_of, is_in
 
 Outcome = Literal["running", "done", "failed"]
 Guard = Callable[[], bool]
@@ -67,22 +69,27 @@ class _Arrow(NamedTuple):
     trigger: str
 
 
-class VehicleMachine:
-    """The machine of one vehicle, in its first state. `conditions` turns an expression of the plan
-    into a function of nothing."""
+Arrows = Mapping[str, Sequence[TransitionPlan]]
+"""The arrows out of each state."""
 
-    def __init__(self, vehicle: VehiclePlan, conditions: Conditions) -> None:
+
+class StateMachine:
+    """A machine in the state `begin`. `conditions` turns an expression of the plan into a function
+    of nothing."""
+
+    def __init__(self, arrows: Arrows, begin: str, conditions: Conditions) -> None:
         self._conditions = conditions
         self._facts = _Facts()
-        self._timers: dict[str, list[_Timer]] = {name: [] for name in vehicle.states}
-        self._arrows = {s.name: self._arrows_of(s) for s in vehicle.states.values()}
+        self._timers: dict[str, list[_Timer]] = {name: [] for name in arrows}
+        self._arrows = {name: self._arrows_of(name, leaving) for name, leaving in arrows.items()}
         self._arrows_while_running = {
             name: tuple(a for a in arrows if a.transition.cause in ("next", "within"))
             for name, arrows in self._arrows.items()
         }
+        self._spent: dict[str, float] = {}
         self._model = _Model()
-        self._machine = _assembled(vehicle, self._arrows, self._model)
-        self._enter()
+        self._machine = _assembled(begin, self._arrows, self._model)
+        self._enter("")
 
     @property
     def state(self) -> str:
@@ -110,28 +117,37 @@ class VehicleMachine:
         """Take an arrow that `due` gave in this tick. Raises ValueError for one that is not due."""
         for arrow in self._active_arrows:
             if arrow.transition is transition and arrow.guard():
+                left, elapsed = self._name, self._facts.elapsed
                 self._model.trigger(arrow.trigger)
-                self._enter()
+                self._enter(left, elapsed, transition.enters)
                 return
         raise ValueError(f"no arrow from `{self.state}` to `{transition.target}` is due")
 
     def force(self, state: str) -> None:
-        """Enter a built-in state from wherever the vehicle is: the failsafe's way."""
-        self._model.trigger(_forced(state))
-        self._enter()
+        """Enter a state from wherever the vehicle is: the failsafe's way, and that of a wish."""
+        self._machine.set_state(state, self._model)
+        self._enter("")
 
-    def _enter(self) -> None:
+    def _enter(self, left: str, elapsed: float = 0.0, anew: str = "") -> None:
+        """Take note of the state that was entered. The time of a chain in which `left` was too,
+        for `elapsed` seconds, goes on, unless an arrow enters it `anew`."""
         self._name = self._model.state
+        self._spent = {
+            chain: self._spent.get(chain, 0.0) + elapsed
+            if is_in(left, chain) and not (anew and is_in(chain, anew))
+            else 0.0
+            for chain in chains_of(self._name)
+        }
         self._active_arrows = self._arrows[self._name]
         self._running = self._arrows_while_running[self._name]
         self._active_timers = self._timers[self._name]
         for timer in self._active_timers:
             timer.held = None
 
-    def _arrows_of(self, state: StatePlan) -> tuple[_Arrow, ...]:
-        ordered = sorted(state.transitions, key=lambda t: _ORDER[t.cause])
+    def _arrows_of(self, state: str, leaving: Sequence[TransitionPlan]) -> tuple[_Arrow, ...]:
+        ordered = sorted(leaving, key=lambda t: _ORDER[t.cause])
         return tuple(
-            _Arrow(self._guard(state.name, arrow), arrow, f"{state.name} arrow {index}")
+            _Arrow(self._guard(state, arrow), arrow, f"{state} arrow {index}")
             for index, arrow in enumerate(ordered)
         )
 
@@ -146,13 +162,18 @@ class VehicleMachine:
     def _requirements(self, state: str, arrow: TransitionPlan) -> Iterable[Guard]:
         facts = self._facts
         if arrow.after is not None:
-            after = arrow.after - _ROUNDING
-            yield lambda: facts.elapsed >= after
+            yield self._time(arrow.after - _ROUNDING, arrow.since)
         if arrow.event is not None:
             event = arrow.event
             yield lambda: event in facts.heard
         if arrow.when is not None:
             yield self._when(state, arrow.when, arrow.hold)
+
+    def _time(self, after: float, chain: str) -> Guard:
+        facts = self._facts
+        if not chain:
+            return lambda: facts.elapsed >= after
+        return lambda: self._spent.get(chain, 0.0) + facts.elapsed >= after
 
     def _when(self, state: str, when: Expression, hold: float) -> Guard:
         condition = self._conditions(when)
@@ -164,13 +185,27 @@ class VehicleMachine:
         return lambda: timer.held is not None and timer.held >= needed
 
 
-def _assembled(
-    vehicle: VehiclePlan, arrows: dict[str, tuple[_Arrow, ...]], model: _Model
-) -> Machine:
+class VehicleMachine(StateMachine):
+    """The machine of one vehicle, in its first state."""
+
+    def __init__(self, vehicle: VehiclePlan, conditions: Conditions) -> None:
+        arrows = {state.name: state.transitions for state in vehicle.states.values()}
+        super().__init__(arrows, vehicle.begin, conditions)
+
+
+class FlowMachine(StateMachine):
+    """The machine of one flow, whose states are its phases and `end`, in its first phase."""
+
+    def __init__(self, flow: FlowPlan, conditions: Conditions) -> None:
+        phases = {phase.name: phase.transitions for phase in flow.phases.values()}
+        super().__init__({**phases, END: ()}, flow.begin, conditions)
+
+
+def _assembled(begin: str, arrows: dict[str, tuple[_Arrow, ...]], model: _Model) -> Machine:
     machine = Machine(
         model=model,
-        states=list(vehicle.states),
-        initial=vehicle.begin,
+        states=list(arrows),
+        initial=begin,
         auto_transitions=False,
         send_event=False,
     )
@@ -178,14 +213,7 @@ def _assembled(
         for arrow in leaving:
             target = arrow.transition.target
             machine.add_transition(arrow.trigger, state, target, conditions=[arrow.guard])
-    for goal in vehicle.states.values():
-        if goal.built_in:
-            machine.add_transition(_forced(goal.name), "*", goal.name)
     return machine
-
-
-def _forced(state: str) -> str:
-    return f"failsafe to {state}"
 
 
 def _all(guards: list[Guard]) -> Guard:

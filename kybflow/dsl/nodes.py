@@ -7,6 +7,7 @@ where a file uses an alias, and never changed.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from kybflow.dsl.source import Inset, Span, Text
@@ -46,7 +47,7 @@ class Scalar(NamedTuple):
             return Text(self.text, s, verbatim=False, written=self.written)
         excess = s.end_column - s.column - len(self.written or self.text)
         if self.quoted and excess == 2:
-            s = Span(s.file, s.line, s.column + 1, s.line, s.end_column - 1)
+            s = replace(s, column=s.column + 1, end_column=s.end_column - 1)
         verbatim = excess == (2 if self.quoted else 0)
         return Text(self.text, s, verbatim, self.written, self.insets)
 

@@ -1,23 +1,28 @@
-"""What a file offers: its airframes and vehicles, each whole after `like`."""
+"""What a file offers: its airframes, vehicles, stacks and worlds, each whole after `like`; its
+chains as they are written."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
+from kybflow.dsl.chains import qualified
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.imports import Place, installed, read_library
 from kybflow.dsl.like import merge
 from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, entries_of
+from kybflow.dsl.parameters import Parameters
 from kybflow.dsl.source import Span
+from kybflow.dsl.stacks import with_stacks
 
 _CHAIN = 20
 EMPTY = Mapping({}, Span("", 1, 1, 1, 1))
 _STANDARD = "kybflow/airframes"
-_SECTIONS = ("airframes", "vehicles")
+SECTIONS = ("airframes", "vehicles", "chains", "stacks", "worlds")
+"""What a library offers."""
 
 
 class Offers:
-    """The airframes and vehicles of one file, whole; each is resolved when first asked for."""
+    """What one file offers, whole; each entry is resolved when first asked for."""
 
     def __init__(
         self,
@@ -25,18 +30,20 @@ class Offers:
         imports: dict[str, Offers | None],
         base: Mapping,
         found: list[Diagnostic],
+        parameters: Parameters,
     ) -> None:
         self._root = root
         self._imports = imports
         self._base = base
         self._found = found
+        self.parameters = parameters
         self._done: dict[tuple[str, str], Mapping | None] = {}
+        self._qualified: dict[tuple[str, str], Mapping] = {}
         self._open: list[tuple[str, str]] = []
 
     def own(self, section: str) -> list[str]:
         """The names that the file itself has in `section`."""
-        node = self._root.get(section)
-        return list(node.entries) if isinstance(node, Mapping) else []
+        return list(self.written(section))
 
     def names(self, section: str) -> list[str]:
         """The names that may be used in the file, those of its imports qualified."""
@@ -65,23 +72,26 @@ class Offers:
                 return None
             base = found
         plain = Mapping({k: e for k, e in own.entries.items() if k != "like"}, own.span)
+        if section in ("vehicles", "stacks"):
+            plain = with_stacks(plain, self._stack, self._found)
         whole = merge(base, plain)
         airframe = plain.entries.get("airframe")
         if section == "vehicles" and airframe and whole.get("airframe") is not None:
-            body = self._airframe(airframe.value, whole)
+            body = self.started("airframes", airframe.value, whole.get("airframe"))
             if body is None:
                 return None
             whole.entries["airframe"] = Entry(airframe.key, body)
         return whole
 
-    def _airframe(self, written: Node, whole: Mapping) -> Node | None:
-        """The airframe of a vehicle: the one that is named, or started from with `like`."""
+    def started(self, section: str, written: Node, plain: Node | None) -> Node | None:
+        """An entry of `section` in its place: the one that is named, or started from with `like`;
+        `plain` where it is neither. None when it has errors."""
         if isinstance(written, Scalar):
-            return self.named("airframes", written)
+            return self.named(section, written)
         like = written.get("like") if isinstance(written, Mapping) else None
         if not isinstance(written, Mapping) or not isinstance(like, Scalar):
-            return whole.get("airframe")
-        base = self.named("airframes", like)
+            return plain
+        base = self.named(section, like)
         own = {key: entry for key, entry in written.entries.items() if key != "like"}
         return None if base is None else merge(base, Mapping(own, written.span))
 
@@ -89,18 +99,64 @@ class Offers:
         """The entry that `name` (`x`, or `import.x`) means here."""
         key = (section, name.text)
         if key in self._open or len(self._open) > _CHAIN:
-            chain = " is like ".join(f"`{n}`" for _, n in (*self._open, key))
+            verb = "has" if section == "stacks" else "is like"
+            chain = f" {verb} ".join(f"`{n}`" for _, n in (*self._open, key))
             self._found.append(Diagnostic("KYB125", f"{chain[:200]}: this never ends", name.span))
             return None
         library, _, inner = name.text.rpartition(".")
         if library in self._imports:
             offers = self._imports[library]
             if offers is None or inner in offers.own(section):
-                return None if offers is None else offers.get(section, inner)
+                return None if offers is None else self._imported(section, library, inner, offers)
         elif not library and inner in self.names(section):
             return self.get(section, inner)
         self._found.append(self._unknown(section, name, library))
         return None
+
+    def _stack(self, name: Scalar) -> Mapping | None:
+        return self.named("stacks", name)
+
+    def _imported(self, section: str, library: str, name: str, offers: Offers) -> Mapping | None:
+        """An entry of an import; the chains that a vehicle names are called as they are here."""
+        whole = offers.get(section, name)
+        if whole is None or section != "vehicles":
+            return whole
+        key = (library, name)
+        if key not in self._qualified:
+            self._qualified[key] = qualified(whole, library)
+        return self._qualified[key]
+
+    def chain(self, name: Scalar) -> tuple[Offers, str] | None:
+        """(the file, the name in it) of the chain that `chain.NAME` or `chain.IMPORT.NAME` means
+        here; None, and a finding, where there is none."""
+        *libraries, inner = name.text.split(".")[1:]
+        offers: Offers = self
+        for library in libraries:
+            found = offers._imports.get(library)
+            if library not in offers._imports:
+                rest = name._replace(text=name.text.removeprefix("chain."))
+                self._found.append(self._unknown("chains", rest, library))
+            if found is None:
+                return None
+            offers = found
+        if inner in offers.own("chains"):
+            return offers, inner
+        known = [f"chain.{own}" for own in self.names("chains")]
+        hint = did_you_mean(name.text, known) or "no chain is at hand"
+        message = f"no chain is called `{name.text.removeprefix('chain.')}`"
+        self._found.append(Diagnostic("KYB124", message, name.span, help=hint))
+        return None
+
+    def written(self, section: str) -> dict[str, Entry]:
+        """The own entries as they are written, those that are null left out."""
+        entries = entries_of(self._root.get(section))
+        return {name: e for name, e in entries.items() if not _is_null(e.value)}
+
+    def entry(self, section: str, name: str) -> Mapping:
+        """An own entry as it is written."""
+        written = self.written(section)[name].value
+        assert isinstance(written, Mapping)
+        return written
 
     def _unknown(self, section: str, name: Scalar, library: str) -> Diagnostic:
         if library and library not in self._imports:
@@ -113,6 +169,10 @@ class Offers:
         return Diagnostic("KYB124", f"no {what} is called `{name.text}`", name.span, help=hint)
 
 
+def _is_null(node: Node) -> bool:
+    return isinstance(node, Scalar) and node.is_null
+
+
 def _import_of(name: str, imports: Iterable[str]) -> str:
     """The way out where `name` is of a library that is not imported."""
     library, _, inner = name.rpartition(".")
@@ -121,7 +181,7 @@ def _import_of(name: str, imports: Iterable[str]) -> str:
     if near.startswith("did") or home is None:
         return near
     root = read_library(Place(home / "airframes.yaml", "")).source.root
-    offered = [entries_of(root.get(s)) for s in _SECTIONS] if isinstance(root, Mapping) else []
+    offered = [entries_of(root.get(s)) for s in SECTIONS] if isinstance(root, Mapping) else []
     if any(inner in entries for entries in offered):
         return f"write `import: {{{library}: {_STANDARD}}}`"
     return near or f"import a library under this name: `import: {{{library}: library/FILE.yaml}}`"

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.document import Parameter
 from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence
-from kybflow.dsl.source import Span
-from kybflow.dsl.values import bounds_of, decode, quantity_field
+from kybflow.dsl.source import PREFIX, Span
+from kybflow.dsl.values import bounds_of, decode, quantity_field, shown_value
 from kybflow.params import Field
 from kybflow.units import DIMENSIONS, LENGTH, NUMBER, RATIO, Dimension
 
@@ -35,42 +35,55 @@ class Declared(NamedTuple):
     span: Span
 
 
-class Setting(NamedTuple):
-    """A value from outside of the file, and where its name stands."""
+class Parameters(NamedTuple):
+    """The parameters of one file: their names, with the places where they stand, and those that
+    have a value."""
 
-    node: Node
+    names: dict[str, Span]
+    declared: dict[str, Declared]
+
+
+class Setting(NamedTuple):
+    """A value from outside of the file, and where its name stands; None is a value that has its
+    finding already."""
+
+    node: Node | None
     name: Span
 
 
 def declare(
-    section: Node | None, settings: MappingOf[str, Setting], found: list[Diagnostic]
-) -> dict[str, Declared]:
-    """The parameters of `section` after `settings` (values by name)."""
+    section: Node | None,
+    settings: MappingOf[str, Setting],
+    found: list[Diagnostic],
+    use: Scalar | None = None,
+) -> Parameters:
+    """The parameters of `section` after `settings` (values by name). `use` is the place where a
+    chain is used; None for a file."""
     entries = section.entries if isinstance(section, Mapping) else {}
     declared: dict[str, Declared] = {}
     for name, entry in entries.items():
         given = settings.get(name)
-        one = _declare(name, entry, given.node if given else None, found)
+        if given is not None and given.node is None:
+            continue
+        one = _declare(name, entry, given.node if given else None, found, use)
         if one is not None:
             declared[name] = one
     for name, setting in settings.items():
         if name not in entries:
-            found.append(
-                Diagnostic(
-                    "KYB131",
-                    f"there is no parameter `{name}`",
-                    setting.name,
-                    help=did_you_mean(name, entries) if entries else "it declares none",
-                )
-            )
-    return declared
+            whose = "there is no" if use is None else f"`{use.text}` has no"
+            hint = did_you_mean(name, entries) if entries else "it declares none"
+            message = f"{whose} parameter `{name}`"
+            found.append(Diagnostic("KYB131", message, setting.name, help=hint))
+    return Parameters({name: entry.key.span for name, entry in entries.items()}, declared)
 
 
 def _declare(
-    name: str, entry: Entry, setting: Node | None, found: list[Diagnostic]
+    name: str, entry: Entry, setting: Node | None, found: list[Diagnostic], use: Scalar | None
 ) -> Declared | None:
     body = entry.value
-    assert isinstance(body, Mapping)
+    if not isinstance(body, Mapping):
+        found.append(Diagnostic("KYB106", f"the parameter `{name}` is empty", entry.key.span))
+        return None
     kind = body.get("type")
     assert isinstance(kind, Scalar)
     if kind.text not in TYPES:
@@ -83,23 +96,32 @@ def _declare(
         found.append(Diagnostic("KYB136", message, entry.key.span, help="correct its bounds"))
         return None
     default = body.get("default")
-    default_value = None if default is None else decode(default, field, found)
+    default_value = None if default is None else _value(default, field, found)
     node = setting or default
     if node is None:
-        found.append(
-            Diagnostic(
-                "KYB132",
-                f"`{name}` has no value",
-                entry.key.span,
-                help=f"set it with `--set {name}=...`, or give it a `default`",
-            )
-        )
+        found.append(_valueless(name, entry.key.span, use))
         return None
-    value = default_value if setting is None else decode(node, field, found)
+    value = default_value if setting is None else _value(node, field, found)
     if value is None:
         return None
     shown = _typed(node, field)
     return Declared(Parameter(name, kind.text, value), shown, entry.key.span)
+
+
+def _valueless(name: str, declared: Span, use: Scalar | None) -> Diagnostic:
+    if use is None:
+        hint = f"set it with `--set {name}=...`, or give it a `default`"
+        return Diagnostic("KYB132", f"`{name}` has no value", declared, help=hint)
+    message, notes = f"`{use.text}` needs `{name}`", (f"declared at {declared.at}",)
+    hint = f"write `{name}: ...` beside `do`"
+    return Diagnostic("KYB132", message, use.span, notes=notes, help=hint)
+
+
+def _value(node: Node, field: Field, found: list[Diagnostic]) -> Any:
+    """The value of `node`; a point's name stays itself until the world is known."""
+    if isinstance(node, Scalar) and field.shape == "vector" and node.text.startswith(PREFIX):
+        return node.text
+    return decode(node, field, found)
 
 
 def _field(name: str, kind: str, body: Mapping, found: list[Diagnostic]) -> Field:
@@ -136,3 +158,9 @@ def _typed(node: Node, field: Field) -> Node:
     if dimension is RATIO:
         return node._replace(text=f"{(Decimal(text) * 100).normalize():f} %")
     return node._replace(text=f"{text} {dimension.si}".strip())
+
+
+def shown_parameter(parameter: Parameter) -> str:
+    """Its value as a person would write it."""
+    dimension = LENGTH if parameter.type == "position" else QUANTITIES.get(parameter.type)
+    return shown_value(parameter.value, quantity_field("", dimension or NUMBER))

@@ -17,6 +17,8 @@ from kybflow.shapes import Box, Shape
 from kybflow.site import Airframe
 
 Cause = Literal["next", "then", "failed", "within"]
+END = "end"
+"""Where an arrow of a phase leads to end its flow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +41,8 @@ class TransitionPlan:
     have passed in the
     state (those that are given, together); `then` when the behavior is done; `failed` when it
     failed; `within` after `after` seconds. `implied` arrows are those that the language adds.
+    Seconds count from the entry of the chain `since` where it is not empty; `enters` is the chain
+    that the arrow enters anew.
     """
 
     cause: Cause
@@ -49,6 +53,8 @@ class TransitionPlan:
     hold: float = 0.0
     implied: bool = False
     at: str = ""
+    since: str = ""
+    enters: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +98,8 @@ class VehiclePlan:
     at: str = ""
     home: Vec3 | None = None
     """Where `go_home` flies; None for the start."""
+    hover_limit: float = 30.0
+    """Seconds after which a vehicle that was paused or braked lands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,11 +168,11 @@ ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Log | Stop | Call
 
 @dataclass(frozen=True, slots=True)
 class CallbackPlan:
-    """One entry of `on:`: when an event called `event` of `vehicle` (empty: of any, or of the run)
-    is heard whose fields are as `fields` says, and `when` holds, the actions are done in order."""
+    """One entry of `on:`: when an event called `event` of one of `vehicles` (`""`: of the run) is
+    heard whose fields are as `fields` says, and `when` holds, the actions are done in order."""
 
     event: str
-    vehicle: str
+    vehicles: tuple[str, ...]
     actions: tuple[ActionPlan, ...]
     fields: tuple[tuple[str, str], ...] = ()
     when: Expression | None = None
@@ -187,26 +195,30 @@ class FaultPlan:
 @dataclass(frozen=True, slots=True)
 class PhasePlan:
     """One phase of a flow. On entry it gives vehicles to other flows (`give`: vehicle to flow),
-    sets options and asks vehicles to enter states (`run`: vehicle to state). `transitions` are
-    asked like those of a state: `next` from the top, then `within`. One without any is the last;
-    so is one whose every arrow is to the name `end`."""
+    sets options and asks vehicles to enter states (`run`: vehicle to state; `chains`: to the chain
+    whose first state that is, where a chain was asked for). `transitions` are
+    asked like those of a state: `next` from the top, then `within`; the target `end` ends the flow.
+    So does a phase without any, when no vehicle that it ran is in its state any more."""
 
     name: str
     run: dict[str, str]
     give: dict[str, str]
     set: tuple[SetOption, ...]
     transitions: tuple[TransitionPlan, ...]
+    chains: dict[str, str] = field(default_factory=dict)
     at: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class FlowPlan:
-    """Phases over the vehicles that it drives: `vehicles` are those that it has from the start."""
+    """Phases over the vehicles that it drives: `vehicles` are those that it has from the start. One
+    that `waits` begins when it is given a vehicle."""
 
     name: str
     begin: str
     vehicles: tuple[str, ...]
     phases: dict[str, PhasePlan]
+    waits: bool = False
     at: str = ""
 
 

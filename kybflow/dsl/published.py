@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING
 
 from kybflow.dsl.schema import Schema, nullable, params_schema
 from kybflow.dsl.skeleton import skeleton
+from kybflow.dsl.stacks import LISTS
 
 if TYPE_CHECKING:
     from kybflow.catalog import Catalog
-
-_LISTS = ("estimators", "processors", "supervisors")
 
 
 def mission_schema(catalog: Catalog) -> Schema:
     """The schema that editors complete from; a part's parameters follow from its name."""
     root = skeleton()
     vehicle = root["properties"]["vehicles"]["additionalProperties"]["properties"]
-    for kind in _LISTS:
+    for kind in LISTS:
         vehicle[kind]["items"] = _chosen(catalog, kind, vehicle[kind]["items"])
     vehicle["tracker"] = _chosen(catalog, "trackers", vehicle["tracker"])
     vehicle["behaviors"]["additionalProperties"] = _chosen(
@@ -27,6 +26,11 @@ def mission_schema(catalog: Catalog) -> Schema:
     )
     target = root["properties"]["targets"]["additionalProperties"]["additionalProperties"]
     target["properties"]["driver"] = _chosen(catalog, "drivers", target["properties"]["driver"])
+    _reused(root["properties"])
+    faults = root["properties"]["faults"]
+    faults["items"] = _chosen(catalog, "faults", faults["items"], "inject")
+    actions = root["properties"]["on"]["items"]["properties"]["do"]
+    actions["items"] = _actions(catalog, actions["items"])
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **nullable(root),
@@ -38,11 +42,36 @@ def schema_text(catalog: Catalog) -> str:
     return json.dumps(mission_schema(catalog), indent=1, ensure_ascii=False) + "\n"
 
 
+def _reused(properties: Schema) -> None:
+    """Let chains and stacks complete as vehicles do."""
+    vehicle = "#/properties/vehicles/additionalProperties/properties"
+    chain = properties["chains"]["additionalProperties"]["properties"]
+    chain["behaviors"]["additionalProperties"] = {
+        "$ref": f"{vehicle}/behaviors/additionalProperties"
+    }
+    stack = properties["stacks"]["additionalProperties"]["properties"]
+    for kind in LISTS:
+        stack[kind]["items"] = {"$ref": f"{vehicle}/{kind}/items"}
+
+
+def _actions(catalog: Catalog, action: Schema) -> Schema:
+    """`action`, with those of packages, and no other."""
+    specs = [catalog.get("actions", name) for name in catalog.names("actions")]
+    offered = {s.name: {**params_schema(s.fields, s.name), "description": s.summary} for s in specs}
+    properties = {**action["properties"], **offered}
+    return {
+        **action, "properties": properties, "additionalProperties": False, "maxProperties": 1,
+    }  # fmt: skip
+
+
 def _chosen(catalog: Catalog, kind: str, use: Schema, word: str = "use") -> Schema:
     """`use`, with the part's parameters once its name is written."""
     names = list(catalog.names(kind))
     own = use["properties"]
-    named = {**own[word], "anyOf": [_constant(catalog, kind, name) for name in names]}
+    choices = [_constant(catalog, kind, name) for name in names]
+    if word == "do":
+        choices.append({"pattern": r"^chain\.", "description": "A chain, with its parameters."})
+    named = {**own[word], "anyOf": choices}
     cases: list[Schema] = [
         {
             "if": {"properties": {word: {"const": name}}, "required": [word]},

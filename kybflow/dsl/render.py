@@ -34,6 +34,8 @@ def _lines(diagnostic: Diagnostic, texts: dict[str, str]) -> Iterator[str]:
     yield from _source(span, diagnostic.label, texts)
     for reached in reversed(span.via):
         yield f"      = imported from {reached.at}"
+    for use in reversed(span.used):
+        yield f"      = used at {use.at}"
     for note in diagnostic.notes:
         yield f"      = {note}"
     if diagnostic.help:
@@ -94,4 +96,5 @@ def to_json(diagnostic: Diagnostic) -> dict[str, Any]:
         "notes": [clipped(note) for note in diagnostic.notes],
         "help": diagnostic.help,
         "imported_from": [reached.at for reached in span.via],
+        "used_at": [use.at for use in span.used],
     }

@@ -7,6 +7,7 @@ from collections.abc import Mapping as MappingOf
 from pathlib import Path
 from typing import NamedTuple
 
+from kybflow.dsl.chains import Chains
 from kybflow.dsl.diagnostics import Diagnostic, has_errors
 from kybflow.dsl.document import Parameter
 from kybflow.dsl.imports import (
@@ -20,12 +21,13 @@ from kybflow.dsl.imports import (
 )
 from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, count, entries_of
 from kybflow.dsl.offers import EMPTY, Offers
-from kybflow.dsl.parameters import Declared, Setting, declare
+from kybflow.dsl.parameters import Parameters, Setting, declare
 from kybflow.dsl.reader import Source
-from kybflow.dsl.source import Span
+from kybflow.dsl.source import PREFIX, Span
 from kybflow.dsl.substitution import Substitution
+from kybflow.dsl.world import world_of
 
-MAX_AFTER_LIKE = 100_000
+MAX_AFTER_LIKE = 200_000
 MAX_IMPORTS = 200
 _CHAIN = 20
 _KEPT = frozenset({"import", "parameters"})
@@ -33,10 +35,11 @@ _KEPT = frozenset({"import", "parameters"})
 
 class Resolved(NamedTuple):
     """A mission after imports, parameters and `like`: its top level, whose `airframes` and
-    `vehicles` are whole."""
+    `vehicles` are whole. `names_points`: a point's name stands somewhere."""
 
     root: Mapping
     parameters: dict[str, Parameter]
+    names_points: bool
 
 
 class Files:
@@ -65,6 +68,7 @@ def resolve(
     declared = declare(root.get("parameters"), settings, found)
     offers, plain, substitution = _offers(root, declared, files.mission, files, base, found)
     found += substitution.unused()
+    chains = Chains(offers, found)
     vehicles = plain.get("vehicles")
     assert isinstance(vehicles, Mapping)
     whole: dict[str, Entry] = {}
@@ -72,19 +76,35 @@ def resolve(
     for name, entry in vehicles.entries.items():
         vehicle = offers.get("vehicles", name)
         if vehicle is not None:
+            vehicle = chains.expanded(vehicle)
             whole[name] = Entry(entry.key, vehicle)
             room -= count(vehicle, room)
         if room <= 0:
             message = f"more than {MAX_AFTER_LIKE} values after `like`"
             found.append(Diagnostic("KYB126", message, entry.key.span))
             break
+    chains.judge()
     airframes = _airframes(plain, offers)
+    world = _world(plain, offers)
     if has_errors(found):
         return None
-    entries = {**plain.entries, **airframes}
+    entries = {**plain.entries, **airframes, **world}
     entries["vehicles"] = Entry(entries["vehicles"].key, Mapping(whole, vehicles.span))
-    parameters = {name: d.parameter for name, d in declared.items()}
-    return Resolved(Mapping(entries, root.span), parameters)
+    parameters = {name: d.parameter for name, d in declared.declared.items()}
+    texts = (source.text for source in files.sources.values())
+    names_points = any(PREFIX in text for text in texts) or any(
+        isinstance(p.value, str) and p.value.startswith(PREFIX) for p in parameters.values()
+    )
+    return Resolved(Mapping(entries, root.span), parameters, names_points)
+
+
+def _world(plain: Mapping, offers: Offers) -> dict[str, Entry]:
+    """The entry `world`, whole; none where there is none."""
+    written = plain.entries.get("world")
+    if written is None or plain.get("world") is None:
+        return {}
+    whole = offers.started("worlds", written.value, written.value)
+    return {} if whole is None else {"world": written._replace(value=whole)}
 
 
 def _airframes(plain: Mapping, offers: Offers) -> dict[str, Entry]:
@@ -102,21 +122,24 @@ def _airframes(plain: Mapping, offers: Offers) -> dict[str, Entry]:
 
 def _offers(
     root: Mapping,
-    declared: dict[str, Declared],
+    declared: Parameters,
     place: Place,
     files: Files,
     base: Mapping,
     found: list[Diagnostic],
 ) -> tuple[Offers, Mapping, Substitution]:
-    substitution = Substitution(root.get("parameters"), declared, found)
+    substitution = Substitution(declared, found)
     entries = {key: entry for key, entry in root.entries.items() if key not in _KEPT}
     if "$" in files.sources[place.file].text:
         for key, entry in entries.items():
+            if key == "chains":
+                substitution.note(entry.value)
+                continue
             value = substitution.apply(entry.value, key == "expect")
             entries[key] = entry._replace(value=value)
     plain = Mapping(entries, root.span)
     imports = _imports(root.get("import"), substitution, place, files, base, found)
-    return Offers(plain, imports, base, found), plain, substitution
+    return Offers(plain, imports, base, found, declared), plain, substitution
 
 
 def _imports(
@@ -146,7 +169,7 @@ def _import_of(node: Node, substitution: Substitution) -> tuple[Scalar | None, d
     file, given = node.get("from"), node.get("with")
     values = given.entries if isinstance(given, Mapping) else {}
     settings = {
-        name: Setting(substitution.apply(entry.value), entry.key.span)
+        name: Setting(substitution.value(entry.value), entry.key.span)
         for name, entry in values.items()
     }
     return (file if isinstance(file, Scalar) else None), settings
@@ -206,8 +229,16 @@ def resolve_library(source: Source, files: Files, found: list[Diagnostic]) -> Ma
     declared = declare(root.get("parameters"), {}, found)
     offers, plain, substitution = _offers(root, declared, files.mission, files, base, found)
     found += substitution.unused()
+    chains = Chains(offers, found)
     for name in offers.own("vehicles"):
-        offers.get("vehicles", name)
+        vehicle = offers.get("vehicles", name)
+        if vehicle is not None:
+            chains.expanded(vehicle)
+    chains.judge()
+    for name in offers.own("stacks"):
+        offers.get("stacks", name)
+    for name in offers.own("worlds"):
+        world_of(offers.get("worlds", name), found)
     return Mapping(_airframes(plain, offers), root.span)
 
 
@@ -224,5 +255,5 @@ def _defaults(files: Files, found: list[Diagnostic]) -> Mapping:
     root = _library_root(library, Span(place.file, 1, 1, 1, 1), found)
     if root is None:
         return EMPTY
-    offers, _, _ = _offers(root, {}, place, files, EMPTY, found)
+    offers, _, _ = _offers(root, Parameters({}, {}), place, files, EMPTY, found)
     return offers.get("vehicles", "default") or EMPTY

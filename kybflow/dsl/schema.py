@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from kybflow.dsl.values import shown_value
+from kybflow.dsl.values import bounds_of, shown_value
 from kybflow.params import Field
 from kybflow.units import Dimension, article
 
 Schema = dict[str, Any]
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 _PARAMETER = r"\$[A-Za-z_]\w*"
+_PLACE = rf"^{_PARAMETER}$|^world\.points\.[A-Za-z_]\w*$"
 
 
 def quantity(dimension: Dimension, help: str, **bounds: Any) -> Schema:
@@ -46,7 +47,7 @@ def vector(dimension: Dimension, help: str, **bounds: Any) -> Schema:
     return {
         "description": _described(help, dimension),
         "type": ["array", "string"],
-        "pattern": f"^{_PARAMETER}$",
+        "pattern": _PLACE,
         "items": quantity(dimension, "One number.", **bounds),
         "minItems": 3,
         "maxItems": 3,
@@ -64,13 +65,16 @@ def _bounds(field: Field) -> dict[str, float]:
     return {key: bound for key, bound in bounds.items() if bound is not None}
 
 
+def _help(field: Field) -> str:
+    """What an editor shows of a parameter: its help, its default, its bounds."""
+    default = "" if field.required else f" Default: {shown_value(field.default, field)}."
+    bounds = bounds_of(field)
+    return f"{field.help}{default}" + (f" {bounds[0].upper()}{bounds[1:]}." if bounds else "")
+
+
 def field_schema(field: Field) -> Schema:
     """The schema of one parameter."""
-    text = (
-        field.help
-        if field.required
-        else f"{field.help} Default: {shown_value(field.default, field)}."
-    )
+    text = _help(field)
     bounds = _bounds(field)
     if field.dimension is not None:
         if field.shape == "scalar":
@@ -88,7 +92,7 @@ def field_schema(field: Field) -> Schema:
     if field.shape == "choice":
         choices = [{"enum": list(field.choices)}, {"pattern": f"^{_PARAMETER}$"}]
         return {"description": text, "type": "string", "anyOf": choices}
-    if field.shape == "text":
+    if field.shape in ("text", "file"):
         return {"description": text, "type": "string"}
     return {
         "description": text,

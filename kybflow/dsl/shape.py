@@ -6,25 +6,28 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from kybflow.dsl.asked import with_asked
+from kybflow.dsl.callbacks import callbacks
 from kybflow.dsl.diagnostics import Diagnostic, has_errors
 from kybflow.dsl.document import AirframeUse, Document, PartUse, Vehicle
+from kybflow.dsl.faults import faults_of
+from kybflow.dsl.flows import flows_of, groups_of, with_waiting
 from kybflow.dsl.nodes import Mapping, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.resolve import Resolved
-from kybflow.dsl.source import Text
+from kybflow.dsl.source import Span, Text
 from kybflow.dsl.targets import drivers_of, other_targets, target_of
 from kybflow.dsl.uses import Uses
 from kybflow.dsl.values import decode, quantity_field
 from kybflow.dsl.vehicles import Vehicles
-from kybflow.shapes import Box
+from kybflow.dsl.world import placed, with_points, world_of
 from kybflow.site import Airframe
-from kybflow.units import DURATION, FREQUENCY, LENGTH, Dimension
+from kybflow.units import DURATION, FREQUENCY, Dimension
 
 if TYPE_CHECKING:
     from kybflow.catalog import Catalog
 
 CODES = {
     "KYB152": "A control rate that is no whole number of Hz.",
-    "KYB153": "A fence whose corners are in the wrong order.",
 }
 CONTROL_RATE = 250
 LEAST_CONTROL, MOST_CONTROL = 25, 1000
@@ -36,7 +39,10 @@ def shape(
     resolved: Resolved, catalog: Catalog, target: str | None, found: list[Diagnostic]
 ) -> Document | None:
     """The document; None when a vehicle, a part or a value has errors."""
+    world = world_of(resolved.root.get("world"), found)
     root = resolved.root
+    if resolved.names_points:
+        root = with_points(root, world.points, found)
     uses = Uses(catalog, found)
     name = target_of(root, target, found)
     drivers = drivers_of(root, name, uses)
@@ -44,16 +50,18 @@ def shape(
     vehicles = _vehicles(root, drivers, Vehicles(uses))
     airframes = tuple(airframes_of(root, catalog, found))
     rate = _control(root, found)
-    fence = _fence(root, found)
     limits = [_duration(root, key, default, found) for key, default in _LIMITS.items()]
+    flows = flows_of(root.get("flows"), found)
+    on = callbacks(root.get("on"), uses)
+    faults = faults_of(root.get("faults"), uses)
     if has_errors(found):
         return None
-    return Document(
+    document = Document(
         mission=_text(root, "mission"),
         summary=_text(root, "summary").text,
         target=name,
-        parameters=resolved.parameters,
-        fence=fence,
+        parameters=placed(resolved.parameters, world.points),
+        fence=world.fence,
         control_rate=rate,
         control_span=_span_of(root.get("control")),
         hover_limit=limits[0],
@@ -63,8 +71,24 @@ def shape(
             item.as_text for item in _items(root.get("expect")) if isinstance(item, Scalar)
         ),
         airframes=airframes,
-        spans={key: entry.key.span for key, entry in root.entries.items()},
+        spans=_spans(root),
+        points=world.points,
+        point_spans=world.point_spans,
+        obstacles=world.obstacles,
+        groups=groups_of(root.get("groups")),
+        group_spans={n: e.key.span for n, e in entries_of(root.get("groups")).items()},
+        flows=flows,
+        callbacks=on,
+        faults=faults,
     )
+    return with_asked(with_waiting(document))
+
+
+def _spans(root: Mapping) -> dict[str, Span]:
+    """The span of each key of the top level, and of the fence."""
+    fence = entries_of(root.get("world")).get("fence")
+    spans = {key: entry.key.span for key, entry in root.entries.items()}
+    return spans if fence is None else {**spans, "fence": fence.key.span}
 
 
 _LIMITS = {"hover_limit": HOVER_LIMIT, "time_limit": TIME_LIMIT}
@@ -108,28 +132,6 @@ def _control(root: Mapping, found: list[Diagnostic]) -> int:
         hint = f"fly with {LEAST_CONTROL} to {MOST_CONTROL} Hz: below, no tracker holds a vehicle"
         found.append(Diagnostic("KYB152", message, node.span, help=hint))
     return int(rate)
-
-
-def _fence(root: Mapping, found: list[Diagnostic]) -> Box | None:
-    fence = entries_of(root.get("world")).get("fence")
-    if fence is None or not isinstance(fence.value, Mapping):
-        return None
-    field = quantity_field("fence", LENGTH, "vector")
-    first, second = fence.value.get("from"), fence.value.get("to")
-    low = None if first is None else decode(first, field, found)
-    high = None if second is None else decode(second, field, found)
-    if low is None or high is None:
-        return None
-    if not all(a < b for a, b in zip(low, high, strict=True)):
-        found.append(
-            Diagnostic(
-                "KYB153",
-                "the fence has no inside",
-                fence.key.span,
-                help="each number of `from` must be below that of `to`",
-            )
-        )
-    return Box(low, high)
 
 
 def airframes_of(root: Mapping, catalog: Catalog, found: list[Diagnostic]) -> Iterator[AirframeUse]:

@@ -2,94 +2,39 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from kybflow.dsl.parameters import TYPES
 from kybflow.dsl.schema import Schema, params_schema, quantity, vector
+from kybflow.dsl.skeleton_base import DOTTED, NEXT, mapping, named, text, title, use, uses
+from kybflow.dsl.skeleton_faults import faults_schema
+from kybflow.dsl.skeleton_flows import flows_schema, groups_schema
+from kybflow.dsl.skeleton_on import on_schema
+from kybflow.dsl.skeleton_world import world, worlds
 from kybflow.params import fields_of
 from kybflow.site import Airframe
 from kybflow.units import ANGLE, DURATION, FREQUENCY, LENGTH
 
-_NAME = r"^[A-Za-z_][A-Za-z0-9_]*(?!\n)$"
-"""Python's `$` alone would let a line break end the name."""
-
-
-def _title() -> Schema:
-    """The name of a file's content; a run's folder is called by it."""
-    return {"description": "Its name.", "type": "string", "pattern": _NAME, "maxLength": 60}
-
-
-def _text(help: str) -> Schema:
-    return {"description": help, "type": "string"}
-
-
-def _named(help: str, value: Schema, **more: Any) -> Schema:
-    """A mapping of names to `value`."""
-    names = {"pattern": _NAME}
-    return {
-        "description": help, "type": "object", "propertyNames": names,
-        "additionalProperties": value, **more,
-    }  # fmt: skip
-
-
-def _mapping(title: str, help: str, properties: Schema, **more: Any) -> Schema:
-    return {
-        "title": title, "description": help, "type": "object", "properties": properties,
-        "additionalProperties": False, **more,
-    }  # fmt: skip
-
-
-def _use(title: str, help: str, extra: Schema | None = None) -> Schema:
-    """A part by its bare name, or a mapping with `use` and its parameters."""
-    properties = {
-        "use": _text("Name of the part."),
-        "as": _text("A name of its own, when the same part is used twice."),
-        **(extra or {}),
-    }
-    return {
-        "title": title, "description": help, "type": ["string", "object"],
-        "properties": properties, "required": ["use"],
-    }  # fmt: skip
-
-
-def _uses(title: str, help: str, extra: Schema | None = None) -> Schema:
-    return {"description": help, "type": "array", "items": _use(title, "One of them.", extra)}
-
-
-NEXT = _mapping(
-    "transition",
-    "One way out of a behavior: all of `when`, `event` and `after` that are written must hold.",
-    {
-        "when": _text("A condition, like `state.altitude > 1 m`."),
-        "event": _text("An event to hear."),
-        "after": quantity(DURATION, "Time in the behavior.", minimum=0),
-        "for": quantity(DURATION, "How long the condition must hold.", minimum=0),
-        "go": _text("The behavior to go to."),
-    },
-    required=["go"],
-)
 STATE: Schema = {
     "title": "behavior",
     "description": "One state: what the vehicle does, and where it goes from there.",
     "type": "object",
     "properties": {
-        "do": _text("The behavior to fly; its parameters are keys beside it."),
-        "then": _text("Where to go when it is done."),
+        "do": text("The behavior to fly; its parameters are keys beside it."),
+        "then": text("Where to go when it is done."),
         "next": {
             "description": "Ways out, asked from the top in every tick.",
             "type": "array",
             "items": NEXT,
         },
-        "failed": _text("Where to go when it fails."),
+        "failed": text("Where to go when it fails."),
         "within": quantity(DURATION, "It fails when it takes longer.", exclusiveMinimum=0),
     },
 }
 ESTIMATOR_KEYS: Schema = {
-    "healthy": _text("A condition: the estimate may be used, like `age < 100 ms`."),
+    "healthy": text("A condition: the estimate may be used, like `age < 100 ms`."),
     "recover_after": quantity(DURATION, "Healthy so long before it is used again.", minimum=0),
     "for_at_most": quantity(DURATION, "Use it no longer than this.", exclusiveMinimum=0),
 }
-START = _mapping(
+START = mapping(
     "start",
     "Where the vehicle stands before take-off.",
     {
@@ -104,42 +49,83 @@ def _airframe() -> Schema:
     return {
         **schema,
         "required": [],
-        "properties": {"like": _text("Start from this airframe."), **schema["properties"]},
+        "properties": {"like": text("Start from this airframe."), **schema["properties"]},
     }
 
 
 def _vehicle() -> Schema:
     airframe = {**_airframe(), "type": ["string", "object"]}
-    return _mapping(
+    return mapping(
         "vehicle",
         "What flies, what it trusts, what it does.",
         {
-            "like": _text(
+            "like": text(
                 "Start from this vehicle: mappings merge, lists are replaced, null removes."
             ),
             "airframe": {**airframe, "description": "Name of an airframe, or its numbers."},
             "start": START,
-            "estimators": _uses("estimator", "The first healthy one is used.", ESTIMATOR_KEYS),
-            "processors": _uses("processor", "What may bend the setpoint, in this order."),
-            "tracker": _use("tracker", "What turns the setpoint into a command."),
-            "supervisors": _uses("supervisor", "What watches a bound."),
-            "begin": _text("The first behavior; without it the topmost."),
-            "behaviors": _named("The vehicle's state machine: exactly one is active.", STATE),
+            "home": vector(LENGTH, "Where `go_home` flies; its start without it."),
+            "tracker": use("tracker", "What turns the setpoint into a command."),
+            **lists(),
+            "begin": text("The first behavior; without it the topmost."),
+            "behaviors": behaviors(),
         },
     )  # fmt: skip
 
 
+def behaviors() -> Schema:
+    """The states of a vehicle; those of a chain have dotted names."""
+    dotted = {"pattern": DOTTED}
+    whole = named("The vehicle's state machine: exactly one is active.", STATE)
+    return {**whole, "propertyNames": dotted}
+
+
+def _chain() -> Schema:
+    return mapping(
+        "chain",
+        "Behaviors that are used as one: `do: chain.NAME`, with its parameters beside it.",
+        {
+            "summary": text("One line for people."),
+            "parameters": named("Values that are given where it is used.", _parameter()),
+            "begin": text("The first behavior; without it the topmost."),
+            "behaviors": named("Its states; `then: end`, or none, leaves it.", STATE),
+        },
+        required=["behaviors"],
+    )
+
+
+def _stack() -> Schema:
+    return mapping(
+        "stack",
+        "Parts for the lists of a vehicle: `- stack: NAME` stands for them.",
+        {
+            "summary": text("One line for people."),
+            "like": text("Start from this stack."),
+            **lists(),
+        },
+    )
+
+
+def lists() -> Schema:
+    """The lists of parts of a vehicle."""
+    return {
+        "estimators": uses("estimator", "The first healthy one is used.", ESTIMATOR_KEYS),
+        "processors": uses("processor", "What may bend the setpoint, in this order."),
+        "supervisors": uses("supervisor", "What watches a bound."),
+    }
+
+
 def _parameter() -> Schema:
     value: Schema = {"type": ["number", "string", "boolean", "array"]}
-    return _mapping(
+    return mapping(
         "parameter",
         "A value that `--set` may change; `$name` stands for it.",
         {
-            "type": {**_text("What kind of value."), "examples": list(TYPES)},
+            "type": {**text("What kind of value."), "examples": list(TYPES)},
             "default": {"description": "The value when nothing sets it.", **value},
             **{bound: {"description": "A bound.", "type": ["number", "string"]}
                for bound in ("above", "at_least", "below", "at_most")},
-            "help": _text("What it is."),
+            "help": text("What it is."),
         },
         required=["type"],
     )  # fmt: skip
@@ -149,7 +135,10 @@ def _import() -> Schema:
     return {
         "title": "import",
         "type": ["string", "object"],
-        "properties": {"from": _text("The library's file."), "with": {"type": "object"}},
+        "properties": {
+            "from": text("The library's file."),
+            "with": {"description": "Values of its parameters, by name.", "type": "object"},
+        },
         "required": ["from"],
         "additionalProperties": False,
     }
@@ -157,19 +146,21 @@ def _import() -> Schema:
 
 def _shared() -> Schema:
     return {
-        "summary": _text("One line for people."),
-        "import": _named("Libraries, each under a name.", _import()),
-        "parameters": _named("Values that `--set` may change.", _parameter()),
-        "airframes": _named("Airframes by name.", _airframe()),
-        "vehicles": _named("What flies, by name.", _vehicle()),
+        "summary": text("One line for people."),
+        "import": named("Libraries, each under a name.", _import()),
+        "parameters": named("Values that `--set` may change.", _parameter()),
+        "airframes": named("Airframes by name.", _airframe()),
+        "chains": named("Sequences that can be used as one behavior, by name.", _chain()),
+        "stacks": named("Parts for the lists of a vehicle, by name.", _stack()),
+        "vehicles": named("What flies, by name.", _vehicle()),
     }
 
 
 def library_schema() -> Schema:
     """The shape of a library file."""
-    return _mapping(
+    return mapping(
         "library", "What missions share.",
-        {"library": _title(), **_shared()}, required=["library"],
+        {"library": title(), **_shared(), "worlds": worlds()}, required=["library"],
     )  # fmt: skip
 
 
@@ -177,15 +168,19 @@ def skeleton() -> Schema:
     """The shape of a mission, with no part in it."""
     shared = _shared()
     shared["vehicles"] = {**shared["vehicles"], "minProperties": 1}
-    return _mapping(
+    return mapping(
         "mission",
         "A kybflow mission: what flies, what it trusts, what it does, what is expected of it.",
         {
             "kybflow": {"description": "Version of the language.", "const": 1},
-            "mission": _title(),
+            "mission": title(),
             **shared,
-            "world": _mapping("world", "Where it flies.", {"fence": _fence()}),
+            "world": world(),
             **_rates(),
+            "groups": groups_schema(),
+            "flows": flows_schema(),
+            "on": on_schema(),
+            "faults": faults_schema(),
             "expect": {
                 "description": "What must hold for the mission to succeed.",
                 "type": "array",
@@ -194,15 +189,6 @@ def skeleton() -> Schema:
             "targets": _targets(),
         },
         required=["kybflow", "mission", "vehicles"],
-    )
-
-
-def _fence() -> Schema:
-    return _mapping(
-        "fence",
-        "The box that no vehicle may leave.",
-        {"from": vector(LENGTH, "Its lowest corner."), "to": vector(LENGTH, "Its highest corner.")},
-        required=["from", "to"],
     )
 
 
@@ -218,7 +204,7 @@ def _rates() -> Schema:
 
 
 def _targets() -> Schema:
-    driver = _use("driver", "What flies it.")
-    place = _mapping("vehicle's target", "How a vehicle is reached.", {"driver": driver})
-    target = _named("One target: `all`, or a vehicle's name.", place)
-    return _named("Where the mission can fly; `sim` is implied.", target)
+    driver = use("driver", "What flies it.")
+    place = mapping("vehicle's target", "How a vehicle is reached.", {"driver": driver})
+    target = named("One target: `all`, or a vehicle's name.", place)
+    return named("Where the mission can fly; `sim` is implied.", target)

@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+PREFIX = "world.points."
+"""What stands before the name of a point of the world."""
+
 
 @dataclass(frozen=True, slots=True)
 class Span:
     """A piece of a file. Lines and columns count from 1; `end` is just behind the last character.
 
-    `via` says how the file was reached: the spans of the imports, outermost first.
+    `via` says how the file was reached: the spans of the imports, outermost first; `used` how the
+    chain was that the text stands in: the spans of the uses, outermost first.
     """
 
     file: str
@@ -19,6 +23,7 @@ class Span:
     end_line: int
     end_column: int
     via: tuple[Span, ...] = ()
+    used: tuple[Span, ...] = ()
 
     @property
     def at(self) -> str:
@@ -61,7 +66,7 @@ class Text:
         s = self.span
         first = self._written_at(start)
         last = max(self._written_at(end, is_end=True), first + 1)
-        return Span(s.file, s.line, s.column + first, s.line, s.column + last, s.via)
+        return Span(s.file, s.line, s.column + first, s.line, s.column + last, s.via, s.used)
 
     def _written_at(self, position: int, is_end: bool = False) -> int:
         """Where the character at `position` of the text stands in what was written."""

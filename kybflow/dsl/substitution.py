@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 from kybflow.dsl.diagnostics import Diagnostic, Severity, did_you_mean
 from kybflow.dsl.nodes import Mapping, Node, Scalar, Sequence
-from kybflow.dsl.parameters import Declared
+from kybflow.dsl.parameters import Declared, Parameters
 from kybflow.dsl.source import Inset, Span
 
 CODES = {
@@ -22,11 +23,9 @@ class Substitution:
     """Puts values in the place of `$name`; remembers which were used. A node without any stays the
     same object, and an aliased one is replaced once."""
 
-    def __init__(
-        self, section: Node | None, declared: dict[str, Declared], found: list[Diagnostic]
-    ) -> None:
-        self._names = tuple(section.entries) if isinstance(section, Mapping) else ()
-        self._declared = declared
+    def __init__(self, parameters: Parameters, found: list[Diagnostic]) -> None:
+        self._names = parameters.names
+        self._declared = parameters.declared
         self._found = found
         self._done: dict[tuple[int, bool], tuple[Node, Node]] = {}
         self._used: set[str] = set()
@@ -37,6 +36,10 @@ class Substitution:
         if key not in self._done:
             self._done[key] = (node, self._replaced(node, expression))
         return self._done[key][1]
+
+    def value(self, node: Node) -> Node | None:
+        """The value that `node` stands for; None when a parameter in it has none."""
+        return known(self.apply(node))
 
     def _replaced(self, node: Node, expression: bool) -> Node:
         if isinstance(node, Scalar):
@@ -94,6 +97,10 @@ class Substitution:
         )
         return None
 
+    def note(self, node: Node) -> None:
+        """Count every `$name` under `node` as used, whoever puts its value there."""
+        self._used.update(names_in(node))
+
     def unused(self) -> list[Diagnostic]:
         """A warning for each parameter that was never asked for."""
         return [
@@ -107,6 +114,23 @@ class Substitution:
             for name, declared in self._declared.items()
             if name not in self._used
         ]
+
+
+def known(node: Node) -> Node | None:
+    """`node`, or None where a `$name` is left in it: the finding says why."""
+    return None if any(names_in(node)) else node
+
+
+def names_in(node: Node) -> Iterator[str]:
+    """Every name that stands as `$name` under `node`."""
+    if isinstance(node, Scalar):
+        yield from _INSIDE.findall(node.text)
+    elif isinstance(node, Sequence):
+        for item in node.items:
+            yield from names_in(item)
+    else:
+        for entry in node.entries.values():
+            yield from names_in(entry.value)
 
 
 def _placed(value: Node, span: Span, name: str) -> Node:

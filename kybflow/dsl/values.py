@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from kybflow.dsl.attachments import attached
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.nodes import Mapping, Node, Scalar, Sequence, describe
 from kybflow.errors import UnitError
@@ -24,6 +25,7 @@ _SHAPES = {
     "path": "a list of points, `[[x, y, z], ...]`",
     "integer": "a whole number",
     "boolean": "`true` or `false`",
+    "file": "the name of a file",
 }
 
 
@@ -46,13 +48,15 @@ def decode(node: Node, field: Field, found: list[Diagnostic]) -> Any:
     if not isinstance(node, Scalar):
         found.append(_wrong(node, field))
         return None
-    if len(node.text) > _LONGEST and field.shape != "text":
+    if len(node.text) > _LONGEST and field.shape not in ("text", "file"):
         found.append(
             Diagnostic("KYB104", f"`{node.text[:20]}...` is too long to be a value", node.span)
         )
         return None
     if field.shape == "scalar":
         return _quantity(node, field, found)
+    if field.shape == "file":
+        return attached(node, field, found)
     return _plain(node, field, found)
 
 

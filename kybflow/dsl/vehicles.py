@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from kybflow.dsl.built_in import failure_of
+from kybflow.dsl.arrows import duration
 from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.dsl.document import EstimatorUse, PartUse, State, Transition, Vehicle
+from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
 from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.source import Span, Text
+from kybflow.dsl.states import States
 from kybflow.dsl.uses import Uses
 from kybflow.dsl.values import decode, quantity_field
 from kybflow.geometry import ZERO
 from kybflow.site import Airframe
-from kybflow.units import ANGLE, DURATION, LENGTH
+from kybflow.units import ANGLE, LENGTH
 
-CODES = {
-    "KYB143": "A transition that says nothing of when, or how long of nothing.",
-}
 _ESTIMATOR = frozenset({"healthy", "recover_after", "for_at_most"})
-_STATE = frozenset({"then", "next", "failed", "within"})
 
 
 class Vehicles:
@@ -40,7 +37,9 @@ class Vehicles:
         tracker = self._tracker(name, body)
         states = self._states(name, body)
         supervisors = self._supervisors(body, name.span)
-        begin = self._begin(body, states)
+        begin = _begin(body, states)
+        home = body.get("home")
+        home_at = quantity_field("home", LENGTH, "vector")
         if airframe is None or tracker is None or driver is None or begin is None:
             return None
         return Vehicle(
@@ -55,11 +54,15 @@ class Vehicles:
             supervisors=supervisors,
             driver=driver,
             begin=begin,
-            states=states,
+            states=states.states,
             span=name.span,
             airframe_spans={
                 key: e.value.span for key, e in entries_of(body.get("airframe")).items()
             },
+            home=None if home is None else decode(home, home_at, self._found),
+            home_span=None if home is None else home.span,
+            spans={key: e.key.span for key, e in body.entries.items()},
+            chains=states.chains,
         )
 
     def _missing(self, name: Scalar, key: str, help: str) -> None:
@@ -87,13 +90,7 @@ class Vehicles:
         return start, heading or 0.0, node.span if place is None else place.span
 
     def _duration(self, keys: Mapping, key: str, above: float | None = None) -> float | None:
-        node = keys.get(key)
-        if node is None:
-            return None
-        at_least = 0.0 if above is None else None
-        field = quantity_field(key, DURATION, above=above, at_least=at_least)
-        value: float | None = decode(node, field, self._found)
-        return value
+        return duration(keys, key, self._found, above)
 
     def _tracker(self, name: Scalar, body: Mapping) -> PartUse | None:
         node = body.get("tracker")
@@ -125,69 +122,23 @@ class Vehicles:
         ]
         return (*written, *(use for use in always if use is not None))
 
-    def _begin(self, body: Mapping, states: dict[str, State]) -> Text | None:
-        begin = body.get("begin")
-        if isinstance(begin, Scalar):
-            return begin.as_text
-        return next((state.name for state in states.values()), None)
-
-    def _states(self, name: Scalar, body: Mapping) -> dict[str, State]:
+    def _states(self, name: Scalar, body: Mapping) -> States:
         behaviors = body.get("behaviors")
         if not isinstance(behaviors, Mapping) or not behaviors.entries:
             self._missing(name, "behaviors", "a vehicle does one thing at least")
-            return {}
-        states = {}
-        for key, entry in behaviors.entries.items():
-            state = self._state(entry)
-            if state is not None:
-                states[key] = state
-        return states
+            behaviors = Mapping({}, name.span)
+        elif body.entries["behaviors"].inherited:
+            own = {k: e._replace(inherited=True) for k, e in behaviors.entries.items()}
+            behaviors = Mapping(own, behaviors.span)
+        return States(behaviors, self._uses)
 
-    def _state(self, entry: Entry) -> State | None:
-        name, node = entry.key, entry.value
-        use = self._uses.one("behaviors", node, _STATE, "do")
-        if use is None or not isinstance(node, Mapping):
-            return None
-        part = PartUse(use.name, use.spec, use.params, name.text, use.span, use.spans)
-        arrows = self._transitions(node, part)
-        return State(name.as_text, part, arrows, name.span, entry.inherited)
 
-    def _transitions(self, node: Mapping, part: PartUse) -> tuple[Transition, ...]:
-        arrows = [self._next(item) for item in _items(node, "next") if isinstance(item, Mapping)]
-        for cause in ("then", "failed"):
-            goal = node.get(cause)
-            if isinstance(goal, Scalar):
-                arrows.append(Transition(cause, goal.as_text, goal.span))
-        limit = node.get("within")
-        after = self._duration(node, "within", above=0.0)
-        if limit is not None and after is not None:
-            failed = node.get("failed")
-            implied = Text(failure_of(part.spec.cls.flight), limit.span, verbatim=False)
-            target = failed.as_text if isinstance(failed, Scalar) else implied
-            arrows.append(Transition("within", target, limit.span, after=after))
-        return tuple(arrows)
-
-    def _timeless(self, message: str, span: Span, help: str) -> None:
-        self._found.append(Diagnostic("KYB143", message, span, help=help))
-
-    def _next(self, node: Mapping) -> Transition:
-        when, event, goal = node.get("when"), node.get("event"), node.get("go")
-        assert isinstance(goal, Scalar)
-        if when is None and event is None and node.get("after") is None:
-            message, hint = f"nothing says when to go to `{goal.text}`", "`event: NAME` or"
-            self._timeless(message, goal.span, f"add `when: CONDITION`, {hint} `after: 10 s`")
-        elif when is None and node.get("for") is not None:
-            message = f"nothing says what must hold before it goes to `{goal.text}`"
-            self._timeless(message, node.entries["for"].key.span, "`for` belongs to a `when`")
-        return Transition(
-            "next",
-            goal.as_text,
-            node.span,
-            when=when.as_text if isinstance(when, Scalar) else None,
-            event=event.as_text if isinstance(event, Scalar) else None,
-            after=self._duration(node, "after"),
-            hold=self._duration(node, "for") or 0.0,
-        )
+def _begin(body: Mapping, states: States) -> Text | None:
+    """The first state: the one that is named, else the topmost."""
+    begin = body.get("begin")
+    if isinstance(begin, Scalar):
+        return states.goal(begin.as_text)[0]
+    return next((state.name for state in states.states.values()), None)
 
 
 def _items(body: Mapping, key: str) -> tuple[Node, ...]:

@@ -9,12 +9,23 @@ passive: none sleeps, starts a thread, prints, reads a clock or draws from a glo
 from kybflow.params import Field, fields_of, param, params
 from kybflow.parts.action import Action, Deck
 from kybflow.parts.base import Part
-from kybflow.parts.behavior import AIR, GROUND, MOVING, Behavior, Entry, Flight, Footprint, Leg
+from kybflow.parts.behavior import (
+    AIR,
+    GROUND,
+    MOVING,
+    Behavior,
+    Entry,
+    Flight,
+    Footprint,
+    Leg,
+    Origin,
+)
 from kybflow.parts.chain import Estimator, Processor, Supervisor, Tracker
-from kybflow.parts.devices import Driver, Fault, Filter, Link, Rig, Seat, Session
+from kybflow.parts.devices import Driver, Link, Seat, Session
+from kybflow.parts.fault import Effect, Fault, Filter, Rig
 
 __all__ = [
-    "AIR", "GROUND", "MOVING", "Action", "Behavior", "Deck", "Driver", "Entry", "Estimator",
-    "Fault", "Field", "Filter", "Flight", "Footprint", "Leg", "Link", "Part", "Processor", "Rig",
-    "Seat", "Session", "Supervisor", "Tracker", "fields_of", "param", "params",
+    "AIR", "GROUND", "MOVING", "Action", "Behavior", "Deck", "Driver", "Effect", "Entry",
+    "Estimator", "Fault", "Field", "Filter", "Flight", "Footprint", "Leg", "Link", "Origin", "Part",
+    "Processor", "Rig", "Seat", "Session", "Supervisor", "Tracker", "fields_of", "param", "params",
 ]  # fmt: skip

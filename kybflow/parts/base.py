@@ -10,8 +10,10 @@ P = TypeVar("P")
 
 class Part(ABC, Generic[P]):
     """The root of every part. `kind` is the plural that names its folder and its group in the
-    catalog. `events` are the events that its alarms become."""
+    catalog. `events` are the events that its alarms become, or that an action emits. `reserved`
+    are the names of a kind that no part may have, because the language has them."""
 
     kind: ClassVar[str]
     events: ClassVar[tuple[str, ...]] = ()
+    reserved: ClassVar[frozenset[str]] = frozenset()
     params: P

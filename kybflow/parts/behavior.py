@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from enum import Enum
 from typing import Any, ClassVar, NamedTuple
 
@@ -82,17 +83,37 @@ class Entry(NamedTuple):
         return heading_of(self.estimate.attitude) if self.estimate else self.site.heading
 
 
+class Origin(NamedTuple):
+    """Where a file's footprint comes from, `file:line`: each of its points, where it is fastest,
+    and where its curves are sharpest."""
+
+    points: Mapping[Vec3, str]
+    fastest: str
+    sharpest: str
+
+
 class Footprint(NamedTuple):
     """Where a behavior will go, for the static checks: `points` bound its path (metres, world),
     `speed` is its fastest (m/s), `exit` where its normal end leaves the vehicle, None when it can't
     be told; `is_endless` when it has no normal end; `acceleration` is the largest horizontal one
-    that its curves need (m/s^2)."""
+    that its curves need (m/s^2); `path` are points along its path, a straight line between each and
+    the next (within 1 cm), none where that is not known. Of two `points` they are the path.
+    `origin` says where they stand, of a path that a file describes."""
 
     points: tuple[Vec3, ...]
     speed: float
     exit: Vec3 | None
     is_endless: bool = False
     acceleration: float = 0.0
+    path: tuple[Vec3, ...] = ()
+    origin: Origin | None = None
+
+    def line_of(self, point: Vec3) -> tuple[str, ...]:
+        """Which line of a file leads to `point`, as a note; none where no file does."""
+        if self.origin is None or not self.origin.points:
+            return ()
+        nearest = min(self.origin.points, key=lambda p: distance(p, point))
+        return (f"led there by {self.origin.points[nearest]}",)
 
 
 class Behavior(Part[P]):
@@ -135,4 +156,9 @@ class Behavior(Part[P]):
     @classmethod
     def footprint(cls, params: P, entry: Vec3 | None) -> Footprint | None:
         """Where it goes when entered at `entry` (None: unknown); None when it can't be told."""
+        return None
+
+    @classmethod
+    def refusal(cls, params: P, entry: Vec3) -> str | None:
+        """Why it refuses to start when entered at rest at `entry`; None when it starts."""
         return None

@@ -63,6 +63,11 @@ class Processor(Part[P]):
         self.params = params
 
     @classmethod
+    def takes(cls, params: P) -> dict[SetpointKind, SetpointKind]:
+        """What of `accepts` it takes with these parameters."""
+        return cls.accepts
+
+    @classmethod
     def keeps_inside(cls, params: P, fence: Box) -> Box | None:
         """The box inside `fence` that no setpoint leaves; None when it bounds none."""
         return None
@@ -93,11 +98,13 @@ class Tracker(Part[P]):
 
 class Supervisor(Part[P]):
     """Watches one bound and reports; it never acts. Lives as long as its vehicle; `always` ones are
-    in every vehicle, named in the mission or not. Called once a tick, before anything else is
-    decided. One that raises is not asked again, and its vehicle lands."""
+    in every vehicle, named in the mission or not. Called once a tick, or every 20 ms when it is
+    `unhurried`, before anything else is decided. One that raises is not asked again, and its
+    vehicle lands."""
 
     kind = "supervisors"
     always: ClassVar[bool] = False
+    unhurried: ClassVar[bool] = False
 
     def __init__(self, params: P, site: Site) -> None:
         self.params = params

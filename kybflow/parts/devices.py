@@ -1,22 +1,18 @@
-"""Drivers and what they open; the rig by which faults break a simulated vehicle."""
+"""Drivers and what they open."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from kybflow.geometry import ZERO, Vec3
 from kybflow.parts.base import P, Part
+from kybflow.parts.fault import Rig
 from kybflow.signals import Command, CommandKind, Measurement, MeasurementKind, Time, Truth
 from kybflow.site import Site
 
 if TYPE_CHECKING:
     import random
-
-Filter = Callable[[Measurement, Time], Measurement | None]
-"""Changes a measurement on its way, or drops it; `now` is when it arrives."""
 
 
 class Seat(NamedTuple):
@@ -25,30 +21,6 @@ class Seat(NamedTuple):
 
     site: Site
     params: Any
-
-
-@dataclass(slots=True)
-class Rig:
-    """What of a simulated vehicle can be broken. Faults change it; the simulator obeys.
-
-    filters: what every measurement passes on its way, in this order. wind: m/s, world frame, on top
-    of the world's. mass: factor on the body's. rotors: factor on each rotor's thrust. sag: part of
-    the battery's charge that is missing. gyro_bias, accelerometer_bias: added to the body's own,
-    rad/s and m/s^2. late: seconds by which commands take effect late. fleet: every rig of the
-    world, by vehicle; `body` is the vehicle that motion capture takes this one for.
-    """
-
-    vehicle: str
-    filters: list[Filter] = field(default_factory=list)
-    wind: Vec3 = ZERO
-    mass: float = 1.0
-    rotors: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    sag: float = 0.0
-    gyro_bias: Vec3 = ZERO
-    accelerometer_bias: Vec3 = ZERO
-    late: float = 0.0
-    body: str = ""
-    fleet: dict[str, Rig] = field(default_factory=dict)
 
 
 class Link(ABC):
@@ -72,6 +44,11 @@ class Link(ABC):
     def truth(self) -> Truth | None:
         """The simulator's truth, for the recorder and the expectations; None on hardware."""
         return None
+
+    def collisions(self) -> Sequence[str]:
+        """What the vehicle ran into in the air since the last call, as the simulator knows; for the
+        recorder and the expectations."""
+        return ()
 
 
 class Session(ABC):
@@ -104,24 +81,12 @@ class Driver(Part[P]):
         Raises DriverError."""
 
     @classmethod
+    def watchdog(cls, params: P) -> str | None:
+        """What is dangerous about the vehicle's own watchdog, which lands it should this program
+        die; None where nothing is. The preflight refuses to fly with it."""
+        return None
+
+    @classmethod
     def step_rate(cls, params: P) -> float | None:
         """The rate (Hz) that the control rate must divide, None where there is none."""
         return None
-
-
-class Fault(Part[P]):
-    """Breaks one thing of one simulated vehicle. Made when it is injected; `generator` is its only
-    source of chance. `begin` is called once; `end` once, when its time is over, and undoes it
-    exactly: several may be at work on one rig. One that raises is told and left out."""
-
-    kind = "faults"
-
-    def __init__(self, params: P, generator: random.Random) -> None:
-        self.params = params
-        self.generator = generator
-
-    @abstractmethod
-    def begin(self, rig: Rig) -> None: ...
-
-    @abstractmethod
-    def end(self, rig: Rig) -> None: ...

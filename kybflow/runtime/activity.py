@@ -1,5 +1,5 @@
 """What a vehicle is doing: its state machine, the behavior that is active and where it is in
-flight."""
+flight; and the hold that freezes them for a while."""
 
 from __future__ import annotations
 
@@ -9,14 +9,21 @@ from typing import Any
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Outcome, VehicleMachine
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
-from kybflow.errors import Refused
+from kybflow.errors import PartFailed, Refused
+from kybflow.geometry import Vec3, distance
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Leg
 from kybflow.runtime.events import Events
+from kybflow.runtime.hold import Blend, Hold, Holder
 from kybflow.runtime.outcome import VehicleScore
-from kybflow.signals import NS, Command, Done, Failed, Setpoint, Tick, Time
+from kybflow.runtime.wishes import unfit
+from kybflow.signals import NS, Command, Done, Estimate, Failed, Setpoint, Tick, Time
 
 _SAFE = frozenset({"brake", "landed"})
 """Where a vehicle goes when nothing else will start."""
+
+START_TOLERANCE = 0.25
+"""Metres between the estimate and where the vehicle should stand before it takes off; two swapped
+motion capture bodies are further apart."""
 
 Situation = Callable[[], Entry]
 """Gives what a behavior is entered with, when one is entered."""
@@ -25,7 +32,10 @@ Situation = Callable[[], Entry]
 class Activity:
     """`flight` is GROUND, AIR, or MOVING while a take-off or a landing is under way or was left.
 
-    `changed` is true from the entry into a state until the vehicle has taken note of it.
+    `changed` is true from the entry into a state until the vehicle has taken note of it. `hold` is
+    the overlay under which the state, its behavior and its timers are frozen, None without one.
+    `stands` is where the vehicle must be to take off: its start, then where it landed; None when
+    nobody knows.
     """
 
     machine: VehicleMachine
@@ -39,8 +49,13 @@ class Activity:
         self.entered: Time = 0
         self.changed = False
         self._params, self._events, self._score = params, events, score
+        self.hold: Hold | None = None
+        self.stands: Vec3 | None = plan.start
         self._outcome: Outcome = "running"
         self._reason = ""
+        self._wanted: Setpoint | None = None
+        self._blend: Blend | None = None
+        self._resumes = False
 
     def begin(
         self, conditions: Callable[[Expression], Callable[[], bool]], situation: Situation
@@ -82,16 +97,61 @@ class Activity:
         self.machine.force(goal)
         self._enter(situation)
 
+    def switch(self, goal: str, at: str, situation: Situation) -> None:
+        """Enter a state that somebody asked for. Raises Refused, and nothing has changed, when its
+        behavior refuses to start; PartFailed when that raises anything else."""
+        state = self.plan.states[goal]
+        try:
+            behavior = self._built(state, situation())
+        except Refused:
+            raise
+        except Exception as error:
+            raise PartFailed(state.behavior.label, error) from error
+        self._leave("asked", None, at)
+        self.machine.force(goal)
+        self._note(state, situation().now)
+        self._adopt(state, behavior)
+
+    def freeze(self, holder: Holder, situation: Situation) -> None:
+        """Come to rest and hold, for this holder too, until it and all others let go."""
+        if self.hold is not None and self.hold.lasts:
+            self.hold.holders.add(holder)
+            return
+        self.hold = Hold(holder, situation(), self._wanted, not self.airborne)
+
+    def wait(self, dt: float) -> None:
+        """A tick in which the timers of the present state stand still."""
+        self.entered += round(dt * NS)
+
     def update(self, tick: Tick) -> Setpoint | Command:
-        """The behavior's output; its end is noted and takes effect in the next tick."""
+        """The output of the hold or of the behavior, whose end is noted and takes effect in the
+        next tick."""
+        if self.hold is not None:
+            held = self.hold.update(tick.now)
+            if held is not None:
+                return held
+            self.hold, self._resumes = None, self.airborne
         output = self.behavior.update(tick)
+        if isinstance(output, Command):
+            return output
         if isinstance(output, Done):
-            self._end()
-            return output.setpoint
-        if isinstance(output, Failed):
+            self._end(tick.estimate)
+            output = output.setpoint
+        elif isinstance(output, Failed):
             self.fail(output.reason)
-            return output.setpoint
-        return output
+            output = output.setpoint
+        self._wanted = output
+        if self._resumes:
+            self._resumes = False
+            self._blend = Blend(tick.now, tick.setpoint, output)
+        return output if self._blend is None else self._blended(output, tick.now)
+
+    def _blended(self, asked: Setpoint, now: Time) -> Setpoint:
+        assert self._blend is not None
+        blended = self._blend.added(asked, now)
+        if blended is None:
+            self._blend = None
+        return blended or asked
 
     def fail(self, reason: str) -> None:
         """The behavior has failed: it said so, refused to start, or a part of its chain raised."""
@@ -101,12 +161,13 @@ class Activity:
         """The run is over: the present behavior's figures are complete."""
         self._score.left("run_ended", now / NS)
 
-    def _end(self) -> None:
+    def _end(self, estimate: Estimate | None) -> None:
         """The behavior's normal end: the vehicle is at the far side of its leg."""
         self._outcome = "done"
         start, end = self.leg
         if start is not end:
             self.flight = end
+            self.stands = None if estimate is None else estimate.position
             if end is GROUND or start is GROUND:
                 self._events.tell("landed" if end is GROUND else "took_off", self.plan.name)
 
@@ -114,13 +175,10 @@ class Activity:
         """Build the behavior of the present state. One that refuses to start has failed."""
         refused: set[str] = set()
         while True:
-            self._outcome, self._reason = "running", ""
             state, entry = self.state, situation()
-            self.entered, self.changed = entry.now, True
-            self._score.entered(state.name, state.behavior.name, entry.now / NS)
-            self._tell("behavior_started", state.at, part=state.behavior.name)
+            self._note(state, entry.now)
             try:
-                self._build(state, entry)
+                self._adopt(state, self._built(state, entry))
                 return
             except Refused as refusal:
                 if state.name in (refused & _SAFE):
@@ -128,16 +186,38 @@ class Activity:
                 refused.add(state.name)
                 self._refused(str(refusal), refused)
 
-    def _build(self, state: StatePlan, entry: Entry) -> None:
-        name, cls = state.behavior.name, state.behavior.cls
-        leg = next((leg for leg in state.legs if leg.start is self.flight), None)
-        if leg is None:
-            raise Refused(f"`{name}` can't start while the vehicle is at {self.flight.value}")
-        if cls.needs_estimate and entry.estimate is None and not self.airborne:
-            raise Refused(f"`{name}` can't start without an estimate")
-        self.behavior = cls(self._params[state.behavior.label], entry)
-        self.leg = leg
-        if leg.start is not leg.end:
+    def _note(self, state: StatePlan, now: Time) -> None:
+        """The state was entered; nothing is left of the one before."""
+        self.entered, self.changed = now, True
+        self._outcome, self._reason = "running", ""
+        self.hold = self._blend = self._wanted = None
+        self._resumes = False
+        self._score.entered(state.name, state.behavior.name, now / NS)
+        self._tell("behavior_started", state.at, part=state.behavior.name)
+
+    def _built(self, state: StatePlan, entry: Entry) -> Behavior[Any]:
+        """The behavior of `state`. Raises Refused where it can't start."""
+        reason = unfit(state, self.flight, entry.estimate is not None or self.airborne)
+        reason = reason or self._misplaced(state, entry.estimate)
+        if reason is not None:
+            raise Refused(reason)
+        behavior: Behavior[Any] = state.behavior.cls(self._params[state.behavior.label], entry)
+        return behavior
+
+    def _misplaced(self, state: StatePlan, estimate: Estimate | None) -> str | None:
+        """Why a take-off can't start from where the vehicle seems to stand, None when it can."""
+        leaves = any(leg == (GROUND, AIR) for leg in state.legs)
+        if self.flight is not GROUND or not leaves or self.stands is None or estimate is None:
+            return None
+        away = distance(estimate.position, self.stands)
+        if away <= START_TOLERANCE:
+            return None
+        return f"the estimate is {away:.2f} m from where it stood ({START_TOLERANCE} m allowed)"
+
+    def _adopt(self, state: StatePlan, behavior: Behavior[Any]) -> None:
+        self.behavior = behavior
+        self.leg = next(leg for leg in state.legs if leg.start is self.flight)
+        if self.leg.start is not self.leg.end:
             self.flight = MOVING
 
     def _refused(self, reason: str, refused: set[str]) -> None:
@@ -157,8 +237,8 @@ class Activity:
         if all(arrow.implied for arrow in arrows):
             self._score.failure(reason)
 
-    def _leave(self, how: str, transition: TransitionPlan | None) -> None:
-        at = transition.at if transition is not None else ""
+    def _leave(self, how: str, transition: TransitionPlan | None, at: str = "") -> None:
+        at = transition.at if transition is not None else at
         if self._outcome == "failed":
             self._tell("behavior_failed", at, reason=self._reason)
         self._score.left(how, self._events.now / NS)

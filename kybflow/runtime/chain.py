@@ -5,7 +5,7 @@ Made anew at each take-off, so that no state of the last flight is left.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from typing import Any
 
 from kybflow.dsl.plan import VehiclePlan
@@ -29,10 +29,14 @@ class Chain:
         self._tracker_label = plan.tracker.label
         self._active: tuple[tuple[str, Processor[Any]], ...] = ()
 
-    def select(self, stays_in_air: bool) -> None:
+    def select(self, stays_in_air: bool, off: Set[str]) -> None:
         """Choose the processors for a behavior: all in the air, the safety ones from take-off to
-        touch-down."""
-        self._active = tuple((n, p) for n, p in self.processors.items() if stays_in_air or p.safety)
+        touch-down; without those whose labels are `off`."""
+        self._active = tuple(
+            (label, processor)
+            for label, processor in self.processors.items()
+            if (stays_in_air or processor.safety) and label not in off
+        )
 
     def drop(self, label: str) -> bool:
         """Leave out the processor `label`, which has failed; false when it is none."""
@@ -40,20 +44,20 @@ class Chain:
         return self.processors.pop(label, None) is not None
 
     def follow(
-        self, setpoint: Setpoint, tick: Tick, heed: Callable[[Alarm, Tick], bool]
+        self, setpoint: Setpoint, tick: Tick, heed: Callable[[str, Alarm, Tick], bool]
     ) -> tuple[Setpoint, Command] | None:
         """(the setpoint that the tracker followed, its command).
 
-        `heed` is told of a processor's alarm; when it says that the vehicle now does something
-        else, the setpoint is out of date and the result is None. Otherwise the setpoint passes
-        unchanged. Raises ValueError for a setpoint or a command that is not finite.
+        `heed` is told of a processor's label and alarm; when it says that the vehicle now does
+        something else, the setpoint is out of date and the result is None. Otherwise the setpoint
+        passes unchanged. Raises ValueError for a setpoint or a command that is not finite.
         """
         for label, processor in self._active:
             self.stage = label
             output = processor(setpoint, tick)
             if isinstance(output, Alarm):
                 self.stage = ""
-                if heed(output, tick):
+                if heed(label, output, tick):
                     return None
             elif output is not setpoint:
                 setpoint = checked_setpoint(output)

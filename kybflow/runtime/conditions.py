@@ -18,6 +18,7 @@ from kybflow.dsl.expressions import (
     Compare,
     Distance,
     Expression,
+    GroupInState,
     InState,
     Not,
     Number,
@@ -29,7 +30,7 @@ from kybflow.dsl.expressions import (
     Word,
 )
 from kybflow.geometry import Vec3, distance
-from kybflow.observables import OBSERVABLES, Unavailable, View
+from kybflow.observables import OBSERVABLES, Unavailable, View, is_in
 
 OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
     "<": operator.lt,
@@ -58,6 +59,9 @@ def bind(
             return _compared(OPERATORS[symbol], a, b)
         case InState(vehicle, state):
             return _in_state(views[vehicle], state)
+        case GroupInState(quantifier, _, vehicles, state):
+            inside = [_in_state(views[vehicle], state) for vehicle in vehicles]
+            return _both(inside) if quantifier == "all" else _either(inside)
         case And(parts):
             return _both([bind(part, views, own, now) for part in parts])
         case Or(parts):
@@ -115,7 +119,7 @@ def _compared(
 
 
 def _in_state(view: View, state: str) -> Callable[[], bool]:
-    return lambda: view.behavior == state
+    return lambda: is_in(view.behavior, state)
 
 
 def _both(parts: list[Callable[[], bool]]) -> Callable[[], bool]:

@@ -2,7 +2,7 @@
 
 now ─► 1. every vehicle: measurements ─► estimate        then the fleet snapshot is frozen
        2. every vehicle: events ─► behavior ─► processors ─► tracker ─► command ─► link
-       3. expectations, observers
+       3. flows, callbacks, expectations, observers
 """
 
 from __future__ import annotations
@@ -13,10 +13,16 @@ from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import Plan
 from kybflow.errors import described
 from kybflow.parts import Session
+from kybflow.runtime.callbacks import Callbacks
 from kybflow.runtime.clock import Clock
+from kybflow.runtime.collisions import Collisions
 from kybflow.runtime.conditions import bind
+from kybflow.runtime.deck import Reach
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Judge
+from kybflow.runtime.flows import Flows
+from kybflow.runtime.injection import Injection
+from kybflow.runtime.operator import Operator
 from kybflow.runtime.options import Options
 from kybflow.runtime.preflight import Line, preflight
 from kybflow.runtime.vehicle import Vehicle
@@ -44,18 +50,28 @@ class Engine:
         vehicles: Sequence[Vehicle],
         events: Events,
         observers: Sequence[Observer] = (),
+        seed: int = 0,
+        emitted: Sequence[tuple[float, str]] = (),
     ) -> None:
         self.plan, self.clock, self.events = plan, clock, events
         self.vehicles = tuple(vehicles)
+        self._believed = _views(Believed, vehicles)
         self.options = Options(self.vehicles, events)
         self.judge = Judge(plan.expectations, _views(Actual, vehicles), self.seconds)
+        self.flows = Flows(plan, self.vehicles, self._condition(None), events, self.options)
+        self.operator = Operator(self.vehicles, events, self.stop, emitted)
+        self.callbacks = Callbacks(plan.callbacks, self._reach(), self._condition(None))
         self.interrupts = 0
         self.flying = False
-        self._believed = _views(Believed, vehicles)
         self._sessions, self._observers = tuple(sessions), tuple(observers)
+        links = {name: link for session in sessions for name, link in session.links.items()}
+        rigs = {name: link.rig for name, link in links.items() if link.rig is not None}
+        self.injection = Injection(plan.faults, rigs, self._condition, events, seed)
+        self.collisions = Collisions(links, events)
         self._next_look: Time = 0
         self._ticked: Time | None = None
         self._landing: str | None = None
+        self._stopped: str | None = None
 
     def seconds(self) -> float:
         """Time since the run began."""
@@ -70,7 +86,7 @@ class Engine:
         if red:
             return "preflight: " + "; ".join(f"{x.vehicle}: {x.check}: {x.reason}" for x in red)
         self._begin()
-        while not all(vehicle.rests for vehicle in self.vehicles):
+        while not self._over():
             if self.interrupts > 1:
                 return "interrupted twice: the stream was cut"
             if self.interrupts:
@@ -80,7 +96,16 @@ class Engine:
             if self.seconds() >= self.plan.time_limit + LANDING_PATIENCE:
                 break
             self.tick()
-        return self._landing
+        self.collisions.step()
+        return self._landing or self.injection.failure or self.collisions.first
+
+    def _over(self) -> bool:
+        """Whether nothing moves any more: every vehicle rests, and no flow will ask it for more."""
+        if not all(vehicle.rests for vehicle in self.vehicles) or self.callbacks.pending:
+            return False
+        lost = all(vehicle.state == "fault" for vehicle in self.vehicles)
+        told_to_end = self._landing is not None or self._stopped is not None
+        return self.flows.ended or told_to_end or lost
 
     def tick(self) -> None:
         """One period of every vehicle, then the world goes on."""
@@ -89,17 +114,22 @@ class Engine:
         self._ticked = now
         self.events.turn(now)
         self.options.apply()
+        self.operator.step(now)
+        self.injection.step(now)
         for vehicle in self.vehicles:
             vehicle.sense(now)
         fleet = {vehicle.name: vehicle.estimate for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)
+        self.flows.step(now, dt)
+        self.callbacks.step()
         self.judge.sample()
         self._advance()
 
     def _advance(self) -> None:
         if self.clock.now >= self._next_look:
             self._next_look = self.clock.now + _OBSERVED_EVERY
+            self.collisions.step()
             for observe in self._observers:
                 self._observed(observe)
         now = self.clock.step()
@@ -113,24 +143,36 @@ class Engine:
             self._observers = tuple(other for other in self._observers if other is not observe)
             self.events.tell("observer_failed", reason=described(error))
 
-    def _preflight(self) -> list[Line]:
-        """Wait until all is green; the lines that stayed red."""
-        red: list[Line] = []
+    def inspect(self) -> list[Line]:
+        """The lines of the preflight, once all are green or its time is over. Nothing arms."""
+        lines: list[Line] = []
         while self.seconds() < PREFLIGHT_PATIENCE and not self.interrupts:
             self.events.turn(self.clock.now)
             for vehicle in self.vehicles:
                 vehicle.sense(self.clock.now)
-            lines = [line for vehicle in self.vehicles for line in preflight(vehicle)]
-            red = [line for line in lines if not line.green]
-            if not red:
-                for line in lines:
-                    self.events.tell(
-                        "preflight_passed", line.vehicle, check=line.check, found=line.reason
-                    )
-                return []
+            lines = [line for v in self.vehicles for line in preflight(v, self.vehicles)]
+            if all(line.green for line in lines):
+                break
             self._advance()
-        for line in red:
-            self.events.tell("preflight_failed", line.vehicle, check=line.check, reason=line.reason)
+        return lines
+
+    def stop(self, reason: str, at: str = "") -> None:
+        """Land every vehicle and end the run, which has then ended as it should."""
+        if self._stopped is None:
+            self._stopped = reason
+            self.events.tell("run_stopped", at=at, reason=reason)
+            for vehicle in self.vehicles:
+                vehicle.retire(reason)
+
+    def _preflight(self) -> list[Line]:
+        """Look at every line; those that stayed red."""
+        lines = self.inspect()
+        red = [line for line in lines if not line.green]
+        tell = self.events.tell
+        for vehicle, check, _, reason, at in () if red else lines:
+            tell("preflight_passed", vehicle, at, check=check, found=reason)
+        for vehicle, check, _, reason, at in red:
+            tell("preflight_failed", vehicle, at, check=check, reason=reason)
         return red
 
     def _begin(self) -> None:
@@ -138,7 +180,11 @@ class Engine:
             vehicle.begin(self._condition(vehicle.name))
         self.flying = True
 
-    def _condition(self, own: str) -> Callable[[Expression], Callable[[], bool]]:
+    def _reach(self) -> Reach:
+        vehicles = {vehicle.name: vehicle for vehicle in self.vehicles}
+        return Reach(vehicles, self.options, self.events, self.flows.enter, self.stop)
+
+    def _condition(self, own: str | None) -> Callable[[Expression], Callable[[], bool]]:
         return lambda expression: bind(expression, self._believed, own, self.seconds)
 
     def _land(self, reason: str) -> None:

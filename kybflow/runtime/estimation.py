@@ -1,6 +1,9 @@
 """Which estimator a vehicle flies on: the first healthy one of its list, with hysteresis.
 
-One that raises, or whose estimate is not finite, is not asked again.
+Where none has been healthy for long enough, one that has become so just now is better than none:
+hysteresis keeps from changing to and fro, not from flying. One that raises, or whose estimate is
+not finite, is not asked again. The others are told in every tick what the one in use estimates.
+Where it changes, the estimate goes on without a step (`kybflow.runtime.blending`).
 """
 
 from __future__ import annotations
@@ -8,82 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from kybflow.dsl.expressions import Expression
-from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
+from kybflow.dsl.plan import VehiclePlan
 from kybflow.errors import PartFailed
-from kybflow.observables import Unavailable
-from kybflow.parts import Estimator
-from kybflow.runtime.checked import checked_estimate
-from kybflow.runtime.conditions import bind
+from kybflow.runtime.blending import Blend
+from kybflow.runtime.candidate import Candidate
 from kybflow.runtime.events import Events
-from kybflow.runtime.making import make
 from kybflow.runtime.outcome import VehicleScore
 from kybflow.signals import NS, Estimate, Measurement, Time
 from kybflow.site import Site
-
-
-class Candidate:
-    """One estimator of the list with its health; also the view that its health condition reads.
-
-    It is healthy while its condition holds. Once it was not, it must hold for `recover_after`
-    seconds before it counts again. `for_at_most` bounds the time in which it may be used at a
-    stretch.
-    """
-
-    def __init__(self, plan: EstimatorPlan, site: Site) -> None:
-        self.label = plan.part.label
-        self.name = self.label.rpartition(".")[2]
-        self.part: Estimator[Any] = make(plan.part, plan.part.params, site)
-        self.estimate: Estimate | None = None
-        self.in_use_since: Time | None = None
-        self._recover = round(plan.recover_after * NS)
-        self._at_most = None if plan.for_at_most is None else round(plan.for_at_most * NS)
-        self._healthy_since: Time | None = None
-        self._was_lost = False
-        self._spent = False
-        self._holds = self._bound(plan.healthy)
-
-    def _bound(self, healthy: Expression | None) -> Callable[[], bool]:
-        if healthy is None:
-            return lambda: True
-        return bind(healthy, {self.name: self}, self.name, lambda: 0.0)
-
-    def update(self, measurements: Sequence[Measurement], now: Time) -> bool:
-        """Take the measurements; whether the estimator is healthy now. Raises whatever the part
-        raises, and ValueError for an estimate that is not finite."""
-        self.estimate = estimate = self.part.update(measurements, now)
-        if estimate is None or not (checked_estimate(estimate) and self._holds()):
-            self._was_lost = self._was_lost or self._healthy_since is not None
-            self._healthy_since = None
-            return False
-        if self._healthy_since is None:
-            self._healthy_since = now
-        if self._at_most is not None and self.in_use_since is not None:
-            self._spent = now - self.in_use_since >= self._at_most
-        recovered = not self._was_lost or now - self._healthy_since >= self._recover
-        return recovered and not self._spent
-
-    def renew(self) -> None:
-        """Another estimator is used: this one may be used again for its time."""
-        self._spent = False
-
-    @property
-    def age(self) -> float:
-        return self._known().age
-
-    @property
-    def spread(self) -> float:
-        return self._known().spread
-
-    def _known(self) -> Estimate:
-        if self.estimate is None:
-            raise Unavailable
-        return self.estimate
-
-    def _never(self) -> Any:
-        raise Unavailable
-
-    state = wanted = battery = behavior = estimator = elapsed = start = property(_never)
 
 
 class Estimation:
@@ -99,23 +34,33 @@ class Estimation:
     ) -> None:
         self._candidates = [Candidate(estimator, site) for estimator in plan.estimators]
         self._in_use: Candidate | None = None
+        self._flown: Estimate | None = None
+        self._blend: Blend | None = None
+        self._was_used = False
+        self._time: Time = 0
         self._vehicle, self._events, self._score, self._report = plan.name, events, score, report
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
         """The estimate of the first healthy estimator, None when none is healthy."""
+        self._count(now)
         chosen: Candidate | None = None
         for candidate in self._candidates:
             try:
                 healthy = candidate.update(measurements, now)
             except Exception as error:  # a part may raise anything
-                self._candidates = [c for c in self._candidates if c is not candidate]
-                self._report(PartFailed(candidate.label, error))
+                self._fail(candidate, error)
                 continue
             if healthy and chosen is None:
                 chosen = candidate
+        if chosen is None:
+            chosen = next((c for c in self._candidates if c.is_usable), None)
+        estimate = chosen.estimate if chosen is not None else None
         if chosen is not self._in_use:
-            self._change(chosen, now)
-        return chosen.estimate if chosen is not None else None
+            self._change(chosen, estimate, now)
+        self._flown = self._blended(estimate, now)
+        if estimate is not None and len(self._candidates) > 1:
+            self._anchor(estimate)
+        return self._flown
 
     @property
     def source(self) -> str | None:
@@ -126,20 +71,56 @@ class Estimation:
         """The living estimators by label."""
         return {candidate.label: candidate.part for candidate in self._candidates}
 
-    def _change(self, chosen: Candidate | None, now: Time) -> None:
-        previous = self._in_use
+    def _count(self, now: Time) -> None:
+        passed, self._time = now - self._time, now
+        used = self._in_use
+        if used is not None:
+            for candidate in self._candidates:
+                candidate.count(passed, used)
+
+    def _anchor(self, estimate: Estimate) -> None:
+        """Tell the others what the vehicle flies on, without what is left of an offset."""
+        for candidate in self._candidates:
+            if candidate.anchors and candidate is not self._in_use:
+                try:
+                    candidate.part.anchor(estimate)
+                except Exception as error:  # a part may raise anything
+                    self._fail(candidate, error)
+
+    def _fail(self, failed: Candidate, error: Exception) -> None:
+        failed.has_failed = True
+        self._candidates = [c for c in self._candidates if c is not failed]
+        self._report(PartFailed(failed.label, error))
+
+    def _blended(self, estimate: Estimate | None, now: Time) -> Estimate | None:
+        if self._blend is None or estimate is None:
+            return estimate
+        if self._blend.is_over(now):
+            self._blend = None
+            return estimate
+        return self._blend.applied(estimate)
+
+    def _change(self, chosen: Candidate | None, estimate: Estimate | None, now: Time) -> None:
+        previous, self._in_use = self._in_use, chosen
+        before, reason = None, "there was none" if self._was_used else "the first estimate"
         if previous is not None:
-            previous.in_use_since = None
-        self._in_use = chosen
-        before = previous.name if previous is not None else None
-        if chosen is None:
-            self._events.tell("estimate_lost", self._vehicle, previous=before)
+            before, reason = previous.name, previous.trouble
+        self._was_used = True
+        last, self._blend = self._flown, None
+        if chosen is None or estimate is None:
+            self._events.tell("estimate_lost", self._vehicle, previous=before, reason=reason)
             self._score.estimator("", now / NS)
-        else:
-            chosen.in_use_since = now
-            for other in self._candidates:
-                if other is not chosen:
-                    other.renew()
-            name = chosen.name
-            self._events.tell("estimator_changed", self._vehicle, estimator=name, previous=before)
-            self._score.estimator(name, now / NS)
+            return
+        offset = 0.0
+        if last is not None:
+            offset, self._blend = Blend.between(last, estimate)
+        self._events.tell(
+            "estimator_changed",
+            self._vehicle,
+            estimator=chosen.name,
+            previous=before,
+            reason=reason or f"`{chosen.name}` is healthy again",
+            offset=offset,
+            blended=self._blend is not None,
+        )
+        self._score.estimator(chosen.name, now / NS)

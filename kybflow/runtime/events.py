@@ -13,18 +13,29 @@ Fields = str | float | bool | None
 
 class Events:
     """Where events are told. `heard` holds the names of the last tick's: `NAME` for a vehicle's own
-    under its name, and `VEHICLE.NAME` for everybody. A listener that raises is told no more."""
+    under its name, `VEHICLE.NAME` and `any.NAME` for everybody. `unanswered` are those that no
+    callback has looked at yet. A listener that raises is told no more."""
 
     def __init__(self, listeners: Iterable[Callable[[Event], None]] = ()) -> None:
         self.listeners = list(listeners)
         self.now: Time = 0
         self._fresh: list[Event] = []
+        self.unanswered: list[Event] = []
         self._heard: dict[str, set[str]] = {}
 
     def tell(self, name: str, vehicle: str = "", at: str = "", **fields: Fields) -> None:
         """Something happened now. `name` is in the past tense."""
         event = Event(self.now, name, vehicle, fields, at)
         self._fresh.append(event)
+        self.unanswered.append(event)
+        self._hand(event)
+
+    def note(self, name: str, vehicle: str, **fields: Fields) -> None:
+        """Something happened that only a simulator knows: listeners are told, transitions don't
+        hear it."""
+        self._hand(Event(self.now, name, vehicle, fields))
+
+    def _hand(self, event: Event) -> None:
         for listener in self.listeners:
             try:
                 listener(event)
@@ -37,6 +48,7 @@ class Events:
         self.now = now
         if self._fresh or self._heard:
             everybody = {f"{e.vehicle}.{e.name}" if e.vehicle else e.name for e in self._fresh}
+            everybody |= {f"any.{e.name}" for e in self._fresh if e.vehicle}
             self._heard = {"": everybody} if everybody else {}
             for event in self._fresh:
                 self._heard.setdefault(event.vehicle, set(everybody)).add(event.name)

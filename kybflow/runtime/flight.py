@@ -15,8 +15,10 @@ from kybflow.parts import Session
 from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
+from kybflow.runtime.foreseen import foreseen_faults
 from kybflow.runtime.interrupts import Interrupts
 from kybflow.runtime.opening import build_vehicles, clock_for, open_sessions
+from kybflow.runtime.operator import check_emitted
 from kybflow.runtime.options import check_options
 from kybflow.runtime.outcome import EXIT_CODES, Ending, summarise
 from kybflow.runtime.recorder import Recorder
@@ -30,13 +32,15 @@ class Request:
     """What a run is asked for beside its plan.
 
     speed: pace of a simulated clock, None for as fast as it goes. options: changes made before
-    take-off, as (name, value). out: the run folder, None for one under `runs/`.
+    take-off, as (name, value). emitted: events that a person gives, as (seconds, name). out: the
+    run folder, None for one under `runs/`.
     """
 
     seed: int = 0
     out: Path | None = None
     speed: float | None = None
     options: tuple[tuple[str, str], ...] = ()
+    emitted: tuple[tuple[float, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,9 +62,11 @@ def fly(
     observers: Sequence[Observer] = (),
 ) -> Flown:
     """Fly `plan`. Raises RunFolderError when the folder can't be used, OptionRefused for an option
-    that can't be changed; whatever happens later is in the summary."""
+    that can't be changed, EventRefused for an event that nothing waits for; whatever happens later
+    is in the summary."""
     began, started = time.monotonic(), datetime.now().astimezone()
     check_options(plan, request.options)
+    check_emitted(plan, (name for _, name in request.emitted))
     folder = create_run_folder(plan, request.out, started)
     recorder = Recorder(folder.log, plan)
     try:
@@ -109,8 +115,11 @@ class _Run:
         plan, events = self._plan, self._events
         vehicles = build_vehicles(plan, sessions, events, self._recorder, self._score)
         clock = clock_for(plan, self._request.speed)
-        engine = self._engine = Engine(plan, clock, sessions, vehicles, events, observers)
-        for name, value in self._request.options:
+        asked = self._request
+        engine = self._engine = Engine(
+            plan, clock, sessions, vehicles, events, observers, asked.seed, asked.emitted
+        )
+        for name, value in asked.options:
             engine.options.set(name, value, "command line")
         with Interrupts(engine):
             reason = engine.run()
@@ -124,6 +133,7 @@ class _Run:
         if engine.flying:
             for vehicle in engine.vehicles:
                 vehicle.activity.close(engine.clock.now)
+            engine.flows.close(engine.clock.now)
         ended_well = self._reason is None and self._driver_failed is None
         self._verdicts = engine.judge.verdicts(engine.seconds() if ended_well else None)
 
@@ -136,6 +146,7 @@ class _Run:
             driver=self._driver_failed,
             recording=recording,
             airborne=[v.name for v in engine.vehicles if v.activity.airborne] if engine else (),
+            foreseen=foreseen_faults(self._plan.expectations),
         )
         return summarise(
             self._plan,
@@ -145,4 +156,5 @@ class _Run:
             seed=self._request.seed,
             sim_time_s=engine.seconds() if engine else 0.0,
             wall_time_s=wall_time_s,
+            flows=engine.flows.record() if engine else {},
         )

@@ -18,7 +18,7 @@ from math import sqrt
 
 from kybflow.geometry import ZERO, Vec3, add, norm, scale, sub
 from kybflow.runtime.motion import Motion
-from kybflow.signals import Setpoint, Tick, Time
+from kybflow.signals import Setpoint, SetpointKind, Tick, Time
 
 _GAIN = 4.0
 CAUGHT_UP = 1e-4
@@ -28,28 +28,32 @@ CAUGHT_UP = 1e-4
 class Follower:
     """Where a processor's own trajectory is, how fast, and whether it is behind what it is asked.
 
-    Lives as long as its processor. A pause in the calls (a landing that was broken off) makes it go
-    on from what the tracker follows.
+    Lives as long as its processor. A pause in the calls (a landing that was broken off) and another
+    kind of setpoint make it go on from what the tracker follows.
     """
 
-    __slots__ = ("_time", "behind", "position", "velocity")
+    __slots__ = ("_kind", "_time", "behind", "position", "velocity")
 
     def __init__(self) -> None:
         self.position, self.velocity = ZERO, ZERO
         self.behind = False
         self._time: Time | None = None
+        self._kind: SetpointKind | None = None
 
-    def resume(self, position: Vec3, velocity: Vec3, tick: Tick) -> None:
+    def resume(self, asked: Setpoint, tick: Tick) -> None:
         """Be where the trajectory was a tick ago; the first thing in every tick."""
-        if self._time is None or (tick.now - self._time) > 1.5e9 * tick.dt + 1.0:
-            last = tick.setpoint
-            if last is None or last.position is None or last.velocity is None:
-                self.velocity = velocity
-                self.position = sub(position, scale(velocity, tick.dt))
+        paused = self._time is None or (tick.now - self._time) > 1.5e9 * tick.dt + 1.0
+        if paused or asked.kind is not self._kind:
+            last, velocity = tick.setpoint, asked.velocity or ZERO
+            before = last.velocity if last is not None else None
+            self.velocity = velocity if before is None else before
+            if last is not None and last.position is not None:
+                self.position = last.position
             else:
-                self.position, self.velocity = last.position, last.velocity
+                mean = scale(add(velocity, self.velocity), 0.5 * tick.dt)
+                self.position = sub(asked.position or ZERO, mean)
             self.behind = False
-        self._time = tick.now
+        self._time, self._kind = tick.now, asked.kind
 
     def join(self, position: Vec3, velocity: Vec3) -> None:
         """Go on as the trajectory that is asked for."""

@@ -43,6 +43,9 @@ def _site(plan: Plan, vehicle: VehiclePlan) -> Site:
         vehicle.heading,
         plan.fence,
         1.0 / plan.control_rate,
+        vehicle.home,
+        plan.obstacles,
+        {other.name: other.airframe.diameter for other in plan.vehicles},
     )
 
 

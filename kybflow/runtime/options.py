@@ -2,7 +2,8 @@
 
 `mk.processors.limit_speed.speed` is the parameter `speed` of the processor `limit_speed` of `mk`.
 Type, unit and bounds are those of the declaration. A change takes effect at the next tick and is
-told as an event with who made it; one that is refused says why and changes nothing.
+told as an event with who made it; one that is refused says why and changes nothing. A safety
+parameter only tightens while its vehicle flies.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from kybflow.errors import OptionRefused, UnitError
 from kybflow.params import Field, fields_of
 from kybflow.runtime.events import Events
 from kybflow.runtime.making import parts_of
+from kybflow.runtime.tightening import loosened
 from kybflow.units import format_quantity, parse_quantity
 
 
@@ -25,6 +27,10 @@ class Holder(Protocol):
     """A vehicle, as the options see it: the parameters of each of its parts by label."""
 
     name: str
+
+    @property
+    def airborne(self) -> bool:
+        """Whether it flies now."""
 
     def parameters(self) -> dict[str, Any]:
         """Each part's parameters, by label (`processors.limit_speed`)."""
@@ -39,7 +45,7 @@ class Options:
     def __init__(self, holders: tuple[Holder, ...], events: Events) -> None:
         self._holders = {holder.name: holder for holder in holders}
         self._events = events
-        self._waiting: list[tuple[Holder, str, str, Any, str]] = []
+        self._waiting: list[tuple[Holder, str, str, Any, str, str]] = []
 
     def names(self) -> Iterator[str]:
         for name, holder in self._holders.items():
@@ -52,27 +58,50 @@ class Options:
         holder, label, field = self._find(name)
         return getattr(holder.parameters()[label], field.name)
 
-    def set(self, name: str, value: Any, by: str) -> None:
-        """Ask for a change; `value` is SI, or text with a unit. Raises OptionRefused with the
-        reason."""
+    def set(self, name: str, value: Any, by: str, at: str = "") -> None:
+        """Ask for a change; `value` is SI, or text with a unit, `at` the mission line that asks.
+        Raises OptionRefused with the reason."""
         try:
             holder, label, field = self._find(name)
             if field.read_only:
                 raise OptionRefused(f"`{name}` is read-only")
             value = _decoded(name, value, field)
+            reason = self._loosened(holder, label, field.name, value)
+            if reason is not None:
+                raise OptionRefused(reason)
         except OptionRefused as refusal:
-            self._events.tell("option_refused", option=name, by=by, reason=str(refusal))
+            vehicle = name.partition(".")[0]
+            whose = vehicle if vehicle in self._holders else ""
+            reason = str(refusal)
+            self._events.tell("option_refused", whose, at, option=name, by=by, reason=reason)
             raise
-        self._waiting.append((holder, label, field.name, value, by))
+        self._waiting.append((holder, label, field.name, value, by, at))
 
     def apply(self) -> None:
         """Make the changes that were asked for; the engine calls it when a tick begins."""
         waiting, self._waiting = self._waiting, []
-        for holder, label, field, value, by in waiting:
+        for holder, label, field, value, by, at in waiting:
+            name = f"{holder.name}.{label}.{field}"
+            reason = self._loosened(holder, label, field, value)
+            if reason is not None:  # it took off meanwhile, or another change came first
+                self._events.tell(
+                    "option_refused", holder.name, at, option=name, by=by, reason=reason
+                )
+                continue
             parameters = holder.parameters()[label]
             holder.change(label, dataclasses.replace(parameters, **{field: value}))
-            name = f"{holder.name}.{label}.{field}"
-            self._events.tell("option_changed", holder.name, option=name, value=str(value), by=by)
+            self._events.tell(
+                "option_changed", holder.name, at, option=name, value=str(value), by=by
+            )
+
+    def _loosened(self, holder: Holder, label: str, field_name: str, value: Any) -> str | None:
+        """Why a safety parameter can't have `value` now, None when it can."""
+        if not holder.airborne:
+            return None
+        parameters = holder.parameters()[label]
+        [field] = (f for f in fields_of(parameters.__class__) if f.name == field_name)
+        name = f"{holder.name}.{label}.{field_name}"
+        return loosened(name, field, getattr(parameters, field_name), value)
 
     def _find(self, name: str) -> tuple[Holder, str, Field]:
         vehicle, _, rest = name.partition(".")
@@ -98,6 +127,10 @@ class _Planned:
     def __init__(self, plan: VehiclePlan) -> None:
         self.name = plan.name
         self._parameters = {part.label: part.params for part in parts_of(plan)}
+
+    @property
+    def airborne(self) -> bool:
+        return False
 
     def parameters(self) -> dict[str, Any]:
         return self._parameters
@@ -136,8 +169,8 @@ def _decoded(name: str, value: Any, field: Field) -> Any:
         if str(value).lower() not in ("true", "false"):
             raise OptionRefused(f"`{name}` is true or false, not `{value}`")
         value, numbers = str(value).lower() == "true", ()
-    elif field.shape == "path":
-        raise OptionRefused(f"`{name}` is a path and can't be changed in flight")
+    elif field.shape in ("path", "file"):
+        raise OptionRefused(f"`{name}` is a {field.shape} and can't be changed in flight")
     else:
         numbers = ()
     _check_bounds(name, numbers, field)

@@ -9,6 +9,8 @@ seconds; numbers have six significant digits; null is "not known" or "does not a
 - `vehicles.NAME.behaviors`: one entry for each time a state was entered; `ended` is done, next,
   failed, within, refused, failsafe or run_ended.
 - `vehicles.NAME.estimators`: from when on each was used; an empty name: none was healthy.
+- `flows.NAME.phases`: one entry for each time a phase was entered; `ended` is next, within, done
+  (its vehicles have left what it asked for), asked, operator or run_ended.
 - `expectations`: each line of `expect:`; `margin` is positive when it held, in the value's `unit`.
 - `recording`: null when complete, else why the recording stopped.
 """
@@ -48,7 +50,8 @@ class Ending:
 
     reason: why the mission was not flown to its end, None when it was. driver: what a driver or
     device said when it failed. recording: why the recording stopped before the run did. airborne:
-    the vehicles that were not on the ground at the end.
+    the vehicles that were not on the ground at the end. foreseen: those that the mission expects to
+    end in `fault`.
     """
 
     reason: str | None = None
@@ -56,6 +59,7 @@ class Ending:
     driver: str | None = None
     recording: str | None = None
     airborne: Collection[str] = ()
+    foreseen: Collection[str] = ()
 
 
 def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[Outcome, str | None]:
@@ -67,7 +71,7 @@ def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[O
     reasons = [
         ending.reason,
         _failures(score),
-        _faults(score),
+        _faults(score, ending.foreseen),
         _in_the_air(ending.airborne),
         _broken(verdicts),
         ending.recording,
@@ -85,6 +89,7 @@ def summarise(
     seed: int,
     sim_time_s: float,
     wall_time_s: float,
+    flows: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """The content of `summary.json`."""
     outcome, reason = decide(score, verdicts, ending)
@@ -102,6 +107,7 @@ def summarise(
             name: vehicle.record(name in ending.airborne)
             for name, vehicle in score.vehicles.items()
         },
+        "flows": dict(flows or {}),
         "expectations": [_expectation(verdict) for verdict in verdicts],
         "recording": ending.recording,
     }
@@ -114,10 +120,10 @@ def _failures(score: Score) -> str:
     return "; ".join(found)
 
 
-def _faults(score: Score) -> str:
-    names = [
-        v.name for v in score.vehicles.values() if v.behaviors and v.behaviors[-1].name == "fault"
-    ]
+def _faults(score: Score, foreseen: Collection[str]) -> str:
+    """Vehicles that the failsafe brought down where the mission does not expect it."""
+    ended = {v.name: v.behaviors[-1].name for v in score.vehicles.values() if v.behaviors}
+    names = [name for name, state in ended.items() if state == "fault" and name not in foreseen]
     return f"{' and '.join(names)} ended in `fault`" if names else ""
 
 

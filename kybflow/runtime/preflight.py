@@ -1,51 +1,125 @@
-"""Nothing arms before this is green: a healthy estimate that agrees with the declared start."""
+"""Nothing arms before every line of this is green.
+
+Each line says what was looked at, what was found and which mission line it is about. What a
+supervisor would make a vehicle leave its mission for in the air keeps it on the ground.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from kybflow.geometry import distance
+from kybflow.geometry import Vec3, distance
+from kybflow.runtime.activity import START_TOLERANCE
 from kybflow.runtime.vehicle import Vehicle
+from kybflow.shapes import Box
+from kybflow.signals import Estimate
 
-START_TOLERANCE = 0.25
-"""Metres between the estimate and the declared start; two swapped mocap bodies are further
-apart."""
+LINK_AGE = 1.0
+"""Seconds in which the link must have delivered something."""
+LEAST_RATE = 5.0
+"""Measurements a second below which an estimator's stream is no stream."""
+_ABOVE = 0.3
+"""Metres above where it stands at which a vehicle must be clear of obstacles."""
+
+_DEEP = 100.0
+"""Metres below the vehicle where the fence has its floor here: it stands on it."""
 
 
 class Line(NamedTuple):
-    """One line of the preflight: of which vehicle, what was looked at, whether it is well, and
-    why."""
+    """One line of the preflight: of which vehicle, what was looked at, whether it is well, why, and
+    the mission line that it is about."""
 
     vehicle: str
     check: str
     green: bool
     reason: str
+    at: str = ""
 
 
-def preflight(vehicle: Vehicle) -> tuple[Line, ...]:
-    """The lines of one vehicle, as it stands on the ground. What a supervisor would land it for in
-    the air keeps it there."""
-    estimate, battery, name = vehicle.estimate, vehicle.battery, vehicle.name
+def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[Line, ...]:
+    """The lines of one vehicle, as it stands on the ground; `others` are all of the mission's."""
     if vehicle.link_error is not None:
-        return (Line(name, "link", False, vehicle.link_error),)
+        return (Line(vehicle.name, "link", False, vehicle.link_error, vehicle.plan.driver.at),)
+    fleet = {other.name: other.estimate for other in others}
+    lines = [_link(vehicle), _watchdog(vehicle), *_streams(vehicle), _battery(vehicle)]
+    estimate = vehicle.estimate
     if estimate is None:
-        sources = ", ".join(e.part.name for e in vehicle.plan.estimators)
-        return (Line(name, "estimate", False, f"no healthy estimate from {sources}"),)
+        return (*lines, _no_estimate(vehicle))
+    lines += [_estimate(vehicle, estimate), _start(vehicle, estimate, others)]
+    lines += [*_surroundings(vehicle, estimate.position)]
+    foreseen = vehicle.foreseen(fleet)
+    return (*lines, *(Line(vehicle.name, label, False, why, at) for label, why, at in foreseen))
+
+
+def _link(vehicle: Vehicle) -> Line:
+    age = vehicle.senses.link_age(vehicle.now)
+    reason = f"delivered {age * 1000:.0f} ms ago"
+    return Line(vehicle.name, "link", age <= LINK_AGE, reason, vehicle.plan.driver.at)
+
+
+def _watchdog(vehicle: Vehicle) -> Line:
+    driver = vehicle.plan.driver
+    danger = driver.cls.watchdog(driver.params)
+    reason = danger or "it lands by itself when commands stop"
+    return Line(vehicle.name, "watchdog", danger is None, reason, driver.at)
+
+
+def _streams(vehicle: Vehicle) -> Iterator[Line]:
+    """Every kind of measurement that an estimator needs, at a rate to fly on."""
+    senses = vehicle.senses
+    at = {kind: e.part.at for e in vehicle.plan.estimators for kind in e.part.cls.needs}
+    for kind in sorted(senses.needs, key=lambda kind: kind.value):
+        rate = senses.rate(kind)
+        reason = f"{rate:.0f} Hz" if rate else "nothing arrives"
+        green = rate >= LEAST_RATE
+        if rate and not green:
+            reason += f", {LEAST_RATE:.0f} Hz needed"
+        yield Line(vehicle.name, f"{kind.value} stream", green, reason, at[kind])
+
+
+def _battery(vehicle: Vehicle) -> Line:
+    battery = vehicle.battery
+    reason = "no report" if battery is None else f"{battery.remaining:.0%}"
+    return Line(vehicle.name, "battery", battery is not None, reason, vehicle.plan.driver.at)
+
+
+def _no_estimate(vehicle: Vehicle) -> Line:
+    estimators = vehicle.plan.estimators
+    reason = f"no healthy estimate from {', '.join(e.part.name for e in estimators)}"
+    return Line(vehicle.name, "estimate", False, reason, estimators[0].part.at)
+
+
+def _estimate(vehicle: Vehicle, estimate: Estimate) -> Line:
+    at = next(e.part.at for e in vehicle.plan.estimators)
+    reason = f"{estimate.source}, spread {estimate.spread * 1000:.1f} mm"
+    return Line(vehicle.name, "estimate", True, reason, at)
+
+
+def _start(vehicle: Vehicle, estimate: Estimate, others: Sequence[Vehicle]) -> Line:
+    """Two motion capture bodies that are swapped stand where the other should start."""
     away = distance(estimate.position, vehicle.site.start)
-    foreseen = (Line(name, label, False, reason) for label, reason in vehicle.foreseen())
-    return (
-        Line(name, "estimate", True, f"{estimate.source}, spread {estimate.spread * 1000:.1f} mm"),
-        Line(
-            name,
-            "start pose",
-            away <= START_TOLERANCE,
-            f"{away:.2f} m from the declared start ({START_TOLERANCE:.2f} m allowed)",
-        ),
-        Line(
-            name,
-            "battery",
-            battery is not None,
-            "no report" if battery is None else f"{battery.remaining:.0%}",
-        ),
-        *foreseen,
-    )
+    green = away <= START_TOLERANCE
+    reason = f"{away:.2f} m from the declared start ({START_TOLERANCE:.2f} m allowed)"
+    for other in others if not green else ():
+        there = distance(estimate.position, other.site.start) <= START_TOLERANCE
+        if there and other is not vehicle:
+            reason += f"; the body of `{vehicle.name}` stands where `{other.name}` should start"
+    return Line(vehicle.name, "start pose", green, reason, vehicle.plan.at)
+
+
+def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[Line]:
+    site = vehicle.site
+    x, y, z = position
+    if site.fence is not None:
+        west, south, floor = site.fence.low
+        walls = Box((west, south, min(floor, z) - _DEEP), site.fence.high)
+        outside = walls.outside_by(position)
+        reason = f"{outside:.2f} m outside" if outside > 0.0 else f"{-outside:.2f} m inside"
+        yield Line(vehicle.name, "fence", outside <= 0.0, reason, vehicle.plan.at)
+    if site.obstacles:
+        name, shape = min(site.obstacles.items(), key=lambda o: o[1].distance((x, y, z + _ABOVE)))
+        room = shape.distance((x, y, z + _ABOVE))
+        reason = f"{room:.2f} m from `{name}` ({site.airframe.arm:.2f} m needed)"
+        green = room >= site.airframe.arm
+        yield Line(vehicle.name, "obstacles", green, reason, vehicle.plan.at)

@@ -18,6 +18,8 @@ from typing import NamedTuple
 STEEPEST = 15.0 / 8.0
 """The largest slope of the smoothstep, at its middle."""
 _STILL = 1e-12
+_SHORTEST = 0.5
+"""Seconds that a ramp takes at least where there is little way."""
 
 
 class Progress(NamedTuple):
@@ -62,9 +64,14 @@ class Profile:
         """The fastest of these profiles that keeps both limits.
 
         V = min(speed, sqrt(distance * acceleration / (15/8))): with that V the two ramps alone
-        cover the distance, so a short one has a lower peak and never a negative cruise time.
+        cover the distance, so a short one has a lower peak and never a negative cruise time. But V
+        is at most distance / 0.5 s, and such a profile takes a second: the peak jerk goes with
+        V / ramp^2, and a millimetre in hundredths of a second would shake a vehicle.
         """
-        peak = min(speed, sqrt(max(distance, 0.0) * acceleration / STEEPEST))
+        length = max(distance, 0.0)
+        peak = min(speed, sqrt(length * acceleration / STEEPEST))
+        if length < peak * _SHORTEST:
+            return cls(distance, length / _SHORTEST, _SHORTEST)
         return cls(distance, peak, STEEPEST * peak / acceleration)
 
     def at(self, time: float) -> Progress:

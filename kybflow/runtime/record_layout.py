@@ -101,6 +101,12 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("float64", "remaining", "0 to 1"),
         ("float64", "voltage", "V"),
     ),
+    "Imu": (
+        ("int64", "time", "ns; the end of what it is the average of"),
+        ("float64", "dt", "s; how long that was"),
+        ("Vector", "specific_force", "m/s^2, body (FLU)"),
+        ("Vector", "angular_velocity", "rad/s, body"),
+    ),
 }
 
 _PLAIN = {"float64": ("d", "<f8"), "int64": ("q", "<i8"), "uint8": ("B", "u1"), "bool": ("B", "?")}

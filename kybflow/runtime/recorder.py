@@ -1,9 +1,10 @@
 """Records a run into one MCAP file while it goes; the only user of the foxglove SDK.
 
-Each vehicle has `/NAME/tick` (one message a control tick, `record_layout`), `/NAME/pose` and
-`/NAME/battery` (each measurement as it arrived); `/events` holds every event as JSON. A message's
-log and publish time are the tick's time, so the file holds no other clock: the same run gives the
-same bytes. Why the messages are encoded as they are: docs/adr/0001-recording-encoding.md.
+Each vehicle has `/NAME/tick` (one message a control tick, `record_layout`), `/NAME/pose`,
+`/NAME/battery` and `/NAME/imu` (each measurement as it arrived); `/events` holds every event as
+JSON. A message's log and publish time are the tick's time, so the file holds no other clock: the
+same run gives the same bytes. Why the messages are encoded as they are:
+docs/adr/0001-recording-encoding.md.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from kybflow.signals import (
     Command,
     Estimate,
     Event,
+    Imu,
     Measurement,
     Pose,
     Setpoint,
@@ -56,6 +58,7 @@ CHUNK_SECONDS = 0.5
 _TICK = Struct(struct_format("Tick"))
 _POSE = Struct(struct_format("Pose"))
 _BATTERY = Struct(struct_format("Battery"))
+_IMU = Struct(struct_format("Imu"))
 _pack_tick = _TICK.pack
 
 _Marked = tuple[tuple[int, int], Vec3, Vec3, Vec3, Vec3, float, float]
@@ -121,6 +124,7 @@ class VehicleChannel:
         self._tick = _log(context, f"/{name}/tick", "Tick")
         self._pose = _log(context, f"/{name}/pose", "Pose")
         self._battery = _log(context, f"/{name}/battery", "Battery")
+        self._imu = _log(context, f"/{name}/imu", "Imu")
 
     def tick(
         self,
@@ -155,6 +159,9 @@ class VehicleChannel:
         if isinstance(measurement, Pose):
             time, position, attitude = measurement
             self._pose(_POSE.pack(time, *position, *attitude), now)
+        elif isinstance(measurement, Imu):
+            time, dt, force, turn = measurement
+            self._imu(_IMU.pack(time, dt, *force, *turn), now)
         else:
             self._battery(_BATTERY.pack(*measurement), now)
 

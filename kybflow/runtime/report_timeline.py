@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from typing import Any
 
@@ -11,19 +13,20 @@ from kybflow.runtime.report_plot import Figure, time_axis
 _VISITS = ("#6f9fd8", "#e3a869", "#6dbb9c", "#b892d4", "#d98a94", "#a9b35e", "#62bcc7", "#d395b6")
 _GREY = "#9aa3ad"
 _ALARMING = ("failed", "lost", "breached", "exceeded", "refused", "low", "failsafe_started")
-_BARS = {"behavior_started", "behavior_ended"}
+_BARS = {"behavior_started", "behavior_ended", "phase_started", "phase_ended"}
 
 
 def timeline(run: Run) -> Figure:
-    """A row a vehicle: its behaviors as bars, its events as marks below them."""
-    rows = [track.name for track in run.tracks]
+    """A row a vehicle and a flow: behaviors or phases as bars, events as marks below them."""
+    visits = {track.name: track.visits for track in run.tracks} | _phases(run)
+    rows = [*visits]
     if any(not event["vehicle"] for event in run.events):
         rows.append("run")
-    colours = _visit_colours(run)
+    colours = _visit_colours([visit for own in visits.values() for visit in own])
     traces = [
         _bar(visit, row, colours[visit.name])
-        for row, track in enumerate(run.tracks)
-        for visit in track.visits
+        for row, own in enumerate(visits.values())
+        for visit in own
     ]
     traces += _marks(run, rows)
     layout = {
@@ -41,13 +44,27 @@ def timeline(run: Run) -> Figure:
         "hovermode": "closest",
         "showlegend": True,
     }
-    note = "Bars are behaviors; marks below them are events. Hover for details; drag to zoom."
+    note = "Bars are behaviors or phases; marks below are events. Hover for details; drag to zoom."
     return Figure("timeline", "Behaviors and events", note, traces, layout)
 
 
-def _visit_colours(run: Run) -> dict[str, str]:
+def _phases(run: Run) -> dict[str, list[Visit]]:
+    """The phases of each flow, by the flow's row."""
+    found: dict[str, list[Visit]] = {}
+    for event in run.events:
+        fields = event["fields"]
+        if event["event"] == "phase_started":
+            name, start = fields["phase"], event["t_s"]
+            visit = Visit(name, "", start, run.end, "", aloft=False, built_in=False)
+            found.setdefault(f"flow {fields['flow']}", []).append(visit)
+        elif event["event"] == "phase_ended":
+            visits = found[f"flow {fields['flow']}"]
+            visits[-1] = replace(visits[-1], end=event["t_s"], ended=fields["how"])
+    return found
+
+
+def _visit_colours(visits: Sequence[Visit]) -> dict[str, str]:
     """A colour for each name; what no mission wrote is grey."""
-    visits = [visit for track in run.tracks for visit in track.visits]
     own = dict.fromkeys(visit.name for visit in visits if not visit.built_in)
     colours = {name: _VISITS[number % len(_VISITS)] for number, name in enumerate(own)}
     return {visit.name: colours.get(visit.name, _GREY) for visit in visits}

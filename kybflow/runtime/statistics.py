@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from math import inf, sqrt
 
 from kybflow.dsl.expressions import Aggregate
-from kybflow.observables import Unavailable, View
+from kybflow.observables import Unavailable, View, is_in
 
 
 class Statistics:
@@ -105,7 +105,7 @@ def _group(
     watched = view
 
     def while_in_state() -> None:
-        if watched.behavior == state:
+        if is_in(watched.behavior, state):
             for sample in samples:
                 sample()
 

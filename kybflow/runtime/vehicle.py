@@ -1,35 +1,35 @@
 """One vehicle, built from the plan.
 
 measurements ─► estimation ─► estimate
-supervisors ─► transition? ─► behavior ─► setpoint ─► processors ─► tracker ─► command ─► link
+supervisors ─► wishes ─► transition? ─► behavior ─► setpoint ─► processors ─► tracker ─► command
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.errors import PartFailed, described
+from kybflow.errors import PartFailed
 from kybflow.geometry import LEVEL, ZERO, distance
 from kybflow.parts import AIR, GROUND, Entry, Link
 from kybflow.runtime.activity import Activity
 from kybflow.runtime.chain import Chain
 from kybflow.runtime.checked import checked_command, checked_setpoint
-from kybflow.runtime.estimation import Estimation
+from kybflow.runtime.commanding import Commanding
 from kybflow.runtime.events import Events
-from kybflow.runtime.failsafe import Failsafe
+from kybflow.runtime.failsafe import STATES, Failsafe, Heard
 from kybflow.runtime.making import make, parts_of
 from kybflow.runtime.outcome import VehicleScore
 from kybflow.runtime.recorder import VehicleChannel
+from kybflow.runtime.senses import Senses
 from kybflow.signals import (
     NS,
     Alarm,
     Battery,
     Command,
     Estimate,
-    Measurement,
     Reaction,
     Setpoint,
     SetpointKind,
@@ -41,17 +41,18 @@ from kybflow.site import Site
 
 RESTING = Command(LEVEL, 0.0, ZERO, None, False)
 """What a vehicle on the ground is sent: rotors at rest."""
-_ESCALATIONS = 4
-"""`land`, then `land_blind`, then `fault`, all in one tick at worst, and one to steer at last."""
+_ESCALATIONS = 5
+"""`go_home`, `land`, `land_blind`, `fault`, all in one tick at worst, and one to steer at last."""
 _LEAST_HOVER, _MOST_HOVER = 0.5, 2.0
 """Parts of the airframe's weight between which a tracker's belief of the hover thrust counts."""
+_FALL = 2 * NS
+"""For how long a vehicle whose rotors were cut is watched falling."""
 
 
-class Vehicle:
+class Vehicle(Commanding):
     """The engine calls `sense`, then `act`, once a tick.
 
     `followed` is the setpoint that the tracker followed last, None while there is none.
-    `link_error` is what the link said when it failed, None while it works.
     """
 
     def __init__(
@@ -65,33 +66,64 @@ class Vehicle:
     ) -> None:
         self.plan, self.name, self.site = plan, plan.name, site
         self.now: Time = 0
-        self.estimate: Estimate | None = None
-        self.battery: Battery | None = None
-        self.truth: Truth | None = None
         self.followed: Setpoint | None = None
-        self.link_error: str | None = None
-        self._link, self._events, self._channel, self._score = link, events, channel, score
+        self._events, self._channel, self._score = events, channel, score
         self._sent = RESTING
+        self._cut: Time | None = None
         self._params = {part.label: part.params for part in parts_of(plan)}
         self._supervisors = {p.label: make(p, p.params, site) for p in plan.supervisors}
         self._chain = Chain(plan, site, self._params)
-        self.failsafe = Failsafe(plan.name, self._supervisors, events)
-        self._estimation = Estimation(plan, site, events, score, self.failsafe.report)
+        lines = {part.label: part.at for part in parts_of(plan)}
+        self.failsafe = Failsafe(plan.name, self._supervisors, lines, events)
+        self.senses = Senses(plan, site, link, events, channel, score, self.failsafe.report)
         self.activity = Activity(plan, self._params, events, score)
+        super().__init__()
+
+    @property
+    def estimate(self) -> Estimate | None:
+        return self.senses.estimate
+
+    @property
+    def battery(self) -> Battery | None:
+        return self.senses.battery
+
+    @property
+    def truth(self) -> Truth | None:
+        return self.senses.truth
+
+    @property
+    def link_error(self) -> str | None:
+        """What the link said when it failed, None while it works."""
+        return self.senses.link_error
 
     @property
     def estimator(self) -> str | None:
         """The name of the estimator in use, as the mission calls it."""
-        return self._estimation.source
+        return self.senses.estimation.source
+
+    @property
+    def state(self) -> str:
+        """The name of the state that it is in."""
+        return self.activity.machine.state
+
+    @property
+    def airborne(self) -> bool:
+        """Whether its rotors turn and it is not on the ground."""
+        return self.activity.airborne and self._sent.armed
 
     @property
     def rests(self) -> bool:
         """On the ground, in a state that nothing leaves any more."""
-        return not self.activity.airborne and not self.activity.state.transitions
+        if self.activity.flight is not GROUND or self._wishes.waiting:
+            return False
+        if self._cut is not None and self.now - self._cut < _FALL:
+            return False
+        return not self.activity.state.transitions
 
-    def foreseen(self) -> list[tuple[str, str]]:
-        """What would make it land at once if it flew now: (supervisor, reason)."""
-        return self.failsafe.foresee(self._standing())
+    def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
+        """What would make it leave its mission at once if it flew now: (supervisor, reason, mission
+        line)."""
+        return self.failsafe.foresee(self._standing()._replace(fleet=fleet))
 
     def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
         """Enter the first state."""
@@ -103,28 +135,17 @@ class Vehicle:
     def sense(self, now: Time) -> None:
         """Read the link and renew the estimate."""
         self.now = now
-        measurements: Sequence[Measurement] = ()
-        try:
-            measurements = self._link.read(now)
-            self.truth = self._link.truth()
-        except Exception as error:  # a part may raise anything; it fails this vehicle alone
-            self._link_failed(error)
-        for measurement in measurements:
-            self._channel.measurement(now, measurement)
-            if type(measurement) is Battery:
-                self.battery = measurement
-                self._score.battery(measurement.remaining)
-        self.estimate = self._estimation.update(measurements, now)
+        self.senses.update(now)
 
     def act(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> None:
         """Decide, steer, send and record."""
+        if self.activity.hold is not None:
+            self.activity.wait(dt)
         command, wanted = self._decided(self._tick(now, dt, fleet))
         self._sent = command
-        try:
-            self._link.send(command, now)
-        except Exception as error:  # see sense
-            self._link_failed(error)
-        self._channel.tick(now, self.estimate, wanted, self.followed, command, self.truth)
+        self.senses.send(command, now)
+        senses = self.senses
+        self._channel.tick(now, senses.estimate, wanted, self.followed, command, senses.truth)
         self._measure()
 
     def entry(self) -> Entry:
@@ -132,22 +153,28 @@ class Vehicle:
         thrust, flight = self._hover_thrust(), self.activity.flight
         return Entry(self.now, self.site, self.estimate, self.followed, thrust, flight)
 
-    def react(self, alarm: Alarm, tick: Tick) -> bool:
+    def react(self, heard: Heard, tick: Tick) -> bool:
         """Let the failsafe decide about an alarm; whether the vehicle now does something else."""
         activity = self.activity
-        airborne = activity.airborne and self._sent.armed
-        goal = self.failsafe.decide(alarm, tick, airborne, activity.machine.state)
-        if goal is not None:
-            if not airborne:
-                activity.flight = GROUND  # rotors at rest: it has not left the ground
-            activity.go(goal, self.entry)
-        return goal is not None
+        airborne = self.airborne
+        reaction = self.failsafe.decide(heard, tick, airborne, activity.machine.state)
+        if reaction is None:
+            return False
+        if reaction is Reaction.BRAKE:
+            activity.freeze("brake", self.entry)
+            return True
+        if not airborne:
+            activity.flight = GROUND  # rotors at rest: it has not left the ground
+        elif reaction is Reaction.CUT:
+            activity.flight, self._cut = GROUND, tick.now
+        activity.go(STATES[reaction] if airborne else "fault", self.entry)
+        return True
 
     def land(self, reason: str) -> None:
         """Land now, whatever the mission says: an operator's interrupt, or its time is over."""
         if not self.rests:
             alarm = Alarm("interrupted", Reaction.LAND, reason, 0.0, 0.0)
-            self.react(alarm, self._standing())
+            self.react(Heard(alarm, ""), self._standing())
 
     def parameters(self) -> dict[str, Any]:
         """Each part's parameters, by label."""
@@ -156,24 +183,28 @@ class Vehicle:
     def change(self, label: str, parameters: Any) -> None:
         """Give a part its parameters from now on."""
         self._params[label] = parameters
-        living = {**self._chain.parts(), **self._supervisors, **self._estimation.parts()}
+        living = {**self._chain.parts(), **self._supervisors, **self.senses.parts()}
         living[self.activity.state.behavior.label] = self.activity.behavior
         if label in living:
             living[label].params = parameters
-
-    def _link_failed(self, error: Exception) -> None:
-        """Land by what still works; told once, though reading and sending go on being tried."""
-        if self.link_error is None:
-            self.link_error = described(error)
-            self.failsafe.report(PartFailed(self.plan.driver.label, error))
 
     def _standing(self) -> Tick:
         """The tick between two ticks: no time passes, nobody else is seen."""
         return self._tick(self.now, 0.0, {})
 
     def _tick(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> Tick:
-        elapsed = (now - self.activity.entered) / NS
-        return Tick(now, dt, elapsed, self.estimate, self.battery, self.followed, fleet)
+        senses = self.senses
+        return Tick(
+            now,
+            dt,
+            (now - self.activity.entered) / NS,
+            senses.estimate,
+            senses.battery,
+            self.followed,
+            fleet,
+            senses.imu,
+            senses.link_age(now),
+        )
 
     def _decided(self, tick: Tick) -> tuple[Command, Setpoint | None]:
         """(the command of this tick, the setpoint before processing), whatever fails."""
@@ -191,14 +222,19 @@ class Vehicle:
         return RESTING, None
 
     def _decide(self, tick: Tick) -> Tick:
-        """Supervisors are heard first, then the mission's own arrows."""
+        """Supervisors are heard first, then who asks, then the mission's own arrows."""
         activity = self.activity
-        alarm = self.failsafe.check(tick, activity.airborne)
-        if alarm is not None:
-            self.react(alarm, tick)
+        heard = self.failsafe.check(tick, activity.airborne)
+        if heard is not None:
+            self.react(heard, tick)
         if activity.changed:
             tick = self._settled(tick)
-        activity.step(tick, self.failsafe.latched is not None, self.entry)
+        if self._wishes.waiting:
+            self._answer()
+        if activity.hold is not None:
+            self._go_on_holding(activity.hold, tick.now)
+        elif not activity.changed:
+            activity.step(tick, self.failsafe.latched is not None, self.entry)
         return self._settled(tick) if activity.changed else tick
 
     def _settled(self, tick: Tick) -> Tick:
@@ -209,8 +245,12 @@ class Vehicle:
         activity.changed = False
         if activity.leg.start is GROUND and activity.leg.end is AIR:
             self._chain = Chain(self.plan, self.site, self._params)
-        self._chain.select(activity.stays_in_air)
+        self._select()
+        self.senses.subscribe(activity.state.behavior.cls.needs)
         return tick._replace(elapsed=0.0)
+
+    def _select(self) -> None:
+        self._chain.select(self.activity.stays_in_air, self._off)
 
     def _steer(self, tick: Tick) -> tuple[Command, Setpoint | None]:
         """(the command of this tick, the setpoint before processing)."""
@@ -220,7 +260,7 @@ class Vehicle:
             if not activity.airborne:
                 return RESTING, None
             lost = Alarm("estimate_lost", Reaction.LAND_BLIND, "no estimate to fly by", 0.0, 0.0)
-            if self.react(lost, tick):
+            if self.react(Heard(lost, ""), tick):
                 return self._steer(self._settled(tick))
         output = activity.update(tick)
         if isinstance(output, Command):
@@ -238,9 +278,8 @@ class Vehicle:
         self.followed, command = result
         return command, output
 
-    def _heed(self, alarm: Alarm, tick: Tick) -> bool:
-        self.failsafe.tell(alarm, tick.now)
-        return self.react(alarm, tick)
+    def _heed(self, label: str, alarm: Alarm, tick: Tick) -> bool:
+        return self.react(self.failsafe.tell(label, alarm, tick.now), tick)
 
     def _escalate(self, error: Exception, tick: Tick) -> None:
         """A part raised: a processor is left out, and the vehicle lands; blind when what a landing
@@ -253,7 +292,7 @@ class Vehicle:
             activity.fail(str(failure))
             if failsafe.latched is Reaction.LAND_BLIND:
                 activity.flight = GROUND
-            elif failsafe.latched is not None:
+            elif failsafe.latched is Reaction.LAND:
                 reaction = Reaction.LAND_BLIND
         self.react(failsafe.failure(failure, reaction, activity.state.at), tick)
 
@@ -270,7 +309,7 @@ class Vehicle:
 
     def _measure(self) -> None:
         """Errors between the setpoint before tracking and the truth (the estimate on hardware)."""
-        setpoint, state = self.followed, self.truth or self.estimate
+        setpoint, state = self.followed, self.senses.truth or self.senses.estimate
         if setpoint is None or state is None:
             return
         position, velocity = setpoint.position, setpoint.velocity

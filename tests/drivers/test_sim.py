@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 import statistics
 import subprocess
 import sys
@@ -10,62 +9,13 @@ from dataclasses import replace
 from math import exp
 
 import pytest
+from sims import FRAME, PERIOD, QUIET, lift, push, seat, thrust, world
 
 from kybflow.drivers.sim import Sim, SimParams
 from kybflow.drivers.sim.viewer import Viewer
 from kybflow.errors import DriverError
-from kybflow.geometry import LEVEL, ZERO, Vec3, from_euler, from_heading, heading_of, tilt_of
-from kybflow.parts import Seat
-from kybflow.signals import NS, Battery, Command, CommandKind, MeasurementKind, Pose
-from kybflow.site import Airframe, Site
-
-FRAME = Airframe(
-    mass=1.05, diameter=0.5, inertia=(0.011, 0.011, 0.02), thrust=6.0, rotor_time=0.05, drag=0.25
-)  # fmt: skip
-PERIOD = NS // 250
-QUIET = SimParams(
-    model_error=0.0, gyro_noise=0.0, gyro_bias=0.0, accelerometer_noise=0.0, accelerometer_bias=0.0
-)  # fmt: skip
-
-
-def seat(name="a", at: Vec3 = ZERO, params=QUIET, airframe=FRAME, heading=0.0) -> Seat:
-    return Seat(Site(name, airframe, at, heading, None, 0.004), params)
-
-
-def world(*seats: Seat, seed=1):
-    return Sim.open(seats or (seat(),), random.Random(seed))
-
-
-def push(world, link, seconds, command, start=0):
-    """Send `command` for `seconds`; everything measured meanwhile, and the time after it."""
-    measured, now = [], start
-    for _ in range(round(seconds * 250)):
-        link.send(command, now)
-        now += PERIOD
-        world.advance(now)
-        measured += link.read(now)
-    return measured, now
-
-
-def thrust(newtons, attitude=LEVEL, heading=0.0):
-    return Command(attitude, newtons, ZERO, heading)
-
-
-def hover_control(link, height):
-    """A climb-rate law on the truth: this test is about the simulator, not about estimation."""
-    state = link.truth()
-    error = 4.0 * (height - state.position[2]) - 3.0 * state.velocity[2]
-    return thrust(1.1 * FRAME.mass * (9.81 + error))
-
-
-def lift(world, link, height=2.0, seconds=6.0, start=0):
-    now = start
-    for _ in range(round(seconds * 250)):
-        link.send(hover_control(link, height), now)
-        now += PERIOD
-        world.advance(now)
-    link.read(now)
-    return now
+from kybflow.geometry import LEVEL, ZERO, from_euler, from_heading, heading_of, tilt_of
+from kybflow.signals import NS, Battery, Command, CommandKind, Imu, MeasurementKind, Pose
 
 
 def test_importing_the_part_loads_neither_mujoco_nor_numpy():
@@ -77,7 +27,7 @@ def test_importing_the_part_loads_neither_mujoco_nor_numpy():
 def test_the_part_says_what_it_takes_gives_and_steps_at():
     assert Sim.simulated
     assert {CommandKind.ATTITUDE_THRUST} == Sim.accepts
-    assert {MeasurementKind.POSE, MeasurementKind.BATTERY} == Sim.provides
+    assert Sim.provides == frozenset(MeasurementKind)
     assert Sim.step_rate(SimParams(physics=400.0)) == 400.0
 
 
@@ -198,6 +148,69 @@ def test_mocap_has_its_own_rate_latency_and_noise():
     assert statistics.stdev(p.position[0] for p in poses) == pytest.approx(0.002, rel=0.1)
     assert statistics.stdev(2 * p.attitude[1] for p in poses) == pytest.approx(0.01, rel=0.1)
     assert statistics.mean(p.position[1] for p in poses) == pytest.approx(0.0, abs=0.0003)
+
+
+IMU = frozenset({MeasurementKind.IMU})
+
+
+def imus(session, link, seconds, command, start=0):
+    measured, now = push(session, link, seconds, command, start)
+    return [m for m in measured if isinstance(m, Imu)], now
+
+
+def test_nobody_is_sent_an_imu_who_has_not_subscribed_to_it():
+    session = world()
+    assert imus(session, session.links["a"], 0.2, thrust(5.0))[0] == []
+
+
+def test_an_imu_is_the_average_since_the_last_one():
+    session = world(seat(params=replace(QUIET, physics=1000.0)))
+    link = session.links["a"]
+    link.subscribe(IMU)
+    link.subscribe(frozenset())
+    felt, now = imus(session, link, 1.0, Command(LEVEL, 0.0, ZERO, None, armed=False))
+    assert [m.time for m in felt] == list(range(PERIOD, now + 1, PERIOD))
+    assert {m.dt for m in felt} == {0.004}
+    assert felt[-1].specific_force == pytest.approx((0.0, 0.0, 9.81), abs=0.01)
+    assert felt[-1].angular_velocity == pytest.approx(ZERO, abs=1e-6)
+    assert list(link.read(now)) == []
+
+
+def test_the_sum_of_what_an_imu_felt_is_the_speed_that_was_gained():
+    session = world()
+    link = session.links["a"]
+    now = lift(session, link, seconds=3.0)
+    link.subscribe(IMU)
+    before = link.truth().velocity[2]
+    felt, _ = imus(session, link, 0.5, thrust(13.0), now)
+    gained = sum((m.specific_force[2] - 9.81) * m.dt for m in felt)
+    assert gained > 0.5
+    assert gained == pytest.approx(link.truth().velocity[2] - before, abs=0.02)
+
+
+def test_an_imu_has_the_noise_and_bias_that_the_controller_lives_with():
+    params = SimParams(model_error=0.0, gyro_bias=0.01, accelerometer_bias=0.2)
+    session = world(seat(params=params), seed=5)
+    link = session.links["a"]
+    link.subscribe(IMU)
+    felt, _ = imus(session, link, 8.0, Command(LEVEL, 0.0, ZERO, None, armed=False))
+    turns = [m.angular_velocity[0] for m in felt[250:]]
+    forces = [m.specific_force[1] for m in felt[250:]]
+    assert statistics.stdev(turns) == pytest.approx(params.gyro_noise / 2**0.5, rel=0.1)
+    assert statistics.stdev(forces) == pytest.approx(params.accelerometer_noise / 2**0.5, rel=0.1)
+    assert abs(statistics.mean(turns)) > 1e-3
+    assert abs(statistics.mean(forces)) > 0.02
+
+
+def test_who_listens_to_the_imu_changes_nothing_of_the_flight():
+    def flight(kinds):
+        session = world(seat(params=SimParams()))
+        link = session.links["a"]
+        link.subscribe(kinds)
+        push(session, link, 1.0, thrust(12.0))
+        return link.truth()
+
+    assert flight(IMU) == flight(frozenset())
 
 
 def test_a_pose_is_true_at_its_stamp_also_between_two_steps():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import combinations
 from xml.etree import ElementTree
 
@@ -13,7 +14,7 @@ from kybflow.dsl.expressions import Compare, Number, Read
 from kybflow.dsl.graph import drawings, mermaid, svg
 from kybflow.dsl.graph_layout import Size, arranged
 from kybflow.dsl.graph_types import Edge
-from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan
+from kybflow.dsl.plan import FlowPlan, PhasePlan, Plan, StatePlan, TransitionPlan
 from kybflow.units import RATIO
 
 LOW = Compare("<", Read(None, "battery.remaining"), Number(0.3, RATIO))
@@ -108,3 +109,30 @@ def test_arrows_point_down_but_for_those_that_close_a_circle(
     layout = arranged([Size(60, 60, 46)] * count, edges, [Size(6, 50, 19)] * len(edges), 0)
     for (source, target), chain in zip(edges, layout.chains, strict=True):
         assert chain.is_reversed == (layout.y[source] > layout.y[target])
+
+
+def test_a_flow_is_a_machine_of_its_own() -> None:
+    launch = PhasePlan(
+        "launch",
+        {"a": "up", "b": "up"},
+        {"c": "solo"},
+        (),
+        (TransitionPlan("next", "land", after=2.0),),
+    )
+    land = PhasePlan("land", {"a": "down"}, {}, (), ())
+    team = FlowPlan("team", "launch", ("a", "b", "c"), {"launch": launch, "land": land})
+    twins = plan(vehicle("a", flown()), vehicle("b", flown()))
+    drawing = drawings(replace(twins, flows=(team,), groups={"both": ("a", "b")}))[-1]
+    assert drawing.title == "flow team"
+    assert [box.part for box in drawing.boxes] == [
+        "both: up · c to solo",
+        "a: down",
+        "the flow is over",
+    ]
+    assert drawing.edges == (
+        Edge("launch", "land", ("after 2 s",), False),
+        Edge("land", "end", ("done",), False),
+    )
+    drawn = replace(twins, flows=(team,))
+    assert "launch<br>a, b#58; up" in mermaid(drawn)
+    ElementTree.fromstring(svg(drawn))

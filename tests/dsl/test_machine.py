@@ -119,3 +119,55 @@ def test_the_failsafe_forces_a_built_in_state_from_anywhere() -> None:
     assert made.state == "brake"
     made.force("brake")
     assert made.state == "brake"
+
+
+def chained(*inner: StatePlan) -> VehicleMachine:
+    """A machine of `inner` and of `out`, the first of them first."""
+    out = StatePlan("out", PART, (AIR >> AIR,), (arrow("then", inner[0].name, enters="chain"),))
+    airframe = Airframe(mass=1.0, diameter=0.5, inertia=(0.01,) * 3, thrust=6.0, rotor_time=0.05)
+    states = {state.name: state for state in (*inner, out)}
+    vehicle = VehiclePlan(
+        "a", airframe, (0.0, 0.0, 0.0), 0.0, (), (), PART, (), PART, inner[0].name, states
+    )
+    return VehicleMachine(vehicle, lambda expression: lambda: False)
+
+
+def taken(made: VehicleMachine, elapsed: float, outcome: Any = "running") -> str:
+    """The state after a tick."""
+    due = made.due(elapsed, NOTHING, outcome, 0.004)
+    if due is not None:
+        made.fire(due)
+    return made.state
+
+
+def test_a_chain_is_bounded_from_its_entry_on() -> None:
+    late = arrow("within", "out", after=10.0, since="chain")
+    a = StatePlan("chain.a", PART, (AIR >> AIR,), (arrow("then", "chain.b"), late))
+    b = StatePlan("chain.b", PART, (AIR >> AIR,), (arrow("then", "chain.a"), late))
+    made = chained(a, b)
+    assert taken(made, 6.0, "done") == "chain.b"
+    assert taken(made, 3.9) == "chain.b"
+    assert taken(made, 4.0) == "out"
+    assert taken(made, 1.0, "done") == "chain.a"
+    assert taken(made, 9.9) == "chain.a"
+
+
+def test_a_chain_that_enters_itself_begins_anew() -> None:
+    late = arrow("within", "out", after=10.0, since="chain")
+    again = arrow("then", "chain.a", enters="chain")
+    a = StatePlan("chain.a", PART, (AIR >> AIR,), (arrow("then", "chain.b"), late))
+    b = StatePlan("chain.b", PART, (AIR >> AIR,), (again, late))
+    made = chained(a, b)
+    taken(made, 5.0, "done")
+    assert taken(made, 4.0, "done") == "chain.a"
+    assert taken(made, 9.9) == "chain.a"
+
+
+def test_a_state_that_is_asked_for_begins_its_chain_anew() -> None:
+    late = arrow("within", "out", after=10.0, since="chain")
+    a = StatePlan("chain.a", PART, (AIR >> AIR,), (arrow("then", "chain.b"), late))
+    b = StatePlan("chain.b", PART, (AIR >> AIR,), (late,))
+    made = chained(a, b)
+    taken(made, 5.0)
+    made.force("chain.b")
+    assert taken(made, 9.9) == "chain.b"

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import yaml
 from jsonschema import Draft202012Validator
 
 from kybflow.catalog import BASES, load_catalog
+from kybflow.dsl.nodes import to_json
 from kybflow.dsl.published import schema_text
+from kybflow.dsl.reader import read
 from kybflow.dsl.schema import params_schema
 
 REPO = Path(__file__).parents[2]
@@ -30,7 +32,9 @@ def test_it_is_a_schema() -> None:
 
 @pytest.mark.parametrize("path", MISSIONS, ids=[p.stem for p in MISSIONS])
 def test_it_accepts_every_mission(path: Path) -> None:
-    tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+    root = read(path, path.name).root
+    assert root is not None
+    tree = to_json(root)  # as YAML 1.2 reads it: `on` is no boolean
     assert list(Draft202012Validator(SCHEMA).iter_errors(tree)) == []
 
 
@@ -70,6 +74,20 @@ def test_a_part_by_its_name_and_a_choice(key: str, value: object, is_right: bool
     assert Draft202012Validator(SCHEMA).is_valid(tree) is is_right
 
 
+def keys_of(schema: object, path: str) -> Iterator[tuple[str, dict[str, object]]]:
+    """Every key that a schema describes, with where it is."""
+    if isinstance(schema, list):
+        for index, item in enumerate(schema):
+            yield from keys_of(item, f"{path}/{index}")
+    elif isinstance(schema, dict):
+        own = schema.get("properties", {}) if not path.endswith("/if") else {}
+        for key, value in own.items():
+            if isinstance(value, dict) and "$ref" not in value:
+                yield f"{path}/{key}", value
+        for key, value in schema.items():
+            yield from keys_of(value, f"{path}/{key}")
+
+
 def test_everything_that_can_be_written_is_described() -> None:
     catalog = load_catalog()
     for kind in BASES:
@@ -77,5 +95,18 @@ def test_everything_that_can_be_written_is_described() -> None:
             schema = params_schema(catalog.get(kind, name).fields, name)
             for key, value in schema["properties"].items():
                 assert value["description"], f"{kind}.{name}.{key}"
-    for key, value in SCHEMA["properties"].items():
-        assert value["description"], key
+    undescribed = [path for path, value in keys_of(SCHEMA, "") if not value.get("description")]
+    assert undescribed == []
+
+
+@pytest.mark.parametrize(
+    ("action", "count"),
+    [({"log": "hello"}, 0), ({"lgo": "hello"}, 1), ({"log": "hello", "emit": "x"}, 1), ({}, 1)],
+)
+def test_it_refuses_an_unknown_action_and_two_in_one(action: dict[str, str], count: int) -> None:
+    vehicles = {"a": {"behaviors": {"s": {"do": "land"}}}}
+    tree = {
+        "kybflow": 1, "mission": "m", "vehicles": vehicles,
+        "on": [{"event": "a.landed", "behavior": "s", "do": [action]}],
+    }  # fmt: skip
+    assert len(list(Draft202012Validator(SCHEMA).iter_errors(tree))) == count

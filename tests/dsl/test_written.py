@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,11 @@ def test_it_reads_back_as_the_same_plan(path: Path, tmp_path: Path) -> None:
     assert isinstance(first, Plan)
     copy = tmp_path / "resolved.yaml"
     copy.write_text(first.resolved)
+    shutil.copytree(path.parent / "trajectories", tmp_path / "trajectories")
+    for source in (Path(s.path) for s in first.sources if not s.path.endswith(".yaml")):
+        beside = tmp_path / source.relative_to(path.parent)
+        beside.parent.mkdir(exist_ok=True)
+        beside.write_bytes(source.read_bytes())
     result = compile_mission(copy, catalog=load_catalog())
     assert [d.message for d in result.diagnostics] == []
     assert without_places(result.plan) == without_places(first)

@@ -128,12 +128,14 @@ def test_within_ends_a_state_that_takes_too_long(run):
     assert visit["end_s"] - visit["start_s"] == pytest.approx(2.0, abs=1e-3)
 
 
-def test_a_setpoint_that_jumps_away_brakes(run):
-    jump = state("jump", Jumping, then("down"))
-    flown, told = run(vehicle("a", [up("jump"), jump, down()], hover_limit=1.0))
-    assert path(told, "a") == ["up", "jump", "brake", "hover", "auto_land", "landed"]
+def test_a_setpoint_that_jumps_away_brakes_and_is_then_flown_to(run):
+    jump = state("jump", Jumping, then("down"), TransitionPlan("next", "down", after=1.0))
+    flown, told = run(vehicle("a", [up("jump"), jump, down()]))
+    assert path(told, "a") == ["up", "jump", "down", "landed"]
     assert named(told, "position_error_exceeded")[0].fields["value"] == pytest.approx(1.0, abs=0.1)
-    assert flown.summary["vehicles"]["a"]["final"] == "ground"
+    [started], [ended] = named(told, "failsafe_started"), named(told, "failsafe_ended")
+    assert ended.time - started.time == pytest.approx(NS, abs=NS // 100)
+    assert flown.exit_code == 0
 
 
 def test_an_empty_battery_lands_and_latches(run):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import nan
 
 import pytest
@@ -11,7 +12,8 @@ from plans import FENCE, NANO, part, state, vehicle
 from kybflow.dsl.expressions import Compare, Number, Read
 from kybflow.dsl.plan import EstimatorPlan, PartPlan
 from kybflow.errors import PartFailed
-from kybflow.geometry import LEVEL, ZERO
+from kybflow.geometry import LEVEL, ZERO, Vec3
+from kybflow.parts import Estimator
 from kybflow.runtime.estimation import Estimation
 from kybflow.runtime.events import Events
 from kybflow.runtime.outcome import VehicleScore
@@ -27,19 +29,26 @@ class Named:
     name: str
 
 
-class Scripted:
+class Scripted(Estimator[Named]):
     """An estimator whose age is set by the test; None: it has no estimate."""
 
+    needs = frozenset()
     ages: dict[str, float | None] = {}  # noqa: RUF012 (the test sets it)
+    places: dict[str, Vec3] = {}  # noqa: RUF012 (the test sets it)
 
     def __init__(self, params: Named, site: Site) -> None:
-        self.params = params
+        super().__init__(params, site)
+        self.anchors: list[Estimate] = []
 
     def update(self, measurements, now):
         age = self.ages[self.params.name]
         if age is None:
             return None
-        return Estimate(now, ZERO, ZERO, LEVEL, ZERO, self.params.name, age, 0.0)
+        name = self.params.name
+        return Estimate(now, self.places.get(name, ZERO), ZERO, LEVEL, ZERO, name, age, 0.0)
+
+    def anchor(self, estimate):
+        self.anchors.append(estimate)
 
 
 def candidate(name: str, recover: float = 1.0, at_most: float | None = None) -> EstimatorPlan:
@@ -52,7 +61,7 @@ def candidate(name: str, recover: float = 1.0, at_most: float | None = None) -> 
 def ages():
     Scripted.ages = {"first": 0.0, "second": 0.0}
     yield Scripted.ages
-    Scripted.ages = {}
+    Scripted.ages, Scripted.places = {}, {}
 
 
 def choice(
@@ -111,9 +120,95 @@ def test_one_that_may_be_used_for_a_time_only_is_spent_until_another_was_used(ag
     assert run(estimation, 0.0, 2.0) == ["second"]
     assert run(estimation, 2.0, 9.0) == [None]
     ages["first"] = 0.0
-    assert run(estimation, 9.0, 10.0) == ["first"]
+    assert run(estimation, 9.0, 11.0) == ["first"]
     ages["first"] = 0.4
-    assert run(estimation, 10.0, 11.0) == ["second"]
+    assert run(estimation, 11.0, 12.0) == ["second"]
+
+
+def test_a_moment_of_another_does_not_renew_one_that_is_spent(ages):
+    estimation = choice(candidate("first"), candidate("second", at_most=2.0))
+    ages["first"] = 0.4
+    run(estimation, 0.0, 2.0)
+    ages["first"] = 0.0
+    assert run(estimation, 2.0, 3.0) == ["first"]
+    ages["first"] = 0.4
+    assert run(estimation, 3.0, 4.0) == [None]
+
+
+def test_the_time_of_use_adds_up_over_short_uses(ages):
+    estimation = choice(candidate("first", recover=0.0), candidate("second", at_most=2.0))
+    used = []
+    for tick in range(100):
+        ages["first"] = 0.0 if tick % 4 == 0 else 0.4
+        used.append(run(estimation, tick / 10, (tick + 1) / 10)[0])
+    spent = used.index(None)
+    assert 30 <= spent <= 45
+    assert "second" not in used[spent:]
+
+
+def test_one_that_has_just_become_healthy_is_better_than_none(ages):
+    estimation = choice(candidate("first", recover=1.0), candidate("second", at_most=2.0))
+    run(estimation, 0.0, 0.5)
+    ages["first"] = 0.4
+    run(estimation, 0.5, 2.0)
+    ages["first"] = 0.0
+    assert run(estimation, 2.0, 2.5) == ["second"]
+    assert run(estimation, 2.5, 2.7) == ["first"]
+    ages["second"], ages["first"] = None, 0.4
+    assert run(estimation, 2.7, 3.0) == [None]
+    ages["first"] = 0.0
+    assert run(estimation, 3.0, 3.1) == ["first"]
+
+
+def test_the_others_are_told_what_is_flown_on(ages):
+    estimation = choice(candidate("first"), candidate("second"))
+    run(estimation, 0.0, 1.0)
+    first, second = estimation.parts().values()
+    assert first.anchors == []
+    assert {e.source for e in second.anchors} == {"first"}
+    assert len(second.anchors) == 10
+    ages["first"] = ages["second"] = None
+    run(estimation, 1.0, 2.0)
+    assert len(second.anchors) == 10
+
+
+def test_one_that_fails_when_it_is_anchored_is_left_out(ages):
+    failed: list[PartFailed] = []
+    estimation = choice(candidate("first"), candidate("second"), failed=failed)
+    estimation.parts()["estimators.second"].anchors = None
+    assert run(estimation, 0.0, 1.0) == ["first"]
+    assert [failure.part for failure in failed] == ["estimators.second"]
+
+
+def test_a_change_is_told_with_its_reason_and_its_offset(ages):
+    told: list[Event] = []
+    estimation = choice(candidate("first"), candidate("second", at_most=1.0), told=told)
+    run(estimation, 0.0, 1.0)
+    ages["first"] = 0.4
+    Scripted.places = {"second": (0.1, 0.0, 0.0)}
+    run(estimation, 1.0, 3.0)
+    ages["first"] = 0.0
+    run(estimation, 3.0, 4.0)
+    assert [(e.name, e.fields["reason"]) for e in told] == [
+        ("estimator_changed", "the first estimate"),
+        ("estimator_changed", "`first` is not healthy: age 0.400 s, spread 0.000 m"),
+        ("estimate_lost", "`second` may be used for 1 s"),
+        ("estimator_changed", "there was none"),
+    ]
+    assert told[1].fields["offset"] == pytest.approx(0.1)
+    assert told[1].fields["blended"] is True
+
+
+def test_at_a_change_the_position_goes_on_without_a_step(ages):
+    estimation = choice(candidate("first"), candidate("second"))
+    run(estimation, 0.0, 1.0)
+    ages["first"] = 0.4
+    Scripted.places = {"second": (0.2, 0.0, 0.0)}
+    xs = [estimation.update((), tick * NS // 100).position[0] for tick in range(100, 900)]
+    assert xs[0] == pytest.approx(0.0, abs=1e-9)
+    assert max(b - a for a, b in pairwise(xs)) < 0.2 * 0.56 / 100
+    assert xs == sorted(xs)
+    assert xs[-1] == pytest.approx(0.2, abs=1e-4)
 
 
 @pytest.mark.parametrize("broken", [nan, "no number"])

@@ -10,11 +10,12 @@ from typing import Any
 import pytest
 
 from kybflow.catalog import load_catalog
-from kybflow.observables import EVENTS, OF_THE_RUN
+from kybflow.observables import EVENT_FIELDS, EVENTS, OF_THE_RUN, TOO_LATE
 
 RUNTIME = Path(__file__).parents[2] / "kybflow" / "runtime"
 TOLD = re.compile(r'\btell\(\s*"(\w+)"(?: if [^,]*? else "(\w+)")?|_tell\(\s*"(\w+)"')
 RAISED = re.compile(r'\bAlarm\(\s*"(\w+)"')
+PAGE = (RUNTIME.parents[1] / "docs" / "mission-language.md").read_text(encoding="utf-8")
 CATALOG = load_catalog()
 PARTS = [(kind, name) for kind in CATALOG.kinds() for name in CATALOG.names(kind)]
 
@@ -27,6 +28,15 @@ def told_by_the_engine() -> set[str]:
 def test_the_table_has_what_the_engine_tells_and_no_more() -> None:
     assert told_by_the_engine() == set(EVENTS)
     assert set(EVENTS) > OF_THE_RUN
+    assert set(EVENTS) > TOO_LATE
+    assert set(EVENTS) == set(EVENT_FIELDS)
+
+
+@pytest.mark.parametrize("name", EVENTS)
+def test_the_language_page_has_it_with_what_it_carries(name: str) -> None:
+    mark = " *" if name in OF_THE_RUN else ""
+    carried = ", ".join(f"`{field}`" for field in EVENT_FIELDS[name])
+    assert f"| `{name}`{mark} | {EVENTS[name]} | {carried} |" in PAGE.splitlines()
 
 
 @pytest.mark.parametrize(("kind", "name"), PARTS)

@@ -15,6 +15,7 @@ NAME = "mk.processors.limit_speed.speed"
 
 class Holder:
     name = "mk"
+    airborne = False
 
     def __init__(self) -> None:
         spec = load_catalog().get("processors", "limit_speed")

@@ -84,6 +84,7 @@ def test_the_summary_has_the_documented_shape():
                 "min_battery": 0.93,
             }
         },
+        "flows": {},
         "expectations": [
             {
                 "text": "finished within 60 s",

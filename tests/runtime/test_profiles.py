@@ -86,3 +86,12 @@ def test_a_ramp_longer_than_the_way_is_shortened() -> None:
 def test_the_smoothstep_is_still_at_both_ends_and_covers_a_half() -> None:
     assert smoothstep(0.0) == (0.0, 0.0, 0.0, 0.0)
     assert smoothstep(1.0) == (0.5, 1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("distance", [1e-6, 1e-3, 0.05])
+def test_a_little_way_takes_a_second_and_no_jerk_to_speak_of(distance: float) -> None:
+    profile = Profile.within(distance, speed=1.0, acceleration=0.7)
+    assert profile.duration == pytest.approx(1.0)
+    jerks = [abs(profile.at(0.001 * i).jerk) for i in range(1000)]
+    assert max(jerks) <= 48.0 * distance
+    assert profile.at(1.0).distance == distance

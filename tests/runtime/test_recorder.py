@@ -24,6 +24,7 @@ from kybflow.signals import (
     Command,
     Estimate,
     Event,
+    Imu,
     Pose,
     Setpoint,
     SetpointKind,
@@ -138,6 +139,7 @@ def test_measurements_and_events_are_recorded_as_they_arrive(tmp_path):
     recorder = Recorder(path, make_plan("mk", "nano"))
     recorder.vehicle("nano").measurement(20, Pose(10, (1.0, 2.0, 3.0), (0.0, 1.0, 0.0, 0.0)))
     recorder.vehicle("mk").measurement(30, Battery(25, 0.75, 11.5))
+    recorder.vehicle("mk").measurement(30, Imu(28, 0.004, (0.1, 0.2, 9.8), (0.5, 0.25, 0.125)))
     recorder.event(Event(NS, "option_changed", "mk", {"option": "speed", "value": 0.5}, "m.yaml:3"))
     recorder.close()
 
@@ -149,6 +151,11 @@ def test_measurements_and_events_are_recorded_as_they_arrive(tmp_path):
     (battery,) = messages(path, "/mk/battery")
     decoded = np.frombuffer(battery.data, np.dtype(dtype_spec("Battery")))[0]
     assert (battery.log_time, *decoded.tolist()) == (30, 25, 0.75, 11.5)
+    (imu,) = messages(path, "/mk/imu")
+    decoded = np.frombuffer(imu.data, np.dtype(dtype_spec("Imu")))[0]
+    assert (imu.log_time, decoded["time"], decoded["dt"]) == (30, 28, 0.004)
+    assert tuple(decoded["specific_force"]) == (0.1, 0.2, 9.8)
+    assert tuple(decoded["angular_velocity"]) == (0.5, 0.25, 0.125)
     (event,) = messages(path, "/events")
     assert event.log_time == NS
     assert json.loads(event.data) == {

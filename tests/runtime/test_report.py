@@ -14,6 +14,7 @@ from recorded_run import write_run
 from kybflow.runtime.report import render, write_report
 from kybflow.runtime.report_data import Visit, read_run
 from kybflow.runtime.report_figures import figures
+from kybflow.runtime.report_timeline import timeline
 from kybflow.runtime.run_folder import RunFolderError
 
 
@@ -156,3 +157,23 @@ def test_a_folder_that_is_no_run_is_an_error(tmp_path, content):
         (tmp_path / "log.mcap").write_bytes(content)
     with pytest.raises(RunFolderError, match="is no run that can be read"):
         read_run(tmp_path)
+
+
+def test_a_flow_has_a_row_of_phases_in_the_timeline(folder):
+    run = read_run(folder)
+    told = [
+        ("phase_started", 1.0, {"flow": "team", "phase": "launch"}),
+        ("phase_ended", 4.0, {"flow": "team", "phase": "launch", "how": "next"}),
+        ("phase_started", 4.0, {"flow": "team", "phase": "land"}),
+    ]
+    events = [
+        {"event": event, "t_s": time, "vehicle": "", "fields": fields, "at": ""}
+        for event, time, fields in told
+    ]
+    figure = timeline(replace(run, events=[*run.events, *events]))
+    assert figure.layout["yaxis"]["ticktext"][:3] == ["mk", "nano", "flow team"]
+    bars = [trace for trace in figure.traces if trace["y"] == [2]]
+    assert [(bar["text"], bar["base"], bar["x"]) for bar in bars] == [
+        (["launch"], [1.0], [3.0]),
+        (["land"], [4.0], [run.end - 4.0]),
+    ]

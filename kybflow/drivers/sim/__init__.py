@@ -2,8 +2,9 @@
 
 Rotors have lag, saturation and drag torque; the body feels rotor drag, wind, gusts and the floor;
 mass, inertia and thrust differ from the airframe's; the battery sags. The on-board controller sees
-a noisy, biased IMU; motion capture comes at its own rate, noisy and late. The same generator gives
-the same flight, bit for bit.
+a noisy, biased IMU; motion capture comes at its own rate, noisy and late. Where no command arrives
+any more, it comes down by itself. Faults break it through its rig. The same generator gives the
+same flight, bit for bit.
 """
 
 from __future__ import annotations
@@ -81,6 +82,10 @@ class SimParams:
     battery_rate: Frequency = param(
         "Battery reports a second.", default=10.0, at_least=0.1, at_most=100.0, read_only=True
     )
+    watchdog: bool = param(
+        "Level out and come down by itself when no command arrives for 250 ms.",
+        default=True, read_only=True,
+    )  # fmt: skip
     live: bool = param("Show the flight in MuJoCo's viewer.", default=False, read_only=True)
 
 
@@ -88,7 +93,7 @@ class Sim(Driver[SimParams]):
     """The simulator; MuJoCo is imported when it is opened."""
 
     accepts = frozenset({CommandKind.ATTITUDE_THRUST})
-    provides = frozenset({MeasurementKind.POSE, MeasurementKind.BATTERY})
+    provides = frozenset({MeasurementKind.POSE, MeasurementKind.BATTERY, MeasurementKind.IMU})
     simulated: ClassVar[bool] = True
 
     @classmethod
@@ -96,6 +101,10 @@ class Sim(Driver[SimParams]):
         from kybflow.drivers.sim.world import World
 
         return World(seats, generator)
+
+    @classmethod
+    def watchdog(cls, params: SimParams) -> str | None:
+        return None if params.watchdog else "`watchdog` is off: nothing lands it should this stop"
 
     @classmethod
     def step_rate(cls, params: SimParams) -> float | None:

@@ -1,4 +1,5 @@
-"""The MJCF text of a world: a floor, the fence as a faint box, and every vehicle, each its own.
+"""The MJCF text of a world: a floor, the fence as a faint box, the obstacles, and every vehicle,
+each its own.
 
 A vehicle's origin is its centre of mass, in the plane of its rotors; standing on the floor it is at
 z = 0, so the floor lies `LEGS` below. Rotors are an X: front left, rear left, rear right, front
@@ -19,7 +20,7 @@ from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
 from kybflow.geometry import Vec3
-from kybflow.shapes import Box
+from kybflow.shapes import Box, Cylinder, Plane, Shape, Sphere
 from kybflow.site import Site
 
 LEGS = 0.05
@@ -30,6 +31,10 @@ ROTORS = ((1.0, 1.0, 1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0), (1.0, -1.0, -1.
 
 ACTUATORS = 6
 SENSORS = 6
+FIRST_BODY = 1
+"""The number of the first vehicle's body; all that does not move belongs to body 0."""
+OBSTACLE = "obstacle "
+"""What the name of an obstacle's geom begins with."""
 
 
 class Body(NamedTuple):
@@ -52,6 +57,7 @@ def world_text(sites: Sequence[Site], bodies: Sequence[Body], timestep: float) -
     actuators = "".join(_actuators(index, site, body) for index, (site, body) in every)
     sensors = "".join(f'<gyro site="v{i}"/><accelerometer site="v{i}"/>' for i in range(len(sites)))
     fences = {site.fence: None for site in sites if site.fence is not None}
+    obstacles = {name: shape for site in sites for name, shape in site.obstacles.items()}
     return f"""<mujoco model="kybflow">
 <option timestep="{timestep!r}" gravity="0 0 -9.81" integrator="Euler"/>
 <visual><headlight ambient="0.4 0.4 0.4" diffuse="0.4 0.4 0.4"/></visual>
@@ -64,6 +70,7 @@ def world_text(sites: Sequence[Site], bodies: Sequence[Body], timestep: float) -
 <light pos="0 0 6" dir="0 0 -1" directional="true" castshadow="false" diffuse="0.6 0.6 0.6"/>
 <geom name="floor" type="plane" size="0 0 1" pos="0 0 {-LEGS}" material="tiles"/>
 {"".join(_fence(box) for box in fences)}
+{"".join(_obstacle(name, shape) for name, shape in obstacles.items())}
 {vehicles}
 </worldbody>
 <actuator>{actuators}</actuator>
@@ -78,6 +85,24 @@ def _fence(box: Box) -> str:
         f'<geom type="box" pos="{middle}" size="{half}" rgba="0.2 0.5 1 0.06"'
         ' contype="0" conaffinity="0" group="1"/>\n'
     )
+
+
+def _obstacle(name: str, shape: Shape) -> str:
+    match shape:
+        case Box(low, high):
+            middle = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
+            place = _geom("box", middle, ((b - a) / 2 for a, b in zip(low, high, strict=True)))
+        case Cylinder((x, y, z), radius, height):
+            place = _geom("cylinder", (x, y, z + height / 2), (radius, height / 2))
+        case Sphere(at, radius):
+            place = _geom("sphere", at, (radius,))
+        case Plane(at, facing):
+            place = f'{_geom("plane", at, (0.0, 0.0, 1.0))} zaxis="{_numbers(facing)}"'
+    return f'<geom name={quoteattr(OBSTACLE + name)} {place} rgba="0.6 0.45 0.35 0.8"/>\n'
+
+
+def _geom(kind: str, at: Iterable[float], size: Iterable[float]) -> str:
+    return f'type="{kind}" pos="{_numbers(at)}" size="{_numbers(size)}"'
 
 
 def _vehicle(index: int, site: Site, body: Body) -> str:

@@ -38,6 +38,8 @@ INTEGRAL_SHARE = 0.1
 """Of the weight on the arm: the torque that an integral may ask for."""
 LEAD = 4.0
 """How many times faster a led rotor answers."""
+CALIBRATION = 0.1
+"""Seconds at rest from which the accelerometer's bias can be told."""
 MOST_YAW = 0.1
 """Of a rotor's largest thrust: what yaw may take."""
 
@@ -46,12 +48,13 @@ STOPPED: Rotors = (0.0, 0.0, 0.0, 0.0)
 
 
 class Pilot:
-    """One vehicle's on-board controller; `update` once a physics step, `receive` once a command."""
+    """One vehicle's on-board controller; `update` once a physics step, `receive` once a command.
+    `noise` are the errors of its IMU, in the order of what is felt."""
 
     def __init__(
         self, airframe: Airframe, heading: float, dt: float, noise: Iterator[list[float]]
     ) -> None:
-        self._noise = noise
+        self.noise = noise
         self._dt = dt
         self._attitude: Quat = from_heading(heading)
         self._bias = ZERO
@@ -60,12 +63,19 @@ class Pilot:
         self._wanted: Quat = LEVEL
         self._rates = ZERO
         self._thrust = 0.0
-        self._armed = False
+        self.armed = False
         self._law = tuple(_law(airframe, dt))
         self._integral = ZERO
         self._lead = (dt / (airframe.rotor_time / LEAD + dt), LEAD - 1.0)
         self._slow = STOPPED
         self._share = 0.25 / airframe.thrust
+        self._rest, self._lifted, self._steps = GRAVITY, 0.0, 0
+
+    @property
+    def climb(self) -> float:
+        """Vertical speed, upward, m/s: the IMU's upward specific force since it was armed, less
+        what it felt before, at rest."""
+        return self._dt * (self._lifted - self._steps * self._rest)
 
     def receive(self, command: Command) -> None:
         """Hold `command` until the next one."""
@@ -80,7 +90,11 @@ class Pilot:
         if not command.armed:
             self._integral = ZERO
             self._slow = STOPPED
-        self._armed = command.armed
+        if command.armed is not self.armed:
+            rested = command.armed and self._steps * self._dt >= CALIBRATION
+            self._rest = self._lifted / self._steps if rested else GRAVITY
+            self._lifted, self._steps = 0.0, 0
+        self.armed = command.armed
 
     def _holding(self, attitude: Quat) -> Quat:
         """The tilt of `attitude`, at the heading of the moment when nobody knew one any more."""
@@ -92,7 +106,7 @@ class Pilot:
         """The rotors' controls, 0 to 1, from what is felt where the IMU is: turn rate, rad/s, and
         specific force, m/s^2, along body x, y, z."""
         gx, gy, gz, ax, ay, az = felt
-        nx, ny, nz, mx, my, mz = next(self._noise)
+        nx, ny, nz, mx, my, mz = next(self.noise)
         bx, by, bz = self._bias
         w, x, y, z = self._attitude
         turn, dt = self._turn, self._dt
@@ -101,6 +115,8 @@ class Pilot:
         # up in the body, as the attitude has it; the accelerometer's up is off by the cross product
         ux, uy, uz = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
         size = sqrt(ax * ax + ay * ay + az * az)
+        self._lifted += ax * ux + ay * uy + az * uz
+        self._steps += 1
         k = LEVELLING / size if LIGHTEST < size < HEAVIEST else 0.0
         ex, ey, ez = k * (ay * uz - az * uy), k * (az * ux - ax * uz), k * (ax * uy - ay * ux)
         slow, aim = 0.25 * LEVELLING * dt, 0.25 * AIMING * dt * turn
@@ -117,7 +133,7 @@ class Pilot:
         nz = z + w * hz + x * hy - y * hx
         n = 1.0 / sqrt(nw * nw + nx * nx + ny * ny + nz * nz)
         self._attitude = (nw * n, nx * n, ny * n, nz * n)
-        return self._control(gx, gy, gz) if self._armed else STOPPED
+        return self._control(gx, gy, gz) if self.armed else STOPPED
 
     def _control(self, gx: float, gy: float, gz: float) -> Rotors:
         w, x, y, z = self._attitude

@@ -10,8 +10,9 @@ from collections.abc import Iterator
 from itertools import chain
 from typing import TYPE_CHECKING
 
+from kybflow.drivers.sim.model import SENSORS
 from kybflow.geometry import Vec3, integrate
-from kybflow.signals import NS, Battery, Pose, Time, Truth
+from kybflow.signals import NS, Battery, Imu, Pose, Time, Truth
 from kybflow.site import Airframe
 
 if TYPE_CHECKING:
@@ -35,6 +36,46 @@ def _blocks(
         block *= deviations
         block += offsets
         yield block.tolist()
+
+
+class Averages:
+    """What the on-board controller's IMU felt on average since it was last asked. As `noise` it
+    hands the controller its rows of `noise`, off by `bias`, and keeps the last. `lift` is the last
+    specific force along body z."""
+
+    def __init__(self, noise: Iterator[list[float]]) -> None:
+        self.lift = 0.0
+        self.bias: list[float] | None = None
+        self._noise = noise
+        self._row: list[float] = []
+        self._sums = [0.0] * SENSORS
+        self._count = 0
+
+    def __iter__(self) -> Iterator[list[float]]:
+        return self
+
+    def __next__(self) -> list[float]:
+        row = next(self._noise)
+        if self.bias is not None:
+            row = [error + more for error, more in zip(row, self.bias, strict=True)]
+        self._row = row
+        return row
+
+    def add(self, felt: list[float]) -> None:
+        """Another sample, turn rate and specific force, to which the last row is its error."""
+        self._sums = [s + f + n for s, f, n in zip(self._sums, felt, self._row, strict=True)]
+        self._count += 1
+        self.lift = felt[-1] + self._row[-1]
+
+    def measure(self, now: Time, dt: float) -> Imu | None:
+        """The average of the samples, `dt` seconds each, the last of them taken at `now`; None
+        without a sample."""
+        count = self._count
+        if not count:
+            return None
+        gx, gy, gz, ax, ay, az = (total / count for total in self._sums)
+        self._sums, self._count = [0.0] * SENSORS, 0
+        return Imu(now, count * dt, (ax, ay, az), (gx, gy, gz))
 
 
 class Schedule:
@@ -81,19 +122,26 @@ class Cell:
     """
 
     FULL = 4.2 * 4
+    sag = 0.0
+    """Part of the charge that is missing."""
 
     def __init__(self, airframe: Airframe, remaining: float, rate: float) -> None:
         self.schedule = Schedule(rate)
         self._spread = airframe.voltage_spread
         self._weight = airframe.hover_thrust
         self._per_second = 1.0 / airframe.endurance
-        self.remaining = remaining
+        self._charge = remaining
         self.level = 1.0 - self._spread * (1.0 - remaining)
+
+    @property
+    def remaining(self) -> float:
+        """0 to 1."""
+        return max(0.0, self._charge - self.sag)
 
     def drain(self, thrust: float, seconds: float) -> None:
         """Give `thrust` newtons for `seconds`."""
         load = max(0.0, thrust / self._weight) ** 1.5
-        self.remaining = max(0.0, self.remaining - load * seconds * self._per_second)
+        self._charge = max(0.0, self._charge - load * seconds * self._per_second)
         self.level = 1.0 - self._spread * (1.0 - self.remaining + 0.1 * load)
 
     def measure(self, now: Time) -> Battery:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy
 
 from kybflow.drivers.sim.model import Body
-from kybflow.drivers.sim.onboard import Pilot
-from kybflow.drivers.sim.sensors import Cell, MotionCapture, bias, draw
+from kybflow.drivers.sim.onboard import Pilot, Rotors
+from kybflow.drivers.sim.receiver import Receiver
+from kybflow.drivers.sim.sensors import Averages, Cell, MotionCapture, bias, draw
 from kybflow.drivers.sim.wind import Wind
-from kybflow.parts import Link, Seat
-from kybflow.signals import Command, Measurement, Time, Truth
+from kybflow.parts import Link, Rig, Seat
+from kybflow.signals import NS, Command, Measurement, MeasurementKind, Time, Truth
 from kybflow.site import Airframe
 
 if TYPE_CHECKING:
@@ -25,8 +26,14 @@ ROTOR_SPREAD = 0.2
 """How much the rotors differ from each other, as a part of `model_error`."""
 
 
+Update = Callable[[list[float]], Rotors]
+"""What is called with what is felt, once a physics step, and gives the rotors' controls."""
+
+
 class Vehicle(Link):
     """A vehicle in a world, and the link to it. `index` is its place there."""
+
+    rig: Rig
 
     def __init__(self, world: World, index: int, seat: Seat, generator: random.Random) -> None:
         site, p = seat.site, seat.params
@@ -45,13 +52,21 @@ class Vehicle(Link):
         self.cell = Cell(site.airframe, p.battery, p.battery_rate)
         self.wind = Wind(p.wind, p.gust, draw(streams[3], [0.0] * 3, [1.0] * 3))
         self.due: Time = 0
+        self.thrust = list(self.body.thrust)
+        self.rig = Rig(site.vehicle, self._rigged)
+        self._dt = 1.0 / p.physics
         self._arriving: deque[tuple[Time, Measurement]] = deque()
+        self._filters = self.rig.filters
+        self._seen_as = index
+        self._imu = Averages(self.pilot.noise)
+        self._subscribed = False
+        self._receiver = Receiver(self.pilot, site.airframe, p.watchdog)
 
     def measure(self, now: Time) -> None:
-        """Take every measurement that is due at `now`."""
+        """Take every measurement that is due at `now`, and every command; mind the watchdog."""
         capture, cell = self.capture, self.cell
         if capture.schedule.due <= now:
-            truth = self.truth()
+            truth = self._world.truth(self._seen_as)
             while (at := capture.schedule.due) <= now:
                 self._arriving.append((at + capture.latency, capture.measure(truth, at, now)))
                 capture.schedule.move_on()
@@ -60,21 +75,81 @@ class Vehicle(Link):
             self._world.load(self._index, now)
             cell.schedule.move_on()
         self.due = min(capture.schedule.due, cell.schedule.due)
+        falling, due = self._receiver.descent, self._receiver.mind(now)
+        self.due = min(self.due, due)
+        if self._receiver.descent is not falling:
+            self._rewire()
+
+    @property
+    def update(self) -> Update:
+        """The on-board controller, as much of it as is needed now."""
+        taps = self._subscribed or self._imu.bias is not None or self._receiver.descent is not None
+        return self._update if taps else self.pilot.update
+
+    def _update(self, felt: list[float]) -> Rotors:
+        rotors = self.pilot.update(felt)
+        self._imu.add(felt)
+        self._receiver.come_down(self._imu.lift, self._dt)
+        return rotors
+
+    def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
+        if MeasurementKind.IMU in kinds and not self._subscribed:
+            self._subscribed = True
+            self._imu.measure(self._world.now, self._dt)  # what was felt before is nobody's
+            self._rewire()
 
     def read(self, now: Time) -> Sequence[Measurement]:
         arriving = self._arriving
-        if not arriving or arriving[0][0] > now:
+        if not self._subscribed and (not arriving or arriving[0][0] > now):
             return ()
         arrived = []
         while arriving and arriving[0][0] <= now:
             arrived.append(arriving.popleft()[1])
-        return arrived
+        imu = self._imu.measure(self._world.now, self._dt) if self._subscribed else None
+        if imu is not None:
+            arrived.append(imu)
+        return self._filtered(arrived) if self._filters else arrived
+
+    def _filtered(self, arrived: list[Measurement]) -> list[Measurement]:
+        left = []
+        for arriving in arrived:
+            measurement: Measurement | None = arriving
+            for change in self._filters:
+                measurement = None if measurement is None else change(measurement)
+            if measurement is not None:
+                left.append(measurement)
+        return left
 
     def send(self, command: Command, now: Time) -> None:
-        self.pilot.receive(command)
+        receiver = self._receiver
+        if not receiver.late:
+            receiver.hear(command, now)
+            return
+        self.due = min(self.due, receiver.delay(command, now))
+        self._world.hurry(self.due)
+
+    def _rewire(self) -> None:
+        self.pilot.noise = self._imu
+        self._world.wire()
+
+    def _rigged(self) -> None:
+        """Obey the rig."""
+        rig = self.rig
+        self._filters = rig.filters
+        self._receiver.late = round(rig.late * NS)
+        self._seen_as = self._world.index(rig.body)
+        self.cell.sag = rig.sag
+        self.thrust = [t * left for t, left in zip(self.body.thrust, rig.rotors, strict=True)]
+        off = [*rig.gyro_bias, *rig.accelerometer_bias]
+        self._imu.bias = off if any(off) else None
+        self._rewire()
+        self._world.refit(self._index)
 
     def truth(self) -> Truth:
         return self._world.truth(self._index)
+
+    def collisions(self) -> Sequence[str]:
+        return self._world.collisions(self._index)
 
 
 def build(airframe: Airframe, error: float, generator: Any) -> Body:

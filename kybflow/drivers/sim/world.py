@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import mujoco
 
-from kybflow.drivers.sim.model import ACTUATORS, SENSORS, Body, world_text
-from kybflow.drivers.sim.vehicle import Vehicle
+from kybflow.drivers.sim.contacts import Contacts
+from kybflow.drivers.sim.model import ACTUATORS, FIRST_BODY, SENSORS, Body, world_text
+from kybflow.drivers.sim.vehicle import Update, Vehicle
 from kybflow.drivers.sim.viewer import Viewer
 from kybflow.errors import DriverError
-from kybflow.geometry import conjugate, rotate
+from kybflow.geometry import add, conjugate, rotate
 from kybflow.parts import Link, Seat, Session
 from kybflow.signals import NS, Time, Truth
 
@@ -32,7 +33,7 @@ class World(Session):
         rates = {seat.params.physics for seat in seats}
         if len(rates) != 1:
             raise DriverError(f"vehicles in one world need one physics rate, found {sorted(rates)}")
-        self._rate = round(rates.pop())
+        self._rate: int = round(rates.pop())
         self._vehicles = [Vehicle(self, i, seat, generator) for i, seat in enumerate(seats)]
         self.links: dict[str, Link] = {
             seat.site.vehicle: vehicle for seat, vehicle in zip(seats, self._vehicles, strict=True)
@@ -45,16 +46,25 @@ class World(Session):
         self._positions, self._velocities = self.data.qpos, self.data.qvel
         self._control = [0.0] * (ACTUATORS * len(seats))
         self._pack = struct.Struct(f"{len(self._control)}d").pack_into
-        self._pilots = [
-            (vehicle.pilot.update, ACTUATORS * i) for i, vehicle in enumerate(self._vehicles)
-        ]
-        self._winds = [(i, v.wind) for i, v in enumerate(self._vehicles) if v.wind.blows]
+        self._pilots: list[tuple[Update, int]] = []
+        self.wire()
+        self._winds = self._blowing()
+        self._solid = Contacts(self.model, [seat.site.vehicle for seat in seats])
         self._steps = 0
         self._next: Time = NS // self._rate
         self._blown: Time = 0
         self._due: Time = 0
         self._measure(0)
         self._viewer = Viewer(self.model, self.data) if any(s.params.live for s in seats) else None
+
+    @property
+    def now(self) -> Time:
+        """The time of the last physics step."""
+        return self._steps * NS // self._rate
+
+    def wire(self) -> None:
+        """Connect every vehicle's on-board controller to its rotors."""
+        self._pilots[:] = [(v.update, ACTUATORS * i) for i, v in enumerate(self._vehicles)]
 
     def advance(self, now: Time) -> None:
         if self._next > now:
@@ -74,6 +84,8 @@ class World(Session):
             steps += 1
             time = (steps + 1) * NS // rate
         self._steps, self._next = steps, time
+        if data.ncon:
+            self._solid.look(data, now)
         if abs(data.time * rate - steps) > 0.5:
             raise DriverError("the simulation diverged and MuJoCo started it again")
         if self._viewer is not None:
@@ -90,17 +102,44 @@ class World(Session):
         vx, vy, vz, ox, oy, oz = _VELOCITY(self._velocities, _VELOCITY_SIZE * index)
         return Truth((px, py, pz), (vx, vy, vz), (w, x, y, z), (ox, oy, oz))
 
+    def index(self, name: str) -> int:
+        """The place of a vehicle."""
+        return list(self.links).index(name)
+
+    def hurry(self, due: Time) -> None:
+        """Let a vehicle measure at `due`, which is earlier than it said."""
+        self._due = min(self._due, due)
+
+    def collisions(self, index: int) -> Sequence[str]:
+        """What a vehicle ran into since the last call."""
+        return self._solid.told(index)
+
     def load(self, index: int, now: Time) -> None:
         """Drain a vehicle's battery by what its rotors give, and let their thrust sag with it."""
         vehicle = self._vehicles[index]
-        largest = vehicle.body.thrust
         rotors = self.data.act[ROTORS * index : ROTORS * (index + 1)].tolist()
         sag = vehicle.cell.level**2
-        thrust = sag * sum(a * b for a, b in zip(rotors, largest, strict=True))
+        thrust = sag * sum(a * b for a, b in zip(rotors, vehicle.thrust, strict=True))
         vehicle.cell.drain(thrust, 1.0 / vehicle.cell.schedule.rate if now else 0.0)
         sag = vehicle.cell.level**2
         first = ACTUATORS * index
-        self.model.actuator_gainprm[first : first + ROTORS, 0] = [sag * f for f in largest]
+        self.model.actuator_gainprm[first : first + ROTORS, 0] = [sag * f for f in vehicle.thrust]
+
+    def refit(self, index: int) -> None:
+        """Obey a vehicle's rig: its mass and inertia, its wind. The thrust of its rotors follows
+        with the next report of its battery."""
+        vehicle, model = self._vehicles[index], self.model
+        mass = vehicle.body.mass * vehicle.rig.mass + vehicle.rig.payload
+        place = FIRST_BODY + index
+        model.body_inertia[place] = [j * mass / vehicle.body.mass for j in vehicle.body.inertia]
+        model.body_mass[place] = mass
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        first = ACTUATORS * index + ROTORS
+        self._control[first : first + 2] = (0.0, 0.0)
+        self._winds = self._blowing()
+
+    def _blowing(self) -> list[tuple[int, Vehicle]]:
+        return [(i, v) for i, v in enumerate(self._vehicles) if v.wind.blows or v.rig.blows]
 
     def _measure(self, now: Time) -> None:
         for vehicle in self._vehicles:
@@ -112,9 +151,10 @@ class World(Session):
         """Give each rotor drag its wind along body x and y."""
         elapsed = (self._next - self._blown) / NS
         self._blown = self._next
-        for index, wind in self._winds:
+        for index, vehicle in self._winds:
             to_body = conjugate(self.truth(index).attitude)
-            x, y, _ = rotate(to_body, wind.after(elapsed))
+            wind = add(vehicle.wind.after(elapsed), vehicle.rig.wind(self._next))
+            x, y, _ = rotate(to_body, wind)
             first = ACTUATORS * index + ROTORS
             self._control[first : first + 2] = (x, y)
 

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entries import endless_states
+from kybflow.dsl.checks.phases import phases
 from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.dsl.document import State, Transition, Vehicle
-from kybflow.dsl.expressions import And, Compare, Condition, Expression, Number, Or, parse
+from kybflow.dsl.document import Phase, State, Transition, Vehicle
+from kybflow.dsl.expressions import Condition
 from kybflow.dsl.expressions_tokens import KEYWORDS
+from kybflow.dsl.reasoning import implies
 from kybflow.dsl.source import Text
 
-_RISING = frozenset({">", ">="})
-_FALLING = frozenset({"<", "<="})
-_WORDS = KEYWORDS | {"all", "any", "start"}
+WORDS = KEYWORDS | {"all", "any", "start", "operator"}
 _MARKS = frozenset({"*", "="})  # `transitions` reads them as any state and as the same state
 
 
@@ -25,7 +25,7 @@ class _Asked:
     """An arrow with its condition understood; None where it has none or it can't be."""
 
     transition: Transition
-    when: Expression | None
+    when: Condition | None
 
     @property
     def understood(self) -> bool:
@@ -45,15 +45,28 @@ def never_fires(case: Case) -> Iterator[Diagnostic]:
     for vehicle, state in case.states():
         asked = list(_asked(case, vehicle, state))
         for index, later in enumerate(asked):
+            others = [a for a in asked if _is_beside(a, later, vehicle, state)]
+            before = [a for a in asked[:index] if a in others and _covers(a, later)]
+            before += [a for a in others if _is_sooner(a, later)]
+            if before:
+                yield _shadowed("KYB206", state, later.transition, before[0].transition)
+
+
+def phases_never_left(case: Case) -> Iterator[Diagnostic]:
+    """KYB241: a way out of a phase that can never be taken, because another always comes first."""
+    scope = case.scopes.flow()
+    for _, phase in phases(case.document):
+        asked = [_Asked(t, case.condition(t.when, scope)) for t in phase.transitions]
+        for index, later in enumerate(asked):
             before = [a for a in asked[:index] if _covers(a, later)]
             before += [a for a in asked if _is_sooner(a, later)]
             if before:
-                yield _shadowed(state, later.transition, before[0].transition)
+                yield _shadowed("KYB241", phase, later.transition, before[0].transition)
 
 
 def _never_done(state: State) -> Iterator[Diagnostic]:
     for transition in state.transitions:
-        if transition.cause == "then":
+        if transition.cause == "then" and not transition.since:
             yield Diagnostic(
                 "KYB206",
                 f"this way out of `{state.name.text}` is never taken",
@@ -67,8 +80,17 @@ def _asked(case: Case, vehicle: Vehicle, state: State) -> Iterator[_Asked]:
     scope = case.scopes.condition(vehicle.name.text)
     timed = [t for t in state.transitions if t.cause in ("next", "within")]
     for transition in sorted(timed, key=lambda t: t.cause == "within"):
-        when = parse(transition.when, scope)[0] if transition.when is not None else None
+        when = case.condition(transition.when, scope)
         yield _Asked(transition, when)
+
+
+def _is_beside(first: _Asked, later: _Asked, vehicle: Vehicle, state: State) -> bool:
+    """Whether `first` can make `later` useless: an arrow of a whole chain is so by another of it
+    alone, which is told for its first state."""
+    chain = later.transition.since
+    if not chain:
+        return True
+    return first.transition.since == chain and vehicle.goal(chain) == state.name.text
 
 
 def _covers(first: _Asked, later: _Asked) -> bool:
@@ -82,7 +104,7 @@ def _covers(first: _Asked, later: _Asked) -> bool:
         return False
     if first.when is None:
         return True
-    return later.when is not None and b.hold >= a.hold and _implies(later.when, first.when)
+    return later.when is not None and b.hold >= a.hold and implies(later.when, first.when)
 
 
 def _is_sooner(first: _Asked, later: _Asked) -> bool:
@@ -97,31 +119,10 @@ def _is_empty(transition: Transition) -> bool:
     return transition.when is None and transition.event is None and transition.after is None
 
 
-def _implies(narrow: Expression, wide: Expression) -> bool:
-    """Whether `wide` surely holds when `narrow` does; False where that can't be told."""
-    if narrow == wide:
-        return True
-    if isinstance(wide, Or) and any(_implies(narrow, part) for part in wide.parts):
-        return True
-    if isinstance(narrow, And) and any(_implies(part, wide) for part in narrow.parts):
-        return True
-    return _is_tighter(narrow, wide)
-
-
-def _is_tighter(narrow: Expression | Condition, wide: Expression | Condition) -> bool:
-    match narrow, wide:
-        case Compare(a, left, Number(x, _)), Compare(b, same, Number(y, _)) if left == same:
-            if a in _FALLING and b in _FALLING:
-                return x < y or (x == y and b == "<=")
-            if a in _RISING and b in _RISING:
-                return x > y or (x == y and b == ">=")
-    return False
-
-
-def _shadowed(state: State, later: Transition, first: Transition) -> Diagnostic:
+def _shadowed(code: str, state: State | Phase, later: Transition, first: Transition) -> Diagnostic:
     return Diagnostic(
-        "KYB206",
-        f"this way out of `{state.name.text}` is never taken",
+        code,
+        f"this way out of `{later.since or state.name.text}` is never taken",
         later.span,
         label=f"`{first.target.text}` always comes first",
         notes=(f"line {first.span.line} goes to `{first.target.text}` whenever this would fire",),
@@ -133,16 +134,16 @@ def reserved_names(case: Case) -> Iterator[Diagnostic]:
     """KYB207: a vehicle or a behavior has a name that the language needs for itself.
 
     Those are the built-in states (landed, brake, hover, auto_land, land_blind, fault), the words of
-    conditions (and, or, not, in, to, within, always, eventually, finally, all, any, start), `*` and
-    `=`.
+    conditions and events (and, or, not, in, to, within, always, eventually, finally, all, any,
+    start, operator), `*` and `=`.
     """
     for vehicle in case.vehicles():
-        if vehicle.name.text in _WORDS | _MARKS:
+        if vehicle.name.text in WORDS | _MARKS:
             yield _reserved(vehicle.name, "vehicle", "a word of the language")
         for state in vehicle.states.values():
             if state.name.text in BUILT_IN:
                 yield _reserved(state.name, "behavior", "a built-in state")
-            elif state.name.text in _WORDS | _MARKS:
+            elif state.name.text in WORDS | _MARKS:
                 yield _reserved(state.name, "behavior", "a word of the language")
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, TypeVar, cast
 
 from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.document import Document, State, Vehicle
+from kybflow.dsl.expressions import Condition, Scope, parse
+from kybflow.dsl.reasoning import natural
 from kybflow.dsl.scopes import Scopes
+from kybflow.dsl.source import Text
 from kybflow.parts import Behavior, Flight, Leg
 
 if TYPE_CHECKING:
@@ -15,6 +18,7 @@ if TYPE_CHECKING:
 
     from kybflow.catalog import Catalog
 
+T = TypeVar("T")
 NO_TARGET = frozenset({"fault"})
 """Built-in states that no arrow of a mission may lead to: the failsafe's own."""
 
@@ -29,6 +33,14 @@ class Case:
         self.document = document
         self.catalog = catalog
         self.scopes = Scopes(document)
+        self.nature = natural(document.time_limit)
+        self._found: dict[Callable[[Case], Iterable[Any]], list[Any]] = {}
+
+    def once(self, find: Callable[[Case], Iterable[T]]) -> list[T]:
+        """What `find` finds in this case; looked for once, because several checks ask."""
+        if find not in self._found:
+            self._found[find] = list(find(self))
+        return self._found[find]
 
     def vehicles(self) -> Iterator[Vehicle]:
         yield from self.document.vehicles.values()
@@ -38,6 +50,10 @@ class Case:
         for vehicle in self.vehicles():
             for state in vehicle.states.values():
                 yield vehicle, state
+
+    def condition(self, text: Text | None, scope: Scope) -> Condition | None:
+        """What a condition says; None where there is none or it can't be understood."""
+        return cast("Condition | None", None if text is None else parse(text, scope)[0])
 
     def behavior(self, vehicle: Vehicle, state: str) -> type[Behavior[Any]] | None:
         """The class behind a state of the vehicle or a built-in one; None for an unknown name."""

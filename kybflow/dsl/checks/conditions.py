@@ -19,6 +19,13 @@ def conditions(case: Case) -> Iterator[Diagnostic]:
                 yield from parse(transition.when, scope)[1]
 
 
+def callback_conditions(case: Case) -> Iterator[Diagnostic]:
+    """Every `when` of every callback."""
+    for callback in case.document.callbacks:
+        if callback.when is not None:
+            yield from parse(callback.when, case.scopes.flow())[1]
+
+
 def health(case: Case) -> Iterator[Diagnostic]:
     """Every estimator's `healthy`."""
     for vehicle in case.vehicles():

@@ -5,7 +5,8 @@ measurement ─► estimator          behavior ─► processors ─► tracker 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from enum import Enum
 
 from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.checks.case import Case, part_of
@@ -43,11 +44,11 @@ def _chain(case: Case, vehicle: Vehicle, state: str) -> Iterator[Diagnostic]:
     for processor in vehicle.processors:
         if not _applies(processor, case.legs(vehicle, state)):
             continue
-        accepts = processor.spec.cls.accepts
-        if kind not in accepts:
-            yield _gap(processor, f"{kind.value} setpoints", origin)
+        takes = processor.spec.cls.takes(processor.params)
+        if kind not in takes:
+            yield _gap(processor, f"{kind.value} setpoints", origin, takes)
             return
-        kind = accepts[kind]
+        kind = takes[kind]
     if kind not in vehicle.tracker.spec.cls.accepts:
         yield _gap(vehicle.tracker, f"{kind.value} setpoints", origin)
 
@@ -56,9 +57,11 @@ def _applies(processor: PartUse, legs: tuple[Leg, ...]) -> bool:
     return processor.spec.cls.safety or any(leg.start is leg.end for leg in legs)
 
 
-def _gap(part: PartUse, what: str, origin: str) -> Diagnostic:
-    cls = part.spec.cls
-    known = ", ".join(f"`{k.value}`" for k in sorted(cls.accepts, key=lambda k: str(k.value)))
+def _gap(
+    part: PartUse, what: str, origin: str, takes: Collection[Enum] | None = None
+) -> Diagnostic:
+    kinds = part.spec.cls.accepts if takes is None else takes
+    known = ", ".join(f"`{k.value}`" for k in sorted(kinds, key=lambda k: str(k.value)))
     source = origin if origin.endswith(")") else f"{origin}`"
     return Diagnostic(
         "KYB301",

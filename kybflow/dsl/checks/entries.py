@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from kybflow.dsl.document import State, Transition, Vehicle
 from kybflow.geometry import Vec3, distance
-from kybflow.parts import GROUND, Footprint
+from kybflow.parts import GROUND
 
 _MOST = 16
 _SAME = 1e-6
@@ -36,9 +36,20 @@ class Entries:
 
 
 def entries_of(vehicle: Vehicle) -> dict[str, Entries]:
-    """The entries of every state of the vehicle that is reached, from its start on."""
+    """The entries of every state of the vehicle that is reached, from its start on. One that a
+    callback or a flow may ask for is also entered from anywhere."""
+    if "entries" not in vehicle.known:
+        vehicle.known["entries"] = _walked(vehicle)
+    found: dict[str, Entries] = vehicle.known["entries"]
+    return found
+
+
+def _walked(vehicle: Vehicle) -> dict[str, Entries]:
     found = {vehicle.begin.text: Entries([vehicle.start])}
     waiting: list[tuple[str, Vec3 | None]] = [(vehicle.begin.text, vehicle.start)]
+    for name in sorted(vehicle.asked):
+        found.setdefault(name, Entries()).add(None)
+        waiting.append((name, None))
     while waiting:
         name, entry = waiting.pop()
         state = vehicle.states.get(name)
@@ -58,7 +69,7 @@ def endless_states(vehicle: Vehicle) -> frozenset[str]:
     found = set()
     for name, entries in entries_of(vehicle).items():
         state = vehicle.states[name]
-        footprints = (state.part.spec.cls.footprint(state.part.params, e) for e in entries.asked())
+        footprints = (state.footprint(entry) for entry in entries.asked())
         if any(footprint is not None and footprint.is_endless for footprint in footprints):
             found.add(name)
     return frozenset(found)
@@ -69,7 +80,7 @@ def _left_at(state: State, transition: Transition, entry: Vec3 | None) -> Vec3 |
     cls = state.part.spec.cls
     if all(leg.start is GROUND and leg.end is GROUND for leg in cls.flight):
         return entry
-    footprint: Footprint | None = cls.footprint(state.part.params, entry)
+    footprint = state.footprint(entry)
     if footprint is None:
         return None
     if transition.cause == "then":

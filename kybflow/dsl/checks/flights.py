@@ -7,7 +7,7 @@ MOVING.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -43,10 +43,12 @@ class Flights:
 
 
 def flights_of(case: Case, vehicle: Vehicle) -> Flights:
-    """Walk every arrow of the mission from the first state."""
-    first = Node(vehicle.begin.text, GROUND)
-    found, links, broken = {first}, [], []
-    waiting = [first] if first.state in vehicle.states else []
+    """Walk every arrow of the mission from the first state, and from those that may be asked for
+    wherever they can start."""
+    asked = [Node(s, leg.start) for s in sorted(vehicle.asked) for leg in case.legs(vehicle, s)]
+    first = [Node(vehicle.begin.text, GROUND), *asked]
+    found, links, broken = set(first), list[Link](), list[Link]()
+    waiting = [node for node in first if node.state in vehicle.states]
     while waiting:
         node = waiting.pop()
         for link in _links(vehicle.states[node.state], node):
@@ -73,8 +75,22 @@ def _links(state: State, node: Node) -> Iterator[Link]:
             yield Link(node, transition, flight)
 
 
-def comes_down(vehicle: Vehicle, flights: Flights, endless: AbstractSet[str]) -> frozenset[Node]:
-    """The nodes from which the ground can be reached without anything failing.
+def may_end(arrow: Transition, is_endless: bool) -> bool:
+    """Whether an arrow may be taken without anything failing, from a behavior that has an end or
+    none: `within` is the way out of one without, and the failure of one that has."""
+    if arrow.cause == "within":
+        return is_endless
+    return arrow.cause == "next" or (arrow.cause == "then" and not is_endless)
+
+
+def comes_down(
+    vehicle: Vehicle,
+    flights: Flights,
+    endless: AbstractSet[str],
+    counts: Callable[[Transition, bool], bool] = may_end,
+) -> frozenset[Node]:
+    """The nodes from which the ground can be reached without anything failing, by arrows that
+    count.
 
     A behavior without `then` ends in `brake`, `hover` and then `auto_land`, or is on the ground.
     The states of `endless` have no normal end.
@@ -84,8 +100,8 @@ def comes_down(vehicle: Vehicle, flights: Flights, endless: AbstractSet[str]) ->
     ending = (node for node in flights.nodes if node.state not in endless)
     waiting += [node for node in ending if _ends_by_default(vehicle, node)]
     for link in flights.links:
-        target, cause = link.transition.target.text, link.transition.cause
-        if cause == "failed" or (cause == "then" and link.source.state in endless):
+        target = link.transition.target.text
+        if not counts(link.transition, link.source.state in endless):
             continue
         if target in vehicle.states:
             before.setdefault(Node(target, link.flight), []).append(link.source)

@@ -13,6 +13,7 @@ from kybflow.dsl.document import PartUse, Vehicle
 from kybflow.dsl.source import Span, Text
 from kybflow.geometry import GRAVITY
 from kybflow.params import fields_of
+from kybflow.parts import Footprint
 from kybflow.site import Airframe
 from kybflow.units import ANGLE, FORCE, format_quantity
 
@@ -51,7 +52,7 @@ def _beyond(vehicle: Vehicle, part: PartUse) -> Iterator[Diagnostic]:
 def too_steep(case: Case) -> Iterator[Diagnostic]:
     """KYB317: a behavior's curves need more tilt than the airframe has: atan(a / g) for the
     acceleration a."""
-    for vehicle, state, _, footprint in footprints(case):
+    for vehicle, state, _, footprint in case.once(footprints):
         limit, tilt = vehicle.airframe.tilt, atan(footprint.acceleration / GRAVITY)
         if tilt <= limit + _ROUNDING:
             continue
@@ -60,9 +61,16 @@ def too_steep(case: Case) -> Iterator[Diagnostic]:
             f"`{state.name.text}` ({state.part.name.text}) is too sharp for `{vehicle.name.text}`",
             state.part.name.span,
             label=f"needs a tilt of {format_quantity(tilt, ANGLE)}",
-            notes=(f"its airframe may tilt {format_quantity(limit, ANGLE)}",),
+            notes=(
+                f"its airframe may tilt {format_quantity(limit, ANGLE)}",
+                *_sharpest(footprint),
+            ),
             help="fly it slower or wider",
         )
+
+
+def _sharpest(footprint: Footprint) -> tuple[str, ...]:
+    return () if footprint.origin is None else (f"sharpest at {footprint.origin.sharpest}",)
 
 
 class _Frame(NamedTuple):

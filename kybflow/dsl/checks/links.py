@@ -1,4 +1,4 @@
-"""Names and flight types of the arrows between states: KYB201 to KYB205."""
+"""Names and flight types of the arrows between states: KYB201 to KYB204."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from collections.abc import Iterator
 from collections.abc import Set as AbstractSet
 
 from kybflow.dsl.checks.case import NO_TARGET, TARGETS, Case, part_of
-from kybflow.dsl.checks.entries import endless_states
-from kybflow.dsl.checks.flights import PHRASES, Flights, Link, comes_down, flights_of
+from kybflow.dsl.checks.flights import PHRASES, Link, flights_of
+from kybflow.dsl.checks.phases import all_known
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
-from kybflow.dsl.document import Transition, Vehicle
-from kybflow.dsl.source import Text
+from kybflow.dsl.document import State, Transition, Vehicle
+from kybflow.dsl.flows import GROUNDED
+from kybflow.dsl.source import Span, Text
+from kybflow.observables import chains_of
 from kybflow.parts import GROUND, MOVING, Leg
 
 
@@ -22,7 +24,7 @@ def unknown_targets(case: Case) -> Iterator[Diagnostic]:
     """
     for vehicle in case.vehicles():
         known = [*vehicle.states, *TARGETS]
-        if vehicle.begin.text not in vehicle.states:
+        if vehicle.begin.text not in (*vehicle.states, GROUNDED):
             yield _unknown(vehicle.begin, vehicle, list(vehicle.states))
         arrows = (arrow for state in vehicle.states.values() for arrow in state.transitions)
         for transition in arrows:
@@ -118,29 +120,43 @@ def _starts(legs: tuple[Leg, ...]) -> str:
 
 
 def unreachable_states(case: Case) -> Iterator[Diagnostic]:
-    """KYB204: no arrow leads to a behavior, so it can never be flown.
+    """KYB204: no arrow, callback or flow leads to a behavior, so it can never be flown.
 
     Behaviors that came through `like` are excepted: a template may offer more than one mission
     uses. Where an arrow leads to an unknown name, nothing is said before that is mended.
     """
-    for vehicle in case.vehicles():
-        reached = _reached(vehicle)
+    for vehicle in case.vehicles() if all_known(case.document) else ():
+        reached = reached_states(vehicle)
         if not reached <= {*vehicle.states, *TARGETS}:
             continue
         for state in vehicle.states.values():
             if state.name.text in reached or state.inherited:
                 continue
+            name, span = _unreached(vehicle, state, reached)
+            if vehicle.goal(name) != state.name.text:
+                continue  # told for the chain's first state
             yield Diagnostic(
                 "KYB204",
-                f"`{state.name.text}` is never reached",
-                state.name.span,
+                f"`{name}` is never reached",
+                span,
                 label="no arrow leads here",
-                help=f"let another behavior go there, as `then: {state.name.text}`, or remove it",
+                help=f"let another behavior go there, as `then: {name}`, or remove it",
             )
 
 
-def _reached(vehicle: Vehicle) -> set[str]:
-    waiting, reached = [vehicle.begin.text], {vehicle.begin.text}
+def _unreached(vehicle: Vehicle, state: State, reached: AbstractSet[str]) -> tuple[str, Span]:
+    """What is not reached, and where: the outermost chain whose first state is not, else the
+    state."""
+    name, span = state.name.text, state.name.span
+    for chain, use in zip(chains_of(name), span.used, strict=False):
+        if vehicle.goal(chain) not in reached:
+            return chain, use
+    return name, span
+
+
+def reached_states(vehicle: Vehicle) -> set[str]:
+    """The states that an arrow leads to, or that something may ask for; unknown names too."""
+    waiting, reached = [vehicle.begin.text, *vehicle.asked], {vehicle.begin.text, *vehicle.asked}
     while waiting:
         state = vehicle.states.get(waiting.pop())
         for transition in state.transitions if state else ():
@@ -148,65 +164,3 @@ def _reached(vehicle: Vehicle) -> set[str]:
                 reached.add(transition.target.text)
                 waiting.append(transition.target.text)
     return reached
-
-
-def never_lands(case: Case) -> Iterator[Diagnostic]:
-    """KYB205: from a behavior in the air no sequence of arrows reaches the ground.
-
-    A behavior that ends and has no `then` is followed by `brake`, `hover` and, after the hover
-    limit, a landing. So this is a behavior without an end, or a circle of `then`, and no `next` or
-    `within` leads out of it. Failures do not count as a way out. A `then` that is never taken is
-    reported as KYB206 alone.
-    """
-    for vehicle in case.vehicles():
-        flights, endless = flights_of(case, vehicle), endless_states(vehicle) - _told(vehicle)
-        if flights.broken or not _reached(vehicle) <= {*vehicle.states, *TARGETS}:
-            continue
-        stuck = {node.state for node in flights.nodes - comes_down(vehicle, flights, endless)}
-        ahead = _ahead(flights)
-        told: set[str] = set()
-        for name in [*(n for n in vehicle.states if n in endless), *vehicle.states]:
-            if name not in stuck or name in told:
-                continue
-            circle = _circle(name, ahead, endless)
-            if told.isdisjoint(circle):
-                yield _never_down(vehicle, name, circle)
-            told.update(circle)
-
-
-def _never_down(vehicle: Vehicle, name: str, circle: list[str]) -> Diagnostic:
-    part = vehicle.states[name].part.name.text
-    note = f"`{name}` ({part}) never ends by itself"
-    if len(circle) > 1:
-        note = "`" + "` → `".join(circle) + "`"
-    return Diagnostic(
-        "KYB205",
-        f"after `{name}` the vehicle never comes down",
-        vehicle.states[name].name.span,
-        label="no way to the ground from here",
-        notes=(note,),
-        help="add a `next` or a `within` that leads to a landing, such as `auto_land`",
-    )
-
-
-def _told(vehicle: Vehicle) -> set[str]:
-    """The states with a `then`: where it is never taken, KYB206 says so."""
-    states = vehicle.states.items()
-    return {name for name, s in states if any(t.cause == "then" for t in s.transitions)}
-
-
-def _ahead(flights: Flights) -> dict[str, str]:
-    """Where the `then` of each state leads."""
-    thens = (link for link in flights.links if link.transition.cause == "then")
-    return {link.source.state: link.transition.target.text for link in thens}
-
-
-def _circle(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[str]:
-    """The states from `name` on, along `then`, up to the first that comes twice or never ends."""
-    path, passed = [name], {name}
-    while path[-1] in ahead and path[-1] not in endless:
-        path.append(ahead[path[-1]])
-        if path[-1] in passed:
-            break
-        passed.add(path[-1])
-    return path

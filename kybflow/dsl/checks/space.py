@@ -1,15 +1,16 @@
-"""Where the mission goes and how fast: KYB311 to KYB315, KYB320 and KYB321."""
+"""Where it goes and how fast: KYB311 to KYB315, KYB320, KYB321 and KYB372."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import inf
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entries import Entries, entries_of
 from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.document import State, Vehicle
-from kybflow.geometry import Vec3, distance
-from kybflow.parts import Footprint
+from kybflow.geometry import ZERO, Vec3, distance
+from kybflow.parts import GROUND, Footprint
 from kybflow.shapes import Box
 from kybflow.units import LENGTH, SPEED, format_quantity
 
@@ -58,7 +59,7 @@ def _apart(a: Vehicle, b: Vehicle) -> float:
 def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
     """KYB313: a behavior goes outside the fence from an entry inside it that it can have."""
     fence = case.document.fence
-    for vehicle, state, entry, footprint in footprints(case):
+    for vehicle, state, entry, footprint in case.once(footprints):
         if fence is None or (entry is not None and fence.outside_by(entry) > _ROUNDING):
             continue
         far = max(footprint.points, key=fence.outside_by, default=vehicle.start)
@@ -68,7 +69,7 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
                 f"`{state.name.text}` ({state.part.name.text}) leaves the fence",
                 state.part.name.span,
                 label=_beyond(fence, far),
-                notes=(_extent(fence),),
+                notes=(_extent(fence), *footprint.line_of(far)),
             )
 
 
@@ -77,7 +78,7 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
     fence = case.document.fence
     if fence is None:
         return
-    for vehicle, state, entry, footprint in footprints(case):
+    for vehicle, state, entry, footprint in case.once(footprints):
         inside = [p for p in footprint.points if fence.outside_by(p) <= _ROUNDING]
         for part in vehicle.processors:
             room = part.spec.cls.keeps_inside(part.params, fence)
@@ -93,6 +94,7 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
                 label=_beyond(room, far),
                 notes=(
                     f"`{part.label}` lets it go from {_point(room.low)} to {_point(room.high)}",
+                    *footprint.line_of(far),
                 ),
                 help="stay further from the fence, or make the margin smaller",
             )
@@ -117,9 +119,13 @@ def unfenced(case: Case) -> Iterator[Diagnostic]:
 
 
 def too_fast(case: Case) -> Iterator[Diagnostic]:
-    """KYB314: a behavior asks for more speed than the airframe may fly."""
-    for vehicle, state, _, footprint in footprints(case):
-        limit = vehicle.airframe.speed
+    """KYB314: a behavior asks for more speed than the airframe may fly; in a take-off and a
+    landing, for more than it may climb or sink."""
+    for vehicle, state, _, footprint in case.once(footprints):
+        legs = state.part.spec.cls.flight
+        is_vertical = any(GROUND in leg and leg.start is not leg.end for leg in legs)
+        limit = min(vehicle.airframe.speed, vehicle.airframe.climb if is_vertical else inf)
+        verb = "fly" if limit == vehicle.airframe.speed else "climb and sink"
         if footprint.speed <= limit + _ROUNDING:
             continue
         yield Diagnostic(
@@ -127,21 +133,48 @@ def too_fast(case: Case) -> Iterator[Diagnostic]:
             f"`{state.name.text}` is too fast for `{vehicle.name.text}`",
             state.part.spans.get("speed", state.part.name.span),
             label=f"reaches {format_quantity(footprint.speed, SPEED)}",
-            notes=(f"its airframe may fly {format_quantity(limit, SPEED)}",),
+            notes=(
+                f"its airframe may {verb} {format_quantity(limit, SPEED)}",
+                *_fastest(footprint),
+            ),
         )
+
+
+def _fastest(footprint: Footprint) -> tuple[str, ...]:
+    return () if footprint.origin is None else (f"fastest at {footprint.origin.fastest}",)
+
+
+def refuses(case: Case) -> Iterator[Diagnostic]:
+    """KYB372: a behavior would refuse to start where an arrow leads to it, such as a trajectory
+    that begins too far away."""
+    for _, state, entries in _entered(case):
+        for entry in entries.points:
+            reason = state.part.spec.cls.refusal(state.part.params, entry)
+            if reason is not None:
+                yield Diagnostic(
+                    "KYB372",
+                    f"`{state.name.text}` ({state.part.name.text}) would refuse to start",
+                    state.part.name.span,
+                    label=reason,
+                    notes=(f"entered at {_point(entry)}",),
+                )
+                break
 
 
 def undecided(case: Case) -> Iterator[Diagnostic]:
     """KYB315: it can't be told before the flight where a behavior goes, because it can be entered
     from anywhere; the fence processor and supervisor still hold it."""
-    fence = case.document.fence
+    fence, obstacles = case.document.fence, case.document.obstacles
+    if fence is None and not obstacles:
+        return
+    bounds = "stays inside the fence" if fence is not None else "stays clear of the obstacles"
     for _, state, entries in _entered(case):
-        if fence is None or entries.known:
+        if entries.known:
             continue
         if _footprint(state, None) is None and _travels(state, fence):
             yield Diagnostic(
                 "KYB315",
-                f"can't tell whether `{state.name.text}` stays inside the fence",
+                f"can't tell whether `{state.name.text}` {bounds}",
                 state.part.name.span,
                 label="its path depends on where it begins",
                 notes=("where it begins is not known before the flight",),
@@ -166,13 +199,12 @@ def footprints(case: Case) -> Iterator[tuple[Vehicle, State, Vec3 | None, Footpr
 
 
 def _footprint(state: State, entry: Vec3 | None) -> Footprint | None:
-    footprint: Footprint | None = state.part.spec.cls.footprint(state.part.params, entry)
-    return footprint
+    return state.footprint(entry)
 
 
-def _travels(state: State, fence: Box) -> bool:
+def _travels(state: State, fence: Box | None) -> bool:
     """Whether the behavior moves sideways from where it is entered."""
-    (ax, ay, az), (bx, by, bz) = fence
+    (ax, ay, az), (bx, by, bz) = fence or Box(ZERO, ZERO)
     middle = ((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)
     footprint = _footprint(state, middle)
     return footprint is not None and any(p[:2] != middle[:2] for p in footprint.points)

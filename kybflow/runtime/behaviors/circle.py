@@ -13,7 +13,7 @@ is kept. Refuses a circle whose s'^2/r needs more tilt than the airframe has. Wo
 
 from __future__ import annotations
 
-from math import atan2, cos, hypot, inf, pi, sin, tan
+from math import atan2, copysign, cos, hypot, inf, pi, sin, tan
 
 from kybflow.errors import Refused
 from kybflow.geometry import GRAVITY
@@ -22,6 +22,9 @@ from kybflow.runtime.motion import Coast, Motion, Straight, cruise_speed
 from kybflow.runtime.profiles import Profile
 from kybflow.signals import Done, Setpoint, SetpointKind, Tick
 from kybflow.units import Acceleration, Length, Number, Position, Speed, Vec3
+
+_CHORDS = 48
+"""Straight lines that stand for the circle in its footprint."""
 
 
 @params
@@ -101,7 +104,22 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         points = corners if entry is None else (entry, *corners)
         end = None if entry is None or params.laps is None else _exit(params, params.laps, entry)
         inward = params.speed * params.speed / r
-        return Footprint(points, abs(params.speed), end, params.laps is None, inward)
+        path = _path(params, entry)
+        return Footprint(points, abs(params.speed), end, params.laps is None, inward, path)
+
+
+def _path(params: CircleParams, entry: Vec3 | None) -> tuple[Vec3, ...]:
+    """The way to the circle and once around it; none from the centre, where it depends on the
+    heading."""
+    (x, y, z), r = params.center, params.radius
+    east, north = (r, 0.0) if entry is None else (entry[0] - x, entry[1] - y)
+    if hypot(east, north) <= 1e-6:
+        return ()
+    laps = 1.0 if entry is None or params.laps is None else min(1.0, params.laps)
+    turn = copysign(2.0 * pi * laps / _CHORDS, params.speed)
+    phases = (atan2(north, east) + turn * i for i in range(_CHORDS + 1))
+    around = tuple((x + r * cos(phase), y + r * sin(phase), z) for phase in phases)
+    return around if entry is None else (entry, *around)
 
 
 def _exit(params: CircleParams, laps: float, entry: Vec3) -> Vec3 | None:

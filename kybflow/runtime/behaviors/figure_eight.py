@@ -22,6 +22,9 @@ from kybflow.runtime.profiles import Profile
 from kybflow.signals import Done, Setpoint, SetpointKind, Tick
 from kybflow.units import Angle, Duration, Length, Number, Vec3
 
+_CHORDS = 96
+"""Straight lines that stand for the eight in its footprint."""
+
 
 @params
 class FigureEightParams:
@@ -99,7 +102,13 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
             for x, y in ((a, b), (a, -b), (-a, b), (-a, -b), (a * sin(end), b * sin(2.0 * end)))
         )
         speed = 2.0 * pi / params.lap * hypot(a, 2.0 * b)
-        return Footprint((entry, *points), speed, last, acceleration=_sharpest(a, b, params.lap))
+        phases = [2.0 * pi * i / _CHORDS for i in range(_CHORDS + 1)]
+        path = tuple(
+            (entry[0] + x * c - y * s, entry[1] + x * s + y * c, entry[2])
+            for x, y in ((a * sin(p), b * sin(2.0 * p)) for p in phases)
+        )
+        sharpest = _sharpest(a, b, params.lap)
+        return Footprint((entry, *points), speed, last, acceleration=sharpest, path=path)
 
 
 def _sharpest(a: float, b: float, lap: float) -> float:

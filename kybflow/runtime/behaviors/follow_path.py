@@ -79,4 +79,4 @@ class FollowPath(Behavior[FollowPathParams], flight=AIR >> AIR, emits=SetpointKi
         if not params.path:
             return None
         points = params.path if entry is None else (entry, *params.path)
-        return Footprint(points, params.speed, params.path[-1])
+        return Footprint(points, params.speed, params.path[-1], path=points)

@@ -1,12 +1,19 @@
-"""Descend where the vehicle is, notice the ground, and stop the rotors there.
+"""Descend, on a point or where the vehicle is, notice the ground, and stop the rotors there.
 
-Down at `speed`; from the height `slow_below` above the ground of the start, at `slow_speed`. The
-speed of the setpoint follows v(z) = min(speed, sqrt(slow_speed^2 + 2 a (z - z_slow))), slewed with
-the acceleration a. It has no lowest height: the ground is where the vehicle stops although the
-setpoint runs on below it. That is noticed when the height stays within 3 cm for `dwell` with the
-setpoint at least 5 cm below (after TeleKyb's ViconFreeLand, which judged the vertical speed; the
-height is less noisy, and the setpoint's depth is a second witness against gusts). The setpoint
-never runs more than 0.3 m ahead, so that no position error builds up on the ground.
+With a `position` it first flies above that, level, with at most `approach`, and begins to descend
+when it has been within `tolerance` of the vertical through it for half a second. On the way down
+the descent waits while the vehicle is more than twice `tolerance` off, all in all for `patience` at
+most: a landing ends on the ground. It fails only when it is not above the point `patience` after
+the planned time. The height of the point is where the ground is expected; without one, that of the
+start.
+
+Down at `speed`; from the height `slow_below` above the expected ground, at `slow_speed`. The speed
+of the setpoint follows v(z) = min(speed, sqrt(slow_speed^2 + 2 a (z - z_slow))), slewed with the
+acceleration a. It has no lowest height: the ground is where the vehicle stops although the setpoint
+runs on below it. That is noticed when the height stays within 3 cm for `dwell` with the setpoint at
+least 5 cm below (after TeleKyb's ViconFreeLand, which judged the vertical speed; the height is less
+noisy, and the setpoint's depth is a second witness against gusts). The setpoint never runs more
+than 0.3 m ahead, so that no position error builds up on the ground.
 
 On the ground it is done at once. Its last setpoint is IDLE. A velocity at entry is shed on the
 way. World frame, metres; the heading is kept.
@@ -14,24 +21,54 @@ way. World frame, metres; the heading is kept.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import hypot, sqrt
 
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import COAST_ACCELERATION, IDLE, Coast, Dwell, Motion, entry_motion
-from kybflow.signals import Done, Setpoint, SetpointKind, Tick
-from kybflow.units import Acceleration, Duration, Length, Speed, Vec3
+from kybflow.runtime.motion import (
+    COAST_ACCELERATION,
+    IDLE,
+    Coast,
+    Dwell,
+    Motion,
+    Straight,
+    cruise_speed,
+    entry_motion,
+)
+from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.units import Acceleration, Duration, Length, Position, Speed, Vec3
 
 _STILL = 0.03
 _DEPTH = 0.05
 _LEASH = 0.3
+_ABOVE = 0.5
+"""Seconds above the point before it descends."""
 
 
 @params
 class LandParams:
+    position: Position | None = param(
+        "Where to land, on the ground; without it the vehicle lands where it is.",
+        default=None,
+        read_only=True,
+    )
+    approach: Speed = param(
+        "Largest speed on the way above the position.", default=0.5, above=0.0, read_only=True
+    )
+    tolerance: Length = param(
+        "Distance from the vertical through the position that counts as above it.",
+        default=0.05,
+        above=0.0,
+    )
+    patience: Duration = param(
+        "Time past the planned arrival above the position after which it has failed; the longest "
+        "that the descent waits.",
+        default=10.0,
+        above=0.0,
+    )
     speed: Speed = param("Descent speed.", default=0.5, above=0.0, at_most=1.0)
     slow_speed: Speed = param("Descent speed near the ground.", default=0.2, above=0.1, at_most=0.5)
     slow_below: Length = param(
-        "Height above the ground of the start where it slows down.", default=0.4, at_least=0.0
+        "Height above the expected ground where it slows down.", default=0.4, at_least=0.0
     )
     acceleration: Acceleration = param("Largest vertical acceleration.", default=0.7, above=0.0)
     dwell: Duration = param(
@@ -47,22 +84,58 @@ class Land(
     def __init__(self, params: LandParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._grounded = entry.flight is GROUND
-        self._ground = entry.site.start[2]
+        self._point = params.position
+        self._ground = (entry.site.start if self._point is None else self._point)[2]
         self._heading = entry.heading
         start, (east, north, climb), *_ = entry_motion(entry)
         self._coast = Coast(start, (east, north, 0.0), COAST_ACCELERATION)
         self._height, self._climb = entry.position[2], climb
         self._resting = entry.position[2]
-        self._stopped = Dwell()
+        self._stopped, self._above = Dwell(), Dwell()
+        x, y, _ = self._point or self._coast.end
+        goal = (x, y, self._coast.end[2])
+        self._way = Straight(
+            self._coast.end, goal, cruise_speed(params.approach, entry), params.acceleration
+        )
+        self._arrival = max(self._coast.duration, self._way.duration)
+        self._descends = self._point is None
+        self._waited = 0.0
 
-    def update(self, tick: Tick) -> Setpoint | Done:
+    def update(self, tick: Tick) -> Setpoint | Done | Failed:
         if self._grounded:
             return Done(IDLE)
-        own = tick.known().position[2]
-        if self._has_stopped(own, tick.dt):
+        own = tick.known().position
+        if self._descends and self._has_stopped(own[2], tick.dt):
             return Done(IDLE)
-        pull = self._descend(tick.dt, own)
-        level = self._coast.at(tick.elapsed)
+        gap = self._gap(own)
+        if not self._descends and tick.elapsed >= self._arrival:
+            close = gap <= self.params.tolerance
+            self._descends = self._above.reached(close, _ABOVE, tick.dt)
+        pull = self._descend(tick.dt, own[2], self._waits(gap, tick.dt))
+        setpoint = self._setpoint(tick.elapsed, pull)
+        if not self._descends and tick.elapsed > self._arrival + self.params.patience:
+            return Failed(setpoint, f"still {gap:.2f} m from above the point")
+        return setpoint
+
+    def _gap(self, own: Vec3) -> float:
+        """How far the vehicle is from the vertical through the point; zero without one."""
+        if self._point is None:
+            return 0.0
+        return hypot(own[0] - self._point[0], own[1] - self._point[1])
+
+    def _waits(self, gap: float, dt: float) -> bool:
+        """Whether the height is held for now."""
+        if not self._descends:
+            return True
+        if gap <= 2.0 * self.params.tolerance or self._waited >= self.params.patience:
+            return False
+        self._waited += dt
+        return True
+
+    def _setpoint(self, time: float, pull: float) -> Setpoint:
+        level = self._way.at(time)
+        if time < self._coast.duration:
+            level = level.plus(self._coast.shift(time))
         (x, y, _), (vx, vy, _), (ax, ay, _) = level.position, level.velocity, level.acceleration
         motion = Motion((x, y, self._height), (vx, vy, self._climb), (ax, ay, pull), level.jerk)
         return motion.setpoint(self._heading)
@@ -73,12 +146,13 @@ class Land(
             self._resting = own
         return self._stopped.reached(stays, self.params.dwell, dt)
 
-    def _descend(self, dt: float, own: float) -> float:
-        """Take the setpoint down by one tick; returns its vertical acceleration."""
+    def _descend(self, dt: float, own: float, waits: bool) -> float:
+        """Take the setpoint down by one tick, or to a stop; returns its vertical acceleration."""
         p = self.params
         slow = min(p.slow_speed, p.speed)
         above = max(self._height - self._ground - p.slow_below, 0.0)
         wanted = -min(p.speed, sqrt(slow * slow + 2.0 * p.acceleration * above))
+        wanted = 0.0 if waits else wanted
         step = p.acceleration * dt
         climb = self._climb + min(max(wanted - self._climb, -step), step)
         pull = (climb - self._climb) / dt if dt > 0.0 else 0.0
@@ -88,7 +162,12 @@ class Land(
 
     @classmethod
     def footprint(cls, params: LandParams, entry: Vec3 | None) -> Footprint | None:
+        at = params.position
+        speed = max(params.speed, params.approach)
         if entry is None:
-            return None
-        ground = (entry[0], entry[1], min(entry[2], 0.0))
-        return Footprint((entry, ground), params.speed, ground)
+            return None if at is None else Footprint((at,), speed, at)
+        if at is None:
+            ground = (entry[0], entry[1], min(entry[2], 0.0))
+            return Footprint((entry, ground), params.speed, ground)
+        points = (entry, (at[0], at[1], entry[2]), at)
+        return Footprint(points, speed, at, path=points)

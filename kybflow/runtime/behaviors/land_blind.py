@@ -1,21 +1,35 @@
-"""Come down without knowing where: level attitude, thrust ramped down from hover, then rotors off.
+"""Come down without knowing where: level attitude, a descent held by the IMU, then rotors off.
 
 The last resort when the estimate is lost. It needs neither estimator nor tracker: the on-board
-controller keeps the attitude level and its heading from the IMU, and the thrust is an open-loop
-function of time,
+controller keeps the attitude level and its heading from the IMU, and the thrust follows the law of
+`kybflow.descent`, which holds a speed of about half a metre a second by the specific force that the
+IMU feels, whatever is wrong with the thrust's model, and notices the touch-down. Its speed in m/s
+(time in s), from rest, for an error e of the thrust's model:
+
+    from      e = -10 %     0             +10 %
+    0.5 m     0.52 (1.2)    0.53 (1.3)    0.54 (1.4)
+    1.0 m     0.64 (2.1)    0.65 (2.2)    0.66 (2.3)
+    1.5 m     0.76 (2.8)    0.77 (2.9)    0.78 (3.0)
+    2.5 m     1.01 (4.0)    1.02 (4.0)    1.03 (4.1)
+
+An accelerometer that is wrong by 0.25 m/s^2 makes 1.5 m/s (2.9 s) or 1.0 m/s (10 s) of the 1.0 m/s
+from 2.5 m. It begins at the vertical speed of the last setpoint, or of the estimate.
+
+Where no IMU is heard, or none any more for 0.1 s, the thrust is an open-loop function of the time
+since the entry, for the rest of the way:
 
     T(t) = T0 (1 - (1 - share) min(t / settle, 1) - fade max(t - settle, 0)
                - 2 vz0 / (g tau) max(1 - t / tau, 0)),      tau = 0.8 s
 
-T0 being the thrust that the tracker believed to hold the vehicle and vz0 the vertical speed at
-entry, which the last term takes away. After `time_bound` the rotors stop. On the ground it is done
-at once.
+T0 being the thrust that the tracker believed to hold the vehicle (the descent, once it has learnt
+it) and vz0 the vertical speed at entry, which the last term takes away. In any case the rotors stop
+after `time_bound`. On the ground it is done at once.
 
-The vehicle obeys z.. = g ((1 + e) T / T0 - 1) - d z.; e is the error of the thrust model. A share
-of 90 % is the most that still lets a vehicle with e = +10 % sink, so e = -10 % falls with a net
-acceleration of up to 0.19 g. Touch-down speed in m/s (time in s), from rest, drag d = 0.3 1/s:
+Open loop the vehicle obeys z.. = g ((1 + e) T / T0 - 1) - d z.; a share of 90 % is the most that
+still lets a vehicle with e = +10 % sink, so e = -10 % falls with a net acceleration of 0.19 g.
+Touch-down speed in m/s (time in s), from rest, drag d = 0.3 1/s:
 
-    from      e = -10 %     -5 %          0            +5 %          +10 % (climbs first by)
+    open loop e = -10 %     -5 %          0            +5 %          +10 % (climbs first by)
     1.0 m     1.66 (1.3)    1.45 (1.6)    1.22 (2.0)   1.00 (3.0)    0.98 (5.8; 0.56 m)
     1.5 m     2.03 (1.6)    1.76 (1.9)    1.48 (2.4)   1.20 (3.4)    1.14 (6.3; 0.56 m)
     2.5 m     2.57 (2.0)    2.23 (2.4)    1.86 (3.0)   1.51 (4.2)    1.40 (7.1; 0.56 m)
@@ -26,14 +40,17 @@ open-loop ramp is gentle for every error, this one is bounded for all of them.
 
 from __future__ import annotations
 
+from kybflow.descent import Descent
 from kybflow.geometry import GRAVITY, LEVEL, ZERO
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, param, params
 from kybflow.runtime.motion import IDLE, entry_motion
-from kybflow.signals import Command, CommandKind, Done, Tick
+from kybflow.signals import NS, Command, CommandKind, Done, MeasurementKind, Tick, Time
 from kybflow.units import Damping, Duration, Ratio
 
 _ARREST = 0.8
 _MOST = 0.3
+_SILENT = NS // 10
+"""An IMU that was not heard for so long is not waited for."""
 
 
 @params
@@ -69,19 +86,40 @@ class LandBlind(
     emits=CommandKind.ATTITUDE_THRUST,
     needs_estimate=False,
 ):
+    needs = frozenset({MeasurementKind.IMU})
+
     def __init__(self, params: LandBlindParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._grounded = entry.flight is GROUND
         self._hover = entry.hover_thrust
         self._most = entry.site.airframe.max_thrust
-        kick = -2.0 * entry_motion(entry).velocity[2] / (GRAVITY * _ARREST)
-        self._kick = min(max(kick, -_MOST), _MOST)
+        climb = entry_motion(entry).velocity[2]
+        self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST), -_MOST), _MOST)
+        self._descent: Descent | None = Descent(self._hover, self._most, climb)
+        self._heard: Time = entry.now
+        self._felt: float | None = None
 
     def update(self, tick: Tick) -> Command | Done:
         if self._grounded or tick.elapsed >= self.params.time_bound:
             return Done(IDLE)
-        thrust = self._hover * self._share_at(tick.elapsed)
+        if self._descent is not None and self._landed(self._descent, tick):
+            return Done(IDLE)
+        thrust = self._felt
+        if thrust is None:
+            thrust = self._hover * self._share_at(tick.elapsed)
         return Command(LEVEL, min(max(thrust, 0.0), self._most), ZERO, None)
+
+    def _landed(self, descent: Descent, tick: Tick) -> bool:
+        """Take what the IMU felt; whether that was the touch-down. Gives the descent up when
+        nothing is heard."""
+        imu = tick.imu
+        if imu is not None and imu.time > self._heard:
+            self._heard = imu.time
+            self._felt = descent.step(imu.specific_force[2], imu.dt)
+            return self._felt is None
+        if tick.now - self._heard > _SILENT:
+            self._descent, self._felt, self._hover = None, None, descent.hover
+        return False
 
     def _share_at(self, time: float) -> float:
         p = self.params

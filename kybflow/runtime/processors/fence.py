@@ -2,9 +2,14 @@
 
 A position outside goes to the nearest point inside, axis by axis, and loses what takes it further
 out: on such an axis an outward velocity, the acceleration and the jerk become zero. A velocity is
-cut to what can still be stopped before the face, |v| <= sqrt(2 a d) with a = 1 m/s^2 and d the
-distance of the estimate from it. Where the margin leaves no room, the middle of the box is inside.
-A setpoint that is inside passes unchanged. Without a fence in the mission it passes everything.
+cut, axis by axis, to what still stops before the face that it goes for,
+
+    |v| <= sqrt(2 a (d - a / (4 k^2))),    a = 1 m/s^2, d the distance of the estimate from it,
+
+linear, k d with k = 2 1/s, over the last a / (2 k^2), and the deceleration that this takes is fed
+forward; beyond the face it leads back with at most 0.3 m/s. Where the margin leaves no room, the
+middle of the box is inside. A setpoint that is inside passes unchanged. Without a fence in the
+mission it passes everything.
 
 The floor is different, because take-off and landing cross it, and the ground may lie anywhere: a
 position below it is allowed as far as 0.5 m under the vehicle, which is more than a landing asks
@@ -13,24 +18,29 @@ for and no more than it can follow. World frame, metres.
 
 from __future__ import annotations
 
-from math import copysign, sqrt
+from math import sqrt
 from typing import ClassVar
 
 from kybflow.geometry import ZERO, Vec3
 from kybflow.parts import Processor, param, params
 from kybflow.shapes import Box
-from kybflow.signals import Setpoint, SetpointKind, Tick
+from kybflow.signals import Estimate, Setpoint, SetpointKind, Tick
 from kybflow.site import Site
 from kybflow.units import Length
 
 _UNDER = 0.5
 _STOPPING = 1.0
+_GAIN = 2.0
+_BACK = 0.3
 
 
 @params
 class FenceParams:
     margin: Length = param(
-        "Distance that the setpoint keeps from the fence.", default=0.2, at_least=0.0
+        "Distance that the setpoint keeps from the fence.",
+        default=0.2,
+        at_least=0.0,
+        tightens="up",
     )
 
 
@@ -64,9 +74,7 @@ class Fence(Processor[FenceParams]):
         room = Box((x, y, min(floor, own[2] - _UNDER)), self._room.high)
         if position is not None:
             return setpoint if room.contains(position) else _clamped(setpoint, position, room)
-        velocity = setpoint.velocity or ZERO
-        allowed = _stoppable(velocity, own, room)
-        return setpoint if allowed == velocity else setpoint._replace(velocity=allowed)
+        return _stoppable(setpoint, tick.known(), room)
 
 
 def _shrunk(fence: Box, margin: float) -> Box:
@@ -97,13 +105,33 @@ def _clamped(setpoint: Setpoint, position: Vec3, room: Box) -> Setpoint:
     )
 
 
-def _stoppable(velocity: Vec3, own: Vec3, room: Box) -> Vec3:
-    allowed = list(velocity)
+def _stoppable(setpoint: Setpoint, known: Estimate, room: Box) -> Setpoint:
+    """The setpoint of velocity, cut on each axis to what still stops before the face that it goes
+    for, and braking as hard as that takes."""
+    wanted = setpoint.velocity or ZERO
+    velocity, acceleration, jerk = list(wanted), list(setpoint.acceleration or ZERO), list(ZERO)
     for i in range(3):
-        left = room.high[i] - own[i] if velocity[i] > 0.0 else own[i] - room.low[i]
-        most = sqrt(2.0 * _STOPPING * max(left, 0.0))
-        allowed[i] = copysign(min(abs(velocity[i]), most), velocity[i])
-    return _vector(allowed)
+        for face, outward in ((room.high[i], 1.0), (room.low[i], -1.0)):
+            allowed, steepness = _closing(outward * (face - known.position[i]))
+            if outward * velocity[i] > allowed:
+                velocity[i] = outward * allowed
+                pull = steepness * max(outward * known.velocity[i], 0.0)
+                acceleration[i] = -outward * min(pull, 2.0 * _STOPPING)
+    if _vector(velocity) == wanted:
+        return setpoint
+    return setpoint._replace(
+        velocity=_vector(velocity), acceleration=_vector(acceleration), jerk=_vector(jerk)
+    )
+
+
+def _closing(left: float) -> tuple[float, float]:
+    """The speed towards a face that is `left` metres away, and how fast it falls with the way.
+    Beyond the face it leads back."""
+    linear = 0.5 * _STOPPING / (_GAIN * _GAIN)
+    if left <= linear:
+        return max(_GAIN * left, -_BACK), _GAIN if left > 0.0 else 0.0
+    speed = sqrt(2.0 * _STOPPING * (left - 0.5 * linear))
+    return speed, _STOPPING / speed
 
 
 def _vector(numbers: list[float]) -> Vec3:

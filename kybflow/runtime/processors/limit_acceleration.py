@@ -45,7 +45,7 @@ class LimitAcceleration(Processor[LimitAccelerationParams]):
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
         follower = self._follower
         position, velocity = setpoint.position or ZERO, setpoint.velocity or ZERO
-        follower.resume(position, velocity, tick)
+        follower.resume(setpoint, tick)
         if setpoint.kind is SetpointKind.VELOCITY:
             return self._slew(setpoint, velocity, tick.dt)
         if not follower.behind and self._is_legal(setpoint, position, velocity, tick.dt):

@@ -41,13 +41,13 @@ class LimitSpeed(Processor[LimitSpeedParams]):
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
         velocity = setpoint.velocity or ZERO
         legal = norm(velocity) <= self.params.speed * _SLACK
+        self._follower.resume(setpoint, tick)
         if setpoint.kind is SetpointKind.VELOCITY:
             if legal:
                 return setpoint
             shorter = shortened(velocity, self.params.speed)
             return setpoint._replace(velocity=shorter, acceleration=ZERO, jerk=None)
         follower, position = self._follower, setpoint.position or ZERO
-        follower.resume(position, velocity, tick)
         if legal and not follower.behind and self._is_near(position, tick.dt):
             follower.join(position, velocity)
             return setpoint

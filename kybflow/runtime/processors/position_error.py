@@ -2,23 +2,33 @@
 
 |p_setpoint - p_estimate| > limit asks the failsafe to brake: the vehicle does not follow, and
 a setpoint that runs away pulls ever harder (TeleKyb's PMPositionError, 0.5 m; there it was silent
-during take-off and landing, here it acts from take-off to touch-down). The setpoint itself passes
-unchanged; one without a position is not judged. An alarm that persists is returned in every tick.
+during take-off and landing, here it acts from take-off to touch-down). For a setpoint of velocity
+the distance is what the vehicle has fallen behind lately,
+
+    e' = v_setpoint - v_estimate - e / T,    T = 2 s,
+
+so that 0.25 m/s that are missing all the time make 0.5 m. The setpoint itself passes unchanged; one
+of acceleration is not judged. An alarm that persists is returned in every tick.
 """
 
 from __future__ import annotations
 
 from typing import ClassVar
 
-from kybflow.geometry import distance
+from kybflow.geometry import ZERO, Vec3, add, distance, norm, scale, sub
 from kybflow.parts import Processor, param, params
 from kybflow.signals import Alarm, Reaction, Setpoint, SetpointKind, Tick
+from kybflow.site import Site
 from kybflow.units import Length
+
+_LATELY = 2.0
 
 
 @params
 class PositionErrorParams:
-    limit: Length = param("Largest distance from the setpoint.", default=0.5, above=0.0)
+    limit: Length = param(
+        "Largest distance from the setpoint.", default=0.5, above=0.0, tightens="down"
+    )
 
 
 class PositionError(Processor[PositionErrorParams]):
@@ -29,12 +39,30 @@ class PositionError(Processor[PositionErrorParams]):
     safety = True
     events = ("position_error_exceeded",)
 
+    def __init__(self, params: PositionErrorParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._behind = ZERO
+
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm:
-        if setpoint.position is None:
-            return setpoint
-        error = distance(setpoint.position, tick.known().position)
+        error = self._error(setpoint, tick)
         limit = self.params.limit
         if error <= limit:
             return setpoint
         reason = f"{error:.2f} m from its setpoint, {limit:g} m allowed"
         return Alarm("position_error_exceeded", Reaction.BRAKE, reason, error, limit)
+
+    def _error(self, setpoint: Setpoint, tick: Tick) -> float:
+        if setpoint.position is not None:
+            self._behind = ZERO
+            return distance(setpoint.position, tick.known().position)
+        if setpoint.velocity is None:
+            self._behind = ZERO
+            return 0.0
+        self._behind = self._fallen(setpoint.velocity, tick)
+        return norm(self._behind)
+
+    def _fallen(self, wanted: Vec3, tick: Tick) -> Vec3:
+        """What the vehicle has fallen behind a setpoint of velocity, a tick later."""
+        missing = sub(wanted, tick.known().velocity)
+        change = sub(missing, scale(self._behind, 1.0 / _LATELY))
+        return add(self._behind, scale(change, tick.dt))

@@ -22,18 +22,23 @@ _RECOVERED = 0.05
 @params
 class BatteryParams:
     warn_below: Ratio = param(
-        "Charge below which it warns.", default=0.3, at_least=0.0, at_most=1.0
+        "Charge below which it warns.", default=0.3, at_least=0.0, at_most=1.0, tightens="up"
     )
     land_below: Ratio = param(
-        "Charge below which the vehicle lands.", default=0.15, at_least=0.0, at_most=1.0
+        "Charge below which the vehicle lands.",
+        default=0.15,
+        at_least=0.0,
+        at_most=1.0,
+        tightens="up",
     )
     reaction: ReactionName = param(
-        "What the failsafe does below `land_below`.", default="land", read_only=True
+        "What the failsafe does below `land_below`.", default="land", tightens="up"
     )
 
 
 class Battery(Supervisor[BatteryParams]):
     always = True
+    unhurried = True
     events = ("battery_low",)
 
     def __init__(self, params: BatteryParams, site: Site) -> None:

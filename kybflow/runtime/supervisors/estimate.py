@@ -19,13 +19,18 @@ from kybflow.units import Duration, Length
 
 @params
 class EstimateParams:
-    age: Duration = param("Largest age of the newest measurement.", default=0.3, above=0.0)
-    spread: Length = param("Largest standard deviation of the position.", default=0.3, above=0.0)
-    reaction: ReactionName = param("What the failsafe does.", default="land_blind", read_only=True)
+    age: Duration = param(
+        "Largest age of the newest measurement.", default=0.3, above=0.0, tightens="down"
+    )
+    spread: Length = param(
+        "Largest standard deviation of the position.", default=0.3, above=0.0, tightens="down"
+    )
+    reaction: ReactionName = param("What the failsafe does.", default="land_blind", tightens="up")
 
 
 class Estimate(Supervisor[EstimateParams]):
     always = True
+    unhurried = True
     events = ("estimate_lost",)
 
     def __init__(self, params: EstimateParams, site: Site) -> None:

@@ -24,13 +24,14 @@ _BACK_INSIDE = 0.05
 @params
 class FenceParams:
     margin: Length = param(
-        "How far beyond the fence the vehicle may be.", default=0.1, at_least=0.0
+        "How far beyond the fence the vehicle may be.", default=0.1, at_least=0.0, tightens="down"
     )
-    reaction: ReactionName = param("What the failsafe does.", default="land", read_only=True)
+    reaction: ReactionName = param("What the failsafe does.", default="land", tightens="up")
 
 
 class Fence(Supervisor[FenceParams]):
     always = True
+    unhurried = True
     events = ("fence_breached",)
 
     def __init__(self, params: FenceParams, site: Site) -> None:

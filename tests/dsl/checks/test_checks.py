@@ -8,20 +8,20 @@ from pathlib import Path
 import pytest
 
 from kybflow.catalog import load_catalog
-from kybflow.dsl.checks import CHECKS, conditions
+from kybflow.dsl.checks import CHECKS
 from kybflow.dsl.checks.entries import Entries
 from kybflow.dsl.compiler import compile_mission
 
 ROOT = Path(__file__).parents[3]
 
 
-OWN_CODES = [check for check in CHECKS if check.__module__ != conditions.__name__]
+OWN_CODES = [check for check in CHECKS if not (check.__doc__ or "").startswith("Every ")]
 """The others tell what the parser of expressions finds, whose codes are its own."""
 
 
 @pytest.mark.parametrize("check", OWN_CODES, ids=lambda check: check.__name__)
 def test_every_check_says_its_code_and_what_it_proves(check: object) -> None:
-    assert re.match(r"KYB[23]\d\d: \w.{20}", check.__doc__ or "", re.DOTALL)
+    assert re.match(r"KYB[123]\d\d: [`\w].{20}", check.__doc__ or "", re.DOTALL)
 
 
 def test_no_code_is_used_twice() -> None:

@@ -27,7 +27,7 @@ ATTITUDE = CommandKind.ATTITUDE_THRUST
 
 def use(name: str, **facts: Any) -> PartUse:
     """A part of which the checks see these facts."""
-    cls: Any = SimpleNamespace(**facts)
+    cls: Any = SimpleNamespace(takes=lambda _: facts["accepts"], **facts)
     spec = PartSpec("any", name, cls, type(None), (), name)
     return PartUse(Text(name, SPAN), spec, None, name, SPAN)
 

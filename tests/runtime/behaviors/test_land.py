@@ -3,14 +3,14 @@
 import random
 
 import pytest
-from flying import DT, entry, fly, point_mass, tick
+from flying import DT, entry, fly, point_mass, tick, worst_mismatch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kybflow.geometry import ZERO, distance
+from kybflow.geometry import ZERO, Vec3, distance, norm
 from kybflow.parts import GROUND, MOVING
 from kybflow.runtime.behaviors.land import Land, LandParams
-from kybflow.signals import Done, Setpoint, SetpointKind
+from kybflow.signals import Done, Failed, Setpoint, SetpointKind
 
 IDLE = Setpoint(SetpointKind.IDLE)
 START = (0.3, 0.4, 1.5)
@@ -100,3 +100,60 @@ def test_a_descent_that_was_broken_off_goes_on_as_fast_as_it_was() -> None:
     behavior = Land(LandParams(), entry(START, (0.0, 0.0, -0.4)))
     first = fly(behavior, point_mass(START, ground=0.0)).moving[0].setpoint
     assert first.velocity[2] == pytest.approx(-0.4, abs=0.01)
+
+
+POINT = (1.0, -0.2, 0.0)
+
+
+def on(position: Vec3 = POINT, **more: float) -> Land:
+    return Land(LandParams(position=position, **more), entry(START))
+
+
+def test_on_a_point_it_first_flies_above_it_and_then_comes_down_there() -> None:
+    body = point_mass(START, ground=0.0)
+    flown = fly(on(), body)
+    assert flown.end == Done(IDLE)
+    assert body(None)[0] == pytest.approx(POINT, abs=0.01)
+    high = [s.setpoint for s in flown.moving if s.setpoint.position[:2] != POINT[:2]]
+    assert {s.position[2] for s in high} == {START[2]}
+    assert max(norm(s.velocity) for s in high) <= 0.5 + 1e-9
+    assert worst_mismatch(flown.moving, "position", "velocity") < 1e-2
+
+
+def test_on_a_platform_it_slows_down_above_that() -> None:
+    flown = fly(on((1.0, -0.2, 0.6)), point_mass(START, ground=0.6))
+    slow = [s.setpoint for s in flown.moving if 0.61 < s.setpoint.position[2] < 0.95]
+    assert [s.velocity[2] for s in slow] == pytest.approx([-0.2] * len(slow), abs=0.05)
+    assert flown.end == Done(IDLE)
+
+
+def test_it_does_not_descend_before_it_is_above_the_point() -> None:
+    flown = fly(on(patience=2.0), lambda _: (START, ZERO))
+    assert isinstance(flown.end, Failed)
+    assert "from above the point" in flown.end.reason
+    assert {s.setpoint.position[2] for s in flown.samples} == {START[2]}
+
+
+def test_while_it_is_blown_off_the_descent_waits_but_not_for_ever() -> None:
+    body = point_mass(START, ground=0.0)
+    off = [ZERO]
+
+    def blown(setpoint: Setpoint | None):
+        (x, y, z), velocity = body(setpoint)
+        off[0] = (0.3, 0.0, 0.0) if z < 1.0 else ZERO
+        return (x + off[0][0], y, z), velocity
+
+    flown = fly(on(patience=3.0), blown)
+    assert flown.end == Done(IDLE)
+    waiting = [s for s in flown.moving if s.setpoint.velocity[2] == 0.0]
+    held = [s for s in waiting if s.setpoint.position[2] < 1.1]
+    assert len(held) * DT == pytest.approx(3.0, abs=0.8)
+
+
+def test_its_footprint_leads_over_the_point() -> None:
+    footprint = Land.footprint(LandParams(position=POINT), START)
+    assert footprint.path == (START, (1.0, -0.2, START[2]), POINT)
+    assert footprint.exit == POINT
+    assert Land.footprint(LandParams(position=POINT), None).exit == POINT
+    assert Land.footprint(LandParams(), START).points == (START, (*START[:2], 0.0))
+    assert Land.footprint(LandParams(), None) is None

@@ -9,7 +9,7 @@ from kybflow.geometry import GRAVITY, ZERO, tilt_of
 from kybflow.parts import AIR, GROUND, MOVING, Entry
 from kybflow.runtime.behaviors import land_blind
 from kybflow.runtime.behaviors.land_blind import LandBlind, LandBlindParams
-from kybflow.signals import Command, Done, Setpoint, SetpointKind
+from kybflow.signals import NS, Command, Done, Imu, MeasurementKind, Setpoint, SetpointKind
 
 DRAG = 0.3
 ERRORS = (-0.10, -0.05, 0.0, 0.05, 0.10)
@@ -30,15 +30,21 @@ def fall(height: float, error: float, climb: float = 0.0) -> tuple[float, float,
     raise AssertionError("it did not come down")
 
 
+def felt(i: int, thrust: float, start: int = 0) -> Imu:
+    """The IMU of a vehicle in the air, at the `i`th tick."""
+    return Imu(round((start + i) * DT * NS), DT, (0.0, 0.0, thrust / MASS), ZERO)
+
+
 def page() -> dict[float, list[tuple[float, float]]]:
     """The table of the part's docstring: height → (speed, time) for each error."""
-    rows = re.findall(r"^ +([\d.]+) m +(.*)$", land_blind.__doc__, re.MULTILINE)
+    table = land_blind.__doc__.partition("open loop e =")[2]
+    rows = re.findall(r"^ +([\d.]+) m +(.*)$", table, re.MULTILINE)
     cell = r"([\d.]+) \(([\d.]+)"
     return {float(h): [(float(v), float(t)) for v, t in re.findall(cell, row)] for h, row in rows}
 
 
 @pytest.mark.parametrize("height", [1.0, 1.5, 2.5])
-def test_it_touches_down_as_its_page_says(height: float) -> None:
+def test_without_an_imu_it_touches_down_as_its_page_says(height: float) -> None:
     expected = page()[height]
     for error, (speed, time) in zip(ERRORS, expected, strict=True):
         assert fall(height, error)[:2] == pytest.approx((speed, time), abs=0.06)
@@ -74,6 +80,47 @@ def test_after_its_time_bound_the_rotors_stop() -> None:
 def test_on_the_ground_it_is_done_at_once() -> None:
     behavior = LandBlind(LandBlindParams(), entry(ZERO, flight=GROUND))
     assert behavior.update(tick()) == Done(Setpoint(SetpointKind.IDLE))
+
+
+def test_it_asks_for_the_imu_while_it_is_active() -> None:
+    assert LandBlind.needs == frozenset({MeasurementKind.IMU})
+
+
+def test_it_holds_its_descent_by_what_the_imu_feels() -> None:
+    """Ten percent more thrust than believed is seen and taken back within half a second."""
+    behavior = LandBlind(LandBlindParams(), entry((0.0, 0.0, 1.5)))
+    thrust, speed = MASS * GRAVITY, 0.0
+    for i in range(1, 500):
+        lift = 1.1 * thrust
+        speed += (lift / MASS - GRAVITY) * DT
+        thrust = behavior.update(tick(i * DT)._replace(imu=felt(i, lift))).thrust
+        assert speed < 0.05
+        if i * DT > 1.0:
+            assert -0.85 < speed < -0.4
+    assert 1.1 * thrust == pytest.approx(MASS * GRAVITY, rel=0.05)
+
+
+def test_an_impact_stops_the_rotors() -> None:
+    behavior = LandBlind(LandBlindParams(), entry((0.0, 0.0, 1.5)))
+    for i in range(1, 60):
+        output = behavior.update(tick(i * DT)._replace(imu=felt(i, MASS * GRAVITY)))
+        assert isinstance(output, Command)
+    struck = tick(60 * DT)._replace(imu=felt(60, 3.0 * MASS * GRAVITY))
+    assert behavior.update(struck) == Done(Setpoint(SetpointKind.IDLE))
+
+
+def test_an_imu_that_falls_silent_leaves_the_open_loop_with_what_was_learnt() -> None:
+    """The vehicle weighs 10 % more than believed; what follows is the ramp of that weight."""
+    behavior = LandBlind(LandBlindParams(), entry((0.0, 0.0, 2.0)))
+    thrust = MASS * GRAVITY
+    for i in range(1, 500):
+        imu = felt(i, thrust / 1.1)
+        thrust = behavior.update(tick(i * DT)._replace(imu=imu)).thrust
+    silent = tick(500 * DT + 0.15)._replace(imu=imu)
+    ramp = 0.9 - 0.01 * (silent.elapsed - 1.0)
+    expected = 1.1 * MASS * GRAVITY * ramp
+    behavior.update(silent)
+    assert behavior.update(silent).thrust == pytest.approx(expected, rel=0.03)
 
 
 def test_its_thrust_never_rises_from_rest_and_never_exceeds_what_the_rotors_have() -> None:

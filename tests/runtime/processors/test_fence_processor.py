@@ -78,8 +78,28 @@ def test_without_a_fence_everything_passes() -> None:
     assert Fence(FenceParams(), SITE._replace(fence=None))(far, tick(known=MIDDLE)) is far
 
 
-@pytest.mark.parametrize(("east", "allowed"), [(0.0, 1.0), (2.7, 0.4472), (2.8, 0.0), (5.0, 0.0)])
+def push(east: float, known_speed: float = 0.0) -> Setpoint:
+    """What is left of 1 m/s to the east there."""
+    asked = Setpoint(SetpointKind.VELOCITY, None, (1.0, 0.2, 0.0), (0.5, 0.1, 0.0), ZERO)
+    return fence()(asked, tick(known=estimate((east, 0.0, 1.0), (known_speed, 0.0, 0.0))))
+
+
+@pytest.mark.parametrize(
+    ("east", "allowed"),
+    [(0.0, 1.0), (2.5, 0.6892), (2.7, 0.2), (2.8, 0.0), (2.85, -0.1), (5, -0.3)],
+)
 def test_a_velocity_is_cut_to_what_still_stops_in_time(east: float, allowed: float) -> None:
-    asked = Setpoint(SetpointKind.VELOCITY, None, (1.0, 0.0, 0.0), ZERO)
-    bent = fence()(asked, tick(known=estimate((east, 0.0, 1.0))))
-    assert bent.velocity[0] == pytest.approx(allowed, abs=1e-4)
+    assert push(east).velocity == pytest.approx((allowed, 0.2, 0.0), abs=1e-4)
+
+
+def test_the_braking_that_a_cut_velocity_takes_is_fed_forward() -> None:
+    assert push(0.0, 1.0).acceleration == (0.5, 0.1, 0.0)
+    cut = push(2.5).velocity[0]
+    assert push(2.5, cut).acceleration == pytest.approx((-1.0, 0.1, 0.0))
+    assert push(2.7, 0.2).acceleration[0] == pytest.approx(-0.4)
+    assert push(2.8, 0.0).acceleration[0] == 0.0
+
+
+def test_along_a_face_it_may_go_as_it_likes() -> None:
+    along = Setpoint(SetpointKind.VELOCITY, None, (0.0, 0.7, 0.0), ZERO)
+    assert fence()(along, tick(known=estimate((2.79, 0.0, 1.0)))) is along

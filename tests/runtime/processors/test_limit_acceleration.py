@@ -76,3 +76,21 @@ def test_the_change_of_a_velocity_is_limited() -> None:
     bent = bend([rest] + [fast] * 200)
     assert bent[1].velocity == pytest.approx((3.0 * DT, 0.0, 0.0))
     assert bent[-1] is fast
+
+
+def test_from_velocities_to_positions_it_goes_on_where_the_vehicle_is_asked_to_be() -> None:
+    processor = LimitAcceleration(LimitAccelerationParams(), SITE)
+    moving = Setpoint(SetpointKind.VELOCITY, None, (0.4, 0.0, 0.0), ZERO)
+    for i in range(200):
+        processor(moving, tick((i + 1) * DT, setpoint=moving if i else at_rest(START)))
+    there = at_rest((1.5, 2.0, 1.0), (0.4, 0.0, 0.0))
+    assert processor(there, tick(201 * DT, setpoint=moving)) is there
+
+
+def test_a_velocity_that_follows_a_position_begins_as_fast_as_that() -> None:
+    processor = LimitAcceleration(LimitAccelerationParams(), SITE)
+    last = at_rest(START, (0.4, 0.0, 0.0))
+    processor(last, tick(DT))
+    rest = Setpoint(SetpointKind.VELOCITY, None, ZERO, ZERO)
+    bent = processor(rest, tick(2 * DT, setpoint=last))
+    assert bent.velocity == pytest.approx((0.4 - 3.0 * DT, 0.0, 0.0))

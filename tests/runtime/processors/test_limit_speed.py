@@ -79,3 +79,12 @@ def test_a_velocity_is_shortened_and_keeps_its_direction() -> None:
     slow = fast._replace(velocity=(0.3, 0.4, 0.0))
     assert processor(fast, tick()).velocity == pytest.approx((0.6, 0.8, 0.0))
     assert processor(slow, tick()) is slow
+
+
+def test_from_velocities_to_positions_it_goes_on_where_the_vehicle_is_asked_to_be() -> None:
+    processor = LimitSpeed(LimitSpeedParams(), SITE)
+    processor(at_rest(START), tick(DT))
+    moving = Setpoint(SetpointKind.VELOCITY, None, (0.4, 0.0, 0.0), ZERO)
+    assert processor(moving, tick(2 * DT, setpoint=at_rest(START))) is moving
+    there = at_rest((1.5, 2.0, 1.0), (0.4, 0.0, 0.0))
+    assert processor(there, tick(3 * DT, setpoint=moving)) is there

@@ -1,6 +1,6 @@
 """position_error: an alarm past the limit, nothing before it."""
 
-from flying import SITE, at_rest, estimate, tick
+from flying import DT, SITE, at_rest, estimate, tick
 
 from kybflow.geometry import ZERO
 from kybflow.runtime.processors.position_error import PositionError, PositionErrorParams
@@ -26,6 +26,27 @@ def test_within_the_limit_the_setpoint_passes() -> None:
     assert PROCESSOR(near, tick(known=KNOWN)) is near
 
 
-def test_a_setpoint_without_a_position_passes() -> None:
-    velocity = Setpoint(SetpointKind.VELOCITY, None, (9.0, 0.0, 0.0), ZERO)
-    assert PROCESSOR(velocity, tick(known=KNOWN)) is velocity
+def behind(speed: float, seconds: float, known: float = 0.0) -> Setpoint | Alarm:
+    """Asked for `speed` to the east, flying `known`."""
+    processor = PositionError(PositionErrorParams(), SITE)
+    velocity = Setpoint(SetpointKind.VELOCITY, None, (speed, 0.0, 0.0), ZERO)
+    for i in range(round(seconds / DT)):
+        flown = estimate((0.0, 0.0, 1.0), (known, 0.0, 0.0))
+        output = processor(velocity, tick(i * DT, known=flown))
+    return output
+
+
+def test_a_vehicle_that_is_held_back_falls_behind_its_velocity() -> None:
+    assert isinstance(behind(0.5, 1.0), Setpoint)
+    alarm = behind(0.5, 2.0)
+    assert isinstance(alarm, Alarm)
+    assert alarm.reason == "0.63 m from its setpoint, 0.5 m allowed"
+
+
+def test_a_velocity_that_is_nearly_flown_passes_for_ever() -> None:
+    assert isinstance(behind(0.8, 60.0, known=0.6), Setpoint)
+
+
+def test_an_acceleration_passes() -> None:
+    pushing = Setpoint(SetpointKind.ACCELERATION, None, None, (9.0, 0.0, 0.0))
+    assert PROCESSOR(pushing, tick(known=KNOWN)) is pushing

@@ -231,7 +231,7 @@ def test_an_on_board_attitude_that_errs_is_turned_back():
 
 def _shown(tracker, error):
     """The attitude that flies when the on-board one errs by `error` about y."""
-    x, _ = tracker._trim
+    x, _ = tracker._steering.trim
     return from_euler(0.0, x + error, 0.0)
 
 

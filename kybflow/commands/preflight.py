@@ -1,0 +1,71 @@
+"""`kybflow preflight`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kybflow.commands.common import INVALID, Sets, Target, echo
+
+if TYPE_CHECKING:
+    from kybflow.dsl.plan import Plan
+    from kybflow.runtime.preflight import Line
+
+EXAMPLES = (
+    "Examples:  kybflow preflight missions/figure_eight.yaml  |  kybflow preflight "
+    "missions/figure_eight.yaml --target lab"
+)
+RED, FAILED = 1, 3
+
+
+def preflight(
+    mission: Annotated[Path, typer.Argument(help="The mission that is to fly.")],
+    target: Target = None,
+    sets: Sets = None,
+    seed: Annotated[int, typer.Option(help="Seed of everything that is drawn by chance.")] = 0,
+) -> None:
+    """Look at everything that must be well before take-off; nothing arms.
+
+    Exit code 0: every line is green. 1: one is red. 2: the mission is invalid. 3: a driver or
+    device failed.
+    """
+    from kybflow.catalog import load_catalog
+    from kybflow.dsl.compiler import compile_mission
+    from kybflow.dsl.render import render_all
+
+    result = compile_mission(mission, catalog=load_catalog(), target=target, sets=tuple(sets or ()))
+    for text in render_all(result.diagnostics, result.texts):
+        echo(text, err=True)
+    if result.plan is None:
+        raise typer.Exit(INVALID)
+    raise typer.Exit(_look(result.plan, seed))
+
+
+def _look(plan: Plan, seed: int) -> int:
+    from kybflow.errors import DriverError, PartFailed
+    from kybflow.runtime.inspection import inspect
+
+    try:
+        lines = inspect(plan, seed)
+    except DriverError as error:
+        echo(f"error: {error}", err=True)
+        return FAILED
+    except PartFailed as failure:
+        echo(f"error: `{failure.part}` can't be made: {failure}", err=True)
+        return RED
+    echo("\n".join(table(lines)))
+    return 0 if all(line.green for line in lines) else RED
+
+
+def table(lines: Sequence[Line]) -> list[str]:
+    """The lines in columns: red or green, vehicle, check, reason, mission line."""
+    names = max(len(line.vehicle) for line in lines)
+    checks = max(len(line.check) for line in lines)
+    return [
+        f"{'green' if line.green else 'RED  '}  {line.vehicle:{names}}  {line.check:{checks}}  "
+        f"{line.reason}{f'  [{line.at}]' if line.at else ''}"
+        for line in lines
+    ]

@@ -1,0 +1,92 @@
+"""`kybflow test`."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from kybflow.commands.common import INVALID, Sets, Target, echo
+
+EXAMPLES = (
+    "Examples:  kybflow test missions  |  kybflow test missions/figure_eight.yaml --seeds 0..99"
+    "  |  kybflow test missions --junit report.xml --full"
+)
+_SEEDS = re.compile(r"(\d{1,9})(?:\.\.(\d{1,9}))?")
+_MOST = 100_000
+
+
+def fly_tests(
+    paths: Annotated[list[Path], typer.Argument(help="Missions, or folders of missions.")],
+    seeds: Annotated[
+        str, typer.Option(help="Seeds to fly each mission with: `0..99`, `3`, or `0,7,20..29`.")
+    ] = "0",
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Flights at a time; one a processor by default.")
+    ] = None,
+    junit: Annotated[Path | None, typer.Option(help="Write JUnit XML to this file.")] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="Fail when a state or transition was never taken.")
+    ] = False,
+    out: Annotated[
+        Path, typer.Option(help="Where the run folders of flights that fail are kept.")
+    ] = Path("runs"),
+    keep: Annotated[bool, typer.Option("--keep", help="Keep every run folder.")] = False,
+    target: Target = None,
+    sets: Sets = None,
+) -> None:
+    """Fly missions as tests, and tell which states and transitions no flight has taken.
+
+    Exit code 0: every flight succeeded. 1: one failed. 2: a mission or the command line is invalid.
+    3: a driver or device failed. 130: interrupted.
+    """
+    from datetime import datetime
+
+    from rich.console import Console
+
+    from kybflow.testing.cases import Case
+    from kybflow.testing.finding import missions_under
+    from kybflow.testing.junit import write_junit
+    from kybflow.testing.session import coverage_of, exit_code, run_cases
+    from kybflow.testing.showing import Bar, show_table
+
+    folder = out / f"test-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    numbers = _seeds(seeds)
+    found = list(missions_under(paths))
+    if not found:
+        echo(f"no mission is under {', '.join(map(str, paths))}", err=True)
+        raise typer.Exit(INVALID)
+    cases = [
+        Case(path, seed, folder / f"{n}-{path.stem}-{seed}", target, tuple(sets or ()), keep)
+        for n, path in enumerate(found)
+        for seed in numbers
+    ]
+    console = Console()
+    with Bar(console, len(cases)) as bar:
+        tried = run_cases(cases, jobs or os.cpu_count() or 1, bar.done)
+    coverage = coverage_of(tried)
+    show_table(console, tried, coverage)
+    if junit is not None:
+        try:
+            write_junit(junit, tried)
+        except OSError as error:
+            message = f"`{junit}` can't be written: {error.strerror}"
+            raise typer.BadParameter(message, param_hint="--junit") from None
+    missed = full and any(one.missed for one in coverage.values())
+    raise typer.Exit(exit_code(tried) or int(missed))
+
+
+def _seeds(text: str) -> list[int]:
+    """`0..99`, `3`, `0,7,20..29` as numbers, each once."""
+    numbers: dict[int, None] = {}
+    for item in text.split(","):
+        match = _SEEDS.fullmatch(item.strip())
+        first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, -1)
+        if not 0 <= last - first < _MOST:
+            message = f"`{item.strip()}` is no seed and no range of seeds; write `7` or `0..99`"
+            raise typer.BadParameter(message, param_hint="--seeds")
+        numbers.update(dict.fromkeys(range(first, last + 1)))
+    return list(numbers)

@@ -1,0 +1,51 @@
+"""What the vehicles of a world run into: each other and obstacles. The floor and stands are for
+standing on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from kybflow.drivers.sim.model import FIRST_BODY, OBSTACLE
+from kybflow.signals import NS, Time
+
+FORGOTTEN: Time = NS // 2
+"""After so long without touching, the next touch is another collision."""
+
+
+class Contacts:
+    """Finds collisions in MuJoCo's contacts; `vehicles` are the names in order of their bodies."""
+
+    def __init__(self, model: Any, vehicles: Sequence[str]) -> None:
+        self._vehicles = vehicles
+        self._bodies: list[int] = model.geom_bodyid.tolist()
+        names = [model.geom(number).name for number in range(model.ngeom)]
+        self._names = [n.removeprefix(OBSTACLE) if n.startswith(OBSTACLE) else "" for n in names]
+        self._touched: dict[tuple[int, str], Time] = {}
+        self._new: list[list[str]] = [[] for _ in vehicles]
+
+    def look(self, data: Any, now: Time) -> None:
+        """Note who touches what at `now`."""
+        for first, second in data.contact.geom.tolist():
+            self._note(self._bodies[first], second, now)
+            self._note(self._bodies[second], first, now)
+
+    def _note(self, body: int, geom: int, now: Time) -> None:
+        if body < FIRST_BODY:
+            return
+        vehicle, other = body - FIRST_BODY, self._bodies[geom]
+        name = self._vehicles[other - FIRST_BODY] if other >= FIRST_BODY else self._names[geom]
+        if not name:
+            return
+        last = self._touched.get((vehicle, name))
+        if last is None or now - last > FORGOTTEN:
+            self._new[vehicle].append(name)
+        self._touched[vehicle, name] = now
+
+    def told(self, vehicle: int) -> Sequence[str]:
+        """What a vehicle ran into since the last call."""
+        new = self._new[vehicle]
+        if not new:
+            return ()
+        self._new[vehicle] = []
+        return new

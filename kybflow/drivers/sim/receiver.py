@@ -1,0 +1,81 @@
+"""How commands reach a simulated on-board controller, and what happens when none does any more."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from kybflow.descent import Descent
+from kybflow.drivers.sim.onboard import Pilot
+from kybflow.geometry import LEVEL, ZERO
+from kybflow.signals import NS, Command, Time
+from kybflow.site import Airframe
+
+WATCHDOG: Time = NS // 4
+"""How long an armed vehicle waits for a command before it comes down by itself."""
+NEVER: Time = 1 << 62
+
+
+class Receiver:
+    """Hands commands to the pilot, `late` nanoseconds after they were sent. When nothing arrives
+    for too long its watchdog levels out and comes down by the law of `kybflow.descent`; from then
+    on it heeds nothing but a command to stop the rotors."""
+
+    def __init__(self, pilot: Pilot, airframe: Airframe, watched: bool) -> None:
+        self.descent: Descent | None = None
+        self._pilot, self._airframe, self._watched = pilot, airframe, watched
+        self._late: Time = 0
+        self._heard: Time = 0
+        self._deaf = False
+        self._on_the_way: deque[tuple[Time, Command]] = deque()
+
+    @property
+    def late(self) -> Time:
+        return self._late
+
+    @late.setter
+    def late(self, late: Time) -> None:
+        self._late = late
+        if not late:
+            self._on_the_way.clear()
+
+    def delay(self, command: Command, now: Time) -> Time:
+        """A command is sent at `now` and arrives late: when."""
+        due = now + self._late
+        self._on_the_way.append((due, command))
+        return due
+
+    def hear(self, command: Command, now: Time) -> None:
+        """A command arrives."""
+        self._heard = now
+        if self._deaf:
+            if command.armed:
+                return
+            self._deaf, self.descent = False, None
+        self._pilot.receive(command)
+
+    def mind(self, now: Time) -> Time:
+        """Take what has arrived, the newest counts; begin to come down when nothing was heard for
+        too long. When it wants to be called again."""
+        waiting, newest = self._on_the_way, None
+        while waiting and waiting[0][0] <= now:
+            newest = waiting.popleft()[1]
+        if newest is not None:
+            self.hear(newest, now)
+        due = waiting[0][0] if waiting else NEVER
+        if not self._watched or self._deaf or not self._pilot.armed:
+            return due
+        if now - self._heard < WATCHDOG:
+            return min(due, self._heard + WATCHDOG)
+        frame = self._airframe
+        self.descent = Descent(frame.hover_thrust, frame.max_thrust, self._pilot.climb)
+        self._deaf = True
+        return due
+
+    def come_down(self, lift: float, dt: float) -> None:
+        """One step of the descent, with the specific force along body z that is felt, m/s^2."""
+        if self.descent is None:
+            return
+        thrust = self.descent.step(lift, dt)
+        self._pilot.receive(Command(LEVEL, thrust or 0.0, ZERO, None, thrust is not None))
+        if thrust is None:
+            self.descent = None

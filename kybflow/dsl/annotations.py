@@ -1,0 +1,25 @@
+"""Findings as workflow commands of GitHub Actions, which shows each beside its line.
+
+In the text `%`, CR and LF are escaped as `%25`, `%0D` and `%0A`, in a property also `:` and `,` as
+`%3A` and `%2C` (GitHub's own toolkit does so).
+"""
+
+from __future__ import annotations
+
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.render import printable
+from kybflow.dsl.sarif import message_of
+
+_TEXT = str.maketrans({"%": "%25", "\r": "%0D", "\n": "%0A"})
+_PROPERTY = str.maketrans({"%": "%25", "\r": "%0D", "\n": "%0A", ":": "%3A", ",": "%2C"})
+
+
+def to_annotation(diagnostic: Diagnostic) -> str:
+    """The workflow command of one finding, a line."""
+    span = diagnostic.span
+    properties = {"file": printable(span.file), "line": span.line, "endLine": span.end_line}
+    if span.line == span.end_line:  # columns of several lines are refused
+        properties |= {"col": span.column, "endColumn": span.end_column}
+    properties["title"] = f"kybflow {diagnostic.code}"
+    told = ",".join(f"{key}={str(v).translate(_PROPERTY)}" for key, v in properties.items())
+    return f"::{diagnostic.severity.value} {told}::{message_of(diagnostic).translate(_TEXT)}"

@@ -1,0 +1,95 @@
+"""The name of a file in a mission to what it holds: read once, judged by the part that reads it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.document import Document, PartUse
+from kybflow.dsl.nodes import Scalar
+from kybflow.dsl.plan import SourceFile
+from kybflow.errors import FileError
+from kybflow.files import File
+from kybflow.params import Field
+
+CODES = {
+    "KYB370": "A file that a parameter names is missing, unreadable, too large, or elsewhere.",
+    "KYB371": "A file that its part can't use, and the line.",
+}
+MAX_BYTES = 4_000_000
+_SHOWN = 60
+
+
+def attached(node: Scalar, field: Field, found: list[Diagnostic]) -> File | None:
+    """The file that `node` names, beside or below the file in which it stands; None, and a finding,
+    when its part can't use it."""
+    try:
+        file = _read(node.text, Path(node.span.file).parent)
+    except FileError as error:
+        found.append(Diagnostic("KYB370", str(error), node.span, help=error.hint))
+        return None
+    try:
+        if field.reads is not None:
+            field.reads(file)
+    except FileError as error:
+        found.append(_unusable(node, file, error))
+        return None
+    return file
+
+
+def attachments_of(document: Document) -> tuple[SourceFile, ...]:
+    """Every file that a parameter of the mission names, once."""
+    found: dict[str, SourceFile] = {}
+    for use in _uses(document):
+        for field in use.spec.fields:
+            file = getattr(use.params, field.name)
+            if isinstance(file, File):
+                beside = os.path.dirname(use.spans[field.name].file)
+                path = os.path.normpath(os.path.join(beside, file.name))
+                found[path] = SourceFile(path, file.sha256)
+    return tuple(found.values())
+
+
+def _uses(document: Document) -> Iterator[PartUse]:
+    for vehicle in document.vehicles.values():
+        yield from (e.part for e in vehicle.estimators)
+        yield from (*vehicle.processors, vehicle.tracker, *vehicle.supervisors, vehicle.driver)
+        yield from (state.part for state in vehicle.states.values())
+
+
+def _unusable(node: Scalar, file: File, error: FileError) -> Diagnostic:
+    notes: tuple[str, ...] = ()
+    if error.line:
+        text = file.text.splitlines()[error.line - 1].strip()
+        shown = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
+        notes = (f"{file.name}:{error.line}: {shown}",)
+    label = f"line {error.line}" if error.line else ""
+    return Diagnostic("KYB371", f"`{file.name}`: {error}", node.span, label, notes, error.hint)
+
+
+def _read(name: str, folder: Path) -> File:
+    hint = "name a file beside or below the one that names it"
+    try:
+        path = (folder / name).resolve()
+        if Path(name).is_absolute() or not path.is_relative_to(folder.resolve()):
+            raise FileError(f"`{name}` is outside of the mission's folder", hint=hint)
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise FileError(f"`{name}` is no file", hint=hint)
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise FileError(f"`{name}` is no file", hint=hint) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FileError(f"`{name}` can't be read: {reason.lower()}") from None
+    if len(data) > MAX_BYTES:
+        raise FileError(f"`{name}` is larger than {MAX_BYTES // 1_000_000} MB")
+    try:
+        return File(name, hashlib.sha256(data).hexdigest(), data.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise FileError(f"`{name}` is not UTF-8 text in line {line}") from None

@@ -1,0 +1,137 @@
+"""What actions ask of vehicles: KYB232 to KYB235."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kybflow.dsl.checks.case import NO_TARGET, TARGETS, Case
+from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.document import ActionUse
+from kybflow.dsl.option_names import members, option_values, unknown_vehicle
+from kybflow.dsl.source import Text
+from kybflow.dsl.values import shown_value
+
+_TIGHTEN = "its parameters can be tightened with `set`"
+
+
+def switches(case: Case) -> Iterator[Diagnostic]:
+    """KYB232: an action asks a vehicle or a group that does not exist, or for a state that one of
+    them does not have.
+
+    A state is one of the vehicle's own or a built-in one but `fault`, which is the failsafe's.
+    Whether the vehicle can enter it is decided when it is asked; a refusal is the event
+    `switch_refused`.
+    """
+    for action in actions_of(case, "switch"):
+        who = action.target
+        assert who is not None
+        asked = members(case.document, who.text)
+        if not asked:
+            yield unknown_vehicle("KYB232", who, case.document)
+        for name in asked:
+            vehicle = case.document.vehicles[name]
+            known = [*vehicle.states, *TARGETS]
+            if vehicle.goal(action.value.text) not in known:
+                yield _no_state(name, action.value, known)
+
+
+def _no_state(vehicle: str, state: Text, known: list[str]) -> Diagnostic:
+    if state.text in NO_TARGET:
+        message, label = f"`{state.text}` can't be asked for", "entered by the failsafe alone"
+        hint = "use `auto_land` or `land_blind` to come down"
+    else:
+        message, label = f"`{vehicle}` has no behavior `{state.text}`", "unknown"
+        hint = did_you_mean(state.text, known)
+    return Diagnostic("KYB232", message, state.span, label=label, help=hint)
+
+
+def options(case: Case) -> Iterator[Diagnostic]:
+    """KYB233: `set` names an option that does not exist, or one that can't change in flight.
+
+    An option is `VEHICLE.PART.PARAMETER` or `GROUP.PART.PARAMETER`; the part is
+    `processors.NAME`, `supervisors.NAME`, `estimators.NAME`, `behaviors.STATE` or `tracker`. Its
+    value must have the parameter's type, unit and bounds.
+    """
+    for action in _sets(case):
+        assert action.target is not None
+        found: list[Diagnostic] = []
+        values = option_values(action, case.document, case.catalog, found)
+        yield from found
+        fixed = next((o for o, _ in values if o.field.read_only or o.field.shape == "path"), None)
+        if fixed is not None:
+            yield Diagnostic(
+                "KYB233",
+                f"`{action.target.text}` can't change in flight",
+                action.target.span,
+                label="read-only" if fixed.field.read_only else "a path",
+                help="write it where the part is used",
+            )
+
+
+def loosened(case: Case) -> Iterator[Diagnostic]:
+    """KYB234: `set` makes a safety parameter less strict than the mission declares it.
+
+    In flight such a parameter only tightens, so the change would be refused whatever has happened
+    before.
+    """
+    for action in _sets(case):
+        assert action.target is not None
+        for option, value in option_values(action, case.document, case.catalog, []):
+            if option.field.loosens(option.declared, value):
+                declared = shown_value(option.declared, option.field)
+                yield Diagnostic(
+                    "KYB234",
+                    f"`{option.name}` is a safety parameter, and this loosens it",
+                    action.value.span,
+                    label=f"`{declared}` is stricter",
+                    help="write the looser value where the part is used, and tighten it here",
+                )
+                break
+
+
+def switched_off(case: Case) -> Iterator[Diagnostic]:
+    """KYB235: `enable` or `disable` of what is no processor, or of one that keeps the vehicle safe.
+
+    The name is `VEHICLE.processors.NAME` or `GROUP.processors.NAME`. Supervisors and safety
+    processors, such as the fence, always work.
+    """
+    for action in (*actions_of(case, "enable"), *actions_of(case, "disable")):
+        name = action.value
+        first, _, rest = name.text.partition(".")
+        asked = members(case.document, first)
+        if not asked:
+            yield unknown_vehicle("KYB235", name, case.document, end=len(first))
+        for vehicle in asked[:1] if rest.startswith("supervisors.") else asked:
+            finding = _not_switchable(case, vehicle, name, rest)
+            if finding is not None:
+                yield finding
+
+
+def _not_switchable(case: Case, vehicle: str, name: Text, rest: str) -> Diagnostic | None:
+    processors = {f"processors.{p.label}": p for p in case.document.vehicles[vehicle].processors}
+    place = name.part(len(name.text) - len(rest), len(name.text))
+    if rest.startswith("supervisors."):
+        message = f"`{name.text}` can't be switched: a supervisor always works"
+        return Diagnostic("KYB235", message, place, help=_TIGHTEN)
+    if rest not in processors:
+        message = f"`{vehicle}` has no processor `{rest}`"
+        hint = did_you_mean(rest, [p for p, use in processors.items() if not use.spec.cls.safety])
+        return Diagnostic("KYB235", message, place, label="unknown", help=hint)
+    if processors[rest].spec.cls.safety:
+        message = f"`{name.text}` can't be switched: it keeps the vehicle safe"
+        return Diagnostic("KYB235", message, place, help=_TIGHTEN)
+    return None
+
+
+def actions_of(case: Case, name: str) -> Iterator[ActionUse]:
+    """The actions of every callback that are called `name`."""
+    for callback in case.document.callbacks:
+        yield from (action for action in callback.actions if action.name.text == name)
+
+
+def _sets(case: Case) -> Iterator[ActionUse]:
+    """Every `set` of a callback and of a phase."""
+    yield from actions_of(case, "set")
+    for flow in case.document.flows.values():
+        for phase in flow.phases.values():
+            yield from phase.set

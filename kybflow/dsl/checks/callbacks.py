@@ -1,0 +1,172 @@
+"""Callbacks: what they hear, emit and say, and that none goes round for ever: KYB230 to KYB239."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from string import Formatter
+from typing import get_args
+
+from kybflow.dsl.built_in import BUILT_IN
+from kybflow.dsl.checks.actions import actions_of
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.told import OPERATOR, Told, fields_of
+from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.document import Callback
+from kybflow.dsl.source import Text
+from kybflow.observables import ALARM_FIELDS, EVENTS
+from kybflow.signals import ReactionName
+
+_CUSTOM = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*\Z", re.ASCII)
+_PLACEHOLDER = re.compile(r"[A-Za-z_]\w*\Z", re.ASCII)
+_ALWAYS = ("event", "time")
+_NUMBERS = frozenset({"bound", "offset"})
+_REACTIONS = get_args(ReactionName)
+
+
+def filters(case: Case) -> Iterator[Diagnostic]:
+    """KYB231: a callback asks for a field that its event does not have, or for a value of it that
+    never comes.
+
+    The fields of each event are in the language's page. Names of states, of estimators and of
+    reactions are judged; numbers are no names: compare them in a `when`.
+    """
+    told = Told(case)
+    for callback in case.document.callbacks:
+        tellers = told.tellers(callback.event.text)
+        known = carried(callback, told)
+        for field, value in callback.fields if tellers else ():
+            if field.text not in known:
+                message = f"`{callback.event.text}` has no field `{field.text}`"
+                hint = did_you_mean(field.text, known) or "it carries nothing"
+                yield Diagnostic("KYB231", message, field.span, label="unknown", help=hint)
+            elif field.text in _NUMBERS or (field.text == "value" and known == ALARM_FIELDS):
+                message = f"`{field.text}` is a number, and a filter compares names"
+                yield Diagnostic("KYB231", message, field.span, help="compare it in a `when`")
+            else:
+                yield from _never_said(case, tellers, field, value)
+
+
+def _never_said(
+    case: Case, tellers: tuple[str, ...], field: Text, value: Text
+) -> Iterator[Diagnostic]:
+    vehicles = [case.document.vehicles[name] for name in tellers if name]
+    known: set[str] = set()
+    if field.text == "behavior":
+        known = {name for v in vehicles for name in (*v.states, *BUILT_IN)}
+    elif field.text in ("estimator", "previous"):
+        known = {use.part.label for v in vehicles for use in v.estimators}
+    elif field.text == "reaction":
+        known = set(_REACTIONS)
+    if known and value.text not in known:
+        message = f"`{field.text}` is never `{value.text}` here"
+        hint = did_you_mean(value.text, known)
+        yield Diagnostic("KYB231", message, value.span, label="unknown", help=hint)
+
+
+def emitted_names(case: Case) -> Iterator[Diagnostic]:
+    """KYB236: `emit` of a name that is no name, or that somebody else's event has.
+
+    A mission's own event has letters, digits and `_`, perhaps with dots between. It may not be
+    called like an event of the engine or of a part, and may not begin with a vehicle's or a
+    group's name, `any.` or `operator.`: whoever hears it would believe that they told it.
+    """
+    told = Told(case)
+    taken = {event for events in told.of.values() for event in events} | EVENTS.keys()
+    owners = {"any", "operator", *case.document.vehicles, *case.document.groups}
+    owners.update(case.document.flows)
+    for action in actions_of(case, "emit"):
+        name = action.value
+        first, dot, _ = name.text.partition(".")
+        message = hint = ""
+        if not _CUSTOM.match(name.text):
+            message = f"`{name.text}` can't be the name of an event"
+            hint = "a name has letters, digits and `_`, perhaps with dots between"
+        elif name.text in taken:
+            message = f"`{name.text}` is told by the engine or by a part, not by a mission"
+            hint = f"give it a name of its own, such as `my_{name.text}`"
+        elif dot and first in owners:
+            who = "a person" if name.text.startswith(OPERATOR) else f"`{first}`"
+            message = f"`{name.text}` would be heard as an event of {who}"
+            hint = "begin it with another word"
+        if message:
+            yield Diagnostic("KYB236", message, name.span, help=hint)
+
+
+def phases(case: Case) -> Iterator[Diagnostic]:
+    """KYB237: `phase` names a flow or a phase that does not exist, or a phase that several flows
+    have."""
+    flows = case.document.flows
+    for action in actions_of(case, "phase"):
+        flow, phase = action.target, action.value
+        owners = [name for name, f in flows.items() if phase.text in f.phases]
+        if flow is not None and flow.text not in flows:
+            message, hint = f"there is no flow `{flow.text}`", did_you_mean(flow.text, flows)
+            yield Diagnostic("KYB237", message, flow.span, label="unknown", help=hint)
+        elif flow is not None and flow.text not in owners:
+            message = f"`{flow.text}` has no phase `{phase.text}`"
+            hint = did_you_mean(phase.text, flows[flow.text].phases)
+            yield Diagnostic("KYB237", message, phase.span, label="unknown", help=hint)
+        elif not owners:
+            known = [name for f in flows.values() for name in f.phases]
+            hint = did_you_mean(phase.text, known) or "the mission has no `flows`"
+            message = f"no flow has a phase `{phase.text}`"
+            yield Diagnostic("KYB237", message, phase.span, label="unknown", help=hint)
+        elif flow is None and len(owners) > 1:
+            message = f"{' and '.join(f'`{name}`' for name in owners)} have a phase `{phase.text}`"
+            hint = f"write `phase: {{{owners[0]}: {phase.text}}}`"
+            yield Diagnostic("KYB237", message, phase.span, label="which one?", help=hint)
+
+
+def logged_fields(case: Case) -> Iterator[Diagnostic]:
+    """KYB238: `log` asks for something that its event does not carry.
+
+    Every event has `{event}` and `{time}`; one of a vehicle has `{vehicle}`, and each its own
+    fields. Braces that are meant as such are written twice.
+    """
+    told = Told(case)
+    for callback in case.document.callbacks:
+        known = log_fields(callback, told)
+        for action in callback.actions:
+            if action.name.text == "log":
+                yield from _placeholders(action.value, callback, known)
+
+
+def log_fields(callback: Callback, told: Told) -> tuple[str, ...]:
+    """What a text of the callback may ask for."""
+    tellers = told.tellers(callback.event.text)
+    own = ("vehicle",) if tellers and tellers != ("",) else ()
+    return (*_ALWAYS, *own, *carried(callback, told))
+
+
+def carried(callback: Callback, told: Told) -> tuple[str, ...]:
+    """The fields of the event that a callback hears; a custom one has none."""
+    event = callback.event.text
+    if event in told.custom or event.startswith(OPERATOR):
+        return ()
+    return fields_of(event.rpartition(".")[2])
+
+
+def _placeholders(text: Text, callback: Callback, known: tuple[str, ...]) -> Iterator[Diagnostic]:
+    try:
+        parsed = list(Formatter().parse(text.text))
+    except ValueError:
+        message, hint = "a brace is open or closed without the other", "write `{{` for a brace"
+        yield Diagnostic("KYB238", message, text.span, help=hint)
+        return
+    behind = 0
+    for _, name, form, conversion in parsed:
+        if name is None:
+            continue
+        start = text.text.index("{" + name, behind) + 1
+        behind = start + len(name)
+        place = text.part(start, max(behind, start + 1))
+        if form or conversion or not _PLACEHOLDER.match(name):
+            message = "only a field's name can stand in braces"
+            yield Diagnostic(
+                "KYB238", message, place, help="write `{vehicle}`, and `{{` for a brace"
+            )
+        elif name not in known:
+            message = f"`{callback.event.text}` has no field `{name}`"
+            hint = did_you_mean(name, known)
+            yield Diagnostic("KYB238", message, place, label="unknown", help=hint)

@@ -1,0 +1,176 @@
+"""Which flow drives a vehicle, phase by phase: KYB198, KYB199, KYB242.
+
+The walk begins in a flow's first phase with the vehicles that it has from the start. A vehicle that
+it gave away is its own again when it hears `FLOW.finished` of the flow that it gave it to; after
+any other way out of the phase nobody can tell, and the runtime decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.phases import Wish, gifts, phases, wishes
+from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.document import Document, Flow, Phase
+from kybflow.dsl.flows import named_vehicles, own_vehicles
+from kybflow.dsl.source import Span
+
+
+class _Holder(NamedTuple):
+    """Who has a vehicle: the flow itself, or `flow` that it gave it to at `given`; `is_sure` when
+    that holds along every way here."""
+
+    flow: str
+    given: Span | None = None
+    is_sure: bool = True
+
+    @property
+    def doubtful(self) -> _Holder:
+        return self._replace(is_sure=False)
+
+
+_Holders = dict[str, _Holder]
+
+
+def two_drivers(case: Case) -> Iterator[Diagnostic]:
+    """KYB198: two flows have a vehicle from the start.
+
+    A flow has every vehicle that it names and that no other flow gives it. A vehicle is driven by
+    one flow at a time: let one give it to the other.
+    """
+    first: dict[str, Flow] = {}
+    for flow in case.document.flows.values():
+        for vehicle in own_vehicles(case.document, flow):
+            if vehicle not in first:
+                first[vehicle] = flow
+                continue
+            other = first[vehicle]
+            yield Diagnostic(
+                "KYB198",
+                f"`{flow.name.text}` and `{other.name.text}` both drive `{vehicle}`",
+                _named_at(case.document, flow, vehicle),
+                label=f"`{other.name.text}` has it from the start",
+                help=f"let a phase of one give it: `give: {{{vehicle}: {flow.name.text}}}`",
+            )
+
+
+def _named_at(document: Document, flow: Flow, vehicle: str) -> Span:
+    """Where a flow names a vehicle first."""
+    for phase in flow.phases.values():
+        for wish in wishes(document, (*phase.run, *phase.give)):
+            if wish.vehicle == vehicle:
+                return wish.who.span
+    return flow.span
+
+
+def not_driven(case: Case) -> Iterator[Diagnostic]:
+    """KYB199: a phase runs or gives a vehicle that another flow drives then; where that holds
+    along some ways into the phase only, it is a warning."""
+    for flow in case.document.flows.values():
+        holders = _walk(case.document, flow)
+        for name, phase in flow.phases.items():
+            held = dict(holders.get(name, {}))
+            for wish in gifts(case.document, phase):
+                yield from _taken(wish, held, flow, phase)
+                held[wish.vehicle] = _Holder(wish.goal.text, wish.who.span)
+            for wish in wishes(case.document, phase.run):
+                yield from _taken(wish, held, flow, phase)
+
+
+def _taken(wish: Wish, held: _Holders, flow: Flow, phase: Phase) -> Iterator[Diagnostic]:
+    holder = held.get(wish.vehicle)
+    if holder is None or holder.flow == flow.name.text:
+        return
+    sure, given = holder.is_sure, holder.given
+    yield Diagnostic(
+        "KYB199",
+        f"`{holder.flow}` {'drives' if sure else 'may drive'} `{wish.vehicle}` in the phase "
+        f"`{phase.name.text}`",
+        wish.who.span,
+        label=f"`{flow.name.text}` {'does' if sure else 'may'} not have it",
+        notes=(f"it was given at {given.at}",) if given is not None else (),
+        help=_way_out(holder),
+        severity=Severity.ERROR if sure else Severity.WARNING,
+    )
+
+
+def _way_out(holder: _Holder) -> str:
+    if holder.given is None:
+        return "give a flow all of its vehicles in one phase"
+    return f"wait for its return with `{{event: {holder.flow}.finished, go: ...}}`"
+
+
+def _walk(document: Document, flow: Flow) -> dict[str, _Holders]:
+    """Who has each vehicle when a phase is entered."""
+    own = _Holder(flow.name.text)
+    entered: dict[str, _Holders] = {flow.begin.text: _first(document, flow)}
+    waiting = [flow.begin.text]
+    while waiting:
+        phase = flow.phases.get(waiting.pop())
+        if phase is None:
+            continue
+        held = dict(entered[phase.name.text])
+        for wish in gifts(document, phase):
+            held[wish.vehicle] = _Holder(wish.goal.text, wish.who.span)
+        for arrow in phase.transitions:
+            event = "" if arrow.event is None else arrow.event.text
+            left = {v: _left(holder, own, event) for v, holder in held.items()}
+            target = arrow.target.text
+            before = entered.get(target)
+            merged = left if before is None else {v: _merged(before[v], left[v]) for v in left}
+            if merged != before:
+                entered[target] = merged
+                waiting.append(target)
+    return entered
+
+
+def _first(document: Document, flow: Flow) -> _Holders:
+    """Who has each vehicle when the flow begins: one that waits has what every giver gives it."""
+    own, had = _Holder(flow.name.text), own_vehicles(document, flow)
+    givers = [
+        (other.name.text, {w.vehicle for w in given})
+        for other, phase in phases(document)
+        if (given := [w for w in wishes(document, phase.give) if w.goal.text == flow.name.text])
+    ]
+    held: _Holders = {}
+    for vehicle in named_vehicles(document, flow):
+        sure = vehicle in had or (not had and all(vehicle in given for _, given in givers))
+        giver = next((name for name, given in givers if vehicle in given), flow.name.text)
+        held[vehicle] = own if sure else _Holder(giver, is_sure=False)
+    return held
+
+
+def _left(holder: _Holder, own: _Holder, event: str) -> _Holder:
+    """Who has a vehicle after a way out of a phase."""
+    if holder.flow == own.flow or event == f"{holder.flow}.finished":
+        return own
+    return holder.doubtful
+
+
+def _merged(a: _Holder, b: _Holder) -> _Holder:
+    """Along two ways; in doubt the one that is not the flow's own."""
+    if a == b:
+        return a
+    return (a if a.given is not None else b).doubtful
+
+
+def asked_twice(case: Case) -> Iterator[Diagnostic]:
+    """KYB242: a phase asks one vehicle for two things, by its name and by a group's, or by two
+    groups'."""
+    for _, phase in phases(case.document):
+        for pairs in (phase.run, phase.give):
+            first: dict[str, Wish] = {}
+            for wish in wishes(case.document, pairs):
+                before = first.setdefault(wish.vehicle, wish)
+                if before.goal.text != wish.goal.text:
+                    yield Diagnostic(
+                        "KYB242",
+                        f"`{wish.vehicle}` is asked for `{before.goal.text}` and for "
+                        f"`{wish.goal.text}`",
+                        wish.who.span,
+                        label="a second time",
+                        notes=(f"first as `{before.who.text}`",),
+                        help="name each vehicle once in a phase",
+                    )

@@ -1,0 +1,98 @@
+"""Faults: whom they break, when, and where that can be done: KYB330 to KYB334."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.diagnostics import Diagnostic, Severity, did_you_mean
+from kybflow.dsl.document import FaultUse
+from kybflow.dsl.expressions import parse
+from kybflow.dsl.source import Span, Text
+from kybflow.units import DURATION, format_quantity
+
+
+def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
+    """KYB330: a fault breaks a vehicle that the mission does not have, or names one beside it."""
+    known = case.document.vehicles
+    for fault in case.document.faults:
+        for name, span in _vehicles(fault):
+            if name not in known:
+                message = f"no vehicle is called `{name}`"
+                yield Diagnostic("KYB330", message, span, help=did_you_mean(name, known))
+
+
+def not_simulated(case: Case) -> Iterator[Diagnostic]:
+    """KYB331: a fault on a target that is no simulation: nothing there can be broken on purpose."""
+    target = case.document.target.text
+    for fault in case.document.faults:
+        for name, _ in _vehicles(fault):
+            vehicle = case.document.vehicles.get(name)
+            if vehicle is None or vehicle.driver.spec.cls.simulated:
+                continue
+            yield Diagnostic(
+                "KYB331",
+                f"`{fault.part.name.text}` can't be injected on the target `{target}`",
+                fault.span,
+                label=f"`{name}` flies on `{vehicle.driver.name.text}`, which is no simulation",
+                help="fly this mission in simulation, or remove the fault",
+            )
+            break
+
+
+def too_late(case: Case) -> Iterator[Diagnostic]:
+    """KYB332: a fault that begins at or after the end of the mission's time."""
+    limit = case.document.time_limit
+    for fault in case.document.faults:
+        if fault.time is not None and fault.time >= limit:
+            yield Diagnostic(
+                "KYB332",
+                f"`{fault.part.name.text}` is never injected",
+                fault.span,
+                label=f"at {format_quantity(fault.time, DURATION)}",
+                notes=(f"the mission's time is over at {format_quantity(limit, DURATION)}",),
+                severity=Severity.WARNING,
+            )
+
+
+def twice(case: Case) -> Iterator[Diagnostic]:
+    """KYB333: one and the same fault stands twice in the list."""
+    first: dict[object, Span] = {}
+    for fault in case.document.faults:
+        when = None if fault.when is None else fault.when.text
+        key = (fault.part.spec.name, fault.part.params, fault.vehicle.text, fault.time, when)
+        place = first.setdefault(key, fault.span)
+        if place is not fault.span:
+            message = f"`{fault.part.name.text}` is injected twice at once"
+            note = f"first at {place.at}"
+            yield Diagnostic("KYB333", message, fault.span, notes=(note,), help="remove one")
+
+
+def itself(case: Case) -> Iterator[Diagnostic]:
+    """KYB334: a fault between two vehicles that names one vehicle twice."""
+    for fault in case.document.faults:
+        for name in _named(fault):
+            if name.text == fault.vehicle.text:
+                message = f"`{fault.part.name.text}` is between two vehicles, this is one"
+                yield Diagnostic("KYB334", message, name.span, label="named by `on` already")
+
+
+def conditions(case: Case) -> Iterator[Diagnostic]:
+    """Every `when` of every fault, as of its vehicle: KYB210 to KYB214."""
+    for fault in case.document.faults:
+        if fault.when is not None and fault.vehicle.text in case.document.vehicles:
+            yield from parse(fault.when, case.scopes.condition(fault.vehicle.text))[1]
+
+
+def _vehicles(fault: FaultUse) -> Iterator[tuple[str, Span]]:
+    yield fault.vehicle.text, fault.vehicle.span
+    for name in _named(fault):
+        yield name.text, name.span
+
+
+def _named(fault: FaultUse) -> Iterator[Text]:
+    """The vehicles among its parameters."""
+    for field in fault.part.spec.fields:
+        value = getattr(fault.part.params, field.name)
+        if field.names == "vehicle" and value is not None:
+            yield Text(value, fault.part.spans.get(field.name, fault.span))

@@ -1,0 +1,177 @@
+"""Flows: their names, their phases, and that none of these blocks for ever: KYB191 to KYB197,
+KYB240."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kybflow.dsl.checks.arrows import WORDS
+from kybflow.dsl.checks.case import NO_TARGET, TARGETS, Case
+from kybflow.dsl.checks.phases import has_state, phases, reached, wishes
+from kybflow.dsl.checks.told import OPERATOR
+from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.document import Document, Flow, Phase, Transition
+from kybflow.dsl.expressions import parse
+from kybflow.dsl.option_names import members, unknown_vehicle
+from kybflow.dsl.plan import END
+
+
+def flow_names(case: Case) -> Iterator[Diagnostic]:
+    """KYB191: a flow is called like a vehicle, a group or a word of the language, or a phase
+    `end`."""
+    document = case.document
+    for flow in document.flows.values():
+        name = flow.name.text
+        taken = {**dict.fromkeys(document.vehicles, "a vehicle's name")}
+        taken |= dict.fromkeys(document.groups, "a group's name")
+        taken |= dict.fromkeys(WORDS, "a word of the language")
+        if name in taken:
+            message, hint = f"a flow can't be called `{name}`", "give it another name"
+            yield Diagnostic("KYB191", message, flow.span, label=taken[name], help=hint)
+        if END in flow.phases:
+            message, hint = "a phase can't be called `end`", "`go: end` ends the flow"
+            span = flow.phases[END].span
+            yield Diagnostic("KYB191", message, span, label="a word of the language", help=hint)
+
+
+def phase_targets(case: Case) -> Iterator[Diagnostic]:
+    """KYB193: a phase asks something of a vehicle or a group that is none, or gives to a flow that
+    is none."""
+    document = case.document
+    for flow, phase in phases(document):
+        for who, _ in (*phase.run, *phase.give):
+            if not members(document, who.text) and who.text not in document.groups:
+                yield unknown_vehicle("KYB193", who, document)
+        for _, goal in phase.give:
+            if goal.text not in document.flows:
+                message = f"there is no flow `{goal.text}`"
+                hint = did_you_mean(goal.text, [n for n in document.flows if n != flow.name.text])
+                yield Diagnostic("KYB193", message, goal.span, label="unknown", help=hint)
+            elif goal.text == flow.name.text:
+                message = f"`{goal.text}` can't give to itself"
+                yield Diagnostic("KYB193", message, goal.span, label="drives it already")
+
+
+def phase_states(case: Case) -> Iterator[Diagnostic]:
+    """KYB194: a phase runs a state that one of its vehicles does not have.
+
+    A state is one of the vehicle's own behaviors or one of the built-in states `landed`, `brake`,
+    `hover`, `auto_land` and `land_blind`. `fault` is entered by the failsafe alone.
+    """
+    for _, phase in phases(case.document):
+        for vehicle, _, state in wishes(case.document, phase.run):
+            owner = case.document.vehicles[vehicle]
+            if has_state(owner, state.text) or state.text in TARGETS:
+                continue
+            message = f"`{vehicle}` has no behavior `{state.text}`"
+            label, hint = "unknown", did_you_mean(state.text, [*owner.states, *TARGETS])
+            if state.text in NO_TARGET:
+                message, label = f"`{state.text}` can't be chosen", "entered by the failsafe alone"
+                hint = "use `auto_land` or `land_blind` to come down"
+            yield Diagnostic("KYB194", message, state.span, label=label, help=hint)
+
+
+def phase_arrows(case: Case) -> Iterator[Diagnostic]:
+    """KYB195: an arrow of a phase, or `begin`, names a phase that the flow does not have."""
+    for flow in case.document.flows.values():
+        arrows = (arrow for phase in flow.phases.values() for arrow in phase.transitions)
+        for goal in [flow.begin, *(arrow.target for arrow in arrows)]:
+            if goal.text in flow.phases or (goal.text == END and goal is not flow.begin):
+                continue
+            message = f"the flow `{flow.name.text}` has no phase `{goal.text}`"
+            hint = did_you_mean(goal.text, [*flow.phases, END])
+            yield Diagnostic("KYB195", message, goal.span, label="unknown", help=hint)
+
+
+def unreachable_phases(case: Case) -> Iterator[Diagnostic]:
+    """KYB196: no arrow and no callback leads to a phase. Where an arrow leads to an unknown name,
+    nothing is said before that is mended."""
+    for flow in case.document.flows.values():
+        found = reached(case.document, flow)
+        for phase in flow.phases.values() if found <= {*flow.phases} else ():
+            if phase.name.text not in found | {END}:
+                message = f"the phase `{phase.name.text}` is never reached"
+                hint = f"let another phase go there, as `go: {phase.name.text}`, or remove it"
+                label = "no arrow leads here"
+                yield Diagnostic("KYB196", message, phase.span, label=label, help=hint)
+
+
+def barriers(case: Case) -> Iterator[Diagnostic]:
+    """KYB197: a phase that waits for others can block for ever.
+
+    What it waits for may never come: a vehicle fails, an event is not told. So it has `within` and
+    `otherwise`, or a way out by time alone. Two waits need no bound: for a person (`operator.NAME`
+    events), and for the end of a flow that was given a vehicle, which has bounds of its own.
+    """
+    for flow, phase in phases(case.document):
+        bounded = any(_is_time_alone(arrow) for arrow in phase.transitions)
+        waits = [a for a in phase.transitions if not _may_wait(a, flow, case.document)]
+        if waits and not bounded:
+            yield Diagnostic(
+                "KYB197",
+                f"the phase `{phase.name.text}` can block for ever",
+                phase.span,
+                label="waits for others",
+                notes=(f"line {waits[0].span.line} waits for what may never come",),
+                help="add `within: 20 s` and `otherwise: PHASE`",
+            )
+
+
+def _is_time_alone(arrow: Transition) -> bool:
+    return arrow.after is not None and arrow.when is None and arrow.event is None
+
+
+def _may_wait(arrow: Transition, flow: Flow, document: Document) -> bool:
+    """Whether waiting for this alone needs no bound."""
+    if arrow.event is None or arrow.when is not None:
+        return False
+    given = {goal.text for phase in flow.phases.values() for _, goal in phase.give}
+    finished = {f"{name}.finished" for name in given & set(document.flows)}
+    return arrow.event.text.startswith(OPERATOR) or arrow.event.text in finished
+
+
+def timeless_circles(case: Case) -> Iterator[Diagnostic]:
+    """KYB240: phases follow each other in a circle in which no time passes: each goes on `after:
+    0 s`."""
+    for flow in case.document.flows.values():
+        told: set[str] = set()
+        for name in flow.phases:
+            circle = _circle(flow, name)
+            if circle and told.isdisjoint(circle):
+                told.update(circle)
+                yield Diagnostic(
+                    "KYB240",
+                    f"the flow `{flow.name.text}` runs in a circle without an end",
+                    flow.phases[name].span,
+                    label="no time passes here",
+                    notes=("`" + "` → `".join([*circle, circle[0]]) + "`",),
+                    help="let one of them wait for something",
+                )
+
+
+def _circle(flow: Flow, name: str) -> list[str]:
+    """The phases that follow `name` at once, up to itself; none when they don't come back."""
+    path = [name]
+    while (ahead := _at_once(flow.phases.get(path[-1]))) not in (None, name):
+        assert ahead is not None
+        if ahead in path:
+            return []
+        path.append(ahead)
+    return path if ahead == name else []
+
+
+def _at_once(phase: Phase | None) -> str | None:
+    """The phase that follows at once; None when something may be waited for."""
+    for arrow in phase.transitions if phase else ():
+        if arrow.after == 0.0 and arrow.when is None and arrow.event is None:
+            return arrow.target.text
+    return None
+
+
+def phase_conditions(case: Case) -> Iterator[Diagnostic]:
+    """Every `when` of every phase: KYB210 to KYB215."""
+    scope = case.scopes.flow()
+    for _, phase in phases(case.document):
+        for arrow in phase.transitions:
+            if arrow.when is not None:
+                yield from parse(arrow.when, scope)[1]

@@ -1,0 +1,185 @@
+"""Obstacles and where the vehicles stand, fly and return to: KYB340 to KYB343."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from math import hypot, inf
+
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.space import footprints
+from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.document import ObstacleUse, State, Vehicle
+from kybflow.geometry import Vec3, distance
+from kybflow.parts import GROUND, Footprint
+from kybflow.shapes import Box, Cylinder, Plane, Shape
+from kybflow.units import LENGTH, format_quantity
+
+_ROUNDING = 1e-6
+_STEPS = 60
+_RATIO = 0.6180339887498949  # of the golden section
+
+
+def starts_inside(case: Case) -> Iterator[Diagnostic]:
+    """KYB340: a vehicle starts inside an obstacle or touches it. It may stand on one."""
+    for vehicle in case.vehicles():
+        for obstacle in case.document.obstacles:
+            room = obstacle.shape.distance(vehicle.start)
+            if room >= vehicle.airframe.arm - _ROUNDING or _carries(
+                obstacle, vehicle.start, vehicle
+            ):
+                continue
+            yield Diagnostic(
+                "KYB340",
+                f"`{vehicle.name.text}` starts in the obstacle `{obstacle.name.text}`",
+                vehicle.start_span,
+                label=_near(vehicle, room),
+                notes=(_stands(obstacle),),
+                help="start further away",
+            )
+            break
+
+
+def flies_into(case: Case) -> Iterator[Diagnostic]:
+    """KYB341: a behavior leads its vehicle into an obstacle, from an entry that it can have.
+
+    The path between the points of a behavior, where that is known, must stay further from every
+    obstacle than the vehicle's arm. An obstacle that carries the vehicle before a take-off or after
+    a landing is none to it, nor is one that it is too close to already.
+    """
+    for vehicle, state, entry, footprint in (
+        case.once(footprints) if case.document.obstacles else ()
+    ):
+        path, arm = path_of(footprint), vehicle.airframe.arm - _ROUNDING
+        for obstacle in case.document.obstacles:
+            if entry is not None and obstacle.shape.distance(entry) < arm:
+                continue
+            room, point = nearest(path, obstacle.shape, arm)
+            if room >= arm or (_is_vertical(state) and _carries(obstacle, path[0], vehicle)):
+                continue
+            yield Diagnostic(
+                "KYB341",
+                f"`{state.name.text}` ({state.part.name.text}) flies into `{obstacle.name.text}`",
+                state.part.name.span,
+                label=f"at {_point(point)}, {_near(vehicle, room)}",
+                notes=(_stands(obstacle), *footprint.line_of(point)),
+                help="lead it round with `follow_path`, or further away",
+            )
+            break
+
+
+def may_fly_into(case: Case) -> Iterator[Diagnostic]:
+    """KYB342: it can't be told whether a behavior stays clear of an obstacle, because only the
+    bounds of its path are known and the obstacle stands within."""
+    for vehicle, state, _, footprint in case.once(footprints):
+        if path_of(footprint) or not footprint.points:
+            continue
+        low, high = (tuple(map(end, zip(*footprint.points, strict=True))) for end in (min, max))
+        centre: Vec3 = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
+        reach = distance(low, high) / 2 + vehicle.airframe.arm
+        near = (o for o in case.document.obstacles if o.shape.distance(centre) < reach)
+        obstacle = next(near, None)
+        if obstacle is not None:
+            yield Diagnostic(
+                "KYB342",
+                f"can't tell whether `{state.name.text}` stays clear of `{obstacle.name.text}`",
+                state.part.name.span,
+                label="only the bounds of its path are known",
+                notes=(_stands(obstacle),),
+                severity=Severity.WARNING,
+            )
+
+
+def homes(case: Case) -> Iterator[Diagnostic]:
+    """KYB343: the place that `go_home` flies to, and where the failsafe may land the vehicle, is
+    outside the fence or in an obstacle."""
+    fence = case.document.fence
+    for vehicle in case.vehicles():
+        home, span = vehicle.home, vehicle.home_span
+        if home is None or span is None:
+            continue
+        name, label, note = vehicle.name.text, "", ""
+        if fence is not None and fence.outside_by(home) > _ROUNDING:
+            beyond = format_quantity(fence.outside_by(home), LENGTH)
+            label, note = f"{_point(home)} is {beyond} outside", _within(fence)
+        for obstacle in case.document.obstacles:
+            room = obstacle.shape.distance(home)
+            if room < vehicle.airframe.arm - _ROUNDING and not _carries(obstacle, home, vehicle):
+                label, note = _near(vehicle, room), _stands(obstacle)
+        if label:
+            message = f"`{name}` can't go home"
+            yield Diagnostic("KYB343", message, span, label=label, notes=(note,))
+
+
+def path_of(footprint: Footprint) -> tuple[Vec3, ...]:
+    """The points that straight lines join along the path; none where it is not known. Two points
+    bound nothing but the line between them."""
+    return footprint.path or (footprint.points if len(footprint.points) <= 2 else ())
+
+
+def nearest(path: tuple[Vec3, ...], shape: Shape, enough: float) -> tuple[float, Vec3]:
+    """The least distance of a path from a shape, and where. Lines that keep `enough` away are not
+    looked at closely."""
+    found = min(((shape.distance(p), p) for p in path), default=(inf, (0.0, 0.0, 0.0)))
+    for a, b in pairwise(path):
+        middle = _between(a, b, 0.5)
+        if shape.distance(middle) - distance(a, b) / 2 < min(enough, found[0]):
+            found = min(found, _on_line(a, b, shape))
+    return found
+
+
+def _on_line(a: Vec3, b: Vec3, shape: Shape) -> tuple[float, Vec3]:
+    """The least distance of a line from a shape, by golden section: that of a convex solid has one
+    minimum along a line."""
+    low, high = 0.0, 1.0
+    for _ in range(_STEPS):
+        left, right = high - _RATIO * (high - low), low + _RATIO * (high - low)
+        if shape.distance(_between(a, b, left)) <= shape.distance(_between(a, b, right)):
+            high = right
+        else:
+            low = left
+    point = _between(a, b, low)
+    return shape.distance(point), point
+
+
+def _between(a: Vec3, b: Vec3, part: float) -> Vec3:
+    x, y, z = (p + part * (q - p) for p, q in zip(a, b, strict=True))
+    return x, y, z
+
+
+def _is_vertical(state: State) -> bool:
+    return any(GROUND in leg and leg.start is not leg.end for leg in state.part.spec.cls.flight)
+
+
+def _carries(obstacle: ObstacleUse, point: Vec3, vehicle: Vehicle) -> bool:
+    """Whether the vehicle, at or above the top of the obstacle, has all of itself over it."""
+    (x, y, z), shape = point, obstacle.shape
+    match shape:
+        case Box(low, high):
+            top = high[2]
+            inside = min(x - low[0], high[0] - x, y - low[1], high[1] - y)
+        case Cylinder(at, radius, height):
+            top = at[2] + height
+            inside = radius - hypot(x - at[0], y - at[1])
+        case Plane(at, facing) if facing[2] >= 1.0 - _ROUNDING:
+            top, inside = at[2], inf
+        case _:
+            return False
+    return z >= top - _ROUNDING and inside >= vehicle.airframe.arm - _ROUNDING
+
+
+def _near(vehicle: Vehicle, room: float) -> str:
+    where = f"{format_quantity(-room, LENGTH)} inside" if room < 0 else "too close"
+    return f"{where}; it needs {format_quantity(vehicle.airframe.arm, LENGTH)} around it"
+
+
+def _stands(obstacle: ObstacleUse) -> str:
+    return f"`{obstacle.name.text}` stands in the world at {obstacle.span.at}"
+
+
+def _within(fence: Box) -> str:
+    return f"the fence goes from {_point(fence.low)} to {_point(fence.high)}"
+
+
+def _point(point: Vec3) -> str:
+    return "[" + ", ".join(f"{round(c, 6) + 0.0:.4g}" for c in point) + "] m"

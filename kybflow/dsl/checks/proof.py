@@ -1,0 +1,201 @@
+"""The proof that everything that flies comes down: KYB205, KYB251 and KYB252.
+
+It walks the graph of states as they are entered in each flight condition (`flights`), with the
+arrows of the mission and those that the language adds: what ends without a `then` brakes, hovers
+and lands, what fails without a `failed` does so too, and a landing that fails goes down blind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from collections.abc import Set as AbstractSet
+
+from kybflow.dsl.checks.case import TARGETS, Case
+from kybflow.dsl.checks.entries import endless_states
+from kybflow.dsl.checks.flights import Flights, Link, Node, comes_down, flights_of
+from kybflow.dsl.checks.links import reached_states
+from kybflow.dsl.checks.told import OPERATOR
+from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.document import Transition, Vehicle
+from kybflow.parts import AIR, GROUND
+
+
+def never_lands(case: Case) -> Iterator[Diagnostic]:
+    """KYB205: from a behavior in the air no sequence of arrows reaches the ground.
+
+    A behavior that ends and has no `then` is followed by `brake`, `hover` and, after the hover
+    limit, a landing. So this is a behavior without an end that no `next` or `within` ends, or a
+    circle of `then` that no `next` leaves, and no callback or flow asks for what comes down.
+    Failures do not count as a way out, nor does a `within` where the behavior ends before it. A
+    `then` that is never taken is reported as KYB206 alone.
+    """
+    for vehicle, flights in case.once(_sound):
+        endless = endless_states(vehicle) - _told(vehicle)
+        down = comes_down(vehicle, flights, endless)
+        if _asked_down(vehicle, down):
+            continue
+        for path in _traps(vehicle, flights, flights.nodes - down, endless):
+            yield Diagnostic(
+                "KYB205",
+                f"after `{path[0]}` the vehicle never comes down",
+                vehicle.states[path[0]].name.span,
+                label="no way to the ground from here",
+                notes=(_told_path(vehicle, flights, path),),
+                help=_way_out(path),
+            )
+
+
+def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
+    """KYB251: nothing but a condition or an event ends a behavior or a circle in the air. Should it
+    never come, the vehicle flies until its battery or the time limit of the run lands it.
+
+    It is enough that a behavior of the circle goes elsewhere when it ends; one without an end needs
+    a `within`, or an `after` without a condition. An event of the operator is enough too, and so is
+    what a callback or a flow asks for.
+    """
+    for vehicle, flights in case.once(_sound):
+        endless = endless_states(vehicle)
+        down = comes_down(vehicle, flights, endless)
+        if vehicle.asked or not flights.nodes <= down:
+            continue
+        surely = comes_down(vehicle, flights, endless, _comes_surely)
+        for path in _traps(vehicle, flights, flights.nodes - surely, endless):
+            yield Diagnostic(
+                "KYB251",
+                f"only a condition or an event ends `{path[0]}`",
+                vehicle.states[path[0]].name.span,
+                label="no way out that surely opens",
+                notes=(_told_path(vehicle, flights, path),),
+                help=_way_out(path),
+                severity=Severity.WARNING,
+            )
+
+
+def failures_that_circle(case: Case) -> Iterator[Diagnostic]:
+    """KYB252: a behavior in the air that fails, or takes too long, comes back to itself by failures
+    alone: what makes it fail for good keeps the vehicle in the air.
+
+    Without a `failed` of its own, what flies brakes and lands, and a landing that fails goes down
+    blind: a failure then always ends on the ground.
+    """
+    for vehicle, flights in case.once(_sound):
+        failing = {link.source: link for link in flights.links if link.transition.cause == "failed"}
+        told: set[str] = set()
+        for node in sorted(failing, key=lambda n: list(vehicle.states).index(n.state)):
+            circle = _failures(node, failing)
+            if not circle or node.flight is GROUND or node.state in told:
+                continue
+            told.update(link.source.state for link in circle)
+            states = [link.source.state for link in circle]
+            yield Diagnostic(
+                "KYB252",
+                f"when `{node.state}` keeps failing the vehicle never comes down",
+                circle[0].transition.target.span,
+                label="leads back by failures alone",
+                notes=("`" + "` → `".join([*states, states[0]]) + "` → ...",),
+                help="let one of them fail to `auto_land`, or leave `failed` away",
+            )
+
+
+def _failures(first: Node, failing: dict[Node, Link]) -> list[Link]:
+    """The arrows from `first` back to it, each a failure; none where they end elsewhere."""
+    circle = [failing[first]]
+    for _ in failing:
+        link = circle[-1]
+        successor = Node(link.transition.target.text, link.flight)
+        if successor.state == first.state:
+            return circle
+        if successor not in failing:
+            break
+        circle.append(failing[successor])
+    return []
+
+
+def _sound(case: Case) -> Iterator[tuple[Vehicle, Flights]]:
+    """The vehicles whose arrows all lead somewhere and meet; before that nothing can be proven."""
+    for vehicle in case.vehicles():
+        flights = flights_of(case, vehicle)
+        if not flights.broken and reached_states(vehicle) <= {*vehicle.states, *TARGETS}:
+            yield vehicle, flights
+
+
+def _comes_surely(arrow: Transition, is_endless: bool) -> bool:
+    """Whether an arrow opens without anything that may never be, and nothing before it."""
+    if arrow.event is not None:
+        return arrow.when is None and arrow.event.text.startswith(OPERATOR)
+    if not is_endless:
+        return arrow.cause == "then"
+    return arrow.cause == "within" or (arrow.cause == "next" and arrow.when is None)
+
+
+def _way_out(path: list[str]) -> str:
+    """What to do about a trap: a circle goes on for ever, or one behavior does."""
+    if len(path) > 1:
+        return "let the last of them go on to a landing, such as `auto_land`"
+    return "add a `within`, or a `next` with `after: 60 s`, that leads to a landing"
+
+
+def _asked_down(vehicle: Vehicle, down: AbstractSet[Node]) -> bool:
+    """Whether a callback or a flow asks for something that comes down."""
+    own = any(Node(state, AIR) in down for state in vehicle.asked)
+    return own or not vehicle.asked <= vehicle.states.keys()
+
+
+def _told(vehicle: Vehicle) -> set[str]:
+    """The states with a `then`: where it is never taken, KYB206 says so."""
+    states = vehicle.states.items()
+    return {name for name, s in states if any(t.cause == "then" for t in s.transitions)}
+
+
+def _traps(
+    vehicle: Vehicle, flights: Flights, stuck: AbstractSet[Node], endless: AbstractSet[str]
+) -> Iterator[list[str]]:
+    """Each state that never ends and each circle of `then` among the `stuck`, once: its states, the
+    first again at the end of a circle."""
+    names = {node.state for node in stuck}
+    thens = (link for link in flights.links if link.transition.cause == "then")
+    ahead = {link.source.state: link.transition.target.text for link in thens}
+    told: set[str] = set()
+    for name in [*(n for n in vehicle.states if n in endless), *vehicle.states]:
+        if name in names and name not in told:
+            path = _along(name, ahead, endless)
+            if told.isdisjoint(path):
+                yield path
+            told.update(path)
+
+
+def _along(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[str]:
+    """The states from `name` on, along `then`, up to the first that comes twice or never ends."""
+    path, passed = [name], {name}
+    while path[-1] in ahead and path[-1] not in endless:
+        path.append(ahead[path[-1]])
+        if path[-1] in passed:
+            break
+        passed.add(path[-1])
+    return path
+
+
+def _told_path(vehicle: Vehicle, flights: Flights, path: list[str]) -> str:
+    """The counter-example: from the first state into the trap, and round in it."""
+    names = [*_way(vehicle.begin.text, path[0], flights)[:-1], *path]
+    shown = "`" + "` → `".join(names) + "`"
+    if path[-1] in path[:-1]:
+        return f"{shown} → ..."
+    part = vehicle.states[path[-1]].part.name.text
+    return f"{shown} ({part}) never ends by itself"
+
+
+def _way(start: str, goal: str, flights: Flights) -> list[str]:
+    """The shortest way along the arrows; the goal alone where it is asked for from outside."""
+    came: dict[str, str] = {start: ""}
+    waiting = [start]
+    for state in waiting:
+        for link in flights.links:
+            target = link.transition.target.text
+            if link.source.state == state and target not in came:
+                came[target] = state
+                waiting.append(target)
+    way = [goal] if goal in came else ["", goal]
+    while came.get(way[0]):
+        way.insert(0, came[way[0]])
+    return [state for state in way if state]

@@ -1,0 +1,69 @@
+"""The shape of `world:`, and of a library's `worlds:`."""
+
+from __future__ import annotations
+
+from kybflow.dsl.schema import Schema, quantity, vector
+from kybflow.dsl.skeleton_base import mapping, named, text
+from kybflow.units import LENGTH, NUMBER
+
+
+def world() -> Schema:
+    """A mission's world: the name of one, or its own, which may be `like` another."""
+    whole = _mapping_of_world()
+    says = "Name of a library's world, or what bounds the flight, stands in its way and has a name."
+    return {**whole, "type": ["string", "object"], "description": says}
+
+
+def worlds() -> Schema:
+    """The worlds of a library."""
+    return named("Worlds by name.", _mapping_of_world())
+
+
+def _mapping_of_world() -> Schema:
+    return mapping(
+        "world",
+        "Where it flies.",
+        {
+            "like": text("Start from this world: mappings merge, `null` removes."),
+            "fence": _fence(),
+            "points": named(
+                "Places by name, world frame (ENU); `world.points.NAME` stands for one.",
+                vector(LENGTH, "A place."),
+            ),
+            "obstacles": named("What stands in the way, by name.", _obstacle()),
+        },
+    )
+
+
+def _fence() -> Schema:
+    return mapping(
+        "fence",
+        "The box that no vehicle may leave.",
+        {"from": vector(LENGTH, "Its lowest corner."), "to": vector(LENGTH, "Its highest corner.")},
+        required=["from", "to"],
+    )
+
+
+def _obstacle() -> Schema:
+    at, radius = vector(LENGTH, "Its centre."), quantity(LENGTH, "Its radius.", exclusiveMinimum=0)
+    foot = vector(LENGTH, "The centre of its foot.")
+    height = quantity(LENGTH, "From its foot up.", exclusiveMinimum=0)
+    low, high = vector(LENGTH, "Its lowest corner."), vector(LENGTH, "Its highest corner.")
+    point = vector(LENGTH, "A point on it.")
+    facing = vector(NUMBER, "Its direction, of any length; what is behind it is solid.")
+    return mapping(
+        "obstacle",
+        "One solid: a box, a cylinder, a sphere or a plane.",
+        {
+            "box": _solid("box", "A box along the axes.", {"from": low, "to": high}),
+            "cylinder": _solid(
+                "cylinder", "An upright cylinder.", {"at": foot, "radius": radius, "height": height}
+            ),
+            "sphere": _solid("sphere", "A ball.", {"at": at, "radius": radius}),
+            "plane": _solid("plane", "A wall without end.", {"at": point, "facing": facing}),
+        },
+    )
+
+
+def _solid(name: str, help: str, properties: Schema) -> Schema:
+    return mapping(name, help, properties, required=list(properties))

@@ -1,0 +1,28 @@
+"""Faults of the document as YAML that reads back as the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kybflow.dsl.document import Document, FaultUse
+from kybflow.dsl.written_values import Line, parameters, place, quantity, quoted
+from kybflow.units import DURATION
+
+
+def fault_lines(document: Document) -> Iterator[Line]:
+    """`faults:` with each on a line; nothing where there is none."""
+    if document.faults:
+        yield "faults:", place(document.spans.get("faults"))
+    for fault in document.faults:
+        yield f"  - {_fault(fault)}", fault.span.at
+
+
+def _fault(fault: FaultUse) -> str:
+    pairs = [f"on: {fault.vehicle.text}", f"inject: {fault.part.spec.name}"]
+    if fault.time is not None:
+        pairs.insert(0, f"at: {quantity(fault.time, DURATION)}")
+    if fault.when is not None:
+        pairs.insert(0, f"when: {quoted(fault.when.text)}")
+    if fault.duration is not None:
+        pairs.append(f"for: {quantity(fault.duration, DURATION)}")
+    return "{" + ", ".join((*pairs, *parameters(fault.part))) + "}"

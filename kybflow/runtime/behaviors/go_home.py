@@ -1,0 +1,95 @@
+"""Fly home: up to a safe height where the vehicle is lower, then level and straight to above home.
+
+Home is the vehicle's `home` in the mission, its start where none is given. The height is the
+present one, or `height` above the ground of the start where that is more, but always 0.3 m below
+the fence's top. Both legs are rest-to-rest profiles (`kybflow.runtime.profiles`); entered in motion
+it sheds that velocity on the way. It is done above home when the vehicle is within `tolerance`, and
+`patience` after the planned end in any case: what follows lands it, wherever it is.
+
+Refuses to start when an obstacle is closer to the way than the vehicle's diameter and 20 cm; then
+it lands where it is. World frame, metres; the heading is kept.
+"""
+
+from __future__ import annotations
+
+from kybflow.errors import Refused
+from kybflow.geometry import Vec3, distance
+from kybflow.parts import AIR, MOVING, Behavior, Entry, Footprint, param, params
+from kybflow.runtime.motion import Coast, Straight, cruise_speed
+from kybflow.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.units import Acceleration, Duration, Length, Speed
+
+_UNDER_TOP = 0.3
+_CLEARANCE = 0.2
+_STEP = 0.05
+
+
+@params
+class GoHomeParams:
+    height: Length = param(
+        "Least height above the ground of the start at which it flies.",
+        default=1.0,
+        above=0.0,
+        read_only=True,
+    )
+    speed: Speed = param("Largest speed.", default=0.5, above=0.0, read_only=True)
+    acceleration: Acceleration = param(
+        "Largest acceleration and deceleration.", default=0.7, above=0.0, read_only=True
+    )
+    tolerance: Length = param("Distance that counts as there.", default=0.1, above=0.0)
+    patience: Duration = param(
+        "Time past the planned end when it is done in any case.", default=5.0, at_least=0.0
+    )
+
+
+class GoHome(
+    Behavior[GoHomeParams], flight=(AIR >> AIR, MOVING >> AIR), emits=SetpointKind.POSITION
+):
+    def __init__(self, params: GoHomeParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self._heading = entry.heading
+        self._coast = Coast.entering(entry)
+        stop = self._coast.end
+        above = (*stop[:2], _safe_height(params, entry, stop))
+        x, y, _ = entry.site.home or entry.site.start
+        self._goal: Vec3 = (x, y, above[2])
+        speed = cruise_speed(params.speed, entry)
+        self._up = Straight(stop, above, speed, params.acceleration)
+        self._over = Straight(above, self._goal, speed, params.acceleration)
+        self._turns = max(self._coast.duration, self._up.duration)
+        self._end = self._turns + self._over.duration
+        _check_clear(entry, above, self._goal)
+
+    def update(self, tick: Tick) -> Setpoint | Done:
+        time = tick.elapsed
+        motion = self._up.at(time) if time < self._turns else self._over.at(time - self._turns)
+        if time < self._coast.duration:
+            motion = motion.plus(self._coast.shift(time))
+        setpoint = motion.setpoint(self._heading)
+        if time < self._end:
+            return setpoint
+        there = distance(tick.known().position, self._goal) <= self.params.tolerance
+        return Done(setpoint) if there or time > self._end + self.params.patience else setpoint
+
+    @classmethod
+    def footprint(cls, params: GoHomeParams, entry: Vec3 | None) -> Footprint | None:
+        return None
+
+
+def _safe_height(params: GoHomeParams, entry: Entry, stop: Vec3) -> float:
+    height = max(stop[2], entry.site.start[2] + params.height)
+    if entry.site.fence is None:
+        return height
+    return max(min(height, entry.site.fence.high[2] - _UNDER_TOP), min(stop[2], height))
+
+
+def _check_clear(entry: Entry, above: Vec3, goal: Vec3) -> None:
+    """Raises Refused for the first obstacle that is too close to the level way home."""
+    keep = entry.site.airframe.diameter + _CLEARANCE
+    steps = max(1, round(distance(above, goal) / _STEP))
+    for name, shape in entry.site.obstacles.items():
+        for i in range(steps + 1):
+            s = i / steps
+            x, y, z = (a + s * (b - a) for a, b in zip(above, goal, strict=True))
+            if shape.distance((x, y, z)) < keep:
+                raise Refused(f"the obstacle `{name}` is in the way home")

@@ -1,0 +1,138 @@
+"""Fly on with a constant velocity until a condition, a distance or a time ends it.
+
+For looking for something whose place is not known: "go east until the tag is seen". The condition
+is a `next` of the mission; the behavior itself ends smoothly at `at_most` or after `for_time`,
+whichever comes first, so that a condition that never comes true ends it too:
+
+    search: {do: run_until, velocity: [0.4, 0, 0], at_most: 2 m, then: not_found,
+             next: [{when: distance(a to b) < 80 cm, go: found}]}
+
+TeleKyb has no such behavior; there a person at the joystick stopped it. It gives setpoints of
+velocity, because what counts is the way over ground until something happens, not a schedule: a
+vehicle that is held back does not run after a setpoint that went ahead. The speed rises with the
+smoothstep S, and falls with its mirror image, the acceleration at most `acceleration`
+(`kybflow.runtime.profiles`; where there is no room for the speed asked for, a lower one). It begins
+to slow down when what is left of `at_most`, measured by the estimate along the velocity, is what
+slowing down takes.
+
+Done when it has come to rest. Fails when it has not after `patience` more than the way should take:
+something holds it back. Whoever follows takes over the velocity of the moment and sheds it. The
+heading and, as far as an estimated velocity can, the height are kept. World frame.
+"""
+
+from __future__ import annotations
+
+from kybflow.errors import Refused
+from kybflow.geometry import Vec3, add, dot, norm, scale, sub
+from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
+from kybflow.runtime.motion import Coast, cruise_speed
+from kybflow.runtime.profiles import STEEPEST, Profile, smoothstep
+from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.units import Acceleration, Duration, Length, Velocity
+
+
+@params
+class RunUntilParams:
+    velocity: Velocity = param("Velocity, world frame.", read_only=True)
+    at_most: Length = param(
+        "Way over ground after which it has stopped in any case.", above=0.0, read_only=True
+    )
+    for_time: Duration | None = param(
+        "Time after which it has stopped in any case.", default=None, above=0.0, read_only=True
+    )
+    acceleration: Acceleration = param(
+        "Largest acceleration and deceleration.", default=0.7, above=0.0, read_only=True
+    )
+    patience: Duration = param(
+        "Time past the planned end after which it has failed.", default=10.0, above=0.0
+    )
+
+
+class RunUntil(Behavior[RunUntilParams], flight=AIR >> AIR, emits=SetpointKind.VELOCITY):
+    def __init__(self, params: RunUntilParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        asked = norm(params.velocity)
+        reason = self.refusal(params, entry.position)
+        if reason is not None:
+            raise Refused(reason)
+        self._heading = entry.heading
+        self._coast = Coast.entering(entry)
+        self._direction = scale(params.velocity, 1.0 / asked)
+        plan = Profile.within(params.at_most, cruise_speed(asked, entry), params.acceleration)
+        self._speed = plan.speed
+        if params.for_time is not None:
+            self._speed = min(self._speed, 0.5 * params.for_time * params.acceleration / STEEPEST)
+        self._ramp = STEEPEST * self._speed / params.acceleration
+        self._end = self._ramp + params.at_most / self._speed
+        self._slowing: float | None = None
+        self._peak = self._speed
+
+    def update(self, tick: Tick) -> Setpoint | Done | Failed:
+        time, gone = tick.elapsed, self._gone(tick.known().position)
+        if self._slowing is None and self._must_slow(time, gone):
+            self._slowing, (self._peak, *_) = time, self._rising(time)
+        speed, pull, jolt = self._rising(time) if self._slowing is None else self._falling(time)
+        setpoint = self._setpoint(time, speed, pull, jolt)
+        if self._slowing is not None:
+            rests = time >= max(self._slowing + self._slowing_time, self._coast.duration)
+            return Done(setpoint) if rests else setpoint
+        if time > self._end + self.params.patience:
+            return Failed(setpoint, f"only {gone:.2f} m of {self.params.at_most:g} m")
+        return setpoint
+
+    def _gone(self, position: Vec3) -> float:
+        """The way over ground along the velocity, beyond what the coasting takes."""
+        return dot(sub(position, self._coast.end), self._direction)
+
+    @property
+    def _slowing_time(self) -> float:
+        return STEEPEST * self._peak / self.params.acceleration
+
+    def _must_slow(self, time: float, gone: float) -> bool:
+        speed, *_ = self._rising(time)
+        takes = STEEPEST * speed / self.params.acceleration
+        if gone >= self.params.at_most - 0.5 * speed * takes:
+            return True
+        over = self.params.for_time
+        return over is not None and time >= over - takes
+
+    def _rising(self, time: float) -> tuple[float, float, float]:
+        """Speed, acceleration and jerk along the velocity while it rises, and at its height."""
+        if time >= self._ramp:
+            return self._speed, 0.0, 0.0
+        _, value, slope, bend = smoothstep(time / self._ramp)
+        rate = self._speed / self._ramp
+        return self._speed * value, rate * slope, rate / self._ramp * bend
+
+    def _falling(self, time: float) -> tuple[float, float, float]:
+        span = self._slowing_time
+        left = 0.0 if self._slowing is None else self._slowing + span - time
+        if left <= 0.0 or span <= 0.0:
+            return 0.0, 0.0, 0.0
+        _, value, slope, bend = smoothstep(min(left / span, 1.0))
+        rate = self._peak / span
+        return self._peak * value, -rate * slope, rate / span * bend
+
+    def _setpoint(self, time: float, speed: float, pull: float, jolt: float) -> Setpoint:
+        way = self._direction
+        _, velocity, acceleration, jerk = self._coast.at(time)
+        return Setpoint(
+            SetpointKind.VELOCITY,
+            None,
+            add(velocity, scale(way, speed)),
+            add(acceleration, scale(way, pull)),
+            add(jerk, scale(way, jolt)),
+            self._heading,
+        )
+
+    @classmethod
+    def footprint(cls, params: RunUntilParams, entry: Vec3 | None) -> Footprint | None:
+        speed = norm(params.velocity)
+        if entry is None or speed == 0.0:
+            return None
+        end = add(entry, scale(params.velocity, params.at_most / speed))
+        return Footprint((entry, end), speed, end if params.for_time is None else None)
+
+    @classmethod
+    def refusal(cls, params: RunUntilParams, entry: Vec3) -> str | None:
+        return None if norm(params.velocity) > 0.0 else "its velocity is zero"

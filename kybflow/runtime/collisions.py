@@ -1,0 +1,24 @@
+"""Collisions, as a simulator knows them: told to who records, not heard by any vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.parts import Link
+from kybflow.runtime.events import Events
+
+
+class Collisions:
+    """The engine calls `step` twenty times a second. `first` says what ran into what first, None
+    while nothing did; a run with a collision has not ended as it should."""
+
+    def __init__(self, links: Mapping[str, Link], events: Events) -> None:
+        self.first: str | None = None
+        self._links, self._events = tuple(links.items()), events
+
+    def step(self) -> None:
+        """Tell what vehicles ran into since the last step."""
+        for name, link in self._links:
+            for other in link.collisions():
+                self.first = self.first or f"`{name}` ran into `{other}`"
+                self._events.note("collided", name, into=other)

@@ -1,0 +1,179 @@
+"""Dead reckoning on the IMU, for the seconds in which nothing else tells where the vehicle is.
+
+With f, w the IMU's specific force and turn rate, b and c their biases, R the attitude:
+
+    R' = R (w - c),    v' = R (f - b) - g,    p' = v
+
+While the vehicle flies on another estimate that is younger than `fresh`, an observer follows it and
+learns the biases. With e and d the differences of that estimate's position and attitude (a rotation
+vector, body frame) from these, and k the `bandwidth` in rad/s:
+
+    p' += 3 k e,  v' += 3 k^2 e,  b' = -k^3 R^T e,      R' += 2 k d,  c' = -k^2 d
+
+all poles at -k (a Luenberger observer: Franklin, Powell and Emami-Naeini, "Feedback Control of
+Dynamic Systems", sec. 7.5); attitude as in Mahony, Hamel and Pflimlin, IEEE TAC 2008, eq. 13. The
+gains shrink by 1 + (spread / 1 cm)^2, so that a noisy estimate teaches little. A tilt's error looks
+like a bias and is learnt with it. After half a second without such an estimate the state is set to
+the next one; the biases are kept. There is no estimate before the first, nor when no IMU came for
+0.1 s.
+
+age: of the newest IMU measurement. spread, metres: with s that of the last estimate followed and t
+the seconds since then, sqrt(s^2 + (speed_error t)^2 + (u t^2 / 2)^2), where u goes from
+`first_drift` to `drift` as exp(-k / 2) a second while another's estimate is followed.
+
+Measured in simulation, 20 seeds of missions/fallback.yaml, biases learnt: 6 cm off on average and
+10 cm at worst after 2.3 s on a circle, 16 cm at worst after 3 s of hovering.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import pi, sqrt
+
+from kybflow.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate, rotate
+from kybflow.parts import Estimator, param, params
+from kybflow.signals import NS, Estimate, Imu, Measurement, MeasurementKind, Time
+from kybflow.site import Site
+from kybflow.units import Acceleration, Duration, Frequency, Speed
+
+SILENT = NS // 10
+"""An IMU that was not heard for so long tells nothing about the motion since."""
+LONGEST_LEAP = 0.5
+"""Seconds without an anchor after which the next one is taken as it is."""
+NOISY = 0.01
+MOST_ACCELERATION, MOST_TURN = 1.0, 0.1
+"""Bounds of the biases, m/s^2 and rad/s, along each axis."""
+
+
+@params
+class InertialParams:
+    fresh: Duration = param(
+        "Another's estimate is followed while its newest measurement is younger.",
+        default=0.05, above=0.0,
+    )  # fmt: skip
+    bandwidth: Frequency = param(
+        "How fast another's estimate is followed and the biases are learnt.",
+        default=0.5, above=0.0, at_most=2.0,
+    )  # fmt: skip
+    speed_error: Speed = param(
+        "Standard deviation of the velocity's error when dead reckoning begins.",
+        default=0.02, at_least=0.0,
+    )  # fmt: skip
+    drift: Acceleration = param(
+        "Standard deviation of the acceleration's error, biases learnt.",
+        default=0.05, at_least=0.0,
+    )  # fmt: skip
+    first_drift: Acceleration = param(
+        "The same before anything is learnt.", default=0.3, at_least=0.0
+    )
+
+
+class Inertial(Estimator[InertialParams]):
+    """See the module."""
+
+    needs = frozenset({MeasurementKind.IMU})
+
+    def __init__(self, params: InertialParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._time: Time | None = None
+        self._anchored: Time | None = None
+        self._anchor_spread = 0.0
+        self._unlearnt = 1.0
+        self._position, self._velocity = ZERO, ZERO
+        self._attitude: Quat = LEVEL
+        self._rates = ZERO
+        self._accelerometer_bias = self._gyro_bias = ZERO
+
+    def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
+        for measurement in measurements:
+            if type(measurement) is Imu:
+                self._move(measurement)
+        if self._anchored is None or self._time is None or now - self._time > SILENT:
+            return None
+        ahead = (now - self._time) / NS
+        (px, py, pz), (vx, vy, vz) = self._position, self._velocity
+        return Estimate(
+            now,
+            (px + ahead * vx, py + ahead * vy, pz + ahead * vz),
+            self._velocity,
+            self._attitude,
+            self._rates,
+            "inertial",
+            ahead,
+            self._spread((now - self._anchored) / NS),
+        )
+
+    def anchor(self, estimate: Estimate) -> None:
+        age = estimate.age
+        if age > self.params.fresh or self._time is None:
+            return
+        seen = estimate.time - round(age * NS)
+        last, self._anchored = self._anchored, seen
+        self._anchor_spread = estimate.spread
+        dt = (seen - last) / NS if last is not None else LONGEST_LEAP
+        if dt >= LONGEST_LEAP:
+            self._position, self._velocity = estimate.position, estimate.velocity
+            self._attitude = estimate.attitude
+        elif dt > 0.0:
+            share = estimate.spread / NOISY
+            self._follow(estimate, 2.0 * pi * self.params.bandwidth / (1.0 + share * share), dt)
+
+    def _move(self, imu: Imu) -> None:
+        """Go on to the IMU's time."""
+        last, self._time = self._time, imu.time
+        bx, by, bz = self._gyro_bias
+        wx, wy, wz = imu.angular_velocity
+        self._rates = rates = (wx - bx, wy - by, wz - bz)
+        if last is None or self._anchored is None or imu.time <= last:
+            return
+        if imu.time - last > SILENT:
+            self._anchored = None
+            return
+        dt = (imu.time - last) / NS
+        bx, by, bz = self._accelerometer_bias
+        fx, fy, fz = imu.specific_force
+        ax, ay, az = rotate(self._attitude, (fx - bx, fy - by, fz - bz))
+        az -= GRAVITY
+        (px, py, pz), (vx, vy, vz) = self._position, self._velocity
+        h = 0.5 * dt
+        self._position = (
+            px + dt * (vx + h * ax), py + dt * (vy + h * ay), pz + dt * (vz + h * az),
+        )  # fmt: skip
+        self._velocity = (vx + dt * ax, vy + dt * ay, vz + dt * az)
+        self._attitude = integrate(self._attitude, rates, dt)
+
+    def _follow(self, estimate: Estimate, k: float, dt: float) -> None:
+        """Draw the state towards the other's, and learn."""
+        (ox, oy, oz), (px, py, pz) = estimate.position, self._position
+        ex, ey, ez = ox - px, oy - py, oz - pz
+        s = min(3.0 * k * dt, 1.0)
+        self._position = (px + s * ex, py + s * ey, pz + s * ez)
+        s *= k
+        vx, vy, vz = self._velocity
+        self._velocity = (vx + s * ex, vy + s * ey, vz + s * ez)
+        s *= -k / 3.0
+        w, x, y, z = self._attitude
+        learnt = rotate((w, -x, -y, -z), (s * ex, s * ey, s * ez))
+        self._accelerometer_bias = _within(self._accelerometer_bias, learnt, MOST_ACCELERATION)
+        mw, mx, my, mz = estimate.attitude
+        two = 2.0 if w * mw + x * mx + y * my + z * mz >= 0.0 else -2.0
+        dx = two * (w * mx - x * mw - y * mz + z * my)
+        dy = two * (w * my + x * mz - y * mw - z * mx)
+        dz = two * (w * mz - x * my + y * mx - z * mw)
+        self._attitude = integrate(self._attitude, (dx, dy, dz), min(2.0 * k * dt, 1.0))
+        s = -k * k * dt
+        self._gyro_bias = _within(self._gyro_bias, (s * dx, s * dy, s * dz), MOST_TURN)
+        self._unlearnt *= max(1.0 - 0.5 * k * dt, 0.0)
+
+    def _spread(self, alone: float) -> float:
+        p = self.params
+        drift = p.drift + (p.first_drift - p.drift) * self._unlearnt
+        slip, bend = p.speed_error * alone, 0.5 * drift * alone * alone
+        return sqrt(self._anchor_spread**2 + slip * slip + bend * bend)
+
+
+def _within(bias: Vec3, change: Vec3, most: float) -> Vec3:
+    x, y, z = bias[0] + change[0], bias[1] + change[1], bias[2] + change[2]
+    return (
+        max(-most, min(most, x)), max(-most, min(most, y)), max(-most, min(most, z)),
+    )  # fmt: skip

@@ -1,0 +1,25 @@
+"""The battery has less left than it had: charge is missing at once.
+
+As with a weak cell. The vehicle reports less, its voltage drops with the charge that is missing,
+and the rotors' thrust with the square of the voltage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.parts import Effect, Fault, param, params
+from kybflow.units import Ratio
+
+
+@params
+class BatterySagParams:
+    by: Ratio = param(
+        "Part of a full battery's charge that is missing.", default=0.3, above=0.0, at_most=1.0,
+        read_only=True,
+    )  # fmt: skip
+
+
+class BatterySag(Fault[BatterySagParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        return {vehicle: Effect(sag=self.params.by)}

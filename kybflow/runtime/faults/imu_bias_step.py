@@ -1,0 +1,29 @@
+"""The IMU's bias jumps: its gyroscopes and accelerometers are off by more from now on.
+
+Added to the biases that the sensor has, along each axis of the body. The on-board controller and an
+estimator that reads the IMU feel the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.geometry import ZERO
+from kybflow.parts import Effect, Fault, param, params
+from kybflow.units import Accelerations, AngularVelocity
+
+
+@params
+class ImuBiasStepParams:
+    gyro: AngularVelocity = param(
+        "Added to the turn rates about body x, y, z.", default=ZERO, read_only=True
+    )
+    accelerometer: Accelerations = param(
+        "Added to the specific force along body x, y, z.", default=ZERO, read_only=True
+    )
+
+
+class ImuBiasStep(Fault[ImuBiasStepParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        p = self.params
+        return {vehicle: Effect(gyro_bias=p.gyro, accelerometer_bias=p.accelerometer)}

@@ -1,0 +1,26 @@
+"""The vehicle's mass changes in flight: something is picked up or dropped.
+
+mass = factor x the body's mass + added, at the centre of mass: the moments of inertia change by the
+same factor as the mass. Nobody tells the controller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.parts import Effect, Fault, param, params
+from kybflow.units import Mass, Ratio
+
+
+@params
+class MassChangeParams:
+    factor: Ratio = param(
+        "Of the mass that it has; below 100 % it is lighter.",
+        default=1.0, at_least=0.2, at_most=5.0, read_only=True,
+    )  # fmt: skip
+    added: Mass = param("Mass that it carries on top.", default=0.0, at_least=0.0, read_only=True)
+
+
+class MassChange(Fault[MassChangeParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        return {vehicle: Effect(mass=self.params.factor, payload=self.params.added)}

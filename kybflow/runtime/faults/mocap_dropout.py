@@ -1,0 +1,29 @@
+"""Motion capture does not see the vehicle: its poses are lost.
+
+Each pose is lost with the probability `share`, independently; all of them without it. Other
+measurements arrive as ever.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.parts import Effect, Fault, param, params
+from kybflow.signals import Measurement, Pose
+from kybflow.units import Ratio
+
+
+@params
+class MocapDropoutParams:
+    share: Ratio = param(
+        "Part of the poses that is lost.", default=1.0, above=0.0, at_most=1.0, read_only=True
+    )
+
+
+class MocapDropout(Fault[MocapDropoutParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        return {vehicle: Effect(filter=self._lose)}
+
+    def _lose(self, measurement: Measurement) -> Measurement | None:
+        lost = isinstance(measurement, Pose) and self.generator.random() < self.params.share
+        return None if lost else measurement

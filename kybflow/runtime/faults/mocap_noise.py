@@ -1,0 +1,40 @@
+"""Motion capture sees the vehicle badly: its poses have more noise.
+
+Normally distributed, on top of the noise that the simulator gives: on the position along each axis
+of the world, on the attitude about each axis of the body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.geometry import Vec3, add, integrate
+from kybflow.parts import Effect, Fault, param, params
+from kybflow.signals import Measurement, Pose
+from kybflow.units import DEG, Angle, Length
+
+
+@params
+class MocapNoiseParams:
+    position: Length = param(
+        "Standard deviation along each axis.", default=0.02, at_least=0.0, read_only=True
+    )
+    attitude: Angle = param(
+        "Standard deviation about each axis.", default=1.0 * DEG, at_least=0.0, read_only=True
+    )
+
+
+class MocapNoise(Fault[MocapNoiseParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        return {vehicle: Effect(filter=self._shake)}
+
+    def _shake(self, measurement: Measurement) -> Measurement | None:
+        if not isinstance(measurement, Pose):
+            return measurement
+        position = add(measurement.position, self._draw(self.params.position))
+        turn = self._draw(self.params.attitude)
+        return Pose(measurement.time, position, integrate(measurement.attitude, turn, 1.0))
+
+    def _draw(self, deviation: float) -> Vec3:
+        draw = self.generator.gauss
+        return (draw(0.0, deviation), draw(0.0, deviation), draw(0.0, deviation))

@@ -1,0 +1,22 @@
+"""Motion capture takes two vehicles for each other: each gets the other's poses.
+
+As after a tracking loss between bodies with alike markers. Each keeps its own noise, rate and
+latency.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.parts import Effect, Fault, param, params
+
+
+@params
+class MocapSwapParams:
+    other: str = param("The vehicle that it is taken for.", names="vehicle", read_only=True)
+
+
+class MocapSwap(Fault[MocapSwapParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        other = self.params.other
+        return {vehicle: Effect(body=other), other: Effect(body=vehicle)}

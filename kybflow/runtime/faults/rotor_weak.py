@@ -1,0 +1,31 @@
+"""One rotor gives less thrust than it is asked for.
+
+As with a chipped blade or a tired motor: its thrust and its drag torque are `left` of what they
+would be, also the most that it can give. Nobody tells the controller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+from kybflow.parts import Effect, Fault, param, params
+from kybflow.units import Ratio
+
+_ROTORS = ("front_left", "rear_left", "rear_right", "front_right")
+
+
+@params
+class RotorWeakParams:
+    rotor: Literal["front_left", "rear_left", "rear_right", "front_right"] = param(
+        "Which one.", default="front_left", read_only=True
+    )
+    left: Ratio = param(
+        "Part of its thrust that is left.", default=0.85, at_least=0.0, at_most=1.0, read_only=True
+    )
+
+
+class RotorWeak(Fault[RotorWeakParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        a, b, c, d = (self.params.left if r == self.params.rotor else 1.0 for r in _ROTORS)
+        return {vehicle: Effect(rotors=(a, b, c, d))}

@@ -1,0 +1,32 @@
+"""The preflight alone: open the drivers, look, close them. Nothing arms, and no run is recorded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from kybflow.dsl.plan import Plan
+from kybflow.runtime.engine import Engine
+from kybflow.runtime.events import Events
+from kybflow.runtime.opening import build_vehicles, clock_for, open_sessions
+from kybflow.runtime.preflight import Line
+from kybflow.runtime.recorder import Recorder
+from kybflow.runtime.score import Score
+
+
+def inspect(plan: Plan, seed: int = 0) -> list[Line]:
+    """Every line of every vehicle. Raises DriverError and PartFailed."""
+    events = Events()
+    sessions = open_sessions(plan, seed)
+    try:
+        with TemporaryDirectory() as folder:
+            recorder = Recorder(Path(folder) / "log.mcap", plan)
+            try:
+                vehicles = build_vehicles(plan, sessions, events, recorder, Score(plan))
+                engine = Engine(plan, clock_for(plan, None), sessions, vehicles, events)
+                return engine.inspect()
+            finally:
+                recorder.close()
+    finally:
+        for session in sessions:
+            session.close()

@@ -1,0 +1,51 @@
+"""Refuse setpoints of kinds that a mission does not mean to fly.
+
+TeleKyb's XMModeCheck, with its defaults: setpoints of position and of velocity pass, setpoints of
+acceleration are refused, because nothing bounds where they take the vehicle. A mission whose
+behaviors or earlier processors give a refused kind does not compile (KYB301), and that includes the
+built-in ones: `brake` and `hover` need positions. What still comes in flight, after an option was
+changed, raises an alarm that asks the failsafe to brake. (TeleKyb also refused mixed modes; here a
+setpoint has one kind.) The setpoint itself passes unchanged.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from kybflow.parts import Processor, param, params
+from kybflow.signals import Alarm, Reaction, Setpoint, SetpointKind, Tick
+
+
+@params
+class ModeCheckParams:
+    position: bool = param("Let setpoints of position pass.", default=True, tightens="down")
+    velocity: bool = param("Let setpoints of velocity pass.", default=True, tightens="down")
+    acceleration: bool = param(
+        "Let setpoints of acceleration pass.", default=False, tightens="down"
+    )
+
+    def lets_pass(self, kind: SetpointKind) -> bool:
+        return {
+            SetpointKind.POSITION: self.position,
+            SetpointKind.VELOCITY: self.velocity,
+            SetpointKind.ACCELERATION: self.acceleration,
+        }.get(kind, True)
+
+
+class ModeCheck(Processor[ModeCheckParams]):
+    accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
+        kind: kind
+        for kind in (SetpointKind.POSITION, SetpointKind.VELOCITY, SetpointKind.ACCELERATION)
+    }
+    safety = True
+    events = ("setpoint_kind_refused",)
+
+    @classmethod
+    def takes(cls, params: ModeCheckParams) -> dict[SetpointKind, SetpointKind]:
+        return {kind: given for kind, given in cls.accepts.items() if params.lets_pass(kind)}
+
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm:
+        if self.params.lets_pass(setpoint.kind):
+            return setpoint
+        reason = f"setpoints of {setpoint.kind.value} are refused"
+        return Alarm("setpoint_kind_refused", Reaction.BRAKE, reason, 1.0, 0.0)

@@ -1,0 +1,154 @@
+"""Take the steps out of setpoints: what jumps becomes a smooth way that ends where it jumped to.
+
+What has no step passes unchanged, bit for bit, with no lag at all. A step against where the last
+setpoint was heading, in position, velocity or acceleration, is kept as an error e = out - in
+that makes the output go on without it, and dies out by the critically damped filter of third order
+
+    e''' + 3 k e'' + 3 k^2 e' + k^3 e = 0,     k = 7.5 / settle
+
+while velocity, acceleration and jerk of the input are passed on. So a step of d is within 2 % after
+`settle`, never overshoots, and is flown with at most 0.27 d k, 0.23 d k^2 and d k^3 of speed,
+acceleration and jerk; behind a trajectory that moves on there is no lag left then. Of setpoints of
+velocity it takes out the steps of velocity and acceleration in the same way. Headings pass.
+(TeleKyb's trajectory smoothing was a chain of four integrators that lagged behind everything.)
+
+It is no safety part and no limit: a large step is flown fast; put `limit_speed` behind it. Steps
+below 1 mm, 1 cm/s and 0.1 m/s^2 pass. World frame.
+"""
+
+from __future__ import annotations
+
+from math import exp
+from typing import ClassVar, NamedTuple
+
+from kybflow.geometry import ZERO, Vec3, add, norm, scale, sub
+from kybflow.parts import Processor, param, params
+from kybflow.signals import NS, Setpoint, SetpointKind, Tick
+from kybflow.site import Site
+from kybflow.units import Duration
+
+_SETTLED = 7.5
+"""k t at which (1 + k t + (k t)^2 / 2) exp(-k t) is 2 %."""
+_GAP = 1.5
+"""Ticks without a call after which a flight goes on from what the tracker follows."""
+
+
+class _Course(NamedTuple):
+    """What is followed, and its first two derivatives: of the position, or of the velocity."""
+
+    value: Vec3
+    slope: Vec3
+    bend: Vec3
+
+    def minus(self, other: _Course) -> _Course:
+        return _Course(*(sub(a, b) for a, b in zip(self, other, strict=True)))
+
+    def plus(self, other: _Course) -> _Course:
+        return _Course(*(add(a, b) for a, b in zip(self, other, strict=True)))
+
+    def ahead(self, jolt: Vec3, dt: float) -> _Course:
+        """Where it is `dt` later with the third derivative `jolt`."""
+        value, slope, bend = self
+        half = 0.5 * dt * dt
+        return _Course(
+            add(add(value, scale(slope, dt)), add(scale(bend, half), scale(jolt, half * dt / 3.0))),
+            add(add(slope, scale(bend, dt)), scale(jolt, half)),
+            add(bend, scale(jolt, dt)),
+        )
+
+
+_NOTHING = _Course(ZERO, ZERO, ZERO)
+_STEPS = {
+    SetpointKind.POSITION: (1e-3, 1e-2, 0.1),
+    SetpointKind.VELOCITY: (1e-2, 0.1, 10.0),
+}
+"""The largest steps that pass, of what is followed and its derivatives."""
+_SPENT = 0.01
+"""The share of those steps below which an error has died out."""
+
+
+@params
+class SmoothParams:
+    settle: Duration = param(
+        "Time in which a step has died out to 2 %.", default=2.0, at_least=0.2, at_most=20.0
+    )
+
+
+class Smooth(Processor[SmoothParams]):
+    accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
+        SetpointKind.POSITION: SetpointKind.POSITION,
+        SetpointKind.VELOCITY: SetpointKind.VELOCITY,
+    }
+
+    def __init__(self, params: SmoothParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._last: Setpoint | None = None
+        self._time = 0
+        self._error = _NOTHING
+
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
+        kind, dt = setpoint.kind, tick.dt
+        course, jolt = _course(setpoint, kind)
+        last = self._last
+        if last is None or tick.now - self._time > _GAP * dt * NS or last.kind is not kind:
+            last, self._error = _followed(tick, kind), _NOTHING
+        else:
+            self._error = _decayed(self._error, _SETTLED / self.params.settle, dt)
+        if last is not None:
+            before, before_jolt = _course(last, kind)
+            step = before.ahead(before_jolt, dt).minus(course)
+            if _exceeds(step, kind, 1.0):
+                self._error = self._error.plus(step)
+        self._last, self._time = setpoint, tick.now
+        if not _exceeds(self._error, kind, _SPENT):
+            self._error = _NOTHING
+            return setpoint
+        return self._bent(setpoint, course, jolt)
+
+    def _bent(self, setpoint: Setpoint, course: _Course, jolt: Vec3) -> Setpoint:
+        k, error = _SETTLED / self.params.settle, self._error
+        pull = add(scale(error.value, k * k * k), scale(error.slope, 3.0 * k * k))
+        jolt = sub(jolt, add(pull, scale(error.bend, 3.0 * k)))
+        value, slope, bend = course.plus(error)
+        if setpoint.kind is SetpointKind.VELOCITY:
+            return setpoint._replace(velocity=value, acceleration=slope, jerk=bend)
+        return setpoint._replace(position=value, velocity=slope, acceleration=bend, jerk=jolt)
+
+
+def _course(setpoint: Setpoint, kind: SetpointKind) -> tuple[_Course, Vec3]:
+    """What is followed where the kind is `kind`, with two derivatives, and the third."""
+    velocity, acceleration = setpoint.velocity or ZERO, setpoint.acceleration or ZERO
+    jerk = setpoint.jerk or ZERO
+    if kind is SetpointKind.VELOCITY:
+        return _Course(velocity, acceleration, jerk), ZERO
+    return _Course(setpoint.position or ZERO, velocity, acceleration), jerk
+
+
+def _followed(tick: Tick, kind: SetpointKind) -> Setpoint | None:
+    """What the tracker followed last, where it is of use for a setpoint of `kind`."""
+    last = tick.setpoint
+    if last is None or last.velocity is None:
+        return None
+    return last if kind is SetpointKind.VELOCITY or last.position is not None else None
+
+
+def _exceeds(course: _Course, kind: SetpointKind, share: float) -> bool:
+    return any(norm(a) > share * most for a, most in zip(course, _STEPS[kind], strict=True))
+
+
+def _decayed(error: _Course, k: float, dt: float) -> _Course:
+    """The error `dt` later: (c0 + c1 t + c2 t^2) exp(-k t), exactly."""
+    if error is _NOTHING:
+        return error
+    e, slope, bend = error
+    c1 = add(slope, scale(e, k))
+    c2 = scale(add(bend, add(scale(slope, 2.0 * k), scale(e, k * k))), 0.5)
+    left = exp(-k * dt)
+    value = add(e, add(scale(c1, dt), scale(c2, dt * dt)))
+    first = add(c1, scale(c2, 2.0 * dt))
+    second = scale(c2, 2.0)
+    return _Course(
+        scale(value, left),
+        scale(sub(first, scale(value, k)), left),
+        scale(add(sub(second, scale(first, 2.0 * k)), scale(value, k * k)), left),
+    )

@@ -1,0 +1,78 @@
+"""Report a position that jumps from one measurement to the next.
+
+Each time that a newer measurement is in the estimate (its `time` less its `age` moves on), the
+position is compared with where the last one would have gone, r = |p - (p' + v' dt)|. Alarm `jumped`
+in the air when r is more than `factor` times its running average over some 20 measurements, and
+more than `at_least`: the flying courier's check of position differences, made blind to the
+vehicle's own speed, so that a gap in the measurements is no jump. The alarm lasts 1 s. A change of
+the estimator begins anew. World frame, metres.
+
+The default reaction is `land_blind`: which of the two positions is wrong can't be known.
+"""
+
+from __future__ import annotations
+
+from kybflow.geometry import add, distance, scale
+from kybflow.parts import Supervisor, param, params
+from kybflow.signals import NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
+from kybflow.site import Site
+from kybflow.units import Length, Number
+
+_SHARE = 0.05
+_LASTS = NS
+_SAME = NS // 1000
+
+
+@params
+class JumpParams:
+    factor: Number = param(
+        "Largest multiple of the average step.", default=4.0, above=1.0, tightens="down"
+    )
+    at_least: Length = param(
+        "Step below which nothing is a jump.", default=0.1, above=0.0, tightens="down"
+    )
+    reaction: ReactionName = param("What the failsafe does.", default="land_blind", tightens="up")
+
+
+class Jump(Supervisor[JumpParams]):
+    always = True
+    events = ("jumped",)
+
+    def __init__(self, params: JumpParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._last: Estimate | None = None
+        self._measured: Time = 0
+        self._average = 0.0
+        self._alarm: Alarm | None = None
+        self._until: Time = 0
+
+    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+        estimate = tick.estimate
+        if estimate is None:
+            self._last = None
+        elif self._is_new(estimate):
+            alarm = self._judged(estimate)
+            if alarm is not None and airborne:
+                self._alarm, self._until = alarm, tick.now + _LASTS
+        return self._alarm if airborne and tick.now < self._until else None
+
+    def _is_new(self, estimate: Estimate) -> bool:
+        measured = estimate.time - round(estimate.age * NS)
+        is_new = self._last is None or measured - self._measured > _SAME
+        if is_new:
+            self._measured = measured
+        return is_new
+
+    def _judged(self, estimate: Estimate) -> Alarm | None:
+        last, self._last = self._last, estimate
+        if last is None or last.source != estimate.source:
+            return None
+        gone = scale(last.velocity, (estimate.time - last.time) / NS)
+        step = distance(estimate.position, add(last.position, gone))
+        p, average = self.params, self._average
+        self._average += _SHARE * (step - average)
+        bound = max(p.factor * average, p.at_least)
+        if step <= bound:
+            return None
+        reason = f"its position jumped by {step:.2f} m, {bound:.2f} m allowed"
+        return Alarm("jumped", Reaction[p.reaction.upper()], reason, step, bound)

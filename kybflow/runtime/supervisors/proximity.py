@@ -1,0 +1,68 @@
+"""Report another vehicle that is too close.
+
+Alarm `too_close` in the air while the distance of the estimates of two vehicles' centres is less
+than half of both diameters and `margin`; once raised it stays until they are 5 cm further apart. A
+vehicle without an estimate is not seen. As nothing closes in faster than 20 m/s, it looks again
+when the narrowest gap could be gone, after 0.1 s at the latest. World frame, metres.
+
+The default reaction is `brake`: both vehicles see each other, both hold, and each goes on when the
+other is gone; where neither is, they land after the mission's `hover_limit`.
+"""
+
+from __future__ import annotations
+
+from kybflow.geometry import distance
+from kybflow.parts import Supervisor, param, params
+from kybflow.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
+from kybflow.site import Site
+from kybflow.units import Length
+
+_APART = 0.05
+_CLOSING = 20.0
+_LATEST = 0.1
+
+
+@params
+class ProximityParams:
+    margin: Length = param(
+        "Distance between two airframes that is left.", default=0.05, at_least=0.0, tightens="up"
+    )
+    reaction: ReactionName = param("What the failsafe does.", default="brake", tightens="up")
+
+
+class Proximity(Supervisor[ProximityParams]):
+    always = True
+    unhurried = True
+    events = ("too_close",)
+
+    def __init__(self, params: ProximityParams, site: Site) -> None:
+        super().__init__(params, site)
+        own = site.airframe.diameter
+        self._vehicle = site.vehicle
+        self._touching = {name: 0.5 * (own + size) for name, size in site.diameters.items()}
+        self._own = own
+        self._close: frozenset[str] = frozenset()
+        self._next: Time = 0
+
+    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+        if len(tick.fleet) < 2 or tick.estimate is None or not airborne:
+            self._close, self._next = frozenset(), 0
+            return None
+        if tick.now < self._next:
+            return None
+        here, close, room = tick.estimate.position, [], _CLOSING * _LATEST
+        for name, other in tick.fleet.items():
+            if other is None or name == self._vehicle:
+                continue
+            bound = self._touching.get(name, self._own) + self.params.margin
+            apart = distance(here, other.position)
+            room = min(room, apart - bound)
+            if apart < bound + (_APART if name in self._close else 0.0):
+                close.append((apart, bound, name))
+        self._close = frozenset(name for *_, name in close)
+        if not close:
+            self._next = tick.now + round(room / _CLOSING * NS)
+            return None
+        apart, bound, name = min(close)
+        reason = f"{apart:.2f} m from `{name}`, {bound:.2f} m needed"
+        return Alarm("too_close", Reaction[self.params.reaction.upper()], reason, apart, bound)

@@ -1,0 +1,47 @@
+"""Report a vehicle that is tilted further than anything it could have been asked for.
+
+Alarm `tilted` in the air while the angle between body z and world z is more than `limit`; once
+raised it stays until the angle is 5 deg smaller. Trackers stay under the airframe's own limit,
+which is far below this one. Without an estimate there is nothing to judge. Radians.
+
+The default reaction is `land_blind`, which asks for a level attitude and nothing else.
+"""
+
+from __future__ import annotations
+
+from math import degrees
+
+from kybflow.geometry import tilt_of
+from kybflow.parts import Supervisor, param, params
+from kybflow.signals import Alarm, Reaction, ReactionName, Tick
+from kybflow.site import Site
+from kybflow.units import Angle
+
+_BACK = 0.087
+
+
+@params
+class TiltParams:
+    limit: Angle = param("Largest tilt.", default=1.047, above=0.0, below=3.14, tightens="down")
+    reaction: ReactionName = param("What the failsafe does.", default="land_blind", tightens="up")
+
+
+class Tilt(Supervisor[TiltParams]):
+    always = True
+    unhurried = True
+    events = ("tilted",)
+
+    def __init__(self, params: TiltParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._tilted = False
+
+    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+        if tick.estimate is None or not airborne:
+            self._tilted = False
+            return None
+        tilt, limit = tilt_of(tick.estimate.attitude), self.params.limit
+        self._tilted = tilt > (limit - _BACK if self._tilted else limit)
+        if not self._tilted:
+            return None
+        reason = f"tilted by {degrees(tilt):.0f} deg, {degrees(limit):.0f} deg allowed"
+        return Alarm("tilted", Reaction[self.params.reaction.upper()], reason, tilt, limit)

@@ -1,0 +1,73 @@
+"""`kybflow show`: a mission in a few lines, or whole after imports, parameters and defaults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from kybflow.catalog import load_catalog
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.document import Parameter
+from kybflow.dsl.graph import cause_of
+from kybflow.dsl.parameters import shown_parameter
+from kybflow.dsl.plan import Plan, StatePlan, VehiclePlan
+from kybflow.dsl.render import render_all
+from kybflow.units import LENGTH, MASS, format_quantity
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """The text, None for a mission with errors, and what was found."""
+
+    text: str | None
+    reports: list[str]
+
+
+def show_mission(path: Path, resolved: bool, target: str | None, sets: tuple[str, ...]) -> Shown:
+    """The mission in `path` in a few lines, or all of it with the origin of each line."""
+    result = compile_mission(path, catalog=load_catalog(), target=target, sets=sets)
+    reports = render_all(result.diagnostics, result.texts)
+    if result.plan is None:
+        return Shown(None, reports)
+    lines = _summary(result.plan, result.parameters)
+    return Shown(result.plan.resolved.rstrip() if resolved else "\n".join(lines), reports)
+
+
+def _summary(plan: Plan, parameters: Mapping[str, Parameter]) -> Iterator[str]:
+    yield f"{plan.mission}, on {plan.target}"
+    if plan.summary:
+        yield plan.summary
+    if parameters:
+        yield ""
+        yield "parameters (change one with `--set NAME=VALUE`)"
+    width = max(map(len, parameters), default=0)
+    for name, parameter in parameters.items():
+        yield f"  {name:<{width}}  {shown_parameter(parameter)}"
+    for vehicle in plan.vehicles:
+        yield ""
+        yield from _vehicle(vehicle)
+    if plan.expectations:
+        yield ""
+        yield "expected"
+    for expectation in plan.expectations:
+        yield f"  {expectation.text}"
+
+
+def _vehicle(vehicle: VehiclePlan) -> Iterator[str]:
+    mass = format_quantity(vehicle.airframe.mass, MASS)
+    size = format_quantity(vehicle.airframe.diameter, LENGTH)
+    yield f"{vehicle.name} ({mass}, {size} across)"
+    yield f"  trusts     {', '.join(e.part.name for e in vehicle.estimators) or 'nothing'}"
+    yield f"  processed  {', '.join(p.name for p in vehicle.processors) or 'by nothing'}"
+    yield f"  watched    {', '.join(s.name for s in vehicle.supervisors)}"
+    own = [state for state in vehicle.states.values() if not state.built_in]
+    width = max(len(state.name) for state in own)
+    for state in own:
+        yield f"  {state.name:<{width}}  {state.behavior.name}{_ways(state)}"
+
+
+def _ways(state: StatePlan) -> str:
+    """Its arrows, those that the language adds left out."""
+    ways = [f"{cause_of(a)}: {a.target}" for a in state.transitions if not a.implied]
+    return f" ({'; '.join(ways)})" if ways else ""

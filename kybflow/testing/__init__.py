@@ -1,0 +1,1 @@
+"""`kybflow test`: missions flown as tests."""

@@ -1,0 +1,98 @@
+"""One flight of one mission as a test; it runs in a process of its own."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from kybflow.catalog import load_catalog
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.render import render_all
+from kybflow.errors import KybflowError
+from kybflow.runtime.flight import Flown, Request, fly
+from kybflow.runtime.outcome import Outcome
+from kybflow.runtime.report import write_report
+from kybflow.testing.coverage import Arrow, State, Traces, written
+
+Verdict = Outcome | Literal["invalid"]
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A mission to fly with a seed. out: its run folder, kept when it doesn't succeed, or always
+    with `keep`."""
+
+    path: Path
+    seed: int
+    out: Path
+    target: str | None = None
+    sets: tuple[str, ...] = ()
+    keep: bool = False
+
+    @property
+    def name(self) -> str:
+        return f"{self.path}[{self.seed}]"
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """What became of a case. reason: why it did not succeed, a line an item. seconds: wall time.
+    written, taken: the mission's states and transitions, and those that this flight took."""
+
+    case: Case
+    verdict: Verdict
+    reason: tuple[str, ...] = ()
+    seconds: float = 0.0
+    folder: Path | None = None
+    written: tuple[State | Arrow, ...] = ()
+    taken: frozenset[State | Arrow] = field(default_factory=frozenset)
+
+    @property
+    def passed(self) -> bool:
+        return self.verdict == "succeeded"
+
+
+def try_case(case: Case) -> Tried:
+    """Compile and fly a case; never raises for what the mission does."""
+    began = time.monotonic()
+    result = compile_mission(case.path, catalog=load_catalog(), target=case.target, sets=case.sets)
+    if result.plan is None:
+        found = tuple(render_all(result.diagnostics, result.texts))
+        return Tried(case, "invalid", found or (f"{case.path} is a library, no mission",))
+    traces = Traces()
+    try:
+        flown = fly(result.plan, Request(seed=case.seed, out=case.out), (traces.hear,))
+    except KybflowError as error:
+        return Tried(case, "invalid", (str(error),))
+    verdict: Verdict = flown.summary["outcome"]
+    return Tried(
+        case,
+        verdict,
+        _reasons(flown),
+        time.monotonic() - began,
+        _kept(flown, case.keep or verdict != "succeeded"),
+        tuple(written(result.plan)),
+        frozenset(traces.taken),
+    )
+
+
+def _reasons(flown: Flown) -> tuple[str, ...]:
+    """Why a flight did not succeed, with the line of each expectation that was broken."""
+    summary = flown.summary
+    if summary["outcome"] == "succeeded":
+        return ()
+    broken = [
+        f"{e['at']}: `{e['text']}` did not hold" for e in summary["expectations"] if not e["held"]
+    ]
+    return (str(summary["reason"]), *broken)
+
+
+def _kept(flown: Flown, keep: bool) -> Path | None:
+    if keep:
+        write_report(flown.folder)
+        return flown.folder
+    shutil.rmtree(flown.folder, ignore_errors=True)
+    return None

@@ -1,0 +1,26 @@
+"""Which missions to fly: those named, and those in folders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from kybflow.dsl.judge import is_library
+from kybflow.dsl.reader import read
+from kybflow.runtime.run_folder import RESOLVED
+
+
+def missions_under(paths: Iterable[Path]) -> Iterator[Path]:
+    """Each of `paths`; a folder stands for the missions in it and below, without its libraries and
+    what runs have left."""
+    for path in paths:
+        if path.is_dir():
+            files = sorted(p for p in path.rglob("*") if p.suffix in (".yaml", ".yml"))
+            yield from (p for p in files if p.name != RESOLVED and not _is_library(p))
+        else:
+            yield path
+
+
+def _is_library(path: Path) -> bool:
+    root = read(path, str(path)).root
+    return root is not None and is_library(root)

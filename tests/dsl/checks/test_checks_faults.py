@@ -1,0 +1,91 @@
+"""Faults on a target that is no simulation, with drivers made up for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from kybflow.catalog import Catalog, PartSpec, load_catalog
+from kybflow.drivers.sim import Sim
+from kybflow.dsl.compiler import check_mission, compile_mission
+
+MISSION = """\
+kybflow: 1
+mission: two
+import: {std: kybflow/airframes}
+world: {fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}}
+vehicles:
+  a: {like: std.mk_quadro, behaviors: &hop {up: {do: take_off, height: 1 m, then: down},
+      down: {do: land}}}
+  b: {like: std.nano_plus, start: {at: [0, 2, 0]}, behaviors: *hop}
+targets:
+  lab: {a: {driver: bench}, b: {driver: sim}}
+faults:
+  - {at: 1 s, on: a, inject: gust, velocity: [1, 0, 0], for: 1 s}
+  - {at: 1 s, on: b, inject: gust, velocity: [1, 0, 0]}
+  - {when: elapsed > 1 s, on: b, inject: mocap_swap, other: a}
+"""
+
+
+class Bench(Sim):
+    simulated = False
+
+
+class Parts(Catalog):
+    """The catalog, and the driver `bench`, which is no simulation."""
+
+    def __init__(self) -> None:
+        self._all = load_catalog()
+
+    def names(self, kind: str) -> tuple[str, ...]:
+        return (*self._all.names(kind), "bench") if kind == "drivers" else self._all.names(kind)
+
+    def get(self, kind: str, name: str) -> PartSpec:
+        if name == "bench":
+            return replace(self._all.get(kind, "sim"), name="bench", cls=Bench)
+        return self._all.get(kind, name)
+
+    def always(self, kind: str) -> tuple[PartSpec, ...]:
+        return self._all.always(kind)
+
+
+def checked(tmp_path: Path, target: str) -> list[str]:
+    path = tmp_path / "two.yaml"
+    path.write_text(MISSION, encoding="utf-8")
+    result = check_mission(path, catalog=Parts(), target=target)
+    return [f"{d.span.line} {d.code} {d.message}: {d.label}" for d in result.diagnostics]
+
+
+def test_a_fault_is_refused_where_nothing_is_simulated_and_the_target_is_named(tmp_path) -> None:
+    assert checked(tmp_path, "sim") == []
+    assert checked(tmp_path, "lab") == [
+        "12 KYB331 `gust` can't be injected on the target `lab`: "
+        "`a` flies on `bench`, which is no simulation",
+        "14 KYB331 `mocap_swap` can't be injected on the target `lab`: "
+        "`a` flies on `bench`, which is no simulation",
+    ]
+
+
+def test_the_plan_has_every_fault_in_si(tmp_path) -> None:
+    path = tmp_path / "two.yaml"
+    path.write_text(MISSION, encoding="utf-8")
+    compiled: Any = compile_mission(path, catalog=Parts()).plan
+    first, second, third = compiled.faults
+    assert (first.vehicle, first.time, first.when, first.duration) == ("a", 1.0, None, 1.0)
+    assert (first.part.name, first.part.params.velocity) == ("gust", (1.0, 0.0, 0.0))
+    assert first.at.endswith("two.yaml:12")
+    assert second.duration is None
+    assert (third.time, third.part.params.other) == (None, "a")
+    assert third.when is not None
+
+
+def test_the_resolved_mission_has_every_fault_and_reads_back(tmp_path) -> None:
+    path = tmp_path / "two.yaml"
+    path.write_text(MISSION, encoding="utf-8")
+    plan: Any = compile_mission(path, catalog=Parts()).plan
+    (tmp_path / "again.yaml").write_text(plan.resolved, encoding="utf-8")
+    again: Any = compile_mission(tmp_path / "again.yaml", catalog=Parts()).plan
+    assert [replace(f, at="", part=replace(f.part, at="")) for f in again.faults] == [
+        replace(f, at="", part=replace(f.part, at="")) for f in plan.faults
+    ]

@@ -1,0 +1,75 @@
+"""Every code is explained from where it is raised and from the pages that show it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from kybflow.cli import app
+from kybflow.dsl.codes import codes, families, list_codes, page, show_code
+from kybflow.dsl.pages import sections, sections_of
+
+REPO = Path(__file__).parents[2]
+PAGE = REPO / "docs" / "checks.md"
+
+
+def explain(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, ["explain", *arguments])
+    return result.exit_code, result.output
+
+
+def test_the_page_of_all_codes_is_current() -> None:
+    mend = "mend it with: kybflow explain --write docs/checks.md"
+    assert PAGE.read_text(encoding="utf-8") == page(), mend
+
+
+@pytest.mark.parametrize("code", codes().values(), ids=codes())
+def test_a_code_says_what_it_means_in_one_sentence(code) -> None:
+    assert 15 < len(code.title) < 230
+    assert "\n" not in code.title
+    assert show_code(code).startswith(f"{code.code}: {code.title}")
+
+
+def test_what_a_page_is_about_is_shown_with_its_report() -> None:
+    for section in sections():
+        for code in section.codes:
+            assert f"[{code}]" in section.report, section.heading
+
+
+def test_a_code_shows_wrong_and_right() -> None:
+    code, text = explain("kyb203")
+    assert code == 0
+    assert "Wrong: a behavior can't follow another\n" in text
+    assert "error[KYB203]: `rest` can't follow `up`" in text
+    assert "Right:\n    -      up:   {do: take_off" in text
+
+
+def test_without_a_code_all_are_listed_by_family() -> None:
+    code, text = explain()
+    assert code == 0
+    assert text == list_codes() + "\n"
+    listed = [member.code for members in families().values() for member in members]
+    assert sorted(listed) == list(codes())
+    assert all(listed.count(name) == 1 for name in codes())
+
+
+def test_an_unknown_code_gets_the_nearest() -> None:
+    code, text = explain("KYB2033")
+    assert code == 2
+    assert "KYB203" in text
+
+
+def test_the_page_is_written_and_checked(tmp_path: Path) -> None:
+    file = tmp_path / "checks.md"
+    assert explain("--check", str(file))[0] == 2
+    assert explain("--write", str(file))[0] == 0
+    assert explain("--check", str(file)) == (0, "")
+
+
+def test_a_change_must_fit_once() -> None:
+    text = "# P\n\n## KYB203: t\n\n```yaml\na: 1\na: 1\n```\n\n```diff\n-a: 1\n+a: 2\n```\n"
+    (section,) = sections_of(text)
+    with pytest.raises(ValueError, match="fits 2 times"):
+        section.mended()

@@ -1,0 +1,162 @@
+"""What callbacks mean: groups and `any` become vehicles, values SI, names what they stand for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from test_written import without_places
+
+from kybflow.catalog import load_catalog
+from kybflow.dsl.compiler import Result, compile_mission
+from kybflow.dsl.expressions import InState
+from kybflow.dsl.plan import (
+    CallbackPlan,
+    Emit,
+    Enable,
+    EnterPhase,
+    Log,
+    SetOption,
+    Stop,
+    Switch,
+)
+
+HEAD = """\
+kybflow: 1
+mission: m
+import: {std: kybflow/airframes}
+groups: {both: [a, b]}
+world:
+  fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}
+vehicles:
+  a:
+    like: std.nano_plus
+    behaviors:
+      up:   {do: take_off, height: 1 m, then: hold NEXT}
+      hold: {do: hover, for_time: 3 s, then: down}
+      down: {do: land}
+  b: {like: a, start: {at: [1, 1, 0]}}
+"""
+
+
+def compiled(folder: Path, on: str, arrows: str = "") -> Result:
+    path = folder / "m.yaml"
+    path.write_text(HEAD.replace(" NEXT", arrows) + on, encoding="utf-8")
+    return compile_mission(path, catalog=load_catalog())
+
+
+def meant(folder: Path, on: str) -> tuple[CallbackPlan, ...]:
+    result = compiled(folder, on)
+    assert [d.message for d in result.diagnostics] == []
+    assert result.plan is not None
+    return result.plan.callbacks
+
+
+@pytest.mark.parametrize(
+    ("event", "heard"),
+    [
+        ("a.landed", ("landed", ("a",))),
+        ("any.landed", ("landed", ("a", "b"))),
+        ("both.landed", ("landed", ("a", "b"))),
+        ("run_started", ("run_started", ("",))),
+        ("operator.go", ("operator.go", ("",))),
+        ("half.way", ("half.way", ("",))),
+    ],
+)
+def test_whose_event_it_is(event: str, heard: tuple[str, tuple[str, ...]], tmp_path: Path) -> None:
+    other = "{event: a.took_off, do: [{emit: half.way}]}"
+    callback = meant(tmp_path, f"on: [{{event: {event}, do: [{{log: it}}]}}, {other}]\n")[0]
+    assert (callback.event, callback.vehicles) == heard
+
+
+def test_every_action_is_lowered_in_its_place(tmp_path: Path) -> None:
+    on = """\
+on:
+  - event: a.behavior_ended
+    behavior: hold
+    when: b in hold
+    do:
+      - switch: {both: down}
+      - set: {both.processors.limit_speed.speed: 50 cm/s, a.tracker.tilt: 10 deg}
+      - disable: both.processors.limit_speed
+      - enable: a.processors.limit_speed
+      - emit: ready
+      - log: "{vehicle} left {behavior}"
+      - stop: over
+"""
+    [callback] = meant(tmp_path, on)
+    assert callback.fields == (("behavior", "hold"),)
+    assert callback.when == InState("b", "hold")
+    assert callback.at.endswith("m.yaml:16")
+    tilt = SetOption("a.tracker.tilt", pytest.approx(0.17453, abs=1e-5))
+    assert callback.actions == (
+        Switch("a", "down"),
+        Switch("b", "down"),
+        SetOption("a.processors.limit_speed.speed", 0.5),
+        SetOption("b.processors.limit_speed.speed", 0.5),
+        tilt,
+        Enable("a", "processors.limit_speed", False),
+        Enable("b", "processors.limit_speed", False),
+        Enable("a", "processors.limit_speed", True),
+        Emit("ready"),
+        Log("{vehicle} left {behavior}"),
+        Stop("over"),
+    )
+
+
+FLOW = """\
+flows:
+  tour:
+    phases:
+      climb: {run: {both: up}, within: 20 s, otherwise: away}
+      away:  {run: {both: down}}
+"""
+
+
+@pytest.mark.parametrize("phase", ["away", "{tour: away}"])
+def test_a_phase_belongs_to_a_flow(phase: str, tmp_path: Path) -> None:
+    on = FLOW + f"on: [{{event: any.failsafe_started, do: [{{phase: {phase}}}]}}]\n"
+    assert meant(tmp_path, on)[0].actions == (EnterPhase("tour", "away"),)
+
+
+def test_a_state_that_only_a_callback_asks_for_is_reached(tmp_path: Path) -> None:
+    arrows = "}\n      home: {do: hover, for_time: 1 s, then: down"
+    asked = "on: [{event: b.landed, do: [{switch: {both: home}}]}]\n"
+    assert [d.code for d in compiled(tmp_path, "", arrows).diagnostics] == ["KYB204"]
+    assert compiled(tmp_path, asked, arrows).diagnostics == ()
+
+
+def test_a_chain_that_is_asked_for_is_entered_by_its_first_state(tmp_path: Path) -> None:
+    arrows = "}\n      tour: {do: chain.look, then: down"
+    on = """\
+chains:
+  look: {behaviors: {one: {do: hover, for_time: 1 s, then: two}, two: {do: hover, for_time: 1 s}}}
+on: [{event: any.took_off, do: [{switch: {a: tour}}, {switch: {b: tour}}]}]
+"""
+    result = compiled(tmp_path, on, arrows)
+    assert result.diagnostics == ()
+    assert result.plan is not None
+    assert result.plan.callbacks[0].actions == (Switch("a", "tour.one"), Switch("b", "tour.one"))
+
+
+def test_an_arrow_does_not_hear_a_group(tmp_path: Path) -> None:
+    [found] = compiled(tmp_path, "", ", next: [{event: both.landed, go: brake}]").diagnostics
+    assert (found.code, found.help) == ("KYB208", "did you mean `b.landed`?")
+    assert compiled(tmp_path, "", ", next: [{event: any.landed, go: brake}]").diagnostics == ()
+
+
+def test_they_are_written_so_that_they_read_back_the_same(tmp_path: Path) -> None:
+    on = """\
+on:
+  - {event: any.estimator_changed, estimator: mocap, do: [{log: "{vehicle}: it's on {estimator}"}]}
+  - {event: both.landed, when: a in landed, do: [{switch: {b: down}}, {stop: "enough, really"}]}
+  - {event: a.took_off, do: [{set: {both.tracker.tilt: 10 deg}}]}
+  - {event: a.took_off, do: [{disable: a.processors.limit_speed}]}
+"""
+    first = compiled(tmp_path, on).plan
+    assert first is not None
+    copy = tmp_path / "resolved.yaml"
+    copy.write_text(first.resolved, encoding="utf-8")
+    second = compile_mission(copy, catalog=load_catalog())
+    assert [d.message for d in second.diagnostics] == []
+    assert without_places(second.plan) == without_places(first)

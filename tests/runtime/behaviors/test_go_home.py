@@ -1,0 +1,56 @@
+"""go_home: up to a safe height, level above home, done there or when its patience is over."""
+
+import pytest
+from flying import SITE, entry, fly, ideal, worst_mismatch
+
+from kybflow.errors import Refused
+from kybflow.geometry import ZERO, Vec3
+from kybflow.parts import MOVING
+from kybflow.runtime.behaviors.go_home import GoHome, GoHomeParams
+from kybflow.shapes import Box
+from kybflow.signals import Done
+from kybflow.site import Site
+
+
+def flown(where: Vec3, velocity: Vec3 = ZERO, site: Site = SITE, **more: object):
+    behavior = GoHome(GoHomeParams(**more), entry(where, velocity, site=site))
+    return fly(behavior, ideal(where, velocity))
+
+
+def test_low_it_climbs_first_and_then_flies_level() -> None:
+    samples = flown((1.0, 0.5, 0.3)).samples
+    low = [s.setpoint.position for s in samples if s.setpoint.position[2] < 0.999]
+    assert low
+    assert all((x, y) == (1.0, 0.5) for x, y, _ in low)
+    assert samples[-1].setpoint.position == (0.0, 0.0, 1.0)
+
+
+def test_high_it_keeps_its_height_but_stays_below_the_fences_top() -> None:
+    assert {s.setpoint.position[2] for s in flown((1.0, 0.0, 1.6)).samples} == {1.6}
+    low = SITE._replace(fence=Box((-3.0, -3.0, 0.0), (3.0, 3.0, 1.1)))
+    assert flown((1.0, 0.0, 0.3), site=low).samples[-1].setpoint.position[2] == pytest.approx(0.8)
+
+
+def test_home_may_be_elsewhere() -> None:
+    end = flown((1.0, 0.0, 1.2), site=SITE._replace(home=(-1.0, 0.5, 0.0)))
+    assert isinstance(end.end, Done)
+    assert end.samples[-1].setpoint.position == (-1.0, 0.5, 1.2)
+
+
+def test_the_setpoint_is_smooth_whatever_it_was_doing() -> None:
+    samples = flown((1.0, 0.0, 0.4), (0.6, -0.3, 0.2)).samples
+    assert worst_mismatch(samples, "position", "velocity") < 3e-3
+    assert worst_mismatch(samples, "velocity", "acceleration") < 0.1
+
+
+def test_it_is_done_after_its_patience_where_the_vehicle_does_not_follow() -> None:
+    behavior = GoHome(GoHomeParams(patience=1.0), entry((1.0, 0.0, 1.0), flight=MOVING))
+    stuck = fly(behavior, lambda setpoint: ((1.0, 0.0, 1.0), ZERO))
+    assert isinstance(stuck.end, Done)
+
+
+def test_it_refuses_when_an_obstacle_is_in_the_way() -> None:
+    wall = SITE._replace(obstacles={"wall": Box((0.4, -1.0, 0.0), (0.5, 1.0, 2.0))})
+    with pytest.raises(Refused, match="the obstacle `wall` is in the way home"):
+        flown((1.0, 0.0, 1.0), site=wall)
+    assert isinstance(flown((1.0, 2.0, 1.0), site=SITE).end, Done)

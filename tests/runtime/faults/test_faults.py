@@ -1,0 +1,162 @@
+"""Every fault on a bare rig: what it breaks, that its end undoes it exactly, that two compose."""
+
+from __future__ import annotations
+
+import random
+import statistics
+
+import pytest
+
+from kybflow.catalog import load_catalog
+from kybflow.geometry import LEVEL, ZERO, distance, tilt_of
+from kybflow.parts import Effect, Rig
+from kybflow.signals import NS, Battery, Imu, Pose
+
+POSE = Pose(0, (1.0, 2.0, 3.0), LEVEL)
+BATTERY = Battery(0, 0.5, 14.0)
+IMU = Imu(0, 0.004, (0.0, 0.0, 9.81), ZERO)
+SIMPLE = {
+    "mocap_dropout": {},
+    "mocap_noise": {},
+    "mocap_swap": {"other": "b"},
+    "gust": {"velocity": (1.0, 0.0, 0.0)},
+    "wind": {"velocity": (1.0, 0.0, 0.0)},
+    "battery_sag": {},
+    "mass_change": {"factor": 1.2},
+    "rotor_weak": {},
+    "imu_bias_step": {"gyro": (0.1, 0.0, 0.0)},
+    "clock_late": {},
+}
+
+
+def effects_of(name: str, seed: int = 1, **params) -> dict[str, Effect]:
+    spec = load_catalog().get("faults", name)
+    return dict(spec.cls(spec.params(**params), random.Random(seed)).effects("a"))
+
+
+def effect_of(name: str, seed: int = 1, **params) -> Effect:
+    return effects_of(name, seed, **params)["a"]
+
+
+def state(rig: Rig, now: int = 10 * NS):
+    """Everything that a simulator obeys."""
+    return (
+        len(rig.filters), rig.blows, rig.wind(now), rig.mass, rig.payload, rig.rotors, rig.sag,
+        rig.gyro_bias, rig.accelerometer_bias, rig.late, rig.body,
+    )  # fmt: skip
+
+
+def passed(rig: Rig, measurement):
+    for change in rig.filters:
+        measurement = None if measurement is None else change(measurement)
+    return measurement
+
+
+def test_every_fault_of_the_catalog_is_here() -> None:
+    assert set(SIMPLE) <= set(load_catalog().names("faults"))
+    assert len(SIMPLE) == 10
+
+
+@pytest.mark.parametrize("name", SIMPLE)
+def test_its_end_undoes_it_exactly_also_in_the_middle_of_others(name: str) -> None:
+    rig, whole = Rig("a"), state(Rig("a"))
+    first, second = effect_of(name, **SIMPLE[name]), effect_of(name, **SIMPLE[name])
+    rig.begin(first, 0)
+    alone = state(rig)
+    assert alone != whole
+    rig.begin(second, NS)
+    rig.end(first)
+    assert state(rig) == alone
+    rig.end(second)
+    assert state(rig) == whole
+
+
+def test_a_rig_says_when_it_changed() -> None:
+    told: list[int] = []
+    rig = Rig("a", lambda: told.append(1))
+    effect = Effect(mass=1.1)
+    rig.begin(effect, 0)
+    rig.end(effect)
+    assert len(told) == 2
+
+
+def test_overlapping_effects_compose() -> None:
+    rig = Rig("a")
+    for effect in (effect_of("mass_change", factor=1.1), effect_of("mass_change", added=0.05)):
+        rig.begin(effect, 0)
+    rig.begin(effect_of("rotor_weak", left=0.8), 0)
+    rig.begin(effect_of("rotor_weak", left=0.5, rotor="rear_right"), 0)
+    rig.begin(effect_of("clock_late", by=0.02), 0)
+    rig.begin(effect_of("clock_late", by=0.03), 0)
+    rig.begin(effect_of("gust", velocity=(1.0, 0.0, 0.0)), 0)
+    rig.begin(effect_of("wind", velocity=(0.0, 2.0, 0.0)), 0)
+    assert (rig.mass, rig.payload) == (1.1, 0.05)
+    assert rig.rotors == (0.8, 1.0, 0.5, 1.0)
+    assert rig.late == pytest.approx(0.05)
+    assert rig.wind(10 * NS) == (1.0, 2.0, 0.0)
+
+
+def test_mocap_dropout_loses_poses_and_nothing_else() -> None:
+    rig = Rig("a")
+    rig.begin(effect_of("mocap_dropout"), 0)
+    assert [passed(rig, m) for m in (POSE, BATTERY, IMU)] == [None, BATTERY, IMU]
+
+
+def test_mocap_dropout_loses_a_share() -> None:
+    rig = Rig("a")
+    rig.begin(effect_of("mocap_dropout", share=0.25), 0)
+    kept = sum(passed(rig, POSE) is not None for _ in range(2000))
+    assert kept == pytest.approx(1500, abs=60)
+
+
+def test_mocap_noise_shakes_poses_by_its_deviations() -> None:
+    rig = Rig("a")
+    rig.begin(effect_of("mocap_noise", position=0.05, attitude=0.02), 0)
+    poses = [passed(rig, POSE) for _ in range(2000)]
+    assert statistics.stdev(p.position[1] for p in poses) == pytest.approx(0.05, rel=0.1)
+    assert statistics.mean(p.position[1] for p in poses) == pytest.approx(2.0, abs=0.005)
+    assert statistics.mean(tilt_of(p.attitude) for p in poses) == pytest.approx(0.025, rel=0.1)
+    assert passed(rig, BATTERY) is BATTERY
+
+
+def test_chance_comes_from_the_generator_that_is_given() -> None:
+    def shaken(seed):
+        rig = Rig("a")
+        rig.begin(effect_of("mocap_noise", seed), 0)
+        return [passed(rig, POSE) for _ in range(3)]
+
+    assert shaken(1) == shaken(1)
+    assert shaken(1) != shaken(2)
+    assert distance(shaken(1)[0].position, POSE.position) < 0.2
+
+
+def test_mocap_swap_exchanges_two() -> None:
+    effects = effects_of("mocap_swap", other="b")
+    assert {name: effect.body for name, effect in effects.items()} == {"a": "b", "b": "a"}
+
+
+@pytest.mark.parametrize(("name", "rise"), [("gust", 0.5), ("wind", 3.0)])
+def test_wind_rises_smoothly_from_when_it_began(name: str, rise: float) -> None:
+    rig = Rig("a")
+    began = 5 * NS
+    rig.begin(effect_of(name, velocity=(2.0, -1.0, 0.5), rise=rise), began)
+    speeds = [rig.wind(began + round(share * rise * NS))[0] for share in (0.0, 0.25, 0.5, 1.0, 9.0)]
+    assert speeds == pytest.approx([0.0, 0.207, 1.0, 2.0, 2.0], abs=1e-3)
+    assert rig.wind(began + 10 * NS) == (2.0, -1.0, 0.5)
+
+
+def test_a_gust_may_set_in_at_once() -> None:
+    rig = Rig("a")
+    rig.begin(effect_of("gust", velocity=(1.0, 0.0, 0.0), rise=0.0), 0)
+    assert rig.wind(0) == (1.0, 0.0, 0.0)
+
+
+def test_what_is_wrong_with_battery_rotor_and_imu() -> None:
+    rig = Rig("a")
+    rig.begin(effect_of("battery_sag", by=0.4), 0)
+    rig.begin(effect_of("rotor_weak", rotor="front_right", left=0.9), 0)
+    rig.begin(effect_of("imu_bias_step", accelerometer=(0.0, 0.0, 0.3)), 0)
+    rig.begin(effect_of("imu_bias_step", gyro=(0.1, 0.0, 0.0)), 0)
+    assert rig.sag == 0.4
+    assert rig.rotors == (1.0, 1.0, 1.0, 0.9)
+    assert (rig.gyro_bias, rig.accelerometer_bias) == ((0.1, 0.0, 0.0), (0.0, 0.0, 0.3))

@@ -1,0 +1,19 @@
+"""link: heard when nothing arrives any more."""
+
+from flying import SITE, tick
+
+from kybflow.runtime.supervisors.link import Link, LinkParams
+from kybflow.signals import Alarm, Reaction
+
+
+def test_a_silence_lands() -> None:
+    silent = tick()._replace(link_age=0.6)
+    expected = Alarm(
+        "link_lost", Reaction.LAND, "nothing has arrived for 0.60 s, 0.5 s allowed", 0.6, 0.5
+    )
+    assert expected == Link(LinkParams(), SITE).check(silent, airborne=True)
+
+
+def test_within_its_age_and_on_the_ground_it_is_silent() -> None:
+    assert Link(LinkParams(), SITE).check(tick()._replace(link_age=0.5), airborne=True) is None
+    assert Link(LinkParams(), SITE).check(tick()._replace(link_age=9.0), airborne=False) is None

@@ -1,0 +1,35 @@
+"""tilt: heard beyond the limit, with hysteresis."""
+
+from math import radians
+
+import pytest
+from flying import SITE, estimate, tick
+
+from kybflow.geometry import from_euler
+from kybflow.runtime.supervisors.tilt import Tilt, TiltParams
+from kybflow.signals import Alarm, Reaction
+
+
+def at(degrees: float):
+    attitude = from_euler(radians(degrees), 0.0, 0.0)
+    return tick(known=estimate((0.0, 0.0, 1.0))._replace(attitude=attitude))
+
+
+def test_beyond_the_limit_it_asks_to_land_blind() -> None:
+    alarm = Tilt(TiltParams(), SITE).check(at(70.0), airborne=True)
+    expected = Alarm(
+        "tilted", Reaction.LAND_BLIND, "tilted by 70 deg, 60 deg allowed", radians(70.0), 1.047
+    )
+    assert alarm is not None
+    assert alarm._replace(value=pytest.approx(alarm.value)) == expected
+
+
+def test_an_alarm_lasts_until_the_vehicle_is_well_below_the_limit() -> None:
+    supervisor = Tilt(TiltParams(), SITE)
+    heard = [supervisor.check(at(a), True) is not None for a in (59, 61, 56, 54, 59)]
+    assert heard == [False, True, True, False, False]
+
+
+def test_on_the_ground_and_without_an_estimate_it_is_silent() -> None:
+    assert Tilt(TiltParams(), SITE).check(at(90.0), airborne=False) is None
+    assert Tilt(TiltParams(), SITE).check(tick(), airborne=True) is None

@@ -1,0 +1,250 @@
+"""The preflight: each line, green and red, with its reason and its mission line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from alarming import alarming
+from flights import down, named, path, up
+from plans import part, plan, state, then, vehicle
+
+from kybflow.drivers.sim import Sim
+from kybflow.dsl.plan import PartPlan, TransitionPlan
+from kybflow.parts import Link
+from kybflow.runtime.inspection import inspect
+from kybflow.runtime.preflight import Line
+from kybflow.shapes import Box
+from kybflow.signals import NS, Battery, Pose, Reaction
+
+
+def checks(*vehicles, **facts) -> dict[tuple[str, str], Line]:
+    return {(line.vehicle, line.check): line for line in inspect(plan(*vehicles, **facts))}
+
+
+def flight(name: str = "a", **more):
+    return vehicle(name, [up("down"), down()], at=f"m.yaml:{name}", **more)
+
+
+class Bent(Link):
+    """A link to a simulated vehicle whose measurements pass a function."""
+
+    def __init__(self, link: Link, bend) -> None:
+        self.link, self.bend = link, bend
+
+    def read(self, now):
+        return [bent for m in self.link.read(now) if (bent := self.bend(m, now)) is not None]
+
+    def send(self, command, now):
+        self.link.send(command, now)
+
+    def truth(self):
+        return self.link.truth()
+
+
+def bent(bend, **names) -> PartPlan:
+    """The simulator, its measurements bent for the vehicles in `names` or for all."""
+
+    class BentSim(Sim):
+        @classmethod
+        def open(cls, seats, generator):
+            session = super().open(seats, generator)
+            for name, link in session.links.items():
+                session.links[name] = Bent(link, bend)
+            return session
+
+    return replace(part("drivers", "sim"), cls=BentSim, at="m.yaml:9")
+
+
+def test_all_is_green_on_a_good_day_and_says_what_it_found():
+    found = inspect(plan(flight()))
+    assert {line.check for line in found} == {
+        "link", "watchdog", "pose stream", "battery", "estimate", "start pose", "fence",
+    }  # fmt: skip
+    assert all(line.green and line.reason for line in found)
+
+
+def test_nothing_arms():
+    sent = []
+
+    class Watched(Bent):
+        def send(self, command, now):
+            sent.append(command)
+
+    class WatchedSim(Sim):
+        @classmethod
+        def open(cls, seats, generator):
+            session = super().open(seats, generator)
+            session.links = {n: Watched(x, lambda m, now: m) for n, x in session.links.items()}
+            return session
+
+    inspect(plan(flight(driver=replace(part("drivers", "sim"), cls=WatchedSim))))
+    assert sent == []
+
+
+def test_two_swapped_bodies_are_named():
+    class SwappedSim(Sim):
+        @classmethod
+        def open(cls, seats, generator):
+            session = super().open(seats, generator)
+            one, two = session.links["a"], session.links["b"]
+            session.links = {"a": two, "b": one}
+            return session
+
+    driver = replace(part("drivers", "sim"), cls=SwappedSim)
+    found = checks(flight("a", driver=driver), flight("b", driver=driver, start=(1.0, 0.0, 0.0)))
+    assert found["a", "start pose"] == Line(
+        "a",
+        "start pose",
+        False,
+        "1.00 m from the declared start (0.25 m allowed); the body of `a` stands where `b` should "
+        "start",
+        "m.yaml:a",
+    )
+
+
+def test_a_stream_that_is_too_slow_is_red():
+    def every_third_of_a_second(measurement, now):
+        if isinstance(measurement, Pose) and now % (NS // 3) > 2 * 4_000_000:
+            return None
+        return measurement
+
+    line = checks(flight(driver=bent(every_third_of_a_second)))["a", "pose stream"]
+    assert not line.green
+    assert line.reason.endswith(" Hz, 5 Hz needed")
+
+
+def test_a_stream_that_never_comes_is_red():
+    def no_poses(measurement, now):
+        return None if isinstance(measurement, Pose) else measurement
+
+    found = checks(flight(driver=bent(no_poses)))
+    assert found["a", "pose stream"].reason == "nothing arrives"
+    assert found["a", "estimate"].reason == "no healthy estimate from mocap"
+
+
+def test_a_vehicle_without_a_battery_report_stays():
+    def no_battery(measurement, now):
+        return None if isinstance(measurement, Battery) else measurement
+
+    line = checks(flight(driver=bent(no_battery)))["a", "battery"]
+    assert (line.green, line.reason, line.at) == (False, "no report", "m.yaml:9")
+
+
+def test_a_link_that_falls_silent_is_red():
+    def early(measurement, now):
+        return measurement if now < NS // 20 else None
+
+    line = checks(flight(driver=bent(early)), fence=Box((1.0, 1.0, 0.0), (2.0, 2.0, 2.0)))
+    assert line["a", "link"].green is False
+    assert line["a", "link"].reason.startswith("delivered 49")
+
+
+def test_a_dangerous_watchdog_keeps_it_on_the_ground():
+    class Unwatched(Sim):
+        @classmethod
+        def watchdog(cls, params):
+            return "COM_OBL_RC_ACT is 0: it flies on"
+
+    driver = replace(part("drivers", "sim"), cls=Unwatched, at="m.yaml:9")
+    line = checks(flight(driver=driver))["a", "watchdog"]
+    assert line == Line("a", "watchdog", False, "COM_OBL_RC_ACT is 0: it flies on", "m.yaml:9")
+
+
+def test_outside_the_fence_and_inside_an_obstacle_it_stays():
+    fence = Box((-2.0, 0.5, 0.0), (2.0, 2.0, 2.5))
+    pillar = Box((-0.05, -0.05, 0.0), (0.05, 0.05, 2.0))
+    found = checks(flight(), fence=fence, obstacles={"pillar": pillar})
+    assert found["a", "fence"].reason == "0.50 m outside"
+    assert not found["a", "fence"].green
+    assert not found["a", "obstacles"].green
+    assert "from `pillar` (0.10 m needed)" in found["a", "obstacles"].reason
+
+
+def test_two_that_would_brake_at_once_stay():
+    found = checks(flight("a"), flight("b", start=(0.22, 0.0, 0.0)))
+    line = found["a", "supervisors.proximity"]
+    assert not line.green
+    assert line.reason == "0.22 m from `b`, 0.24 m needed"
+
+
+def test_what_a_supervisor_foresees_is_said_with_its_mission_line(run):
+    always = flight().supervisors
+    bad = alarming((0.0, 9.0, Reaction.BRAKE))
+    flown, told = run(flight(supervisors=(*always, bad)))
+    [failed] = named(told, "preflight_failed")
+    assert failed.fields == {"check": "supervisors.alarmed", "reason": "the test says so"}
+    assert failed.at == "mission.yaml:7"
+    assert named(told, "behavior_started") == []
+    assert flown.exit_code == 1
+
+
+def test_a_second_take_off_asks_where_it_landed(run):
+    again = state(
+        "again",
+        part("behaviors", "wait_on_ground"),
+        TransitionPlan("next", "up2", after=4.0),
+    )
+    up2 = state("up2", part("behaviors", "take_off", height=0.5), then("end"))
+    away = state("away", part("behaviors", "fly_to", position=(1.0, 0.0, 0.6)), then("down"))
+    states = [
+        up("away"),
+        away,
+        state("down", part("behaviors", "land"), then("again")),
+        again,
+        up2,
+        state("end", part("behaviors", "land"), then("landed")),
+    ]
+    plan = vehicle("a", states)
+    flown, told = run(plan)
+    assert path(told, "a") == ["up", "away", "down", "again", "up2", "end", "landed"]
+    assert flown.exit_code == 0
+    landed = named(told, "landed")[0].time
+
+    def carried(measurement, now):
+        if isinstance(measurement, Pose) and now > landed + NS // 2:
+            x, y, z = measurement.position
+            return measurement._replace(position=(x - 0.5, y, z))
+        return measurement
+
+    flown, told = run(replace(plan, driver=bent(carried)))
+    assert path(told, "a") == ["up", "away", "down", "again", "up2", "landed"]
+    [failed] = named(told, "behavior_failed")
+    assert "m from where it stood (0.25 m allowed)" in str(failed.fields["reason"])
+    assert flown.exit_code == 1
+
+
+def kybflow(*words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "kybflow", "preflight", *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+
+
+def test_the_command_prints_a_line_for_each_check(tmp_path):
+    done = kybflow(str(MISSIONS / "first_flight.yaml"))
+    assert done.returncode == 0
+    lines = done.stdout.splitlines()
+    assert all(line.startswith("green  nano  ") and "[" in line for line in lines)
+    assert len(lines) >= 7
+    assert not (tmp_path / "runs").exists()
+
+
+def test_the_command_says_red_and_invalid(tmp_path):
+    mission = (MISSIONS / "first_flight.yaml").read_text(encoding="utf-8")
+    mission = mission.replace("import:\n  std: library/", "import:\n  std: kybflow/")
+    mission = mission.replace("airframes.yaml", "airframes")
+    low = mission.replace("    behaviors:", "    driver: {use: sim, battery: 10 %}\n    behaviors:")
+    assert low != mission
+    red, bad = tmp_path / "red.yaml", tmp_path / "bad.yaml"
+    red.write_text(
+        mission + "\ntargets:\n  sim: {all: {driver: {use: sim, battery: 10 %}}}\n", "utf-8"
+    )
+    bad.write_text(mission.replace("do: hover", "do: hoover"), encoding="utf-8")
+    done = kybflow(str(red))
+    assert done.returncode == 1
+    assert "RED    nano  supervisors.battery" in done.stdout
+    assert kybflow(str(bad)).returncode == 2
