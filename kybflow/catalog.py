@@ -94,13 +94,23 @@ class Catalog:
         return tuple(spec for spec in found if getattr(spec.cls, "always", False))
 
 
+def own_catalog() -> Catalog:
+    """The catalog of kybflow's own parts, without those of installed packages."""
+    return Catalog(_own_modules())
+
+
+def _own_modules() -> dict[str, dict[str, str]]:
+    modules: dict[str, dict[str, str]] = {kind: {} for kind in BASES}
+    for kind in BASES:
+        _scan(modules[kind], kind, _HOMES.get(kind, "kybflow.runtime"))
+    return modules
+
+
 @functools.cache
 def load_catalog() -> Catalog:
     """The catalog of everything installed. Raises PartError when two packages offer the same
     part, or one a part whose name the language needs."""
-    modules: dict[str, dict[str, str]] = {kind: {} for kind in BASES}
-    for kind in BASES:
-        _scan(modules[kind], kind, _HOMES.get(kind, "kybflow.runtime"))
+    modules = _own_modules()
     for entry in entry_points(group=GROUP):
         for kind in BASES:
             _scan(modules[kind], kind, entry.value)

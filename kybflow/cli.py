@@ -3,10 +3,9 @@ catches what they raise. Everything heavy is imported where it is needed."""
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TextIO, cast
 
 import typer
 
@@ -25,24 +24,31 @@ from kybflow.commands import (
 )
 from kybflow.commands.common import INVALID, echo
 from kybflow.errors import KybflowError
+from kybflow.outlet import Outlet
 
 app = typer.Typer(
-    help="Experiments with quadrotors, written in YAML, proven before take-off, flown.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
 
 
-@app.callback()
-def _version(
-    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
-) -> None:
-    if version:
+def _version(asked: bool) -> None:
+    if asked:
         from kybflow import __version__
 
         typer.echo(f"kybflow {__version__}")
         raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Experiments with quadrotors, written in YAML, proven before take-off, flown."""
 
 
 for _name, _command, _examples in (
@@ -67,14 +73,13 @@ def main() -> None:
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
             reconfigure(errors="backslashreplace")
+    # whoever read the output has seen enough: what is being done goes on, and ends as it would have
+    sys.stdout = cast(TextIO, Outlet(sys.stdout, BrokenPipeError))
     try:
         _run(sys.argv[1:])
     except KybflowError as error:
         echo(f"kybflow: {error}", err=True)
         sys.exit(INVALID)
-    except BrokenPipeError:  # whoever read the output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
 
 
 def _run(arguments: list[str]) -> None:

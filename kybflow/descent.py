@@ -15,7 +15,7 @@ T0 is the thrust believed to hold the vehicle; r makes up for what is wrong with
 what the rotors really give. A constant error b of the accelerometer is an error of b t in v, which
 the growth of w outruns: it never climbs for b up to 0.25 m/s^2. Beyond that, and when f is
 nonsense, a bound on the thrust brings it down: r (1 + a / g) <= 1.25 for 6 s, then less by 0.05
-each second.
+each second; it is at least 0.6, so that no reading stops the rotors in the air.
 
 It has touched down when the floor carries it: f is above what the rotors can give, by 8 m/s^2 at
 once (an impact, not in the first 0.2 s, when the rotors may still give what was asked before), or
@@ -30,6 +30,9 @@ SPEED, GROWTH, BEND = 0.45, 0.06, 0.025
 STIFFNESS, HARDEST = 3.0, 2.0
 LEARNING = 6.0
 MOST, FULL, FADE = 1.25, 6.0, 0.05
+LEAST = 0.6
+ERROR = 0.12
+"""How far the hover thrust may be from what was believed."""
 IMPACT, DEAF = 8.0, 0.2
 IDLE, WEIGHT, RESTED = 0.7, 0.9 * GRAVITY, 0.1
 
@@ -49,7 +52,7 @@ class Descent:
     @property
     def hover(self) -> float:
         """Newtons that it believes hold the vehicle now."""
-        return self._hover * self._ratio
+        return self._hover * max(min(self._ratio, 1.0 + ERROR), 1.0 - ERROR)
 
     def step(self, lift: float, dt: float) -> float | None:
         """Newtons to give from now on, None when it has touched down. lift: the specific force
@@ -66,7 +69,7 @@ class Descent:
         most = MOST - FADE * max(time - FULL, 0.0)
         factor = 1.0 + pull / GRAVITY
         ratio = self._ratio + LEARNING * dt * (pull - change) / GRAVITY
-        self._ratio = ratio = max(min(ratio, most / factor), 0.0)
+        self._ratio = ratio = max(min(ratio, most / factor), LEAST / factor)
         self._share = ratio * factor
         return min(self._hover * self._share, self._most)
 

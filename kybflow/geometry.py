@@ -7,6 +7,7 @@ array costs ten times as much as the arithmetic on three numbers.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import acos, asin, atan2, cos, dist, pi, sin, sqrt
 
 Vec3 = tuple[float, float, float]
@@ -41,8 +42,7 @@ def norm(a: Vec3) -> float:
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
-def distance(a: Vec3, b: Vec3) -> float:
-    return dist(a, b)
+distance: Callable[[Vec3, Vec3], float] = dist
 
 
 def wrap(angle: float) -> float:
@@ -68,14 +68,14 @@ def conjugate(q: Quat) -> Quat:
 
 def rotate(q: Quat, v: Vec3) -> Vec3:
     """`v` from the body to the world."""
-    w, x, y, z = q
-    tx = 2.0 * (y * v[2] - z * v[1])
-    ty = 2.0 * (z * v[0] - x * v[2])
-    tz = 2.0 * (x * v[1] - y * v[0])
+    (w, x, y, z), (vx, vy, vz) = q, v
+    tx = 2.0 * (y * vz - z * vy)
+    ty = 2.0 * (z * vx - x * vz)
+    tz = 2.0 * (x * vy - y * vx)
     return (
-        v[0] + w * tx + y * tz - z * ty,
-        v[1] + w * ty + z * tx - x * tz,
-        v[2] + w * tz + x * ty - y * tx,
+        vx + w * tx + y * tz - z * ty,
+        vy + w * ty + z * tx - x * tz,
+        vz + w * tz + x * ty - y * tx,
     )
 
 
@@ -133,8 +133,9 @@ def from_thrust_direction(direction: Vec3, heading: float) -> Quat:
     The shortest rotation from world z to `direction`, after a turn about z that leaves the heading
     as asked (Mellinger and Kumar, ICRA 2011, eq. 6-8, in quaternion form).
     """
-    n = norm(direction)
-    zx, zy, zz = direction[0] / n, direction[1] / n, direction[2] / n
+    x, y, z = direction
+    n = sqrt(x * x + y * y + z * z)
+    zx, zy, zz = x / n, y / n, z / n
     cx, sx = cos(heading), sin(heading)
     # body y is normal to the thrust direction and to the wanted heading; body x completes the frame
     yx, yy, yz = -sx * zz, cx * zz, sx * zx - cx * zy
@@ -163,7 +164,8 @@ def from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat:
 def integrate(q: Quat, rate: Vec3, dt: float) -> Quat:
     """`q` after turning at the body rate `rate` for `dt`: first order, renormalised."""
     w, x, y, z = q
-    hx, hy, hz = 0.5 * dt * rate[0], 0.5 * dt * rate[1], 0.5 * dt * rate[2]
+    (rx, ry, rz), half = rate, 0.5 * dt
+    hx, hy, hz = half * rx, half * ry, half * rz
     nw = w - x * hx - y * hy - z * hz
     nx = x + w * hx + y * hz - z * hy
     ny = y + w * hy + z * hx - x * hz

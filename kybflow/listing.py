@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from kybflow.catalog import Catalog, PartSpec
 from kybflow.dsl.diagnostics import did_you_mean
 from kybflow.dsl.values import bounds_of, shown_value
-from kybflow.params import Field
+from kybflow.params import Field, type_of
 
 
 def list_parts(catalog: Catalog) -> str:
@@ -53,11 +53,5 @@ def _part(spec: PartSpec) -> Iterator[str]:
 
 
 def _row(field: Field) -> tuple[str, str, str, str, str]:
-    kind = field.shape if field.dimension is None else field.dimension.name
-    if field.shape in ("vector", "path"):
-        kind = f"{field.shape} of {kind}"
-    if field.choices:
-        kind = " | ".join(field.choices)
-    unit = f" [{field.dimension.si}]" if field.dimension and field.dimension.si else ""
     default = "needed" if field.required else shown_value(field.default, field)
-    return field.name, f"{kind}{unit}", default, bounds_of(field), field.help
+    return field.name, type_of(field), default, bounds_of(field), field.help

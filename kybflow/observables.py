@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
+from operator import attrgetter
 from typing import Protocol
 
 from kybflow.geometry import Quat, Vec3, distance, heading_of, norm, tilt_of
@@ -119,10 +120,10 @@ OBSERVABLES: dict[str, Observable] = {
         "Voltage of the battery.", VOLTAGE, lambda v: v.battery.voltage, low=0.0
     ),
     "estimate.age": Observable(
-        "Age of the newest measurement in the estimate.", DURATION, lambda v: v.age, low=0.0
+        "Age of the newest measurement in the estimate.", DURATION, attrgetter("age"), low=0.0
     ),
     "estimate.spread": Observable(
-        "Standard deviation of the position.", LENGTH, lambda v: v.spread, low=0.0
+        "Standard deviation of the position.", LENGTH, attrgetter("spread"), low=0.0
     ),
     "position_error": Observable(
         "Distance from the setpoint before tracking.", LENGTH, _position_error, low=0.0
@@ -159,6 +160,7 @@ EVENTS: dict[str, str] = {
     "phase_ended": "A flow left a phase.",
     "phase_refused": "A phase that was asked for can't be entered now.",
     "flow_ended": "A flow is over; `FLOW.finished` is told with it.",
+    "flow_failed": "A flow could not go on; its vehicles do what they do.",
     "driver_changed": "Another flow drives the vehicle.",
     "give_refused": "A flow can't give a vehicle that it doesn't drive.",
     "processor_enabled": "A processor is in use again.",
@@ -179,9 +181,12 @@ OF_THE_RUN = frozenset(
     {
         "run_started", "run_ended", "run_stopped", "observer_failed", "logged", "action_failed",
         "phase_started", "phase_ended", "phase_refused", "flow_ended",
+        "flow_failed",
     }
 )  # fmt: skip
 """The events that belong to no vehicle."""
+OF_THE_SIMULATOR = frozenset({"fault_injected", "fault_ended", "fault_failed"})
+"""The events that no vehicle could know of: they may be logged, and nothing else."""
 TOO_LATE = frozenset({"run_ended", "preflight_failed"})
 """The events after which no tick follows, so that nothing can answer them."""
 
@@ -214,6 +219,7 @@ EVENT_FIELDS: dict[str, tuple[str, ...]] = {
     "phase_ended": ("flow", "phase", "how"),
     "phase_refused": ("flow", "phase", "by", "reason"),
     "flow_ended": ("flow", "phase"),
+    "flow_failed": ("flow", "reason"),
     "driver_changed": ("flow",),
     "give_refused": ("flow", "to", "reason"),
     "processor_enabled": ("processor", "by"),

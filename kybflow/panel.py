@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections import deque
-from typing import IO, Any
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -18,37 +16,6 @@ from kybflow.runtime.vehicle import Vehicle
 from kybflow.signals import NS, Event
 
 _SHOWN = 6
-
-
-class Outlet:
-    """Standard output while a vehicle flies: a reader that has gone (`| head`) or a disk that is
-    full must not stop the flight, so what can't be written goes nowhere."""
-
-    def __init__(self, stream: IO[str]) -> None:
-        self._stream = stream
-
-    def write(self, text: str) -> int:
-        try:
-            return self._stream.write(text)
-        except OSError:
-            self._drain()
-            return len(text)
-
-    def flush(self) -> None:
-        try:
-            self._stream.flush()
-        except OSError:
-            self._drain()
-
-    def _drain(self) -> None:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, self._stream.fileno())
-        os.close(nowhere)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-
 _REDRAW = 0.1
 _QUIET_FIELDS = frozenset({"behavior", "part"})
 

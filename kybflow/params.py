@@ -132,6 +132,17 @@ class Field:
         return None
 
 
+def type_of(field: Field) -> str:
+    """The type in words, with its SI unit: `length [m]`, `path of length [m]`, `warn | land`."""
+    if field.choices:
+        return " | ".join(field.choices)
+    if field.dimension is None:
+        return field.shape
+    name = field.dimension.name
+    kind = f"{field.shape} of {name}" if field.shape in ("vector", "path") else name
+    return f"{kind} [{field.dimension.si}]" if field.dimension.si else kind
+
+
 @functools.cache
 def fields_of(cls: Any) -> tuple[Field, ...]:
     """The parameters that `cls` declares, in order. Raises PartError when a declaration is

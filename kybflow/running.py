@@ -11,11 +11,11 @@ from rich.console import Console
 from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.dsl.render import render_all
 from kybflow.errors import KybflowError
+from kybflow.findings import findings
 from kybflow.panel import LivePanel, PlainPanel
 from kybflow.runtime.flight import Flown, Request, fly
-from kybflow.runtime.outcome import INVALID
+from kybflow.runtime.outcome import EXIT_CODES, INVALID
 from kybflow.runtime.report import write_report
 from kybflow.units import format_measured
 
@@ -38,7 +38,7 @@ def run_mission(asked: Asked, out: Console, err: Console) -> int:
     result = compile_mission(
         asked.path, catalog=load_catalog(), target=asked.target, sets=asked.sets
     )
-    for text in render_all(result.diagnostics, result.texts):
+    for text in findings(result, asked.path):
         err.print(text, markup=False, soft_wrap=True)
     if result.plan is None:
         return INVALID
@@ -49,9 +49,20 @@ def run_mission(asked: Asked, out: Console, err: Console) -> int:
         err.print(f"error: {error}", markup=False, soft_wrap=True)
         return INVALID
     _tell(flown, out)
-    if asked.report:
-        out.print(f"report: {write_report(flown.folder)}", markup=False, soft_wrap=True)
+    if asked.report and not _reported(flown, out, err):
+        return flown.exit_code or EXIT_CODES["failed"]
     return flown.exit_code
+
+
+def _reported(flown: Flown, out: Console, err: Console) -> bool:
+    """Write the report; whether it could be."""
+    try:
+        page = write_report(flown.folder)
+    except KybflowError as error:
+        err.print(f"error: {error}", markup=False, soft_wrap=True)
+        return False
+    out.print(f"report: {page}", markup=False, soft_wrap=True)
+    return True
 
 
 def _flown(plan: Plan, asked: Asked, out: Console) -> Flown:

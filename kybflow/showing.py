@@ -12,7 +12,8 @@ from kybflow.dsl.document import Parameter
 from kybflow.dsl.graph import cause_of
 from kybflow.dsl.parameters import shown_parameter
 from kybflow.dsl.plan import Plan, StatePlan, VehiclePlan
-from kybflow.dsl.render import render_all
+from kybflow.findings import findings
+from kybflow.showing_sections import sections
 from kybflow.units import LENGTH, MASS, format_quantity
 
 
@@ -27,7 +28,7 @@ class Shown:
 def show_mission(path: Path, resolved: bool, target: str | None, sets: tuple[str, ...]) -> Shown:
     """The mission in `path` in a few lines, or all of it with the origin of each line."""
     result = compile_mission(path, catalog=load_catalog(), target=target, sets=sets)
-    reports = render_all(result.diagnostics, result.texts)
+    reports = findings(result, path)
     if result.plan is None:
         return Shown(None, reports)
     lines = _summary(result.plan, result.parameters)
@@ -47,11 +48,10 @@ def _summary(plan: Plan, parameters: Mapping[str, Parameter]) -> Iterator[str]:
     for vehicle in plan.vehicles:
         yield ""
         yield from _vehicle(vehicle)
-    if plan.expectations:
+    for heading, lines in sections(plan):
         yield ""
-        yield "expected"
-    for expectation in plan.expectations:
-        yield f"  {expectation.text}"
+        yield heading
+        yield from (f"  {line}" for line in lines)
 
 
 def _vehicle(vehicle: VehiclePlan) -> Iterator[str]:

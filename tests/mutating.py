@@ -206,6 +206,7 @@ def _delete(root: Node, place: _Place) -> Iterator[_Change]:
     name = place.keys[-1] if place.keys else ""
     needed = _is_key(place) and not _defines(place) and name in _NEEDED
     needed = needed and (len(place.keys) > 1) is (name not in _TOP)
+    needed = needed and place.keys[-2:] != ("tracker", "use")  # `like` brings it
     breaks = needed or (_defines(place) and _mentions(root, place))
     what = f"delete {'.'.join(place.keys)}"
     yield _Change(what, lambda p, i: p.value.pop(i), breaks, (name,) if _defines(place) else ())

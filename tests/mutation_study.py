@@ -82,8 +82,9 @@ def _moved(whole: dict[str, End], now: dict[str, End]) -> str:
 
 
 def with_library(folder: Path) -> Path:
-    """`folder`, with what the missions import."""
-    shutil.copytree(ROOT / "missions" / "library", folder / "library", dirs_exist_ok=True)
+    """`folder`, with what the missions import and the files that they name."""
+    for name in ("library", "trajectories"):
+        shutil.copytree(ROOT / "missions" / name, folder / name, dirs_exist_ok=True)
     return folder
 
 

@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from kybflow.cli import app
+from kybflow.runtime import run_folder
 
 REPO = Path(__file__).parents[1]
 GOOD = str(REPO / "missions" / "figure_eight.yaml")
@@ -183,3 +184,95 @@ def test_graph_draws_both_ways(tmp_path: Path) -> None:
     drawing = tmp_path / "first.svg"
     assert run("graph", FIRST, "--format", "svg", "--out", str(drawing)).exit_code == 0
     assert drawing.read_text(encoding="utf-8").startswith("<svg")
+
+
+@pytest.mark.parametrize("command", ["run", "show", "graph", "preflight"])
+def test_a_library_is_told_to_be_no_mission(command: str) -> None:
+    library = REPO / "missions" / "library" / "airframes.yaml"
+    result = run(command, str(library))
+    assert result.exit_code == 2
+    assert f"{library} is a library, no mission" in result.output
+
+
+def test_the_version_needs_no_command() -> None:
+    result = run("--version")
+    assert result.exit_code == 0
+    assert result.output.startswith("kybflow ")
+
+
+@pytest.mark.parametrize("command", ["run", "test", "preflight", "validate"])
+def test_help_gives_each_exit_code_and_example_a_line(command: str) -> None:
+    lines = [line.strip() for line in run(command, "--help").output.splitlines()]
+    assert any(line.startswith("0: ") for line in lines)
+    assert any(line.startswith("2: ") for line in lines)
+    assert sum(line.startswith(f"kybflow {command} ") for line in lines) >= 2
+    assert "  |  " not in " ".join(lines)
+
+
+@pytest.mark.parametrize("arguments", ["validate missions/*.yaml", f"test {FIRST} --seeds 0..1"])
+def test_a_reader_that_goes_away_changes_no_exit_code(tmp_path: Path, arguments: str) -> None:
+    out = f" --out {tmp_path}" if arguments.startswith("test") else ""
+    command = f"{sys.executable} -m kybflow {arguments}{out} | head -0; echo ${{PIPESTATUS[0]}}"
+    done = subprocess.run(
+        ["bash", "-c", command], cwd=REPO, capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.stderr) == ("0\n", "")
+
+
+def test_run_tells_names_as_they_are(tmp_path: Path) -> None:
+    mission = tmp_path / "a:100:.yaml"
+    mission.write_text(MINE, encoding="utf-8")
+    result = run("run", str(mission), "--out", str(tmp_path / "run"), "--no-report")
+    assert result.exit_code == 0
+    assert f"[{mission}:8]" in result.output
+
+
+MINE = """kybflow: 1
+mission: hop
+import: {std: kybflow/airframes}
+vehicles:
+  nano:
+    like: std.nano_plus
+    behaviors:
+      up: {do: take_off, height: 50 cm, then: down}
+      down: {do: land}
+"""
+
+
+def test_an_earlier_run_is_not_replaced(tmp_path: Path) -> None:
+    words = ("run", FIRST, "--out", str(tmp_path), "--no-report")
+    assert run(*words).exit_code == 0
+    summary = (tmp_path / "summary.json").read_bytes()
+    again = run(*words)
+    assert again.exit_code == 2
+    assert "holds an earlier run; name another folder, or remove it" in again.output
+    assert (tmp_path / "summary.json").read_bytes() == summary
+
+
+def test_a_disk_that_is_full_at_the_end_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = run_folder._write
+
+    def full(path: Path, text: str) -> None:
+        if path.name == run_folder.SUMMARY:
+            raise run_folder.RunFolderError(f"`{path}` can't be written: No space left on device")
+        write(path, text)
+
+    monkeypatch.setattr(run_folder, "_write", full)
+    result = run("run", FIRST, "--out", str(tmp_path))
+    assert result.exit_code == 1
+    assert "first_flight failed: `" in result.output
+    assert "can't be written: No space left on device" in result.output
+    assert "run_ended" in (tmp_path / "events.jsonl").read_text()
+
+
+def test_show_tells_groups_flows_callbacks_faults_and_world() -> None:
+    formation = run("show", str(REPO / "missions" / "formation.yaml")).output
+    assert "world\n  fence from [-3, -3, 0] m to [3, 3, 2.5] m\n" in formation
+    assert "groups\n  swarm: a, b, c, d\n" in formation
+    assert "flow solo (drives what it is given; begins with leave)\n" in formation
+    assert "others: turn; give d to solo (event solo.finished: again)\n" in formation
+    lives = run("show", str(REPO / "missions" / "two_lives.yaml")).output
+    assert "callbacks\n  sick.fault_injected: log `{vehicle} suffers {fault}" in lives
+    assert "faults\n  battery_sag on sick, when behavior == eight and elapsed > 4 s\n" in lives

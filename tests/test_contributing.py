@@ -25,15 +25,17 @@ def test_the_five_minutes_are_true(tmp_path: Path):
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     (tmp_path / part).write_text(block("python"), encoding="utf-8")
     (tmp_path / mission).write_text(block("yaml"), encoding="utf-8")
-    commands = re.findall(r"kybflow (parts nod|run \S+|schema --write [\w/.]+)", TEXT)
+    commands = re.findall(r"kybflow (parts nod|run \S+|\w+ --write [\w/.]+)", TEXT)
     assert commands == [
         "parts nod",
         f"run {mission}",
         "schema --write schemas/mission.schema.json",
+        "parts --write docs/parts.md",
     ]
     for command in commands:
         do(tmp_path, "kybflow", *command.split())
     tests = ["tests/test_part_contract.py", "tests/dsl", "tests/test_missions.py"]
+    tests.append("tests/test_reference.py")
     do(tmp_path, "pytest", "-q", "-k", "nod or current", *tests)
 
 

@@ -35,6 +35,11 @@ def test_the_part_is_listed_with_its_parameters(installed: dict[str, str]):
     assert kybflow({**os.environ}, "parts", "bob").returncode == 2
 
 
+def test_the_page_of_parts_is_without_it(installed: dict[str, str]):
+    checked = kybflow(installed, "parts", "--check", str(ROOT / "docs" / "parts.md"))
+    assert checked.returncode == 0, checked.stderr
+
+
 def test_its_mission_flies(installed: dict[str, str], tmp_path: Path):
     mission = str(ROOT / "examples" / "lab-parts" / "bob.yaml")
     flown = kybflow(installed, "run", mission, "--out", str(tmp_path), "--no-report")

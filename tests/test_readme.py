@@ -1,9 +1,14 @@
 """What the README shows is true: its report, its mission's length, its links."""
 
 import re
+import shlex
 from pathlib import Path
 
+import pytest
+from typer.main import get_command
+
 from kybflow.catalog import load_catalog
+from kybflow.cli import app
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.render import render
 from kybflow.observables import EVENTS, OBSERVABLES
@@ -36,6 +41,24 @@ def test_the_language_page_has_every_observable_and_every_event():
     page = (ROOT / "docs" / "mission-language.md").read_text(encoding="utf-8")
     missing = [name for name in (*OBSERVABLES, *EVENTS) if f"`{name}`" not in page]
     assert missing == []
+
+
+def commands() -> set[str]:
+    """Every command that a page shows, in the line or in a block, without its comment."""
+    shown = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    found = re.findall(
+        r"(?:`|^ {4}|^\$ |^- run: |^```sh\n|&& )kybflow ([^`\n#>|]+)", shown, re.MULTILINE
+    )
+    return {command.strip() for command in found}
+
+
+@pytest.mark.parametrize("command", sorted(commands()))
+def test_a_command_that_is_shown_is_one(command: str):
+    name, *arguments = shlex.split(command)
+    known = get_command(app).commands
+    assert name in known
+    if arguments:
+        known[name].make_context(name, arguments)
 
 
 def test_every_link_leads_somewhere():

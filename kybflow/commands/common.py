@@ -19,6 +19,11 @@ Sets = Annotated[
 ]
 
 
+def examples(*lines: str) -> str:
+    """The end of a command's help: an example a line, as typer breaks them at empty lines."""
+    return "\n\n".join(("Examples:", *lines))
+
+
 def write(path: Path, text: str, option: str) -> None:
     try:
         path.write_text(text, encoding="utf-8")

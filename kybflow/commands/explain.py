@@ -7,11 +7,12 @@ from typing import Annotated
 
 import typer
 
-from kybflow.commands.common import INVALID, echo, write
+from kybflow.commands.common import INVALID, echo, examples, write
 
-EXAMPLES = (
-    "Examples:  kybflow explain KYB203  |  kybflow explain  |  kybflow explain --check "
-    "docs/checks.md"
+EXAMPLES = examples(
+    "kybflow explain",
+    "kybflow explain KYB203",
+    "kybflow explain --check docs/checks.md",
 )
 
 

@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
-from kybflow.commands.common import INVALID, Sets, Target, echo, write
+from kybflow.commands.common import INVALID, Sets, Target, echo, examples, write
 
-EXAMPLES = (
-    "Examples:  kybflow graph missions/figure_eight.yaml  |  kybflow graph "
-    "missions/figure_eight.yaml --format svg --out eight.svg"
+EXAMPLES = examples(
+    "kybflow graph missions/figure_eight.yaml",
+    "kybflow graph missions/figure_eight.yaml --format svg --out eight.svg",
 )
 
 

@@ -6,10 +6,12 @@ from typing import Annotated
 
 import typer
 
-from kybflow.commands.common import echo
+from kybflow.commands.common import echo, examples
 
-EXAMPLES = (
-    "Examples:  kybflow library  |  kybflow library kybflow/airframes  |  kybflow library line"
+EXAMPLES = examples(
+    "kybflow library",
+    "kybflow library kybflow/airframes",
+    "kybflow library line",
 )
 
 

@@ -7,10 +7,13 @@ from typing import Annotated
 
 import typer
 
-from kybflow.commands.common import INVALID, echo
+from kybflow.commands.common import INVALID, echo, examples
 from kybflow.errors import KybflowError
 
-EXAMPLES = "Examples:  kybflow new my_eight --from figure_eight  |  kybflow new hop"
+EXAMPLES = examples(
+    "kybflow new hop",
+    "kybflow new my_eight --from figure_eight",
+)
 
 
 def new(
@@ -19,7 +22,10 @@ def new(
         str, typer.Option("--from", metavar="MISSION", help="The shipped mission to begin from.")
     ] = "first_flight",
 ) -> None:
-    """Begin a mission of your own from one that is shipped; overwrites nothing."""
+    """Begin a mission of your own from one that is shipped; overwrites nothing.
+
+    The files that the mission names are written beside it,
+    and the schema that editors complete from."""
     from kybflow.beginning import begin_mission
 
     try:

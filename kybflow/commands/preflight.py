@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kybflow.commands.common import INVALID, Sets, Target, echo
+from kybflow.commands.common import INVALID, Sets, Target, echo, examples
 
 if TYPE_CHECKING:
     from kybflow.dsl.plan import Plan
     from kybflow.runtime.preflight import Line
 
-EXAMPLES = (
-    "Examples:  kybflow preflight missions/figure_eight.yaml  |  kybflow preflight "
-    "missions/figure_eight.yaml --target lab"
+EXAMPLES = examples(
+    "kybflow preflight missions/figure_eight.yaml",
+    "kybflow preflight missions/figure_eight.yaml --target lab",
 )
 RED, FAILED = 1, 3
 
@@ -29,15 +29,19 @@ def preflight(
 ) -> None:
     """Look at everything that must be well before take-off; nothing arms.
 
-    Exit code 0: every line is green. 1: one is red. 2: the mission is invalid. 3: a driver or
-    device failed.
+    Exit codes:
+
+    0: every line is green.
+    1: one is red.
+    2: the mission is invalid.
+    3: a driver or device failed.
     """
     from kybflow.catalog import load_catalog
     from kybflow.dsl.compiler import compile_mission
-    from kybflow.dsl.render import render_all
+    from kybflow.findings import findings
 
     result = compile_mission(mission, catalog=load_catalog(), target=target, sets=tuple(sets or ()))
-    for text in render_all(result.diagnostics, result.texts):
+    for text in findings(result, mission):
         echo(text, err=True)
     if result.plan is None:
         raise typer.Exit(INVALID)

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import IO, Annotated, cast
+from typing import IO, TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from kybflow.commands.common import Sets, Target
+from kybflow.commands.common import Sets, Target, examples
 from kybflow.errors import UnitError
 from kybflow.units import DURATION, parse_quantity
 
-EXAMPLES = (
-    "Examples:  kybflow run missions/figure_eight.yaml  |  kybflow run "
-    "missions/figure_eight.yaml --set lap=8s --seed 3  |  kybflow run missions/first_flight.yaml "
-    "--speed 1 --live"
+if TYPE_CHECKING:
+    from rich.console import Console
+
+EXAMPLES = examples(
+    "kybflow run missions/figure_eight.yaml",
+    "kybflow run missions/figure_eight.yaml --set lap=8s --seed 3",
+    "kybflow run missions/first_flight.yaml --speed 1 --live",
 )
 
 
@@ -46,7 +49,8 @@ def run(
         typer.Option(
             "--emit",
             metavar="NAME@TIME",
-            help="Give an event while it flies, like operator.go@2s; TIME is that of the run.",
+            help="Give an event while it flies, like operator.go@2s; TIME is that of the run. "
+            "operator.pause, .resume, .land, .reset and .stop act on every vehicle.",
         ),
     ] = None,
     live: Annotated[bool, typer.Option("--live", help="Show the simulation in a window.")] = False,
@@ -55,12 +59,14 @@ def run(
 ) -> None:
     """Fly a mission and report.
 
-    Exit code 0: it ended as it should and every expectation held. 1: it did not. 2: the mission or
-    the command line is invalid. 3: a driver or device failed. 130: interrupted.
-    """
-    from rich.console import Console
+    Exit codes:
 
-    from kybflow.panel import Outlet
+    0: it ended as it should and every expectation held.
+    1: it did not, or its record could not be written.
+    2: the mission or the command line is invalid.
+    3: a driver or device failed.
+    130: interrupted.
+    """
     from kybflow.running import Asked, run_mission
     from kybflow.runtime.flight import Request
 
@@ -68,8 +74,17 @@ def run(
     changes = tuple(_pair(option) for option in options or ())
     request = Request(seed, out, pace, changes, tuple(_timed(emit) for emit in emits or ()))
     asked = Asked(mission, target, tuple(sets or ()), request, live, plain, report)
-    screen, errors = (Console(file=cast(IO[str], Outlet(s))) for s in (sys.stdout, sys.stderr))
+    screen, errors = (_console(stream) for stream in (sys.stdout, sys.stderr))
     raise typer.Exit(run_mission(asked, screen, errors))
+
+
+def _console(stream: IO[str]) -> Console:
+    """A console that nothing can stop: a vehicle flies."""
+    from rich.console import Console
+
+    from kybflow.outlet import Outlet
+
+    return Console(file=cast(IO[str], Outlet(stream)), emoji=False)
 
 
 def _timed(emit: str) -> tuple[float, str]:

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from kybflow.commands.common import INVALID, echo, write
+from kybflow.commands.common import INVALID, echo, examples, write
 
-EXAMPLES = (
-    "Examples:  kybflow schema > mission.schema.json  |  kybflow schema --check "
-    "schemas/mission.schema.json"
+EXAMPLES = examples(
+    "kybflow schema > mission.schema.json",
+    "kybflow schema --check schemas/mission.schema.json",
 )
 
 

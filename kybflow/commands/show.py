@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from kybflow.commands.common import INVALID, Sets, Target, echo
+from kybflow.commands.common import INVALID, Sets, Target, echo, examples
 
-EXAMPLES = (
-    "Examples:  kybflow show missions/figure_eight.yaml  |  kybflow show "
-    "missions/figure_eight.yaml --resolved --set lap=8s"
+EXAMPLES = examples(
+    "kybflow show missions/figure_eight.yaml",
+    "kybflow show missions/figure_eight.yaml --resolved --set lap=8s",
 )
 
 

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import os
 import re
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Annotated
+from typing import IO, TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from kybflow.commands.common import INVALID, Sets, Target, echo
+from kybflow.commands.common import INVALID, Sets, Target, echo, examples
 
-EXAMPLES = (
-    "Examples:  kybflow test missions  |  kybflow test missions/figure_eight.yaml --seeds 0..99"
-    "  |  kybflow test missions --junit report.xml --full"
+if TYPE_CHECKING:
+    from kybflow.testing.cases import Case, Tried
+
+EXAMPLES = examples(
+    "kybflow test missions",
+    "kybflow test missions/figure_eight.yaml --seeds 0..99",
+    "kybflow test missions --junit report.xml --full",
 )
 _SEEDS = re.compile(r"(\d{1,9})(?:\.\.(\d{1,9}))?")
 _MOST = 100_000
@@ -40,18 +47,18 @@ def fly_tests(
 ) -> None:
     """Fly missions as tests, and tell which states and transitions no flight has taken.
 
-    Exit code 0: every flight succeeded. 1: one failed. 2: a mission or the command line is invalid.
-    3: a driver or device failed. 130: interrupted.
+    Exit codes:
+
+    0: every flight succeeded.
+    1: one failed.
+    2: a mission or the command line is invalid.
+    3: a driver or device failed, or a process that flew died.
+    130: interrupted.
     """
     from datetime import datetime
 
-    from rich.console import Console
-
     from kybflow.testing.cases import Case
     from kybflow.testing.finding import missions_under
-    from kybflow.testing.junit import write_junit
-    from kybflow.testing.session import coverage_of, exit_code, run_cases
-    from kybflow.testing.showing import Bar, show_table
 
     folder = out / f"test-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     numbers = _seeds(seeds)
@@ -64,19 +71,56 @@ def fly_tests(
         for n, path in enumerate(found)
         for seed in numbers
     ]
-    console = Console()
+    if junit is not None:
+        _report(junit, ())
+    with _made(folder):
+        raise typer.Exit(_fly(cases, jobs or os.cpu_count() or 1, junit, full))
+
+
+def _fly(cases: Sequence[Case], jobs: int, junit: Path | None, full: bool) -> int:
+    """Fly them and tell what became of them; the exit code."""
+    from rich.console import Console
+
+    from kybflow.outlet import Outlet
+    from kybflow.testing.session import coverage_of, exit_code, run_cases
+    from kybflow.testing.showing import Bar, show_table
+
+    console = Console(file=cast(IO[str], Outlet(sys.stdout)), emoji=False)
     with Bar(console, len(cases)) as bar:
-        tried = run_cases(cases, jobs or os.cpu_count() or 1, bar.done)
+        tried = run_cases(cases, jobs, bar.done)
     coverage = coverage_of(tried)
     show_table(console, tried, coverage)
+    if len(tried) < len(cases):
+        console.print(f"stopped after {len(tried)} of {len(cases)} flights", highlight=False)
     if junit is not None:
-        try:
-            write_junit(junit, tried)
-        except OSError as error:
-            message = f"`{junit}` can't be written: {error.strerror}"
-            raise typer.BadParameter(message, param_hint="--junit") from None
+        _report(junit, tried)
     missed = full and any(one.missed for one in coverage.values())
-    raise typer.Exit(exit_code(tried) or int(missed))
+    return exit_code(tried, len(cases)) or int(missed)
+
+
+@contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """Make `folder` before anything flies; remove it when nothing was kept in it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"`{folder}` can't be written: {error.strerror}"
+        raise typer.BadParameter(message, param_hint="--out") from None
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            folder.rmdir()
+
+
+def _report(junit: Path, tried: Sequence[Tried]) -> None:
+    from kybflow.testing.junit import write_junit
+
+    try:
+        write_junit(junit, tried)
+    except OSError as error:
+        message = f"`{junit}` can't be written: {error.strerror}"
+        raise typer.BadParameter(message, param_hint="--junit") from None
 
 
 def _seeds(text: str) -> list[int]:

@@ -8,11 +8,12 @@ from typing import Annotated
 
 import typer
 
-from kybflow.commands.common import INVALID, Sets, Target, echo
+from kybflow.commands.common import INVALID, Sets, Target, echo, examples
 
-EXAMPLES = (
-    "Examples:  kybflow validate missions/figure_eight.yaml  |  kybflow validate missions "
-    "--format sarif  |  kybflow validate missions/figure_eight.yaml --set lap=8s"
+EXAMPLES = examples(
+    "kybflow validate missions/figure_eight.yaml",
+    "kybflow validate missions --format sarif",
+    "kybflow validate missions/figure_eight.yaml --set lap=8s",
 )
 
 
@@ -33,7 +34,10 @@ def validate(
 ) -> None:
     """Prove all of a mission that can be proven before take-off.
 
-    Exit code 0: every mission is valid. 2: one is not.
+    Exit codes:
+
+    0: every mission is valid.
+    2: one is not.
     """
     raise typer.Exit(validate_all(paths, format, target, tuple(sets or ())))
 

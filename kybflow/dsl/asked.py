@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 
-from kybflow.dsl.document import Document
+from kybflow.dsl.document import Document, Flow
+from kybflow.dsl.flows import GROUNDED, own_vehicles
 from kybflow.dsl.option_names import members
 
 
@@ -14,9 +15,12 @@ def with_asked(document: Document) -> Document:
     asked = set(_asked(document))
     if not asked:
         return document
+    first = set(_asked_first(document))
     vehicles = {
         name: dataclasses.replace(
-            vehicle, asked=frozenset(state for who, state in asked if who == name)
+            vehicle,
+            asked=frozenset(state for who, state in asked if who == name),
+            asked_first=frozenset(state for who, state in first if who == name),
         )
         for name, vehicle in document.vehicles.items()
     }
@@ -38,8 +42,36 @@ def _asked(document: Document) -> Iterator[tuple[str, str]]:
         for who, state in phase.run
     ]
     for who, state in wishes:
-        for vehicle in members(document, who):
-            if vehicle in document.vehicles:
-                goal = document.vehicles[vehicle].goal(state)
-                if goal in document.vehicles[vehicle].states:
-                    yield vehicle, goal
+        yield from _goals(document, who, state)
+
+
+def _goals(document: Document, who: str, state: str) -> Iterator[tuple[str, str]]:
+    for vehicle in members(document, who):
+        goal = document.vehicles[vehicle].goal(state)
+        if goal in document.vehicles[vehicle].states:
+            yield vehicle, goal
+
+
+def _asked_first(document: Document) -> Iterator[tuple[str, str]]:
+    """(vehicle, state) of the first wishes that a flow has for a vehicle which waits for it."""
+    for flow in document.flows.values():
+        for vehicle in own_vehicles(document, flow):
+            if document.vehicles[vehicle].begin.text == GROUNDED:
+                yield from _first_of(document, flow, vehicle)
+
+
+def _first_of(document: Document, flow: Flow, vehicle: str) -> Iterator[tuple[str, str]]:
+    """Along the arrows from the first phase, until a phase asks something or gives it away."""
+    waiting, seen = [flow.begin.text], {flow.begin.text}
+    while waiting:
+        phase = flow.phases.get(waiting.pop())
+        if phase is None:
+            continue
+        wishes = [w for who, state in phase.run for w in _goals(document, who.text, state.text)]
+        yield from (wish for wish in wishes if wish[0] == vehicle)
+        asked = (*phase.run, *phase.give)
+        if any(vehicle in members(document, who.text) for who, _ in asked):
+            continue
+        fresh = {arrow.target.text for arrow in phase.transitions} - seen
+        seen |= fresh
+        waiting += fresh

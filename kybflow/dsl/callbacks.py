@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING
 
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.document import ActionUse, Callback, PartUse
-from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence, head_of
+from kybflow.dsl.nodes import (
+    Entry,
+    Mapping,
+    Node,
+    Scalar,
+    describe,
+    head_of,
+    is_null,
+    items_of,
+)
 from kybflow.dsl.source import Text
 from kybflow.parts.action import BUILT_IN
 
@@ -23,14 +32,14 @@ _OWN = frozenset({"event", "when", "do"})
 
 def callbacks(node: Node | None, uses: Uses) -> tuple[Callback, ...]:
     """The callbacks of `on:`; what is wrong with their actions goes to the findings of `uses`."""
-    items = node.items if isinstance(node, Sequence) else ()
+    items = items_of(node)
     return tuple(_callback(item, uses) for item in items if isinstance(item, Mapping))
 
 
 def _callback(node: Mapping, uses: Uses) -> Callback:
     event, when, do = node.get("event"), node.get("when"), node.get("do")
     assert isinstance(event, Scalar)
-    items = do.items if isinstance(do, Sequence) else ()
+    items = items_of(do)
     if not items:
         message = f"nothing is done when `{event.text}` is heard"
         uses.found.append(Diagnostic("KYB171", message, head_of(node), help="write `do: [...]`"))
@@ -90,6 +99,11 @@ def _part(entry: Entry, uses: Uses) -> PartUse | None:
         message = f"no action is called `{name.text}`"
         hint = did_you_mean(name.text, (*BUILT_IN, *known))
         uses.found.append(Diagnostic("KYB170", message, name.span, help=hint))
+        return None
+    if not isinstance(entry.value, Mapping) and not is_null(entry.value):
+        message = f"`{name.text}` must be a mapping, but this is {describe(entry.value)}"
+        hint = f"write its parameters: `{{{name.text}: {{...}}}}`"
+        uses.found.append(Diagnostic("KYB103", message, entry.value.span, help=hint))
         return None
     spec = uses.spec("actions", name)
     body = entry.value if isinstance(entry.value, Mapping) else Mapping({}, name.span)

@@ -12,9 +12,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from kybflow.dsl.built_in import BUILT_IN
-from kybflow.dsl.diagnostics import Diagnostic, Severity, did_you_mean
-from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence, entries_of
+from kybflow.dsl.chain_arrows import Arrows, unknown
+from kybflow.dsl.chain_nodes import chain_of, used_at
+from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, entries_of
 from kybflow.dsl.parameters import Parameters, Setting, declare
 from kybflow.dsl.source import Span
 from kybflow.dsl.substitution import Substitution, known, names_in
@@ -24,13 +25,9 @@ if TYPE_CHECKING:
     from kybflow.dsl.offers import Offers
 
 CODES = {
-    "KYB158": "A chain whose arrow, or `begin`, names a state that it does not have.",
     "KYB159": "A name that is taken: of a chain's parameter, or of a state inside of a chain.",
     "KYB160": "Chains that use each other in a circle, or more uses than a mission may have.",
-    "KYB161": "An arrow to `end` in a chain whose use does not say what follows.",
 }
-END = "end"
-"""The goal that leaves a chain."""
 MAX_USES = 2000
 _ARROWS = frozenset({"then", "next", "failed", "within"})
 
@@ -160,11 +157,12 @@ class Chains:
         filled = entries_of(Substitution(parameters, self._found).apply(written))
         behaviors = {inner: e for inner, e in filled.items() if isinstance(e.value, Mapping)}
         begin = self._begin(chain, behaviors)
+        arrows = Arrows(use.state, use.end, behaviors, self._found)
         for inner in sorted(behaviors, key=lambda inner: inner != begin):
-            key, value = behaviors[inner].key, _at(behaviors[inner].value, use.places)
+            key, value = behaviors[inner].key, used_at(behaviors[inner].value, use.places)
             full = f"{use.state}.{inner}"
             assert isinstance(value, Mapping)
-            body = self._arrows(value, use, behaviors)
+            body = arrows.of(value)
             do = chain_of(body)
             if do is None:
                 span = replace(key.span, used=use.places)
@@ -192,69 +190,8 @@ class Chains:
         if not isinstance(begin, Scalar):
             return first
         if begin.text not in behaviors:
-            self._found.append(_unknown(begin, behaviors))
+            self._found.append(unknown(begin, behaviors))
         return begin.text
-
-    def _arrows(self, body: Mapping, use: Use, behaviors: dict[str, Entry]) -> Mapping:
-        """A state of the chain whose arrows go to the states of the use."""
-        entries = dict(body.entries)
-        then = body.get("then")
-        if isinstance(then, Scalar) and then.text == END:
-            del entries["then"]
-        elif isinstance(then, Scalar):
-            entries["then"] = entries["then"]._replace(value=self._goal(then, use, behaviors))
-        failed = body.get("failed")
-        if isinstance(failed, Scalar):
-            entries["failed"] = entries["failed"]._replace(value=self._goal(failed, use, behaviors))
-        ways = body.get("next")
-        if isinstance(ways, Sequence):
-            items = tuple(self._way(item, use, behaviors) for item in ways.items)
-            entries["next"] = entries["next"]._replace(value=Sequence(items, ways.span))
-        return Mapping(entries, body.span)
-
-    def _way(self, item: Node, use: Use, behaviors: dict[str, Entry]) -> Node:
-        go = item.get("go") if isinstance(item, Mapping) else None
-        if not isinstance(item, Mapping) or not isinstance(go, Scalar):
-            return item
-        entry = item.entries["go"]._replace(value=self._goal(go, use, behaviors))
-        return Mapping({**item.entries, "go": entry}, item.span)
-
-    def _goal(self, goal: Scalar, use: Use, behaviors: dict[str, Entry]) -> Scalar:
-        if goal.text in behaviors:
-            return goal._replace(text=f"{use.state}.{goal.text}")
-        if goal.text == END:
-            end = use.end
-            if isinstance(end, Scalar):
-                return goal._replace(text=end.text)
-            message = f"`{use.state}` does not say what follows `end`"
-            hint = "write `then: NAME` where the chain is used"
-            self._found.append(Diagnostic("KYB161", message, goal.span, help=hint))
-        elif goal.text not in BUILT_IN:
-            self._found.append(_unknown(goal, behaviors))
-        return goal
-
-
-def chain_of(node: Node) -> Scalar | None:
-    """The `do` of a behavior that is a chain; None for any other."""
-    do = node.get("do") if isinstance(node, Mapping) else None
-    return do if isinstance(do, Scalar) and do.text.startswith("chain.") else None
-
-
-def qualified(vehicle: Mapping, library: str) -> Mapping:
-    """A vehicle of `library` as the importing file sees it: its chains have the import's name."""
-    behaviors = vehicle.entries.get("behaviors")
-    if behaviors is None or not isinstance(behaviors.value, Mapping):
-        return vehicle
-    entries = dict(behaviors.value.entries)
-    for name, entry in entries.items():
-        do = chain_of(entry.value)
-        if do is not None and isinstance(entry.value, Mapping):
-            text = f"chain.{library}.{do.text.removeprefix('chain.')}"
-            named = entry.value.entries["do"]._replace(value=do._replace(text=text))
-            body = Mapping({**entry.value.entries, "do": named}, entry.value.span)
-            entries[name] = entry._replace(value=body)
-    whole = behaviors._replace(value=Mapping(entries, behaviors.value.span))
-    return Mapping({**vehicle.entries, "behaviors": whole}, vehicle.span)
 
 
 def _same(a: Use, b: Use) -> bool:
@@ -263,30 +200,6 @@ def _same(a: Use, b: Use) -> bool:
 
 def _named(do: Scalar, name: str) -> Scalar:
     return Scalar(name, do.span)
-
-
-def _at(node: Node, places: tuple[Span, ...]) -> Node:
-    """A copy of what stands in a chain that remembers where the chain is used."""
-    span = replace(node.span, used=places)
-    if isinstance(node, Scalar):
-        return node._replace(span=span)
-    if isinstance(node, Sequence):
-        return Sequence(tuple(_at(item, places) for item in node.items), span)
-    entries = {
-        key: entry._replace(key=_key(entry.key, places), value=_at(entry.value, places))
-        for key, entry in node.entries.items()
-    }
-    return Mapping(entries, span)
-
-
-def _key(key: Scalar, places: tuple[Span, ...]) -> Scalar:
-    return key._replace(span=replace(key.span, used=places))
-
-
-def _unknown(name: Scalar, behaviors: dict[str, Entry]) -> Diagnostic:
-    message = f"the chain has no behavior `{name.text}`"
-    hint = did_you_mean(name.text, [*behaviors, END])
-    return Diagnostic("KYB158", message, replace(name.span, used=()), help=hint)
 
 
 def _taken(name: str, span: Span, file: Parameters) -> Iterator[Diagnostic]:

@@ -7,17 +7,20 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kybflow.dsl import targets
 from kybflow.dsl.attachments import attachments_of
 from kybflow.dsl.checks import run_checks
 from kybflow.dsl.diagnostics import Diagnostic, has_errors, in_order
 from kybflow.dsl.document import Document, Parameter
 from kybflow.dsl.judge import is_library, judge_mission
+from kybflow.dsl.library_parts import judge_parts
+from kybflow.dsl.loading import Files
 from kybflow.dsl.lower import lower
 from kybflow.dsl.plan import Plan, SourceFile
 from kybflow.dsl.reader import read
-from kybflow.dsl.resolve import Files, resolve, resolve_library
+from kybflow.dsl.resolve import resolve, resolve_library
 from kybflow.dsl.settings import FILE, parse_settings
-from kybflow.dsl.shape import airframes_of, shape
+from kybflow.dsl.shape import shape
 from kybflow.dsl.source import Span
 from kybflow.dsl.written import written
 
@@ -51,7 +54,7 @@ def compile_mission(
         read = (SourceFile(s.file, s.sha256) for s in files.sources.values())
         sources = (*read, *attachments_of(document))
         plan = lower(document, catalog, sources, written(document))
-    result = _result(plan, files, sets, found)
+    result = _result(plan, files, target, sets, found)
     return result if document is None else replace(result, parameters=document.parameters)
 
 
@@ -61,7 +64,7 @@ def check_mission(
     """What `compile_mission` finds, without the plan: `lower` finds nothing. A library is judged
     too."""
     _, files, found = _document(Path(path), str(path), catalog, target, sets)
-    return _result(None, files, sets, found)
+    return _result(None, files, target, sets, found)
 
 
 def _document(
@@ -74,8 +77,7 @@ def _document(
     if source.root is None or has_errors(found):
         return None, files, found
     if is_library(source.root):
-        airframes = resolve_library(source, files, found)
-        list(airframes_of(airframes, catalog, found))
+        judge_parts(resolve_library(source, files, found), catalog, found)
         return None, files, found
     mission = judge_mission(source.root, found)
     resolved = None if mission is None else resolve(mission, files, settings, found)
@@ -86,11 +88,16 @@ def _document(
 
 
 def _result(
-    plan: Plan | None, files: Files, sets: Sequence[str], found: list[Diagnostic]
+    plan: Plan | None,
+    files: Files,
+    target: str | None,
+    sets: Sequence[str],
+    found: list[Diagnostic],
 ) -> Result:
     located = (replace(d, span=_reached(d, files)) for d in found)
-    texts = {s.file: s.text for s in files.sources.values()} | {FILE: "\n".join(sets)}
-    return Result(plan, in_order(located), texts)
+    texts = {s.file: s.text for s in files.sources.values()}
+    given = {FILE: "\n".join(sets), targets.FILE: target or ""}
+    return Result(plan, in_order(located), texts | given)
 
 
 def _reached(diagnostic: Diagnostic, files: Files) -> Span:

@@ -10,6 +10,7 @@ from difflib import get_close_matches
 from enum import Enum
 
 from kybflow.dsl.source import Span
+from kybflow.observables import chains_of
 
 
 class Severity(Enum):
@@ -57,6 +58,14 @@ def _around(names: list[str], place: int) -> list[str]:
     if len(names) <= _COMPARED:
         return names
     return names[max(0, place - _COMPARED // 2) : place + _COMPARED // 2]
+
+
+def goals_like(name: str, states: Iterable[str]) -> list[str]:
+    """The states that could be meant by `name`: a chain's name stands for those inside of it,
+    unless `name` speaks of one."""
+    if "." in name:
+        return list(dict.fromkeys(own for s in states for own in (*chains_of(s), s)))
+    return list(dict.fromkeys([state.partition(".")[0] for state in states]))
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

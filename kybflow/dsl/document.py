@@ -91,7 +91,8 @@ class Vehicle:
     """One vehicle. `begin` is the name of the first state: the one written, else the first
     behavior. `airframe_spans` holds the span of each of the airframe's parameters that was
     written, `spans` that of each of the vehicle's own keys. `asked` are the states that callbacks
-    and flows may ask for at any time."""
+    and flows may ask for at any time, `asked_first` those of them that a flow asks for while the
+    vehicle waits on the ground at its start."""
 
     name: Text
     airframe: Airframe
@@ -111,6 +112,7 @@ class Vehicle:
     home_span: Span | None = None
     spans: dict[str, Span] = field(default_factory=dict)
     asked: frozenset[str] = frozenset()
+    asked_first: frozenset[str] = frozenset()
     chains: dict[str, ChainUse] = field(default_factory=dict)
     known: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
     """What checks have worked out of it, for those that ask again."""

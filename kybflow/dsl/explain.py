@@ -7,7 +7,9 @@ from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
-from kybflow.dsl.nodes import NAME, NO_COMMAS, Mapping, Node, Scalar, describe, head_of, is_cut
+from kybflow.dsl.explain_commas import cut_by_yaml
+from kybflow.dsl.nodes import Mapping, Node, Scalar, describe, head_of
+from kybflow.dsl.parameters import TYPES
 from kybflow.dsl.values import decode, quantity_field
 from kybflow.units import DIMENSIONS, article
 
@@ -23,6 +25,8 @@ CODES = {
 }
 LATER = frozenset({"inputs", "sensors"})
 _CONDITIONS = frozenset({"when", "healthy"})
+_MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
+_SURE = 0.75
 _SHAPES = {
     "object": "a mapping",
     "array": "a list",
@@ -36,7 +40,7 @@ _SHAPES = {
 class Fault(NamedTuple):
     """One error of `jsonschema`: the keyword that failed, what it wanted, the value and the schema;
     the node that it is about, the name by which a person would call that, and the part whose
-    parameters are judged."""
+    parameters are judged, with the keys beside them that could be meant too."""
 
     keyword: str
     wanted: Any
@@ -45,6 +49,7 @@ class Fault(NamedTuple):
     node: Node
     name: str
     part: str
+    beside: frozenset[str] = frozenset()
 
 
 def explain(fault: Fault) -> Iterator[Diagnostic]:
@@ -63,12 +68,12 @@ def _explain_unknown(fault: Fault) -> Iterator[Diagnostic]:
     for key, entry in node.entries.items():
         if key in known:
             continue
-        cut = _cut_by_yaml(node, key)
+        cut = cut_by_yaml(node, key)
         if cut is not None:
             yield cut
         elif fault.part:
             message = f"`{key}` is no parameter of `{fault.part}`"
-            hint = did_you_mean(key, known) or f"`{fault.part}` has no parameters"
+            hint = _meant(key, set(known), fault.beside) or f"`{fault.part}` has no parameters"
             yield Diagnostic("KYB107", message, entry.key.span, help=hint)
         else:
             what = fault.schema["title"]
@@ -80,22 +85,10 @@ def _explain_unknown(fault: Fault) -> Iterator[Diagnostic]:
             )
 
 
-def _cut_by_yaml(node: Mapping, key: str) -> Diagnostic | None:
-    """What YAML made of `when: distance(a, b) < 1 m` inside of {...}: two keys."""
-    keys = list(node.entries)
-    before = keys.index(key) - 1
-    if NAME.match(key) or before < 0:
-        return None
-    first = node.entries[keys[before]]
-    if not isinstance(first.value, Scalar) or not is_cut(first.value):
-        return None
-    return Diagnostic(
-        "KYB101",
-        f"YAML ends `{first.key.text}` at the comma and reads `{key}` as a key",
-        node.entries[key].key.span,
-        notes=(f"`{first.key.text}` is `{first.value.text}`",),
-        help=NO_COMMAS,
-    )
+def _meant(key: str, known: set[str], beside: frozenset[str]) -> str:
+    """A parameter of the part before a key beside it."""
+    near = get_close_matches(key, known) or get_close_matches(key, beside, cutoff=_SURE)
+    return did_you_mean(near[0] if near else key, known | beside)
 
 
 def _explain_missing(fault: Fault) -> Iterator[Diagnostic]:
@@ -109,8 +102,13 @@ def _explain_missing(fault: Fault) -> Iterator[Diagnostic]:
         if fault.part:
             yield Diagnostic("KYB108", f"`{fault.part}` needs `{key}`", node.span)
         else:
-            what = fault.schema["title"]
-            yield Diagnostic("KYB102", f"{article(what)} needs `{key}`", head_of(node))
+            what, hint = fault.schema["title"], _MISSING.get(key, "")
+            others = [k for k in node.entries if k not in fault.schema["properties"]]
+            near = [k for k in ("use", "stack") if get_close_matches(k, others, n=1)]
+            if key == "use" and near and near[0] in fault.schema["properties"]:
+                hint = f"did you mean `{near[0]}`?"
+            message = f"{article(what)} needs `{key}`"
+            yield Diagnostic("KYB102", message, head_of(node), help=hint)
 
 
 def _explain_value(fault: Fault) -> Iterator[Diagnostic]:
@@ -139,12 +137,24 @@ def _explain_value(fault: Fault) -> Iterator[Diagnostic]:
         hint = "write a text that has braces in quotes"
     elif wanted == "text" and isinstance(node, Scalar):
         hint = f'write "{node.text[:60]}" in quotes if you mean the text'
+    elif schema.get("examples") and fault.keyword == "type":
+        own = name.rpartition("[")[0] or name
+        hint = f"write it like `{own}: {_flow(schema['examples'][0])}`"
+        if schema.get("title") == "parameter" and isinstance(node, Scalar) and node.text in TYPES:
+            hint = f"write `{own}: {{type: {node.text}}}`"
     yield Diagnostic(
         "KYB103",
         f"{place} must be {wanted}, but this is {describe(node)}{shown}",
         node.span,
         help=hint,
     )
+
+
+def _flow(value: Any) -> str:
+    """An example as YAML in one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_flow(inner)}" for key, inner in value.items()) + "}"
+    return "[" + ", ".join(map(_flow, value)) + "]" if isinstance(value, list) else str(value)
 
 
 def _bounds(schema: dict[str, Any]) -> dict[str, Any]:

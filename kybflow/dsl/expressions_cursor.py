@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, cast
 
 from kybflow.dsl import expressions_errors as errors
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic, goals_like
 from kybflow.dsl.expressions_tokens import Token, tokens_of
 from kybflow.dsl.expressions_tree import Aggregate, Operator, Value
 from kybflow.dsl.source import PREFIX, Text
@@ -127,7 +127,8 @@ class Cursor:
     def state(self, vehicle: str, token: Token) -> str:
         states = self.scope.vehicles.get(vehicle)
         if states is not None and token.text not in states:
-            self.unknown(token, f"`{vehicle}` has no state `{token.text}`", states)
+            message = f"`{vehicle}` has no state `{token.text}`"
+            self.unknown(token, message, goals_like(token.text, states))
         return token.text
 
     def measured(

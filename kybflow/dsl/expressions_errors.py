@@ -40,7 +40,18 @@ def unreadable(text: Text, token: Token, expected: str) -> Unreadable:
     )
 
 
+def misspelt(text: Text, token: Token, near: str) -> Unreadable:
+    """KYB210: the text is no expression of the language."""
+    message, span = f"no expectation begins with `{token.text}`", text.part(token.start, token.end)
+    return Unreadable(
+        Diagnostic("KYB210", message, span, label="unknown", help=f"did you mean `{near}`?")
+    )
+
+
 def _way_out(text: str, token: Token) -> str:
+    before = text[: token.start]
+    if token.text == "," and before.count("(") <= before.count(")"):
+        return "the language has no comma: write `and` where both must hold"
     if token.text == ",":
         return "the language has no comma: write `distance(a to b)`, `separation(a and b)`"
     if not token.text and text.count("(") > text.count(")"):

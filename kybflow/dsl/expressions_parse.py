@@ -13,6 +13,7 @@ Operands, their types and units: `kybflow.dsl.expressions_operands`.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from difflib import get_close_matches
 from typing import cast, get_args
 
 from kybflow.dsl import expressions_errors as errors
@@ -45,6 +46,7 @@ __all__ = ["Scope", "parse"]
 
 MAX_DEPTH = 32
 MAX_LENGTH = 2000
+EXPECTATIONS = ("always", "eventually", "finally", "finished")
 _QUANTIFIERS = frozenset(get_args(Quantifier))
 FLIPPED: Mapping[Operator, Operator] = {
     "<": ">",
@@ -103,6 +105,9 @@ class _Parser(Operands):
             condition = self._condition()
             limit = self._limit() if self.skip("within") else None
             return Eventually(condition, limit)
+        near = get_close_matches(first.text, EXPECTATIONS, n=1)
+        if near and self.peek(1).kind != "operator" and self.peek(1).text != "in":
+            raise errors.misspelt(self.text, first, near[0])
         return self._statistic(first)
 
     def _limit(self) -> float:

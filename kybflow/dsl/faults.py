@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from kybflow.dsl.arrows import duration
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import FaultUse
-from kybflow.dsl.nodes import Mapping, Node, Scalar, Sequence, head_of
-from kybflow.dsl.values import decode, quantity_field
-from kybflow.params import Field
-from kybflow.units import DURATION
+from kybflow.dsl.nodes import Mapping, Node, Scalar, head_of, items_of
 
 if TYPE_CHECKING:
     from kybflow.dsl.uses import Uses
@@ -22,16 +20,15 @@ _OWN = frozenset({"at", "when", "on", "for"})
 
 def faults_of(node: Node | None, uses: Uses) -> tuple[FaultUse, ...]:
     """The faults of `faults:`; what is wrong with them goes to the findings of `uses`."""
-    items = node.items if isinstance(node, Sequence) else ()
-    decoded = (_fault(item, uses) for item in items if isinstance(item, Mapping))
+    decoded = (_fault(item, uses) for item in items_of(node) if isinstance(item, Mapping))
     return tuple(fault for fault in decoded if fault is not None)
 
 
 def _fault(node: Mapping, uses: Uses) -> FaultUse | None:
     vehicle, when = node.get("on"), node.get("when")
     assert isinstance(vehicle, Scalar)
-    at = _duration(node, quantity_field("at", DURATION, at_least=0.0), uses.found)
-    lasts = _duration(node, quantity_field("for", DURATION, above=0.0), uses.found)
+    at = duration(node, "at", uses.found)
+    lasts = duration(node, "for", uses.found, above=0.0)
     if (node.get("at") is None) is (when is None):
         both = when is not None
         name = node.get("inject")
@@ -51,11 +48,3 @@ def _fault(node: Mapping, uses: Uses) -> FaultUse | None:
         duration=lasts,
         span=part.span,
     )
-
-
-def _duration(node: Mapping, field: Field, found: list[Diagnostic]) -> float | None:
-    value = node.get(field.name)
-    if value is None:
-        return None
-    decoded: float | None = decode(value, field, found)
-    return decoded

@@ -9,9 +9,10 @@ from kybflow.dsl.arrows import duration, next_arrow
 from kybflow.dsl.callbacks import named_values
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import Document, Flow, Phase, Transition, Vehicle
-from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence, entries_of
+from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, entries_of, items_of
 from kybflow.dsl.option_names import members
 from kybflow.dsl.source import Text
+from kybflow.parts import GROUND
 
 CODES = {
     "KYB192": "A phase with `within` and no `otherwise`, or the reverse.",
@@ -23,7 +24,7 @@ GROUNDED = "landed"
 def groups_of(node: Node | None) -> dict[str, tuple[Text, ...]]:
     """The members of each group as written."""
     return {
-        name: tuple(item.as_text for item in _items(entry.value) if isinstance(item, Scalar))
+        name: tuple(item.as_text for item in items_of(entry.value) if isinstance(item, Scalar))
         for name, entry in entries_of(node).items()
     }
 
@@ -46,7 +47,7 @@ def flows_of(node: Node | None, found: list[Diagnostic]) -> dict[str, Flow]:
 def _phase(entry: Entry, found: list[Diagnostic]) -> Phase:
     body = entry.value if isinstance(entry.value, Mapping) else Mapping({}, entry.key.span)
     options = body.entries.get("set")
-    items = (item for item in _items(body.get("next")) if isinstance(item, Mapping))
+    items = (item for item in items_of(body.get("next")) if isinstance(item, Mapping))
     return Phase(
         name=entry.key.as_text,
         run=tuple(_pairs(body.get("run"))),
@@ -77,13 +78,9 @@ def _pairs(node: Node | None) -> Iterator[tuple[Text, Text]]:
             yield entry.key.as_text, entry.value.as_text
 
 
-def _items(node: Node | None) -> tuple[Node, ...]:
-    return node.items if isinstance(node, Sequence) else ()
-
-
 def with_waiting(document: Document) -> Document:
     """The document, whose vehicles wait on the ground for the flow that drives them, unless they
-    say how they `begin`."""
+    say how they `begin`, or their topmost behavior stays on the ground."""
     if not document.flows:
         return document
     driven = {name for flow in document.flows.values() for name in named_vehicles(document, flow)}
@@ -95,6 +92,10 @@ def with_waiting(document: Document) -> Document:
 
 
 def _waiting(vehicle: Vehicle) -> Vehicle:
+    first = vehicle.states.get(vehicle.begin.text)
+    legs = first.part.spec.cls.flight if first is not None else ()
+    if legs and all(leg.start is leg.end is GROUND for leg in legs):
+        return vehicle
     return replace(vehicle, begin=Text(GROUNDED, vehicle.span, verbatim=False))
 
 

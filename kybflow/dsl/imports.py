@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import functools
 import importlib.util
+import itertools
 import os
+from difflib import get_close_matches
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import NamedTuple
@@ -24,6 +26,10 @@ CODES = {
     "KYB127": "More imports than a mission may have, counted along every way to a library.",
 }
 GROUP = "kybflow.missions"
+_STANDARD = "the standard library is `kybflow/airframes`"
+_LONGEST = 80
+_MOST = 200
+"""Files that are compared with a name that is none."""
 
 
 class Place(NamedTuple):
@@ -41,12 +47,12 @@ def find(text: Scalar, importer: Place, root: Path, found: list[Diagnostic]) -> 
     except PermissionError:
         place = None
     except (OSError, ValueError):  # a name that no file can have
-        found.append(_missing(text))
+        found.append(_missing(text, importer))
         return None
     if place is None:
         found.append(_outside(text))
     elif not place.file:
-        found.append(_missing(text))
+        found.append(_missing(text, importer))
     return place if place and place.file else None
 
 
@@ -69,14 +75,30 @@ def _search(relative: Path, importer: Place, root: Path) -> Place | None:
     return Place(path, shown_path(path) if path.is_file() else "")
 
 
-def _missing(text: Scalar) -> Diagnostic:
+def _missing(text: Scalar, importer: Place) -> Diagnostic:
+    near = get_close_matches(text.text[:_LONGEST], _at_hand(importer, text.text), n=1)
     return Diagnostic(
         "KYB120",
         f"`{text.text}` is no file",
         text.span,
         notes=("looked beside the importing file and in the installed libraries",),
-        help="the standard library is `kybflow/airframes`",
+        help=f"did you mean `{near[0]}`?" if near else _STANDARD,
     )
+
+
+def _at_hand(importer: Place, name: str) -> list[str]:
+    """What can be imported: the files of the folder that `name` speaks of, installed libraries."""
+    folder = os.path.dirname(name)
+    beside = importer.path.parent / folder
+    shown: list[str] = []
+    if "\0" not in folder and _within(beside, (importer.path.parent,)) and beside.is_dir():
+        files = itertools.islice(beside.glob("*.yaml"), _MOST)
+        shown += sorted(os.path.join(folder, f.name) for f in files if f != importer.path)
+    packages = {"kybflow", *(entry.name for entry in entry_points(group=GROUP))}
+    for package in sorted(packages):
+        home = installed(package)
+        shown += [f"{package}/{f.stem}" for f in sorted(home.glob("*.yaml"))] if home else []
+    return shown
 
 
 def _outside(text: Scalar) -> Diagnostic:

@@ -53,12 +53,20 @@ def judge_mission(root: Node, found: list[Diagnostic]) -> Mapping | None:
     return None if findings else root
 
 
-def judge_params(node: Mapping, params: type, part: str) -> list[Diagnostic]:
-    """What is wrong with the parameters of `part`; `node` has nothing but them."""
-    return list(_findings(node, _part(params), part))
+def judge_params(
+    node: Mapping, params: type, part: str, beside: frozenset[str] = frozenset()
+) -> list[Diagnostic]:
+    """What is wrong with the parameters of `part`; `node` has nothing but them. `beside` are the
+    keys of the place, which could be meant too."""
+    return list(_findings(node, _part(params), part, beside))
 
 
-def _findings(root: Node, validator: Draft202012Validator, part: str = "") -> Iterator[Diagnostic]:
+def _findings(
+    root: Node,
+    validator: Draft202012Validator,
+    part: str = "",
+    beside: frozenset[str] = frozenset(),
+) -> Iterator[Diagnostic]:
     for error in validator.iter_errors(to_json(root)):
         node, name = _locate(root, error.absolute_path)
         schema = error.schema if isinstance(error.schema, dict) else {}
@@ -71,6 +79,7 @@ def _findings(root: Node, validator: Draft202012Validator, part: str = "") -> It
                 node,
                 name,
                 part,
+                beside,
             )
         )
 

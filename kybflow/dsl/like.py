@@ -6,9 +6,10 @@ from __future__ import annotations
 from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar
 
 CODES = {
-    "KYB124": "`like` or `airframe` names an entry that doesn't exist.",
-    "KYB125": "Entries that are `like` each other in a circle.",
+    "KYB124": "`like`, `airframe`, `stack`, `world` or `do: chain.` names what doesn't exist.",
+    "KYB125": "Entries that are `like` each other in a circle, or stacks that hold each other.",
     "KYB126": "More values than a mission may have, counted after `like`.",
+    "KYB129": "A behavior that is removed, and that `like` does not bring (a warning).",
 }
 
 

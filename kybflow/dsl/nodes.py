@@ -7,6 +7,7 @@ where a file uses an alias, and never changed.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -121,6 +122,10 @@ def describe(node: Node) -> str:
     return "text" if isinstance(value, str) else "a number"
 
 
+def is_null(node: Node) -> bool:
+    return isinstance(node, Scalar) and node.is_null
+
+
 def is_cut(node: Node) -> bool:
     """Whether YAML ended a plain text at a comma inside of brackets."""
     return isinstance(node, Scalar) and node.text.count("(") > node.text.count(")")
@@ -131,11 +136,29 @@ def entries_of(node: Node | None) -> dict[str, Entry]:
     return node.entries if isinstance(node, Mapping) else {}
 
 
+def items_of(node: Node | None) -> tuple[Node, ...]:
+    """The items of a list; none of anything else."""
+    return node.items if isinstance(node, Sequence) else ()
+
+
 def head_of(node: Node) -> Span:
     """The first key of a mapping: the place for what is missing in it."""
     if isinstance(node, Mapping) and node.entries:
         return next(iter(node.entries.values())).key.span
     return node.span
+
+
+def texts_in(nodes: Iterable[Node]) -> Iterator[str]:
+    """Every text under `nodes`; an aliased node is looked at once."""
+    waiting, seen = list(nodes), set[int]()
+    while waiting:
+        top = waiting.pop()
+        if isinstance(top, Scalar):
+            yield top.text
+        elif id(top) not in seen:
+            seen.add(id(top))
+            values = [entry.value for entry in entries_of(top).values()]
+            waiting.extend((*values, *items_of(top)))
 
 
 def count(node: Node, limit: int) -> int:

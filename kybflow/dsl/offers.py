@@ -3,13 +3,13 @@ chains as they are written."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
-from kybflow.dsl.chains import qualified
-from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.chain_nodes import qualified
+from kybflow.dsl.diagnostics import Diagnostic, Severity, did_you_mean
 from kybflow.dsl.imports import Place, installed, read_library
 from kybflow.dsl.like import merge
-from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, entries_of
+from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, entries_of, is_null
 from kybflow.dsl.parameters import Parameters
 from kybflow.dsl.source import Span
 from kybflow.dsl.stacks import with_stacks
@@ -75,6 +75,8 @@ class Offers:
         if section in ("vehicles", "stacks"):
             plain = with_stacks(plain, self._stack, self._found)
         whole = merge(base, plain)
+        if section == "vehicles":
+            self._found += _not_there(base.get("behaviors"), plain.get("behaviors"))
         airframe = plain.entries.get("airframe")
         if section == "vehicles" and airframe and whole.get("airframe") is not None:
             body = self.started("airframes", airframe.value, whole.get("airframe"))
@@ -150,7 +152,7 @@ class Offers:
     def written(self, section: str) -> dict[str, Entry]:
         """The own entries as they are written, those that are null left out."""
         entries = entries_of(self._root.get(section))
-        return {name: e for name, e in entries.items() if not _is_null(e.value)}
+        return {name: e for name, e in entries.items() if not is_null(e.value)}
 
     def entry(self, section: str, name: str) -> Mapping:
         """An own entry as it is written."""
@@ -169,8 +171,15 @@ class Offers:
         return Diagnostic("KYB124", f"no {what} is called `{name.text}`", name.span, help=hint)
 
 
-def _is_null(node: Node) -> bool:
-    return isinstance(node, Scalar) and node.is_null
+def _not_there(base: Node | None, own: Node | None) -> Iterator[Diagnostic]:
+    """KYB129 for each behavior that is removed, and that `like` does not bring."""
+    brought = entries_of(base)
+    for name, entry in entries_of(own).items():
+        if is_null(entry.value) and name not in brought:
+            message = f"there is no behavior `{name}` to remove"
+            hint = did_you_mean(name, brought) or "leave it away"
+            warning = Severity.WARNING
+            yield Diagnostic("KYB129", message, entry.key.span, help=hint, severity=warning)
 
 
 def _import_of(name: str, imports: Iterable[str]) -> str:

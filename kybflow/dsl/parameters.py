@@ -17,7 +17,7 @@ from kybflow.params import Field
 from kybflow.units import DIMENSIONS, LENGTH, NUMBER, RATIO, Dimension
 
 CODES = {
-    "KYB131": "A value for a parameter that the mission doesn't have.",
+    "KYB131": "A value for a parameter that the mission, the library or the chain doesn't have.",
     "KYB132": "A parameter without a value: no default, and nothing set it.",
     "KYB134": "A parameter of an unknown type.",
     "KYB136": "A parameter whose bounds leave no value.",

@@ -12,14 +12,15 @@ from kybflow.dsl.diagnostics import Diagnostic, has_errors
 from kybflow.dsl.document import AirframeUse, Document, PartUse, Vehicle
 from kybflow.dsl.faults import faults_of
 from kybflow.dsl.flows import flows_of, groups_of, with_waiting
-from kybflow.dsl.nodes import Mapping, Node, Scalar, Sequence, entries_of
+from kybflow.dsl.nodes import Mapping, Node, Scalar, entries_of, items_of
+from kybflow.dsl.points import placed, with_points
 from kybflow.dsl.resolve import Resolved
 from kybflow.dsl.source import Span, Text
 from kybflow.dsl.targets import drivers_of, other_targets, target_of
 from kybflow.dsl.uses import Uses
 from kybflow.dsl.values import decode, quantity_field
 from kybflow.dsl.vehicles import Vehicles
-from kybflow.dsl.world import placed, with_points, world_of
+from kybflow.dsl.world import world_of
 from kybflow.site import Airframe
 from kybflow.units import DURATION, FREQUENCY, Dimension
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from kybflow.catalog import Catalog
 
 CODES = {
-    "KYB152": "A control rate that is no whole number of Hz.",
+    "KYB152": "A control rate that is no whole number of Hz, or one that nothing flies with.",
 }
 CONTROL_RATE = 250
 LEAST_CONTROL, MOST_CONTROL = 25, 1000
@@ -43,45 +44,36 @@ def shape(
     root = resolved.root
     if resolved.names_points:
         root = with_points(root, world.points, found)
-    uses = Uses(catalog, found)
+    uses = Uses(catalog, found, resolved.chains)
     name = target_of(root, target, found)
     drivers = drivers_of(root, name, uses)
     found += other_targets(root, name, catalog)
-    vehicles = _vehicles(root, drivers, Vehicles(uses))
-    airframes = tuple(airframes_of(root, catalog, found))
-    rate = _control(root, found)
-    limits = [_duration(root, key, default, found) for key, default in _LIMITS.items()]
-    flows = flows_of(root.get("flows"), found)
-    on = callbacks(root.get("on"), uses)
-    faults = faults_of(root.get("faults"), uses)
-    if has_errors(found):
-        return None
     document = Document(
         mission=_text(root, "mission"),
         summary=_text(root, "summary").text,
         target=name,
         parameters=placed(resolved.parameters, world.points),
         fence=world.fence,
-        control_rate=rate,
+        control_rate=_control(root, found),
         control_span=_span_of(root.get("control")),
-        hover_limit=limits[0],
-        time_limit=limits[1],
-        vehicles=vehicles,
+        hover_limit=_duration(root, "hover_limit", HOVER_LIMIT, found),
+        time_limit=_duration(root, "time_limit", TIME_LIMIT, found),
+        vehicles=_vehicles(root, drivers, Vehicles(uses)),
         expect=tuple(
-            item.as_text for item in _items(root.get("expect")) if isinstance(item, Scalar)
+            item.as_text for item in items_of(root.get("expect")) if isinstance(item, Scalar)
         ),
-        airframes=airframes,
+        airframes=tuple(airframes_of(root, catalog, found)),
         spans=_spans(root),
         points=world.points,
         point_spans=world.point_spans,
         obstacles=world.obstacles,
         groups=groups_of(root.get("groups")),
         group_spans={n: e.key.span for n, e in entries_of(root.get("groups")).items()},
-        flows=flows,
-        callbacks=on,
-        faults=faults,
+        flows=flows_of(root.get("flows"), found),
+        callbacks=callbacks(root.get("on"), uses),
+        faults=faults_of(root.get("faults"), uses),
     )
-    return with_asked(with_waiting(document))
+    return None if has_errors(found) else with_asked(with_waiting(document))
 
 
 def _spans(root: Mapping) -> dict[str, Span]:
@@ -91,16 +83,9 @@ def _spans(root: Mapping) -> dict[str, Span]:
     return spans if fence is None else {**spans, "fence": fence.key.span}
 
 
-_LIMITS = {"hover_limit": HOVER_LIMIT, "time_limit": TIME_LIMIT}
-
-
 def _text(root: Mapping, key: str) -> Text:
     node = root.get(key)
     return node.as_text if isinstance(node, Scalar) else Text("", root.span)
-
-
-def _items(node: Node | None) -> tuple[Node, ...]:
-    return node.items if isinstance(node, Sequence) else ()
 
 
 def _span_of(node: Node | None) -> Any:

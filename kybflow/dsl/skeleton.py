@@ -41,6 +41,7 @@ START = mapping(
         "at": vector(LENGTH, "Position, world frame (ENU)."),
         "heading": quantity(ANGLE, "Angle of the nose from east, counter-clockwise."),
     },
+    examples=[{"at": [0, 0, 0]}],
 )
 
 
@@ -65,7 +66,10 @@ def _vehicle() -> Schema:
             "airframe": {**airframe, "description": "Name of an airframe, or its numbers."},
             "start": START,
             "home": vector(LENGTH, "Where `go_home` flies; its start without it."),
-            "tracker": use("tracker", "What turns the setpoint into a command."),
+            "tracker": {
+                **use("tracker", "What turns the setpoint into a command."),
+                "required": [],
+            },
             **lists(),
             "begin": text("The first behavior; without it the topmost."),
             "behaviors": behaviors(),
@@ -127,7 +131,7 @@ def _parameter() -> Schema:
                for bound in ("above", "at_least", "below", "at_most")},
             "help": text("What it is."),
         },
-        required=["type"],
+        required=["type"], examples=[{"type": "length", "default": "1 m"}],
     )  # fmt: skip
 
 

@@ -9,7 +9,8 @@ from kybflow.units import DURATION
 
 def groups_schema() -> Schema:
     """Vehicles that go by one name."""
-    members = {"description": "Its vehicles.", "type": "array", "items": {"type": "string"}}
+    members: Schema = {"description": "Its vehicles.", "type": "array", "items": {"type": "string"}}
+    members["examples"] = [["a", "b"]]
     return named("Vehicles that go by one name, as in `all swarm in hover`.", members)
 
 

@@ -30,6 +30,7 @@ def action_schema() -> Schema:
         "title": "action",
         "description": "What to do: one action.",
         "type": "object",
+        "examples": [[{"log": "hello"}, {"stop": "enough"}]],
         "minProperties": 1,
         "properties": {
             "switch": _names(
@@ -51,7 +52,7 @@ def action_schema() -> Schema:
             "log": text("A text for the record, with `{vehicle}`, `{time}` and the event's own."),
             "stop": text("Why the run ends here: every vehicle lands."),
         },
-        "additionalProperties": {"type": ["object", "null"]},
+        "additionalProperties": {"type": ["object", "null", *_SCALAR, "array"]},
     }
 
 
@@ -71,6 +72,7 @@ def on_schema() -> Schema:
                     "description": "The actions, each a mapping with one key.",
                     "type": "array",
                     "items": action_schema(),
+                    "examples": [[{"log": "hello"}, {"stop": "enough"}]],
                 },
                 **{
                     name: {"description": f"Only when the event's `{name}` is this.",

@@ -1,4 +1,5 @@
-"""The shape of `world:`, and of a library's `worlds:`."""
+"""The shape of `world:`, and of a library's `worlds:`. No key is required here: `like` may bring
+it, and `kybflow.dsl.world` says what is missing then."""
 
 from __future__ import annotations
 
@@ -40,7 +41,6 @@ def _fence() -> Schema:
         "fence",
         "The box that no vehicle may leave.",
         {"from": vector(LENGTH, "Its lowest corner."), "to": vector(LENGTH, "Its highest corner.")},
-        required=["from", "to"],
     )
 
 
@@ -66,4 +66,4 @@ def _obstacle() -> Schema:
 
 
 def _solid(name: str, help: str, properties: Schema) -> Schema:
-    return mapping(name, help, properties, required=list(properties))
+    return mapping(name, help, properties)

@@ -14,7 +14,7 @@ from kybflow.dsl.arrows import duration, next_arrow
 from kybflow.dsl.built_in import failure_of
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.document import ChainUse, PartUse, State, Transition
-from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence
+from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, items_of
 from kybflow.dsl.source import Span, Text
 from kybflow.dsl.uses import Uses
 from kybflow.observables import chains_of
@@ -74,8 +74,7 @@ class States:
 
     def _written(self, node: Mapping) -> Iterator[Transition]:
         """The arrows of one entry; the goal of `within` is that of its `failed`, else empty."""
-        items = node.get("next")
-        for item in items.items if isinstance(items, Sequence) else ():
+        for item in items_of(node.get("next")):
             if isinstance(item, Mapping):
                 arrow = next_arrow(item, self._found)
                 target, enters = self.goal(arrow.target)

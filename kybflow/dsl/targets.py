@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from kybflow.dsl.diagnostics import Diagnostic, Severity, did_you_mean
 from kybflow.dsl.document import PartUse
 from kybflow.dsl.nodes import Entry, Mapping, Scalar, entries_of
-from kybflow.dsl.source import Text
+from kybflow.dsl.source import Span, Text
 from kybflow.dsl.uses import Uses
 
 if TYPE_CHECKING:
@@ -18,6 +18,10 @@ CODES = {
     "KYB150": "A target that the mission doesn't have.",
     "KYB151": "A target that names a vehicle which doesn't exist, or leaves one without a driver.",
 }
+
+
+FILE = "--target"
+"""The name of the file that the span of an unknown target points into."""
 
 
 def target_of(root: Mapping, target: str | None, found: list[Diagnostic]) -> Text:
@@ -30,7 +34,8 @@ def target_of(root: Mapping, target: str | None, found: list[Diagnostic]) -> Tex
     if name != "sim":
         known = {*entries, "sim"}
         message = f"the mission has no target `{name}`"
-        found.append(Diagnostic("KYB150", message, mission, help=did_you_mean(name, known)))
+        asked = Span(FILE, 1, 1, 1, len(name) + 1)
+        found.append(Diagnostic("KYB150", message, asked, help=did_you_mean(name, known)))
     return Text(name, mission, verbatim=False)
 
 

@@ -26,10 +26,14 @@ CODES = {
 
 
 class Uses:
-    """Decodes the uses of parts of one mission; one and the same node is decoded once."""
+    """Decodes the uses of parts of one mission; one and the same node is decoded once. `chains` are
+    those that could be meant by the name of a behavior."""
 
-    def __init__(self, catalog: Catalog, found: list[Diagnostic]) -> None:
+    def __init__(
+        self, catalog: Catalog, found: list[Diagnostic], chains: tuple[str, ...] = ()
+    ) -> None:
         self.catalog = catalog
+        self._chains = tuple(f"chain.{name}" for name in chains)
         self.found = found
         self._done: dict[tuple[str, int], tuple[Node, PartUse | None]] = {}
 
@@ -61,7 +65,8 @@ class Uses:
         spec = self.spec(kind, name)
         if spec is None:
             return None
-        params = self.params(spec.params, body, spec.name, name.span)
+        beside = own if word == "inject" else frozenset()
+        params = self.params(spec.params, body, spec.name, name.span, beside)
         if params is None:
             return None
         label = node.get("as") if isinstance(node, Mapping) and word == "use" else None
@@ -77,12 +82,17 @@ class Uses:
     def spec(self, kind: str, name: Scalar) -> PartSpec | None:
         """The part called `name`; None, and a finding, when there is none or it can't be loaded."""
         if name.text not in self.catalog.names(kind):
+            more = self._chains if kind == "behaviors" else ()
+            meant = f"chain.{name.text}"
+            hint = did_you_mean(name.text, (*self.catalog.names(kind), *more))
+            if meant in more:
+                hint = f"did you mean `{meant}`?"
             self.found.append(
                 Diagnostic(
                     "KYB140",
                     f"no {kind[:-1]} is called `{name.text}`",
                     name.span,
-                    help=did_you_mean(name.text, self.catalog.names(kind)),
+                    help=hint,
                 )
             )
             return None
@@ -93,9 +103,11 @@ class Uses:
             self.found.append(Diagnostic("KYB141", message, name.span))
             return None
 
-    def params(self, cls: type, body: Mapping, part: str, head: Span) -> Any:
+    def params(
+        self, cls: type, body: Mapping, part: str, head: Span, beside: frozenset[str] = frozenset()
+    ) -> Any:
         """The parameters of `part` as `cls`; None when they have errors. `head` is the place for
-        what is missing."""
+        what is missing, `beside` are keys that could be meant too."""
         fields = fields_of(cls)
         if not body.entries and not any(field.required for field in fields):
             return cls()
@@ -106,7 +118,7 @@ class Uses:
             if (node := body.get(field.name)) is not None
         }
         said = {finding.span for finding in decoded}
-        judged = judge_params(Mapping(body.entries, head), cls, part)
+        judged = judge_params(Mapping(body.entries, head), cls, part, beside)
         findings = [*decoded, *(finding for finding in judged if finding.span not in said)]
         self.found += findings
         return None if findings else cls(**values)

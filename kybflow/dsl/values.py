@@ -8,6 +8,7 @@ from typing import Any
 from kybflow.dsl.attachments import attached
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.nodes import Mapping, Node, Scalar, Sequence, describe
+from kybflow.dsl.source import PREFIX
 from kybflow.errors import UnitError
 from kybflow.params import Field
 from kybflow.units import Dimension, article, format_quantity, parse_quantity
@@ -18,6 +19,7 @@ CODES = {
     "KYB109": "A value that is none of the choices.",
 }
 _LONGEST = 100
+_POINT = re.compile(r"(?:world\.)?points?\.([A-Za-z_]\w*)\Z", re.ASCII)
 _INTEGER = re.compile(r"[+-]?\d+\Z", re.ASCII)
 _TRUTHS = {"true": True, "True": True, "false": False, "False": False}
 _SHAPES = {
@@ -162,6 +164,9 @@ def _wrong(node: Node, field: Field) -> Diagnostic:
     text = f" `{node.text[:_LONGEST]}`" if isinstance(node, Scalar) else ""
     message = f"`{field.name}` must be {needed}, but this is {describe(node)}{size}{text}"
     hint = "" if isinstance(node, Mapping) or dimension is None else _example(field, dimension)
+    point = _POINT.match(node.text) if isinstance(node, Scalar) else None
+    if point is not None and field.shape == "vector":
+        hint = f"did you mean `{PREFIX}{point[1]}`?"
     return Diagnostic("KYB104", message, node.span, help=hint)
 
 

@@ -7,7 +7,8 @@ from typing import Any
 from kybflow.dsl.arrows import duration
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
-from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence, entries_of
+from kybflow.dsl.nodes import Entry, Mapping, Scalar, entries_of, items_of
+from kybflow.dsl.skeleton import ESTIMATOR_KEYS
 from kybflow.dsl.source import Span, Text
 from kybflow.dsl.states import States
 from kybflow.dsl.uses import Uses
@@ -15,8 +16,6 @@ from kybflow.dsl.values import decode, quantity_field
 from kybflow.geometry import ZERO
 from kybflow.site import Airframe
 from kybflow.units import ANGLE, LENGTH
-
-_ESTIMATOR = frozenset({"healthy", "recover_after", "for_at_most"})
 
 
 class Vehicles:
@@ -33,7 +32,7 @@ class Vehicles:
         airframe = self._airframe(name, body)
         start, heading, start_span = self._start(name, body)
         estimators = self._estimators(body)
-        processors = self._uses.many("processors", _items(body, "processors"))
+        processors = self._uses.many("processors", items_of(body.get("processors")))
         tracker = self._tracker(name, body)
         states = self._states(name, body)
         supervisors = self._supervisors(body, name.span)
@@ -89,9 +88,6 @@ class Vehicles:
         heading = 0.0 if turn is None else decode(turn, angle, self._found)
         return start, heading or 0.0, node.span if place is None else place.span
 
-    def _duration(self, keys: Mapping, key: str, above: float | None = None) -> float | None:
-        return duration(keys, key, self._found, above)
-
     def _tracker(self, name: Scalar, body: Mapping) -> PartUse | None:
         node = body.get("tracker")
         if node is None:
@@ -100,20 +96,23 @@ class Vehicles:
         return self._uses.one("trackers", node)
 
     def _estimators(self, body: Mapping) -> tuple[EstimatorUse, ...]:
-        uses = self._uses.many("estimators", _items(body, "estimators"), _ESTIMATOR)
+        uses = self._uses.many(
+            "estimators", items_of(body.get("estimators")), frozenset(ESTIMATOR_KEYS)
+        )
         decoded = []
         for use, node in uses:
             keys = node if isinstance(node, Mapping) else Mapping({}, node.span)
             healthy = keys.get("healthy")
-            recover = self._duration(keys, "recover_after")
-            limit = self._duration(keys, "for_at_most", above=0.0)
+            recover = duration(keys, "recover_after", self._found)
+            limit = duration(keys, "for_at_most", self._found, above=0.0)
             text = healthy.as_text if isinstance(healthy, Scalar) else None
             decoded.append(EstimatorUse(use, text, recover or 0.0, limit))
         return tuple(decoded)
 
     def _supervisors(self, body: Mapping, span: Span) -> tuple[PartUse, ...]:
         """Those written, then those that every vehicle has."""
-        written = [use for use, _ in self._uses.many("supervisors", _items(body, "supervisors"))]
+        nodes = items_of(body.get("supervisors"))
+        written = [use for use, _ in self._uses.many("supervisors", nodes)]
         names = {use.name.text for use in written}
         always = [
             self._uses.one("supervisors", Scalar(spec.name, span))
@@ -139,8 +138,3 @@ def _begin(body: Mapping, states: States) -> Text | None:
     if isinstance(begin, Scalar):
         return states.goal(begin.as_text)[0]
     return next((state.name for state in states.states.values()), None)
-
-
-def _items(body: Mapping, key: str) -> tuple[Node, ...]:
-    node = body.get(key)
-    return node.items if isinstance(node, Sequence) else ()

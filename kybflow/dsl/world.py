@@ -1,31 +1,26 @@
-"""`world:` to the fence, the named points and the obstacles; points in the place of their names."""
+"""`world:` to the fence, the named points and the obstacles."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
-from collections.abc import Mapping as MappingOf
-from dataclasses import replace
 from math import sqrt
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
-from kybflow.dsl.document import ObstacleUse, Parameter
-from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence, entries_of
-from kybflow.dsl.source import PREFIX, Span
-from kybflow.dsl.values import decode, origin, quantity_field
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.document import ObstacleUse
+from kybflow.dsl.nodes import Entry, Mapping, Node, entries_of, head_of
+from kybflow.dsl.source import Span
+from kybflow.dsl.values import decode, quantity_field
 from kybflow.geometry import ZERO, Vec3
 from kybflow.shapes import Box, Cylinder, Plane, Shape, Sphere
 from kybflow.units import LENGTH, NUMBER
 
 CODES = {
     "KYB153": "A fence whose corners are in the wrong order.",
-    "KYB154": "`world.points.NAME` where the world has no such point.",
     "KYB155": "An obstacle that is no solid, or several.",
     "KYB156": "An obstacle with no inside: a box with its corners in the wrong order, a plane that "
     "faces nowhere.",
 }
-_NAMED = re.compile(r"world\.points\.(\w+)\Z", re.ASCII)
 
 
 class World(NamedTuple):
@@ -69,11 +64,21 @@ def _length(node: Node | None, name: str, found: list[Diagnostic]) -> float | No
 def _fence(entry: Entry | None, found: list[Diagnostic]) -> Box | None:
     if entry is None or not isinstance(entry.value, Mapping):
         return None
+    if not _is_whole(entry.value, "fence", _CORNERS, found):
+        return None
     box = _corners(entry.value, found)
     if box is not None and not _has_inside(box):
         message, hint = "the fence has no inside", _ORDER
         found.append(Diagnostic("KYB153", message, entry.key.span, help=hint))
     return box
+
+
+def _is_whole(body: Mapping, what: str, keys: tuple[str, ...], found: list[Diagnostic]) -> bool:
+    """Whether nothing is missing, now that what a `like` brings is there."""
+    missing = [key for key in keys if body.get(key) is None]
+    for key in missing:
+        found.append(Diagnostic("KYB102", f"a {what} needs `{key}`", head_of(body)))
+    return not missing
 
 
 def _corners(body: Mapping, found: list[Diagnostic]) -> Box | None:
@@ -98,7 +103,7 @@ def _obstacles(node: Node | None, found: list[Diagnostic]) -> Iterator[ObstacleU
             found.append(Diagnostic("KYB155", message, entry.key.span, help=hint))
             continue
         ((kind, solid),) = solids.items()
-        if isinstance(solid.value, Mapping):
+        if isinstance(solid.value, Mapping) and _is_whole(solid.value, kind, _KEYS[kind], found):
             shape = _SOLIDS[kind](solid.value, found)
             if shape is not None:
                 yield ObstacleUse(entry.key.as_text, shape, entry.key.span)
@@ -140,78 +145,16 @@ def _plane(body: Mapping, found: list[Diagnostic]) -> Shape | None:
     return Plane(at, (x / norm, y / norm, z / norm))
 
 
+_CORNERS = ("from", "to")
+_KEYS = {
+    "box": _CORNERS,
+    "cylinder": ("at", "radius", "height"),
+    "sphere": ("at", "radius"),
+    "plane": ("at", "facing"),
+}
 _SOLIDS: dict[str, Callable[[Mapping, list[Diagnostic]], Shape | None]] = {
     "box": _box,
     "cylinder": _cylinder,
     "sphere": _sphere,
     "plane": _plane,
 }
-
-
-def unknown_point(name: str, points: MappingOf[str, Any]) -> tuple[str, str]:
-    """(what is wrong with `world.points.NAME`, the way out)."""
-    hint = did_you_mean(name, points) or "name it under `points` of `world`"
-    return f"the world has no point `{name}`", hint
-
-
-class Points:
-    """Puts coordinates in the place of `world.points.NAME`. A node without any stays the same
-    object, and an aliased one is replaced once."""
-
-    def __init__(self, points: MappingOf[str, Vec3], found: list[Diagnostic]) -> None:
-        self._points = points
-        self._found = found
-        self._done: dict[int, tuple[Node, Node]] = {}
-
-    def apply(self, node: Node) -> Node:
-        """`node` with every name of a point replaced that is a value of its own."""
-        if isinstance(node, Scalar):
-            return self._scalar(node) if node.text.startswith(PREFIX) else node
-        if id(node) not in self._done:
-            self._done[id(node)] = (node, self._inside(node))
-        return self._done[id(node)][1]
-
-    def _inside(self, node: Mapping | Sequence) -> Node:
-        if isinstance(node, Sequence):
-            items = tuple(self.apply(item) for item in node.items)
-            same = all(a is b for a, b in zip(items, node.items, strict=True))
-            return node if same else Sequence(items, node.span)
-        values = [self.apply(entry.value) for entry in node.entries.values()]
-        if all(a is e.value for a, e in zip(values, node.entries.values(), strict=True)):
-            return node
-        pairs = zip(node.entries.items(), values, strict=True)
-        entries = {key: entry._replace(value=value) for (key, entry), value in pairs}
-        return Mapping(entries, node.span)
-
-    def _scalar(self, node: Scalar) -> Node:
-        match = _NAMED.match(node.text)
-        if match is None:
-            return node
-        point = self._points.get(match[1])
-        if point is None:
-            message, hint = unknown_point(match[1], self._points)
-            notes = origin(node)
-            self._found.append(Diagnostic("KYB154", message, node.span, notes=notes, help=hint))
-        numbers = (Scalar(repr(number), node.span) for number in point or ZERO)
-        return Sequence(tuple(numbers), node.span)
-
-
-def with_points(root: Mapping, points: MappingOf[str, Vec3], found: list[Diagnostic]) -> Mapping:
-    """The mission with coordinates in the place of `world.points.NAME`, but for the world's own."""
-    pasting = Points(points, found)
-    entries = {
-        key: entry if key == "world" else entry._replace(value=pasting.apply(entry.value))
-        for key, entry in root.entries.items()
-    }
-    return Mapping(entries, root.span)
-
-
-def placed(
-    parameters: MappingOf[str, Parameter], points: MappingOf[str, Vec3]
-) -> dict[str, Parameter]:
-    """The parameters, those that name a point with its coordinates."""
-    return {
-        name: p if p.type != "position" or not isinstance(p.value, str)
-        else replace(p, value=points.get(p.value.removeprefix(PREFIX), ZERO))
-        for name, p in parameters.items()
-    }  # fmt: skip

@@ -34,6 +34,7 @@ class Activity:
 
     `changed` is true from the entry into a state until the vehicle has taken note of it. `hold` is
     the overlay under which the state, its behavior and its timers are frozen, None without one.
+    `objection` says what else speaks against a take-off, None when nothing does.
     `stands` is where the vehicle must be to take off: its start, then where it landed; None when
     nobody knows.
     """
@@ -43,12 +44,18 @@ class Activity:
     leg: Leg
 
     def __init__(
-        self, plan: VehiclePlan, params: dict[str, Any], events: Events, score: VehicleScore
+        self,
+        plan: VehiclePlan,
+        params: dict[str, Any],
+        events: Events,
+        score: VehicleScore,
+        objection: Callable[[], str | None],
     ) -> None:
         self.plan, self.flight = plan, GROUND
         self.entered: Time = 0
         self.changed = False
         self._params, self._events, self._score = params, events, score
+        self._objection = objection
         self.hold: Hold | None = None
         self.stands: Vec3 | None = plan.start
         self._outcome: Outcome = "running"
@@ -132,13 +139,13 @@ class Activity:
                 return held
             self.hold, self._resumes = None, self.airborne
         output = self.behavior.update(tick)
-        if isinstance(output, Command):
-            return output
-        if isinstance(output, Done):
-            self._end(tick.estimate)
-            output = output.setpoint
-        elif isinstance(output, Failed):
-            self.fail(output.reason)
+        if not isinstance(output, Setpoint):
+            if isinstance(output, Command):
+                return output
+            if isinstance(output, Failed):
+                self.fail(output.reason)
+            elif isinstance(output, Done):
+                self._end(tick.estimate)
             output = output.setpoint
         self._wanted = output
         if self._resumes:
@@ -205,13 +212,13 @@ class Activity:
         return behavior
 
     def _misplaced(self, state: StatePlan, estimate: Estimate | None) -> str | None:
-        """Why a take-off can't start from where the vehicle seems to stand, None when it can."""
+        """Why a take-off can't start as the vehicle stands, None when it can."""
         leaves = any(leg == (GROUND, AIR) for leg in state.legs)
-        if self.flight is not GROUND or not leaves or self.stands is None or estimate is None:
+        if self.flight is not GROUND or not leaves or estimate is None:
             return None
-        away = distance(estimate.position, self.stands)
+        away = 0.0 if self.stands is None else distance(estimate.position, self.stands)
         if away <= START_TOLERANCE:
-            return None
+            return self._objection()
         return f"the estimate is {away:.2f} m from where it stood ({START_TOLERANCE} m allowed)"
 
     def _adopt(self, state: StatePlan, behavior: Behavior[Any]) -> None:

@@ -73,8 +73,12 @@ class _Callback:
         self._actions = [(_name(action), _bound(action, deck)) for action in plan.actions]
 
     def answer(self, event: Event, events: Events) -> None:
-        if not self._heeds(event):
-            return
+        try:
+            if not self._heeds(event):
+                return
+        except Exception as error:  # a lab's own link may show anything
+            self._actions = []
+            events.tell("action_failed", at=self._plan.at, action="when", reason=described(error))
         for name, do in tuple(self._actions):
             try:
                 do(event)

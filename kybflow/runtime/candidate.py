@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import inf
 from typing import Any
 
 from kybflow.dsl.expressions import Expression
@@ -17,7 +18,8 @@ from kybflow.site import Site
 
 
 class Candidate:
-    """One estimator of the list with its health; also the view that its health condition reads.
+    """One estimator of the list with its health; also the view that its health condition reads:
+    `age` and `spread` are those of the last estimate.
 
     It is healthy while its condition holds. Once it was not, it must hold for `recover_after`
     seconds before it is preferred to another again; to none at all it is preferred at once.
@@ -31,6 +33,7 @@ class Candidate:
         self.name = self.label.rpartition(".")[2]
         self.part: Estimator[Any] = make(plan.part, plan.part.params, site)
         self.estimate: Estimate | None = None
+        self.age = self.spread = inf
         self.has_failed = False
         self.anchors = type(self.part).anchor is not Estimator.anchor
         self._recover = round(plan.recover_after * NS)
@@ -50,7 +53,10 @@ class Candidate:
         """Take the measurements; whether the estimator may be used now. Raises whatever the part
         raises, and ValueError for an estimate that is not finite."""
         self.estimate = estimate = self.part.update(measurements, now)
-        if estimate is None or not (checked_estimate(estimate) and self._holds()):
+        if estimate is not None:
+            checked_estimate(estimate)
+            self.age, self.spread = estimate.age, estimate.spread
+        if estimate is None or not self._holds():
             self._was_lost = self._was_lost or self._healthy_since is not None
             self._healthy_since = None
             return False
@@ -60,14 +66,18 @@ class Candidate:
         return recovered and not self._is_spent
 
     @property
+    def is_bounded(self) -> bool:
+        """Whether it may be used for a time only."""
+        return self._at_most is not None
+
+    @property
     def is_usable(self) -> bool:
         """Better than nothing: healthy now, however short, and not spent."""
         return self._healthy_since is not None and not self._is_spent
 
     def count(self, passed: Time, used: Candidate) -> None:
-        """In the last `passed` nanoseconds `used` was flown on."""
-        if self._at_most is None:
-            return
+        """In the last `passed` nanoseconds `used` was flown on. Only where its time is bounded."""
+        assert self._at_most is not None
         self._used = self._used + passed if used is self else max(self._used - passed, 0)
         self._is_spent = self._used >= self._at_most or (self._is_spent and self._used > 0)
 
@@ -85,19 +95,6 @@ class Candidate:
         if self._at_most is not None and self._is_spent:
             return f"`{self.name}` may be used for {self._at_most / NS:g} s"
         return ""
-
-    @property
-    def age(self) -> float:
-        return self._known().age
-
-    @property
-    def spread(self) -> float:
-        return self._known().spread
-
-    def _known(self) -> Estimate:
-        if self.estimate is None:
-            raise Unavailable
-        return self.estimate
 
     def _never(self) -> Any:
         raise Unavailable

@@ -7,7 +7,7 @@ of it is, and x - x is zero only for a finite x: one comparison judges a whole s
 from __future__ import annotations
 
 from kybflow.geometry import ZERO
-from kybflow.signals import Command, Estimate, Setpoint
+from kybflow.signals import Alarm, Command, Estimate, Reaction, Setpoint
 
 
 def checked_estimate(estimate: Estimate) -> Estimate:
@@ -36,3 +36,10 @@ def checked_command(command: Command) -> Command:
     if total - total != 0.0:
         raise ValueError(f"the command is not finite: {command}")
     return command
+
+
+def checked_alarm(alarm: Alarm) -> Alarm:
+    """Raises ValueError for what is no alarm with a reaction."""
+    if not isinstance(alarm, Alarm) or not isinstance(alarm.reaction, Reaction):
+        raise ValueError(f"an alarm with a reaction is asked for, not {alarm!r}")
+    return alarm

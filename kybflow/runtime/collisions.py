@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from kybflow.parts import Link
 from kybflow.runtime.events import Events
@@ -19,6 +19,13 @@ class Collisions:
     def step(self) -> None:
         """Tell what vehicles ran into since the last step."""
         for name, link in self._links:
-            for other in link.collisions():
+            for other in self._told(link):
                 self.first = self.first or f"`{name}` ran into `{other}`"
                 self._events.note("collided", name, into=other)
+
+    def _told(self, link: Link) -> Sequence[str]:
+        try:
+            return link.collisions()
+        except Exception:  # who looks on must not stop who flies
+            self._links = tuple(other for other in self._links if other[1] is not link)
+            return ()

@@ -51,6 +51,11 @@ class Commanding:
         return self.activity.machine.state
 
     @property
+    def falls(self) -> bool:
+        """Whether its rotors were cut just now."""
+        raise NotImplementedError
+
+    @property
     def paused(self) -> bool:
         hold = self.activity.hold
         return hold is not None and "pause" in hold.holders
@@ -106,10 +111,12 @@ class Commanding:
             return "it is in `fault`, until a person resets it"
         if latched is not None and (severity(wish.state) or Reaction.WARN) <= latched:
             return f"the failsafe has it (`{latched.name.lower()}`)"
-        if self._retired is not None:
+        if self._retired is not None and not comes_down(state):
             return f"the run ends: {self._retired}"
         if self.failsafe.braking is not None and not comes_down(state):
             return f"the failsafe brakes it ({self.failsafe.braking})"
+        if self.paused and wish.by is not Asker.OPERATOR and not comes_down(state):
+            return "it is paused"
         entry = self.entry()
         return unfit(state, entry.flight, entry.estimate is not None)
 
@@ -175,7 +182,7 @@ class Commanding:
                 self._tell("processor_disabled", at, processor=label, by=by)
 
     def _reset(self, by: str, at: str) -> None:
-        if self.activity.airborne:
+        if self.activity.airborne or self.falls:
             self._tell("reset_refused", at, by=by, reason="it is in the air")
             return
         self.failsafe.reset()

@@ -31,8 +31,9 @@ from kybflow.signals import NS, Time
 
 PREFLIGHT_PATIENCE = 5.0
 """Seconds in which every line of the preflight must have become green."""
-LANDING_PATIENCE = 60.0
-"""Seconds in which vehicles that are still in the air at the time limit must have landed."""
+LANDING_PATIENCE, SLOWEST_DESCENT = 60.0, 0.2
+"""Seconds in which vehicles that are still in the air at the time limit must have landed, longer
+under a high fence: as long as its height takes at so many m/s."""
 _OBSERVED_EVERY = NS // 20
 
 Observer = Callable[["Engine"], None]
@@ -87,25 +88,32 @@ class Engine:
             return "preflight: " + "; ".join(f"{x.vehicle}: {x.check}: {x.reason}" for x in red)
         self._begin()
         while not self._over():
+            late = self.seconds() - self.plan.time_limit
             if self.interrupts > 1:
                 return "interrupted twice: the stream was cut"
             if self.interrupts:
                 self._land("interrupted")
-            elif self.seconds() >= self.plan.time_limit:
+            elif late >= 0.0:
                 self._land(f"not finished within the time limit of {self.plan.time_limit:g} s")
-            if self.seconds() >= self.plan.time_limit + LANDING_PATIENCE:
+            if late >= self._patience():
                 break
             self.tick()
         self.collisions.step()
         return self._landing or self.injection.failure or self.collisions.first
 
+    def _patience(self) -> float:
+        height = 0.0 if self.plan.fence is None else self.plan.fence.high[2]
+        return max(LANDING_PATIENCE, height / SLOWEST_DESCENT)
+
     def _over(self) -> bool:
         """Whether nothing moves any more: every vehicle rests, and no flow will ask it for more."""
-        if not all(vehicle.rests for vehicle in self.vehicles) or self.callbacks.pending:
-            return False
+        for vehicle in self.vehicles:
+            if not vehicle.rests:
+                return False
+        if self._landing is not None or self._stopped is not None:
+            return True
         lost = all(vehicle.state == "fault" for vehicle in self.vehicles)
-        told_to_end = self._landing is not None or self._stopped is not None
-        return self.flows.ended or told_to_end or lost
+        return not self.callbacks.pending and (self.flows.ended or lost)
 
     def tick(self) -> None:
         """One period of every vehicle, then the world goes on."""
@@ -118,7 +126,7 @@ class Engine:
         self.injection.step(now)
         for vehicle in self.vehicles:
             vehicle.sense(now)
-        fleet = {vehicle.name: vehicle.estimate for vehicle in self.vehicles}
+        fleet = {vehicle.name: vehicle.senses.estimate for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)
         self.flows.step(now, dt)

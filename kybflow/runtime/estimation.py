@@ -33,6 +33,7 @@ class Estimation:
         report: Callable[[PartFailed], None],
     ) -> None:
         self._candidates = [Candidate(estimator, site) for estimator in plan.estimators]
+        self._bounded = [candidate for candidate in self._candidates if candidate.is_bounded]
         self._in_use: Candidate | None = None
         self._flown: Estimate | None = None
         self._blend: Blend | None = None
@@ -42,7 +43,8 @@ class Estimation:
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
         """The estimate of the first healthy estimator, None when none is healthy."""
-        self._count(now)
+        if self._bounded:
+            self._count(now)
         chosen: Candidate | None = None
         for candidate in self._candidates:
             try:
@@ -57,7 +59,7 @@ class Estimation:
         estimate = chosen.estimate if chosen is not None else None
         if chosen is not self._in_use:
             self._change(chosen, estimate, now)
-        self._flown = self._blended(estimate, now)
+        self._flown = estimate if self._blend is None else self._blended(estimate, now)
         if estimate is not None and len(self._candidates) > 1:
             self._anchor(estimate)
         return self._flown
@@ -75,7 +77,7 @@ class Estimation:
         passed, self._time = now - self._time, now
         used = self._in_use
         if used is not None:
-            for candidate in self._candidates:
+            for candidate in self._bounded:
                 candidate.count(passed, used)
 
     def _anchor(self, estimate: Estimate) -> None:
@@ -90,6 +92,7 @@ class Estimation:
     def _fail(self, failed: Candidate, error: Exception) -> None:
         failed.has_failed = True
         self._candidates = [c for c in self._candidates if c is not failed]
+        self._bounded = [c for c in self._bounded if c is not failed]
         self._report(PartFailed(failed.label, error))
 
     def _blended(self, estimate: Estimate | None, now: Time) -> Estimate | None:

@@ -10,11 +10,12 @@ lands its vehicle; a supervisor that does is not asked again.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from kybflow.errors import PartFailed, described
 from kybflow.parts import Supervisor
+from kybflow.runtime.checked import checked_alarm
 from kybflow.runtime.events import Events
 from kybflow.signals import NS, Alarm, Reaction, Tick, Time
 
@@ -37,6 +38,10 @@ _RESTING = frozenset({"brake", "hover", "auto_land", "land_blind", "fault"})
 """Built-in states that are no faster for being braked, or that must come to their end."""
 
 
+_Check = tuple[str, Callable[[Tick, bool], Alarm | None]]
+"""A supervisor's label and what it is asked by."""
+
+
 class Heard(NamedTuple):
     """An alarm, and the mission line of the part that raised it."""
 
@@ -57,8 +62,8 @@ class Failsafe:
     ) -> None:
         self.latched: Reaction | None = None
         self._vehicle, self._events, self._lines = vehicle, events, lines
-        self._supervisors = tuple(supervisors.items())
-        self._hurried = tuple(s for s in self._supervisors if not s[1].unhurried)
+        self._checks: tuple[_Check, ...] = tuple((n, s.check) for n, s in supervisors.items())
+        self._hurried = tuple(c for c in self._checks if not supervisors[c[0]].unhurried)
         self._all_due: Time = 0
         self._failed: Heard | None = None
         self._last: dict[str, Time] = {}
@@ -71,18 +76,17 @@ class Failsafe:
         worst, self._failed = self._failed, None
         asked = self._hurried
         if tick.now >= self._all_due:
-            asked, self._all_due = self._supervisors, tick.now + _UNHURRIED
-        for label, supervisor in asked:
+            asked, self._all_due = self._checks, tick.now + _UNHURRIED
+        for label, check in asked:
             try:
-                alarm = supervisor.check(tick, airborne)
-            except Exception as error:  # a part may raise anything
-                self._supervisors = tuple(s for s in self._supervisors if s[0] != label)
-                self._hurried = tuple(s for s in self._hurried if s[0] != label)
-                heard = self.failure(PartFailed(label, error), Reaction.LAND)
-            else:
+                alarm = check(tick, airborne)
                 if alarm is None:
                     continue
-                heard = self.tell(label, alarm, tick.now)
+                heard = self.tell(label, checked_alarm(alarm), tick.now)
+            except Exception as error:  # a part may raise anything
+                self._checks = tuple(c for c in self._checks if c[0] != label)
+                self._hurried = tuple(c for c in self._hurried if c[0] != label)
+                heard = self.failure(PartFailed(label, error), Reaction.LAND)
             if worst is None or heard.alarm.reaction > worst.alarm.reaction:
                 worst = heard
         return worst
@@ -91,10 +95,10 @@ class Failsafe:
         """What would make it leave its mission at once if it flew as it stands: (supervisor,
         reason, mission line)."""
         found = []
-        for label, supervisor in self._supervisors:
+        for label, check in self._checks:
             at = self._lines.get(label, "")
             try:
-                alarm = supervisor.check(tick, True)
+                alarm = check(tick, True)
             except Exception as error:  # a part may raise anything
                 found.append((label, f"it failed: {described(error)}", at))
                 continue
@@ -147,6 +151,8 @@ class Failsafe:
             return reaction if reaction > Reaction.BRAKE and state != "fault" else None
         if tick.estimate is None and reaction < Reaction.LAND_BLIND:
             reaction = Reaction.LAND_BLIND
+        if self.latched is Reaction.GO_HOME and reaction is Reaction.BRAKE:
+            reaction = Reaction.LAND  # nothing holds it on its way home: it comes down there
         if self.latched is not None and reaction <= self.latched:
             return None
         if reaction is Reaction.BRAKE:

@@ -75,8 +75,11 @@ def fly(
         run = _Run(plan, request, events, recorder)
         run.fly(observers)
         recorder.close()
-        summary = run.summary(time.monotonic() - began, recorder.failed or folder.failed)
-        folder.finish(summary)
+        folder.close()
+        wall_time_s = time.monotonic() - began
+        summary = run.summary(wall_time_s, recorder.failed or folder.failed)
+        if not folder.finish(summary):
+            summary = run.summary(wall_time_s, recorder.failed or folder.failed)
     finally:
         recorder.close()
         folder.close()

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import FlowMachine
 from kybflow.dsl.plan import END, Plan
-from kybflow.errors import OptionRefused
+from kybflow.errors import OptionRefused, described
 from kybflow.observables import is_in
 from kybflow.runtime.events import Events
 from kybflow.runtime.flow import Running
@@ -45,7 +45,7 @@ class Driven(Protocol):
 class Settings(Protocol):
     """The options, as a flow sees them."""
 
-    def set(self, name: str, value: Any, by: str) -> None:
+    def set(self, name: str, value: Any, by: str, at: str = "") -> None:
         """Ask for a change. Raises OptionRefused, which is told already."""
 
 
@@ -100,7 +100,7 @@ class Flows:
             if any(self._vehicles[v].paused for v in self._driven(flow)):
                 flow.wait(dt)
             else:
-                self._step(flow, flow.machine, now, dt)
+                self._guarded(flow, flow.machine, now, dt)
 
     def enter(self, flow: str, phase: str, by: str, at: str = "") -> None:
         """Enter a phase, whatever the flow does now: a callback's or a person's wish. Refused, and
@@ -145,6 +145,15 @@ class Flows:
         flow.machine = FlowMachine(flow.plan, self._conditions)
         self._enter(flow, now)
 
+    def _guarded(self, flow: Running, machine: FlowMachine, now: Time, dt: float) -> None:
+        """One flow that fails ends, and no other with it; its vehicles do what they do."""
+        try:
+            self._step(flow, machine, now, dt)
+        except Exception as error:  # a lab's own link may show anything
+            self._events.tell("flow_failed", flow=flow.plan.name, reason=described(error))
+            self._leave(flow, "failed", "", now)
+            self._end(flow)
+
     def _step(self, flow: Running, machine: FlowMachine, now: Time, dt: float) -> None:
         phase = flow.phase
         if not phase.transitions:
@@ -174,7 +183,7 @@ class Flows:
                 self._begin(self._flows[other], now)
         for option in phase.set:
             try:
-                self._options.set(option.option, option.value, f"flow {name}")
+                self._options.set(option.option, option.value, f"flow {name}", phase.at)
             except OptionRefused:
                 continue  # it is told
         for vehicle, state in phase.run.items():

@@ -42,18 +42,19 @@ class Follower:
 
     def resume(self, asked: Setpoint, tick: Tick) -> None:
         """Be where the trajectory was a tick ago; the first thing in every tick."""
-        paused = self._time is None or (tick.now - self._time) > 1.5e9 * tick.dt + 1.0
-        if paused or asked.kind is not self._kind:
+        now, kind, before = tick.now, asked.kind, self._time
+        paused = before is None or (now - before) > 1.5e9 * tick.dt + 1.0
+        if paused or kind is not self._kind:
             last, velocity = tick.setpoint, asked.velocity or ZERO
-            before = last.velocity if last is not None else None
-            self.velocity = velocity if before is None else before
+            followed = last.velocity if last is not None else None
+            self.velocity = velocity if followed is None else followed
             if last is not None and last.position is not None:
                 self.position = last.position
             else:
                 mean = scale(add(velocity, self.velocity), 0.5 * tick.dt)
                 self.position = sub(asked.position or ZERO, mean)
             self.behind = False
-        self._time, self._kind = tick.now, asked.kind
+        self._time, self._kind = now, kind
 
     def join(self, position: Vec3, velocity: Vec3) -> None:
         """Go on as the trajectory that is asked for."""

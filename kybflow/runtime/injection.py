@@ -45,26 +45,29 @@ class Injection:
             self._working = [fault for fault in self._working if fault not in over]
             for fault in over:
                 self._mend(fault)
-        if self._waiting:
-            due = [fault for fault in self._waiting if fault.due(now)]
-            self._waiting = [fault for fault in self._waiting if fault not in due]
-            for waiting in due:
-                self._inject(waiting, now)
+        for waiting in tuple(self._waiting):
+            try:
+                if waiting.due(now):
+                    self._waiting.remove(waiting)
+                    self._inject(waiting, now)
+            except Exception as error:  # a lab's own fault may raise anything; the flight goes on
+                self._fail(waiting, error)
 
     def _inject(self, waiting: _Waiting, now: Time) -> None:
         plan = waiting.plan
-        name, vehicle = plan.part.name, plan.vehicle
-        try:
-            fault = plan.part.cls(plan.part.params, waiting.generator)
-            effects = [(self._rigs[n], e) for n, e in fault.effects(vehicle).items()]
-        except Exception as error:  # a lab's own fault may raise anything; the flight goes on
-            self.failure = f"the fault `{name}` could not be injected: {described(error)}"
-            self._events.tell("fault_failed", vehicle, plan.at, fault=name, reason=self.failure)
-            return
+        fault = plan.part.cls(plan.part.params, waiting.generator)
+        effects = [(self._rigs[n], e) for n, e in fault.effects(plan.vehicle).items()]
         for rig, effect in effects:
             rig.begin(effect, now)
-        self._events.tell("fault_injected", vehicle, plan.at, fault=name)
+        self._events.tell("fault_injected", plan.vehicle, plan.at, fault=plan.part.name)
         self._working.append(_Working(plan, effects, now))
+
+    def _fail(self, waiting: _Waiting, error: Exception) -> None:
+        if waiting in self._waiting:
+            self._waiting.remove(waiting)
+        plan, name = waiting.plan, waiting.plan.part.name
+        self.failure = f"the fault `{name}` could not be injected: {described(error)}"
+        self._events.tell("fault_failed", plan.vehicle, plan.at, fault=name, reason=self.failure)
 
     def _mend(self, fault: _Working) -> None:
         for rig, effect in fault.effects:

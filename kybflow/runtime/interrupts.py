@@ -6,12 +6,16 @@ import signal
 import time
 from collections.abc import Callable
 from types import FrameType
-from typing import Any
-
-from kybflow.runtime.engine import Engine
+from typing import Any, Protocol
 
 DEAF = 1.0
 """Seconds after an interrupt in which another is the same one: a closed terminal sends several."""
+
+
+class Counting(Protocol):
+    """What hears of interrupts: an engine, or a session of tests."""
+
+    interrupts: int
 
 
 class Interrupts:
@@ -20,7 +24,7 @@ class Interrupts:
 
     SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
-    def __init__(self, engine: Engine, read: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, engine: Counting, read: Callable[[], float] = time.monotonic) -> None:
         self._engine = engine
         self._read = read
         self._last: float | None = None

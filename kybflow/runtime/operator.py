@@ -15,7 +15,6 @@ from typing import Protocol
 from kybflow.dsl.plan import ActionPlan, Call, Emit, Plan
 from kybflow.errors import EventRefused
 from kybflow.runtime.events import Events
-from kybflow.runtime.wishes import Asker
 from kybflow.signals import NS, Time
 
 BY = "operator"
@@ -25,7 +24,7 @@ PREFIX = "operator."
 class Commanded(Protocol):
     """A vehicle, as the operator sees it."""
 
-    def ask(self, state: str, by: Asker, at: str = "") -> None: ...
+    def retire(self, reason: str) -> None: ...
     def pause(self, by: str, at: str = "") -> None: ...
     def resume(self, by: str, at: str = "") -> None: ...
     def reset(self, by: str, at: str = "") -> None: ...
@@ -35,7 +34,7 @@ LAND = "operator.land"
 _ORDERS: Mapping[str, Callable[[Commanded], None]] = {
     "operator.pause": lambda vehicle: vehicle.pause(BY),
     "operator.resume": lambda vehicle: vehicle.resume(BY),
-    LAND: lambda vehicle: vehicle.ask("auto_land", Asker.OPERATOR),
+    LAND: lambda vehicle: vehicle.retire("a person landed it"),
     "operator.reset": lambda vehicle: vehicle.reset(BY),
 }
 STOP = "operator.stop"

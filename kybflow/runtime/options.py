@@ -79,6 +79,8 @@ class Options:
 
     def apply(self) -> None:
         """Make the changes that were asked for; the engine calls it when a tick begins."""
+        if not self._waiting:
+            return
         waiting, self._waiting = self._waiting, []
         for holder, label, field, value, by, at in waiting:
             name = f"{holder.name}.{label}.{field}"

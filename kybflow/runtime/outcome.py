@@ -7,7 +7,7 @@ seconds; numbers have six significant digits; null is "not known" or "does not a
 - `vehicles.NAME.final`: ground or air. Errors are between the setpoint before tracking and the true
   position (the estimate on hardware), over all ticks with such a setpoint.
 - `vehicles.NAME.behaviors`: one entry for each time a state was entered; `ended` is done, next,
-  failed, within, refused, failsafe or run_ended.
+  failed, within, refused, asked, failsafe or run_ended.
 - `vehicles.NAME.estimators`: from when on each was used; an empty name: none was healthy.
 - `flows.NAME.phases`: one entry for each time a phase was entered; `ended` is next, within, done
   (its vehicles have left what it asked for), asked, operator or run_ended.

@@ -90,7 +90,8 @@ def seen_from(flown: Estimate, time: Time) -> Reference:
 
 def is_same(a: Quat, b: Quat) -> bool:
     """Whether two attitudes are within 45 degrees of each other."""
-    return abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]) >= SAME_ATTITUDE
+    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
+    return abs(aw * bw + ax * bx + ay * by + az * bz) >= SAME_ATTITUDE
 
 
 def _follows(last: Pose, pose: Pose) -> bool:

@@ -53,7 +53,7 @@ def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[Line, ...]:
 
 
 def _link(vehicle: Vehicle) -> Line:
-    age = vehicle.senses.link_age(vehicle.now)
+    age = vehicle.senses.link_age
     reason = f"delivered {age * 1000:.0f} ms ago"
     return Line(vehicle.name, "link", age <= LINK_AGE, reason, vehicle.plan.driver.at)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from io import FileIO
 from pathlib import Path
@@ -35,7 +36,7 @@ class RunFolderError(KybflowError):
 
 
 class RunFolder:
-    """The folder of one run. `failed` is None, or why the events could not be written any more."""
+    """The folder of one run. `failed` is None, or why something of it could not be written."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -62,10 +63,19 @@ class RunFolder:
         _write(self.path / RESOLVED, plan.resolved)
         _write(self.path / PROVENANCE, _json(provenance(plan, seed, started)))
 
-    def finish(self, summary: dict[str, Any]) -> None:
-        """Close the folder and write the summary. Raises RunFolderError."""
+    def finish(self, summary: dict[str, Any]) -> bool:
+        """Close the folder and write the summary; False when it can't be written, and then there is
+        none. Raises nothing: the flight is over, and what became of it is still to be told."""
         self.close()
-        _write(self.path / SUMMARY, _json(summary))
+        path = self.path / SUMMARY
+        try:
+            _write(path, _json(summary))
+        except RunFolderError as error:
+            self.failed = self.failed or str(error)
+            with suppress(OSError):
+                path.unlink()
+            return False
+        return True
 
     def close(self) -> None:
         """No event comes any more; may be called again."""
@@ -78,16 +88,15 @@ class RunFolder:
 def create_run_folder(plan: Plan, out: Path | None, started: datetime) -> RunFolder:
     """`out`, or `runs/<mission>-<time>` in the present folder, with a number behind it if taken.
 
-    `out` may be new, empty, or an earlier run's (it holds `events.jsonl` and no file but a run's),
-    whose files are replaced. Raises RunFolderError for any other folder, and where none can be
-    made.
+    `out` may be new or empty. Raises RunFolderError for any other folder, an earlier run's too, and
+    where none can be made.
     """
     path = (
         out if out is not None else _free(Path("runs"), f"{plan.mission}-{started:%Y%m%d-%H%M%S}")
     )
     try:
         path.mkdir(parents=True, exist_ok=True)
-        _clear(path)
+        _check_empty(path)
         return RunFolder(path)
     except OSError as error:
         raise RunFolderError(f"`{path}` can't be written: {error.strerror or error}") from error
@@ -128,8 +137,8 @@ def _free(parent: Path, name: str) -> Path:
     return path
 
 
-def _clear(path: Path) -> None:
-    """Remove an earlier run's files, so that no old report stands beside a new run."""
+def _check_empty(path: Path) -> None:
+    """Nothing that is in a folder is ever replaced."""
     found = sorted(entry.name for entry in path.iterdir())
     foreign = [name for name in found if name not in FILES or EVENTS not in found]
     if foreign:
@@ -137,8 +146,8 @@ def _clear(path: Path) -> None:
         raise RunFolderError(
             f"`{path}` holds what no run has written (`{foreign[0]}`{more}); name another folder"
         )
-    for name in found:
-        (path / name).unlink()
+    if found:
+        raise RunFolderError(f"`{path}` holds an earlier run; name another folder, or remove it")
 
 
 def _json(value: dict[str, Any]) -> str:

@@ -26,16 +26,16 @@ from kybflow.signals import (
 )
 from kybflow.site import Site
 
-KINDS: dict[type, MeasurementKind] = {
-    Pose: MeasurementKind.POSE,
-    Battery: MeasurementKind.BATTERY,
-    Imu: MeasurementKind.IMU,
+_CLASSES: dict[MeasurementKind, type] = {
+    MeasurementKind.POSE: Pose,
+    MeasurementKind.BATTERY: Battery,
+    MeasurementKind.IMU: Imu,
 }
 
 
 class Senses:
-    """`link_error` is what the link said when it failed, None while it works. `report` is told of a
-    part that has failed."""
+    """`link_error` is what the link said when it failed, None while it works. `link_age`: seconds
+    since it delivered anything, or was first read. `report` is told of a part that has failed."""
 
     def __init__(
         self,
@@ -52,7 +52,8 @@ class Senses:
         self.imu: Imu | None = None
         self.truth: Truth | None = None
         self.link_error: str | None = None
-        self._streams: dict[MeasurementKind, tuple[Time, int]] = {}
+        self.link_age = 0.0
+        self._streams: dict[type, tuple[Time, int]] = {}
         self.estimation = Estimation(plan, site, events, score, report)
         self._link, self._channel, self._score, self._report = link, channel, score, report
         self._driver = plan.driver.label
@@ -78,11 +79,14 @@ class Senses:
         try:
             measurements = self._link.read(now)
             self.truth = self._link.truth()
+            if measurements or self._heard is None:
+                self._heard = now
+                self._note(measurements, now)
         except Exception as error:  # see subscribe
+            self.truth, measurements = None, ()
+            self._heard = now if self._heard is None else self._heard
             self._failed(error)
-        if measurements or self._heard is None:
-            self._heard = now
-            self._note(measurements, now)
+        self.link_age = (now - self._heard) / NS
         self.estimate = self.estimation.update(measurements, now)
 
     def send(self, command: Command, now: Time) -> None:
@@ -92,15 +96,10 @@ class Senses:
         except Exception as error:  # see subscribe
             self._failed(error)
 
-    def link_age(self, now: Time) -> float:
-        """Seconds since the link delivered anything, or was first read."""
-        heard = self._heard
-        return 0.0 if heard is None else (now - heard) / NS
-
     def rate(self, kind: MeasurementKind) -> float:
         """Measurements of `kind` a second since the first one; zero while they are fewer than three
         or arrive no more."""
-        first, count = self._streams.get(kind, (0, 0))
+        first, count = self._streams.get(_CLASSES[kind], (0, 0))
         now = self._heard
         if count < 3 or now is None or now == first:
             return 0.0
@@ -115,9 +114,8 @@ class Senses:
         for measurement in measurements:
             self._channel.measurement(now, measurement)
             cls = type(measurement)
-            kind = KINDS[cls]
-            first, count = streams.get(kind, (now, 0))
-            streams[kind] = first, count + 1
+            first, count = streams.get(cls, (now, 0))
+            streams[cls] = first, count + 1
             if cls is Imu:
                 self.imu = measurement  # type: ignore[assignment]
             elif cls is Battery:

@@ -40,29 +40,33 @@ LEAST_LIFT, MOST_THRUST = 0.3, 0.95
 class Steering:
     """Lives as long as its tracker. In each tick: `weigh`, then `bounded`, then `command`.
 
-    flies: above the ground. limited: the last force was cut. trim: the slope that turns the command
+    flies: above the ground. limited: the last force was cut. learns: an integral may go on, which
+    it may not on the ground, at a limit, nor in a long step. trim: the slope that turns the command
     against the on-board attitude's error. force_along: the specific force along the estimated body
     z that the last command gave, m/s^2.
     """
 
     __slots__ = (
-        "_airframe_mass", "_floor", "_heading", "_lift", "_mass", "_most_thrust", "_slope",
-        "_tilt", "_weighed", "_weight", "flies", "force_along", "limited", "trim",
+        "_airframe_mass", "_carried", "_floor", "_heading", "_lift", "_mass", "_most_thrust",
+        "_slope", "_steepest", "_tilt", "_weighed", "_weight", "flies", "force_along", "learns",
+        "limited", "trim",
     )  # fmt: skip
 
     def __init__(self, site: Site, mass_guess: float) -> None:
         airframe = site.airframe
         self._tilt = airframe.tilt
+        self._steepest = (airframe.tilt, tan(airframe.tilt))
         self._weight, self._airframe_mass = airframe.hover_thrust, airframe.mass
         self._most_thrust = MOST_THRUST * airframe.max_thrust
         self._heading = site.heading
         self._mass = MassEstimator(airframe.hover_thrust, mass_guess)
+        self._carried = airframe.mass * self._mass.carried
         self._slope: tuple[float, float] | None = None
         self._floor: float | None = None
         self._lift = 0.0
         self._weighed = WEIGH_EVERY
         self.trim = (0.0, 0.0)
-        self.flies = self.limited = False
+        self.flies = self.limited = self.learns = False
         self.force_along = GRAVITY
 
     @property
@@ -77,31 +81,32 @@ class Steering:
         if self._floor is None:
             self._floor = height
         above = self._floor + lift_off
-        self.flies = height > above
-        if self.flies:
+        self.flies = flies = height > above
+        self.learns = flies and not self.limited and dt < LONGEST_STEP
+        if flies:
             self._weighed += dt
-            if self._weighed >= WEIGH_EVERY:
-                self._mass.update(self._lift, estimate.velocity[2], self._weighed)
-                self._weighed = 0.0
-            return
-        self._weighed = WEIGH_EVERY
-        if _asks_up(setpoint, above):
-            self._mass.spool_up(dt)
-
-    def learns(self, dt: float) -> bool:
-        """Whether an integral may go on: not on the ground, at a limit, or in a long step."""
-        return self.flies and not self.limited and dt < LONGEST_STEP
+            if self._weighed < WEIGH_EVERY:
+                return
+            self._mass.update(self._lift, estimate.velocity[2], self._weighed)
+            self._weighed = 0.0
+        else:
+            self._weighed = WEIGH_EVERY
+            if _asks_up(setpoint, above):
+                self._mass.spool_up(dt)
+        self._carried = self._airframe_mass * self._mass.carried
 
     def bounded(self, wanted: Vec3, tilt: float) -> Vec3:
         """The specific force within `tilt`, the airframe's own and its thrust."""
         fx, fy, fz = wanted
         self.limited = False
-        most = self._most_thrust / (self._airframe_mass * self._mass.carried)
+        most = self._most_thrust / self._carried
         if not LEAST_LIFT * GRAVITY <= fz <= most:
             fz = max(LEAST_LIFT * GRAVITY, min(most, fz))
             self.limited = True
         level = sqrt(fx * fx + fy * fy)
-        widest = fz * tan(min(tilt, self._tilt))
+        if tilt != self._steepest[0]:
+            self._steepest = (tilt, tan(min(tilt, self._tilt)))
+        widest = fz * self._steepest[1]
         if level > widest:
             fx, fy = fx * widest / level, fy * widest / level
             self.limited = True
@@ -110,38 +115,35 @@ class Steering:
     def attitude(
         self, force: Vec3, up: Vec3, setpoint: Setpoint, trim_rate: float, dt: float
     ) -> Quat:
-        """The attitude to command for `force`, `up` being the estimated body z."""
+        """The attitude to command for `force`, `up` being the estimated body z: along the force,
+        turned by `trim`, which is learnt here."""
         fx, fy, fz = force
-        tx, ty = self._trimmed(up, trim_rate, dt)
+        tx, ty = self.trim
+        if self._slope is not None and self.flies and dt < LONGEST_STEP:
+            k, (sx, sy) = trim_rate * dt, self._slope
+            x, y = tx + k * (sx - up[0]), ty + k * (sy - up[1])
+            tx = MOST_TRIM if x > MOST_TRIM else -MOST_TRIM if x < -MOST_TRIM else x
+            ty = MOST_TRIM if y > MOST_TRIM else -MOST_TRIM if y < -MOST_TRIM else y
+            self.trim = (tx, ty)
         length = sqrt(fx * fx + fy * fy + fz * fz)
         self._slope = (fx / length, fy / length)
-        if setpoint.heading is not None:
-            self._heading = setpoint.heading
-        else:
-            self._heading = wrap(self._heading + setpoint.heading_rate * dt)
-        return from_thrust_direction((fx + length * tx, fy + length * ty, fz), self._heading)
+        heading = setpoint.heading
+        if heading is None:
+            heading = wrap(self._heading + setpoint.heading_rate * dt)
+        self._heading = heading
+        return from_thrust_direction((fx + length * tx, fy + length * ty, fz), heading)
 
     def command(
         self, force: Vec3, attitude: Quat, rates: Vec3, estimate: Estimate, up: Vec3
     ) -> Command:
         """Attitude, rates and the thrust that `force` asks for along `up`."""
-        mass = self._airframe_mass * self._mass.carried
-        most = self._most_thrust
-        thrust = mass * (force[0] * up[0] + force[1] * up[1] + force[2] * up[2])
+        mass, most = self._carried, self._most_thrust
+        (fx, fy, fz), (ux, uy, uz) = force, up
+        thrust = mass * (fx * ux + fy * uy + fz * uz)
         thrust = most if thrust > most else 0.0 if thrust < 0.0 else thrust
-        self._lift = thrust * up[2]
+        self._lift = thrust * uz
         self.force_along = thrust / mass
         return Command(attitude, thrust, rates, heading_of(estimate.attitude))
-
-    def _trimmed(self, up: Vec3, rate: float, dt: float) -> tuple[float, float]:
-        """By how much to turn the command's slope against the on-board attitude's error."""
-        if self._slope is not None and self.flies and dt < LONGEST_STEP:
-            k, (tx, ty), (sx, sy) = rate * dt, self.trim, self._slope
-            x, y = tx + k * (sx - up[0]), ty + k * (sy - up[1])
-            x = MOST_TRIM if x > MOST_TRIM else -MOST_TRIM if x < -MOST_TRIM else x
-            y = MOST_TRIM if y > MOST_TRIM else -MOST_TRIM if y < -MOST_TRIM else y
-            self.trim = (x, y)
-        return self.trim
 
 
 def _asks_up(setpoint: Setpoint, above: float) -> bool:

@@ -9,9 +9,12 @@ from kybflow.params import Field
 
 def loosened(name: str, field: Field, before: Any, after: Any) -> str | None:
     """Why `after` can't follow `before` in flight, None when it can. A number tightens in the
-    direction of its declaration, of a vector each one; a choice along its list."""
+    direction of its declaration, of a vector each one; a choice along its list, but nobody makes
+    `cut` of it in flight: that is no way down."""
     if field.tightens is None or before == after:
         return None
+    if after == "cut":
+        return f"`{name}` can't become `cut` in flight"
     old, new = _numbers(field, before), _numbers(field, after)
     if field.tightens == "down":
         old, new = new, old

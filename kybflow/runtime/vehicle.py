@@ -70,13 +70,14 @@ class Vehicle(Commanding):
         self._events, self._channel, self._score = events, channel, score
         self._sent = RESTING
         self._cut: Time | None = None
+        self._fleet: dict[str, Estimate | None] = {}
         self._params = {part.label: part.params for part in parts_of(plan)}
         self._supervisors = {p.label: make(p, p.params, site) for p in plan.supervisors}
         self._chain = Chain(plan, site, self._params)
         lines = {part.label: part.at for part in parts_of(plan)}
         self.failsafe = Failsafe(plan.name, self._supervisors, lines, events)
         self.senses = Senses(plan, site, link, events, channel, score, self.failsafe.report)
-        self.activity = Activity(plan, self._params, events, score)
+        self.activity = Activity(plan, self._params, events, score, self._objection)
         super().__init__()
 
     @property
@@ -116,14 +117,22 @@ class Vehicle(Commanding):
         """On the ground, in a state that nothing leaves any more."""
         if self.activity.flight is not GROUND or self._wishes.waiting:
             return False
-        if self._cut is not None and self.now - self._cut < _FALL:
-            return False
-        return not self.activity.state.transitions
+        return not self.falls and not self.activity.state.transitions
+
+    @property
+    def falls(self) -> bool:
+        """Its rotors were cut just now."""
+        return self._cut is not None and self.now - self._cut < _FALL
 
     def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
         """What would make it leave its mission at once if it flew now: (supervisor, reason, mission
         line)."""
         return self.failsafe.foresee(self._standing()._replace(fleet=fleet))
+
+    def _objection(self) -> str | None:
+        """What a supervisor would land it for at once if it took off now, None for nothing."""
+        found = self.foreseen(self._fleet)
+        return f"`{found[0][0]}` would not let it fly: {found[0][1]}" if found else None
 
     def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
         """Enter the first state."""
@@ -141,6 +150,7 @@ class Vehicle(Commanding):
         """Decide, steer, send and record."""
         if self.activity.hold is not None:
             self.activity.wait(dt)
+        self._fleet = fleet
         command, wanted = self._decided(self._tick(now, dt, fleet))
         self._sent = command
         self.senses.send(command, now)
@@ -172,6 +182,7 @@ class Vehicle(Commanding):
 
     def land(self, reason: str) -> None:
         """Land now, whatever the mission says: an operator's interrupt, or its time is over."""
+        self._retired = self._retired or reason
         if not self.rests:
             alarm = Alarm("interrupted", Reaction.LAND, reason, 0.0, 0.0)
             self.react(Heard(alarm, ""), self._standing())
@@ -203,21 +214,26 @@ class Vehicle(Commanding):
             self.followed,
             fleet,
             senses.imu,
-            senses.link_age(now),
+            senses.link_age,
         )
 
     def _decided(self, tick: Tick) -> tuple[Command, Setpoint | None]:
         """(the command of this tick, the setpoint before processing), whatever fails."""
-        failure: Exception | None = None
+        try:
+            tick = self._decide(tick)
+            return self._steer(tick)
+        except Exception as error:  # a part may raise anything; it fails this vehicle alone
+            failure = error
+        return self._rescued(failure, tick)
+
+    def _rescued(self, failure: Exception, tick: Tick) -> tuple[Command, Setpoint | None]:
+        """The same after a failure."""
         for _ in range(_ESCALATIONS + len(self.plan.processors)):
             try:
-                if failure is None:
-                    tick = self._decide(tick)
-                else:
-                    self._escalate(failure, tick)
-                    tick = self._settled(tick)
+                self._escalate(failure, tick)
+                tick = self._settled(tick)
                 return self._steer(tick)
-            except Exception as error:  # a part may raise anything; it fails this vehicle alone
+            except Exception as error:  # see _decided
                 failure = error
         return RESTING, None
 
@@ -264,7 +280,7 @@ class Vehicle(Commanding):
                 return self._steer(self._settled(tick))
         output = activity.update(tick)
         if isinstance(output, Command):
-            command = checked_command(output)
+            command = self._armed(checked_command(output))
             self.followed = None
             return command, None
         if output.kind is SetpointKind.IDLE:
@@ -276,7 +292,13 @@ class Vehicle(Commanding):
         if result is None:
             return self._steer(self._settled(tick))
         self.followed, command = result
-        return command, output
+        return self._armed(command), output
+
+    def _armed(self, command: Command) -> Command:
+        """Raises ValueError for rotors at rest in the air."""
+        if self.activity.airborne and not command.armed:
+            raise ValueError("the rotors can't rest in the air")
+        return command
 
     def _heed(self, label: str, alarm: Alarm, tick: Tick) -> bool:
         return self.react(self.failsafe.tell(label, alarm, tick.now), tick)

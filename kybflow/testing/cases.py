@@ -10,11 +10,12 @@ from typing import Literal
 
 from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.render import render_all
 from kybflow.errors import KybflowError
+from kybflow.findings import findings
 from kybflow.runtime.flight import Flown, Request, fly
 from kybflow.runtime.outcome import Outcome
 from kybflow.runtime.report import write_report
+from kybflow.runtime.run_folder import RunFolderError
 from kybflow.testing.coverage import Arrow, State, Traces, written
 
 Verdict = Outcome | Literal["invalid"]
@@ -56,24 +57,26 @@ class Tried:
 
 
 def try_case(case: Case) -> Tried:
-    """Compile and fly a case; never raises for what the mission does."""
+    """Compile and fly a case; never raises for what the mission does, or a disk that is full."""
     began = time.monotonic()
     result = compile_mission(case.path, catalog=load_catalog(), target=case.target, sets=case.sets)
     if result.plan is None:
-        found = tuple(render_all(result.diagnostics, result.texts))
-        return Tried(case, "invalid", found or (f"{case.path} is a library, no mission",))
+        return Tried(case, "invalid", tuple(findings(result, case.path)))
     traces = Traces()
     try:
         flown = fly(result.plan, Request(seed=case.seed, out=case.out), (traces.hear,))
+        verdict: Verdict = flown.summary["outcome"]
+        folder = _kept(flown, case.keep or verdict in ("failed", "driver_failed"))
+    except RunFolderError as error:
+        return Tried(case, "driver_failed", (str(error),))
     except KybflowError as error:
         return Tried(case, "invalid", (str(error),))
-    verdict: Verdict = flown.summary["outcome"]
     return Tried(
         case,
         verdict,
         _reasons(flown),
         time.monotonic() - began,
-        _kept(flown, case.keep or verdict != "succeeded"),
+        folder,
         tuple(written(result.plan)),
         frozenset(traces.taken),
     )

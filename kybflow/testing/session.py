@@ -2,63 +2,42 @@
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from kybflow.testing.cases import Case, Tried, Verdict, try_case
 from kybflow.testing.coverage import Coverage, covered
+from kybflow.testing.pool import Fly, Pool
 
 _EXIT: tuple[tuple[Verdict, int], ...] = (
-    ("interrupted", 130),
     ("invalid", 2),
     ("driver_failed", 3),
     ("failed", 1),
 )
 """What the exit code is, the gravest first."""
+INTERRUPTED = 130
 
 
-def run_cases(cases: Sequence[Case], jobs: int, done: Callable[[Tried], None]) -> list[Tried]:
+def run_cases(
+    cases: Sequence[Case], jobs: int, done: Callable[[Tried], None], fly: Fly = try_case
+) -> list[Tried]:
     """Fly every case, `jobs` at a time; the results in the order of `cases`. `done` is told of each
-    as it ends. An interrupt lands what flies, and leaves the rest out."""
+    as it ends. An interrupt lands what flies, and leaves that and the rest out; a second one ends
+    it at once."""
     results: dict[Case, Tried] = {}
-    for one in _alone(cases) if jobs == 1 or len(cases) == 1 else _together(cases, jobs):
-        results[one.case] = one
-        done(one)
-        if one.verdict == "interrupted":
-            break
+
+    def keep(tried: Tried) -> None:
+        results[tried.case] = tried
+        done(tried)
+
+    Pool(jobs, keep, fly).run(cases)
     return [results[case] for case in cases if case in results]
 
 
-def _alone(cases: Sequence[Case]) -> Iterator[Tried]:
-    for case in cases:
-        yield try_case(case)
-
-
-def _together(cases: Sequence[Case], jobs: int) -> Iterator[Tried]:
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(jobs, len(cases)), mp_context=context) as pool:
-        flights = {pool.submit(try_case, case): case for case in cases}
-        try:
-            for flight in as_completed(flights):
-                yield _result(flight, flights[flight])
-        except KeyboardInterrupt:
-            yield Tried(cases[0], "interrupted", ("interrupted",))
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _result(flight: Future[Tried], case: Case) -> Tried:
-    try:
-        return flight.result()
-    except BrokenProcessPool:
-        return Tried(case, "driver_failed", ("the process that flew it died",))
-
-
-def exit_code(tried: Sequence[Tried]) -> int:
-    """0 when every case succeeded; else that of the gravest."""
+def exit_code(tried: Sequence[Tried], asked: int) -> int:
+    """0 when each of the `asked` flights succeeded; else that of the gravest."""
+    if len(tried) < asked:
+        return INTERRUPTED
     verdicts = {one.verdict for one in tried}
     return next((code for verdict, code in _EXIT if verdict in verdicts), 0)
 

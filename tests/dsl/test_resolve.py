@@ -173,6 +173,7 @@ vehicles: {quad: {airframe: quad}}
 def test_one_library_may_be_reached_twice(tmp_path: Path) -> None:
     one = "library: one\nimport: {std: kybflow/airframes}\nvehicles: {q: {like: std.mk_quadro}}\n"
     text = MISSION.replace("{std:", "{one: one.yaml, std:").replace("std.mk_quadro", "one.q")
+    text += f"  b: {{like: std.mk_quadro, start: {{at: [2, 0, 0]}}, {BEHAVIORS}}}\n"
     assert vehicle(plan_of(tmp_path, text, one=one), "a").airframe.mass == 1.05
 
 

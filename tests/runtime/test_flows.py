@@ -49,7 +49,7 @@ class Settings:
     def __init__(self) -> None:
         self.changed: list[tuple[str, Any, str]] = []
 
-    def set(self, name: str, value: Any, by: str) -> None:
+    def set(self, name: str, value: Any, by: str, at: str = "") -> None:
         if name.endswith("margin"):
             raise OptionRefused("it only tightens")
         self.changed.append((name, value, by))

@@ -26,15 +26,12 @@ def test_a_run_gets_a_folder_of_its_own(tmp_path, monkeypatch):
     ]
 
 
-def test_an_earlier_run_is_replaced_as_a_whole(tmp_path):
+def test_an_earlier_run_is_never_replaced(tmp_path):
     run = create_run_folder(PLAN, tmp_path / "out", STARTED)
-    run.finish({"outcome": "succeeded"})
-    (run.path / "report.html").write_text("old", encoding="utf-8")
-
-    again = create_run_folder(PLAN, tmp_path / "out", STARTED)
-    again.close()
-
-    assert sorted(entry.name for entry in again.path.iterdir()) == ["events.jsonl"]
+    assert run.finish({"outcome": "succeeded"})
+    with pytest.raises(RunFolderError, match="holds an earlier run; name another folder"):
+        create_run_folder(PLAN, tmp_path / "out", STARTED)
+    assert json.loads((run.path / "summary.json").read_text()) == {"outcome": "succeeded"}
 
 
 @pytest.mark.parametrize(
@@ -84,12 +81,21 @@ def test_events_are_in_the_file_as_soon_as_they_are_told(tmp_path):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 def test_a_full_disk_stops_the_events_and_nothing_else(tmp_path, monkeypatch):
     (tmp_path / "events.jsonl").symlink_to("/dev/full")
-    monkeypatch.setattr("kybflow.runtime.run_folder._clear", lambda path: None)
+    monkeypatch.setattr("kybflow.runtime.run_folder._check_empty", lambda path: None)
     run = create_run_folder(PLAN, tmp_path, STARTED)
     for _ in range(2):
         run.event(Event(0, "landed", "mk", {}))
     run.finish({})
     assert run.failed == "the events stopped: No space left on device"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_summary_that_cannot_be_written_is_no_summary(tmp_path):
+    run = create_run_folder(PLAN, tmp_path, STARTED)
+    (tmp_path / "summary.json").symlink_to("/dev/full")
+    assert not run.finish({"outcome": "succeeded"})
+    assert run.failed == f"`{tmp_path}/summary.json` can't be written: No space left on device"
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["events.jsonl"]
 
 
 def test_provenance_says_what_the_run_was_made_of(tmp_path):

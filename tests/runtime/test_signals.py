@@ -147,10 +147,23 @@ def test_a_second_ctrl_c_cuts_the_stream(tmp_path: Path, phase: str):
 
 
 @pytest.mark.parametrize("phase", phases(fast="up"))
-def test_killed_it_leaves_all_but_the_last_second(tmp_path: Path, phase: str):
+def test_killed_it_leaves_all_but_the_last_second(
+    tmp_path: Path, phase: str, monkeypatch: pytest.MonkeyPatch
+):
     mark = PHASES[phase]
     left = signalled(tmp_path, [mark], [signal.SIGKILL])
     assert left.code == -signal.SIGKILL
     assert left.path[-1] == phase
     assert not left.is_whole
     assert left.recorded >= mark - 1.0
+    assert read_as_documented(tmp_path / "run", monkeypatch) >= mark - 1.0
+
+
+def read_as_documented(folder: Path, monkeypatch: pytest.MonkeyPatch) -> float:
+    """The newest time that the code in `docs/run-folder.md` finds, seconds."""
+    page = (Path(__file__).parents[2] / "docs" / "run-folder.md").read_text(encoding="utf-8")
+    code = page.partition("```python\n")[2].partition("```")[0]
+    found: dict[str, Any] = {}
+    monkeypatch.chdir(folder)
+    exec(code, found)
+    return max(time for time, _, _ in found["messages"]) / NS

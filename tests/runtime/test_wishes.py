@@ -97,10 +97,22 @@ def test_a_wish_whose_behavior_raises_lands(run):
     assert failed.fields == {"part": "behaviors.bad", "reason": "KeyError: 'not there'"}
 
 
-def test_a_wish_ends_a_pause(run):
-    asks = orders((5.0, lambda v: v.pause("x")), (6.0, lambda v: v.ask("side", Asker.FLOW)))
+def test_a_persons_wish_ends_a_pause(run):
+    asks = orders((5.0, lambda v: v.pause("x")), (6.0, lambda v: v.ask("side", Asker.OPERATOR)))
     _, told = run(flight(), observers=(asks,))
     assert path(told, "a") == ["up", "hold", "side", "down", "landed"]
+
+
+def test_a_flow_ends_no_pause_but_may_land(run):
+    asks = orders(
+        (5.0, lambda v: v.pause("x")),
+        (6.0, lambda v: v.ask("side", Asker.FLOW)),
+        (7.0, lambda v: v.ask("down", Asker.FLOW)),
+    )
+    _, told = run(flight(), observers=(asks,))
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    [refused] = named(told, "switch_refused")
+    assert refused.fields["reason"] == "it is paused"
 
 
 def test_processors_are_switched_off_and_on_but_no_safety_part(run):

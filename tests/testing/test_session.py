@@ -1,5 +1,10 @@
 """`kybflow test`: missions flown as tests, in one process and in several."""
 
+import os
+import signal
+import subprocess
+import sys
+import threading
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -7,9 +12,11 @@ import pytest
 from typer.testing import CliRunner
 
 from kybflow.cli import app
+from kybflow.runtime.interrupts import Interrupts
 from kybflow.testing.cases import Case, Tried, try_case
 from kybflow.testing.finding import missions_under
 from kybflow.testing.junit import write_junit
+from kybflow.testing.pool import Pool
 from kybflow.testing.session import exit_code, run_cases
 
 GOOD = """kybflow: 1
@@ -78,6 +85,147 @@ def test_parallel_flights_are_those_of_one_process(folder: Path):
     ]
 
 
+def in_turn(case: Case) -> Tried:
+    """Seed 1 dies of what its mission's name says; the others succeed."""
+    if case.seed == 1 and case.path.stem == "killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if case.seed == 1 and case.path.stem == "raised":
+        raise ZeroDivisionError("of all things")
+    return Tried(case, "succeeded")
+
+
+def last_alone(case: Case) -> Tried:
+    """Seed 0 succeeds at once; the others fly for long."""
+    return try_case(case) if case.seed else Tried(case, "succeeded")
+
+
+def stubborn(case: Case) -> Tried:
+    """Seed 0 succeeds at once; the others hear no signal and never end."""
+    if case.seed:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        threading.Event().wait()
+    return Tried(case, "succeeded")
+
+
+def orphaned(case: Case) -> Tried:
+    """A long flight whose session is killed at its beginning."""
+    os.kill(os.getppid(), signal.SIGKILL)
+    return try_case(case)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("killed", "the process that flew it died (SIGKILL)"),
+        ("raised", "kybflow failed: ZeroDivisionError: of all things"),
+    ],
+)
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_flight_that_takes_its_process_along_is_the_only_one_lost(
+    folder: Path, name: str, reason: str, jobs: int
+):
+    cases = [case(folder, name, seed) for seed in range(4)]
+    tried = run_cases(cases, jobs, lambda _: None, in_turn)
+    assert [one.case for one in tried] == cases
+    assert [one.case.seed for one in tried if not one.passed] == [1]
+    assert (tried[1].verdict, tried[1].reason[0]) == ("driver_failed", reason)
+
+
+@pytest.fixture
+def long(folder: Path) -> Path:
+    (folder / "long.yaml").write_text(
+        GOOD.replace("{do: brake, then: down}", "{do: hover, for_time: 5000 s, then: down}")
+        .replace("then: down, next", "then: still, next")
+    )  # fmt: skip
+    return folder
+
+
+def test_an_interrupt_lands_what_flies_and_leaves_out_the_rest(long: Path):
+    cases = [case(long, "long", seed) for seed in range(9)]
+    told: list[Tried] = []
+
+    def done(tried: Tried) -> None:
+        told.append(tried)
+        signal.raise_signal(signal.SIGTERM)
+
+    tried = run_cases(cases, 2, done, last_alone)
+    assert tried == told == [Tried(cases[0], "succeeded")]
+    assert exit_code(tried, len(cases)) == 130
+
+
+def test_a_second_interrupt_kills(folder: Path):
+    cases = [case(folder, "good", seed) for seed in range(3)]
+    told: list[Tried] = []
+
+    def done(tried: Tried) -> None:
+        told.append(tried)
+        pool.interrupts = 2
+
+    pool = Pool(2, done, stubborn)
+    pool.run(cases)
+    assert [one.case for one in told] == cases[:1]
+
+
+def test_no_worker_outlives_its_session(long: Path):
+    """The worker holds the output open: it is read to its end when the worker has ended."""
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "from pathlib import Path; from test_session import case, orphaned, run_cases\n"
+        f"run_cases([case(Path({str(long)!r}), 'long')], 1, print, orphaned)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGKILL, "", "")
+
+
+@pytest.mark.parametrize("number", Interrupts.SIGNALS)
+def test_a_terminal_that_interrupts_ends_the_command(folder: Path, number: int):
+    command = [sys.executable, "-m", "kybflow", "test", "broken.yaml", "--seeds", "0..99999"]
+    with subprocess.Popen(
+        [*command, "--junit", "junit.xml"],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    ) as child:
+        assert child.stdout is not None
+        first = child.stdout.readline()
+        os.killpg(child.pid, number)
+        rest = child.stdout.read()
+    (suite,) = ElementTree.parse(folder / "junit.xml").getroot()
+    assert first.startswith("FAILED  broken.yaml[")
+    assert f"stopped after {suite.get('tests')} of 100000 flights" in rest
+    assert "Traceback" not in rest
+    assert "INTERRUPTED" not in rest
+    assert child.returncode == 130
+
+
+@pytest.mark.parametrize(("option", "name"), [("--out", "file"), ("--junit", "none/junit.xml")])
+def test_what_cannot_be_written_is_said_before_any_flight(folder: Path, option: str, name: str):
+    (folder / "file").write_text("")
+    done = ran(
+        str(folder / "broken.yaml"), "--out", str(folder / "runs"), option, f"{folder}/{name}"
+    )
+    assert done.exit_code == 2
+    assert f"Invalid value for {option}" in done.output
+    assert "FAILED" not in done.output
+
+
+def test_names_are_told_as_they_are(folder: Path):
+    (folder / "all:100:.yaml").write_text((folder / "broken.yaml").read_text())
+    done = ran(str(folder / "all:100:.yaml"), "--out", str(folder / "runs"))
+    assert "FAILED" in done.output
+    assert done.output.count("all:100:.yaml") >= 2
+    assert "\N{HUNDRED POINTS SYMBOL}" not in done.output
+
+
+def test_a_folder_that_holds_nothing_is_not_left(folder: Path):
+    assert ran(str(folder / "good.yaml"), "--out", str(folder / "runs")).exit_code == 0
+    assert list((folder / "runs").iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("verdicts", "code"),
     [
@@ -85,12 +233,12 @@ def test_parallel_flights_are_those_of_one_process(folder: Path):
         (["succeeded", "failed"], 1),
         (["failed", "driver_failed"], 3),
         (["driver_failed", "invalid"], 2),
-        (["invalid", "interrupted"], 130),
     ],
 )
 def test_the_exit_code_is_that_of_the_gravest(verdicts: list[str], code: int):
     tried = [Tried(Case(Path("m"), 0, Path("r")), verdict) for verdict in verdicts]
-    assert exit_code(tried) == code
+    assert exit_code(tried, len(tried)) == code
+    assert exit_code(tried, len(tried) + 1) == 130
 
 
 def test_junit_tells_failures_from_errors(folder: Path, tmp_path: Path):

@@ -1,5 +1,5 @@
 """What the vehicles of a world run into: each other and obstacles. The floor and stands are for
-standing on."""
+standing on, and so is the top of an obstacle."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ FORGOTTEN: Time = NS // 2
 """After so long without touching, the next touch is another collision."""
 
 
+UPRIGHT = 0.8
+"""A contact that pushes upward so far is one to stand on."""
+
+
 class Contacts:
     """Finds collisions in MuJoCo's contacts; `vehicles` are the names in order of their bodies."""
 
@@ -21,19 +25,29 @@ class Contacts:
         self._bodies: list[int] = model.geom_bodyid.tolist()
         names = [model.geom(number).name for number in range(model.ngeom)]
         self._names = [n.removeprefix(OBSTACLE) if n.startswith(OBSTACLE) else "" for n in names]
+        self._matters = [
+            body >= FIRST_BODY or name != ""
+            for body, name in zip(self._bodies, self._names, strict=True)
+        ]
         self._touched: dict[tuple[int, str], Time] = {}
         self._new: list[list[str]] = [[] for _ in vehicles]
 
     def look(self, data: Any, now: Time) -> None:
         """Note who touches what at `now`."""
-        for first, second in data.contact.geom.tolist():
-            self._note(self._bodies[first], second, now)
-            self._note(self._bodies[second], first, now)
+        matters, contact = self._matters, data.contact
+        for (first, second), frame in zip(contact.geom.tolist(), contact.frame, strict=True):
+            if matters[first] and matters[second]:
+                up = float(frame[2])  # of the normal, which points from the first to the second
+                self._note(self._bodies[first], second, -up, now)
+                self._note(self._bodies[second], first, up, now)
 
-    def _note(self, body: int, geom: int, now: Time) -> None:
+    def _note(self, body: int, geom: int, up: float, now: Time) -> None:
+        """A body touches a geom, which pushes it upward by the part `up` of its force."""
         if body < FIRST_BODY:
             return
         vehicle, other = body - FIRST_BODY, self._bodies[geom]
+        if other < FIRST_BODY and up > UPRIGHT:
+            return
         name = self._vehicles[other - FIRST_BODY] if other >= FIRST_BODY else self._names[geom]
         if not name:
             return

@@ -56,6 +56,7 @@ class Pilot:
     ) -> None:
         self.noise = noise
         self._dt = dt
+        self._shares = (0.25 * LEVELLING * dt, 0.25 * AIMING * dt, 0.5 * dt)
         self._attitude: Quat = from_heading(heading)
         self._bias = ZERO
         self._turn = 0.0
@@ -79,22 +80,21 @@ class Pilot:
 
     def receive(self, command: Command) -> None:
         """Hold `command` until the next one."""
-        self._rates = command.rates
-        self._thrust = command.thrust
-        if command.heading is not None:
-            self._wanted, self._held = command.attitude, None
-            self._turn = AIMING * wrap(command.heading - heading_of(self._attitude))
+        attitude, self._thrust, self._rates, heading, armed = command
+        if heading is not None:
+            self._wanted, self._held = attitude, None
+            self._turn = AIMING * wrap(heading - heading_of(self._attitude))
         else:
-            self._wanted = self._holding(command.attitude)
+            self._wanted = self._holding(attitude)
             self._turn = 0.0
-        if not command.armed:
+        if not armed:
             self._integral = ZERO
             self._slow = STOPPED
-        if command.armed is not self.armed:
-            rested = command.armed and self._steps * self._dt >= CALIBRATION
+        if armed is not self.armed:
+            rested = armed and self._steps * self._dt >= CALIBRATION
             self._rest = self._lifted / self._steps if rested else GRAVITY
             self._lifted, self._steps = 0.0, 0
-        self.armed = command.armed
+        self.armed = armed
 
     def _holding(self, attitude: Quat) -> Quat:
         """The tilt of `attitude`, at the heading of the moment when nobody knew one any more."""
@@ -109,7 +109,7 @@ class Pilot:
         nx, ny, nz, mx, my, mz = next(self.noise)
         bx, by, bz = self._bias
         w, x, y, z = self._attitude
-        turn, dt = self._turn, self._dt
+        turn, (slow, aim, half) = self._turn, self._shares
         gx, gy, gz = gx + nx - bx, gy + ny - by, gz + nz - bz
         ax, ay, az = ax + mx, ay + my, az + mz
         # up in the body, as the attitude has it; the accelerometer's up is off by the cross product
@@ -119,11 +119,10 @@ class Pilot:
         self._steps += 1
         k = LEVELLING / size if LIGHTEST < size < HEAVIEST else 0.0
         ex, ey, ez = k * (ay * uz - az * uy), k * (az * ux - ax * uz), k * (ax * uy - ay * ux)
-        slow, aim = 0.25 * LEVELLING * dt, 0.25 * AIMING * dt * turn
+        aim *= turn
         self._bias = (
             bx - slow * ex - aim * ux, by - slow * ey - aim * uy, bz - slow * ez - aim * uz,
         )  # fmt: skip
-        half = 0.5 * dt
         hx = half * (gx + ex + turn * ux)
         hy = half * (gy + ey + turn * uy)
         hz = half * (gz + ez + turn * uz)

@@ -22,25 +22,21 @@ class Receiver:
 
     def __init__(self, pilot: Pilot, airframe: Airframe, watched: bool) -> None:
         self.descent: Descent | None = None
+        self.late: Time = 0
         self._pilot, self._airframe, self._watched = pilot, airframe, watched
-        self._late: Time = 0
         self._heard: Time = 0
         self._deaf = False
         self._on_the_way: deque[tuple[Time, Command]] = deque()
 
-    @property
-    def late(self) -> Time:
-        return self._late
-
-    @late.setter
-    def late(self, late: Time) -> None:
-        self._late = late
+    def put_off(self, late: Time) -> None:
+        """From now on what is sent arrives `late`; what is on the way is lost when that is zero."""
+        self.late = late
         if not late:
             self._on_the_way.clear()
 
     def delay(self, command: Command, now: Time) -> Time:
         """A command is sent at `now` and arrives late: when."""
-        due = now + self._late
+        due = now + self.late
         self._on_the_way.append((due, command))
         return due
 
@@ -55,21 +51,23 @@ class Receiver:
 
     def mind(self, now: Time) -> Time:
         """Take what has arrived, the newest counts; begin to come down when nothing was heard for
-        too long. When it wants to be called again."""
+        too long. When it wants to be called again; a command that arrives makes that no earlier."""
         waiting, newest = self._on_the_way, None
         while waiting and waiting[0][0] <= now:
             newest = waiting.popleft()[1]
         if newest is not None:
             self.hear(newest, now)
         due = waiting[0][0] if waiting else NEVER
-        if not self._watched or self._deaf or not self._pilot.armed:
+        if not self._watched:
             return due
-        if now - self._heard < WATCHDOG:
-            return min(due, self._heard + WATCHDOG)
-        frame = self._airframe
-        self.descent = Descent(frame.hover_thrust, frame.max_thrust, self._pilot.climb)
-        self._deaf = True
-        return due
+        since = now
+        if self._pilot.armed and not self._deaf:
+            since = self._heard
+            if now - since >= WATCHDOG:
+                frame = self._airframe
+                self.descent = Descent(frame.hover_thrust, frame.max_thrust, self._pilot.climb)
+                self._deaf, since = True, now
+        return min(due, since + WATCHDOG)
 
     def come_down(self, lift: float, dt: float) -> None:
         """One step of the descent, with the specific force along body z that is felt, m/s^2."""

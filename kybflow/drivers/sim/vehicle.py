@@ -61,6 +61,7 @@ class Vehicle(Link):
         self._imu = Averages(self.pilot.noise)
         self._subscribed = False
         self._receiver = Receiver(self.pilot, site.airframe, p.watchdog)
+        self._minded: Time = 0
 
     def measure(self, now: Time) -> None:
         """Take every measurement that is due at `now`, and every command; mind the watchdog."""
@@ -74,11 +75,11 @@ class Vehicle(Link):
             self._arriving.append((now, cell.measure(now)))
             self._world.load(self._index, now)
             cell.schedule.move_on()
-        self.due = min(capture.schedule.due, cell.schedule.due)
-        falling, due = self._receiver.descent, self._receiver.mind(now)
-        self.due = min(self.due, due)
-        if self._receiver.descent is not falling:
-            self._rewire()
+        if self._minded <= now:
+            falling, self._minded = self._receiver.descent, self._receiver.mind(now)
+            if self._receiver.descent is not falling:
+                self._rewire()
+        self.due = min(capture.schedule.due, cell.schedule.due, self._minded)
 
     @property
     def update(self) -> Update:
@@ -125,7 +126,8 @@ class Vehicle(Link):
         if not receiver.late:
             receiver.hear(command, now)
             return
-        self.due = min(self.due, receiver.delay(command, now))
+        self._minded = min(self._minded, receiver.delay(command, now))
+        self.due = min(self.due, self._minded)
         self._world.hurry(self.due)
 
     def _rewire(self) -> None:
@@ -136,7 +138,7 @@ class Vehicle(Link):
         """Obey the rig."""
         rig = self.rig
         self._filters = rig.filters
-        self._receiver.late = round(rig.late * NS)
+        self._receiver.put_off(round(rig.late * NS))
         self._seen_as = self._world.index(rig.body)
         self.cell.sag = rig.sag
         self.thrust = [t * left for t, left in zip(self.body.thrust, rig.rotors, strict=True)]

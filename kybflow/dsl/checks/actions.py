@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.dsl.checks.case import NO_TARGET, TARGETS, Case
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.goals import wrong_goal
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.document import ActionUse
 from kybflow.dsl.option_names import members, option_values, unknown_vehicle
@@ -29,20 +30,9 @@ def switches(case: Case) -> Iterator[Diagnostic]:
         if not asked:
             yield unknown_vehicle("KYB232", who, case.document)
         for name in asked:
-            vehicle = case.document.vehicles[name]
-            known = [*vehicle.states, *TARGETS]
-            if vehicle.goal(action.value.text) not in known:
-                yield _no_state(name, action.value, known)
-
-
-def _no_state(vehicle: str, state: Text, known: list[str]) -> Diagnostic:
-    if state.text in NO_TARGET:
-        message, label = f"`{state.text}` can't be asked for", "entered by the failsafe alone"
-        hint = "use `auto_land` or `land_blind` to come down"
-    else:
-        message, label = f"`{vehicle}` has no behavior `{state.text}`", "unknown"
-        hint = did_you_mean(state.text, known)
-    return Diagnostic("KYB232", message, state.span, label=label, help=hint)
+            finding = wrong_goal("KYB232", action.value, case.document.vehicles[name])
+            if finding is not None:
+                yield finding
 
 
 def options(case: Case) -> Iterator[Diagnostic]:

@@ -126,6 +126,8 @@ def logged_fields(case: Case) -> Iterator[Diagnostic]:
     """
     told = Told(case)
     for callback in case.document.callbacks:
+        if not told.tellers(callback.event.text):
+            continue  # KYB208 says so
         known = log_fields(callback, told)
         for action in callback.actions:
             if action.name.text == "log":

@@ -37,7 +37,8 @@ class Entries:
 
 def entries_of(vehicle: Vehicle) -> dict[str, Entries]:
     """The entries of every state of the vehicle that is reached, from its start on. One that a
-    callback or a flow may ask for is also entered from anywhere."""
+    callback or a flow may ask for is also entered from anywhere; where a flow's first wish finds
+    it, it waits at its start."""
     if "entries" not in vehicle.known:
         vehicle.known["entries"] = _walked(vehicle)
     found: dict[str, Entries] = vehicle.known["entries"]
@@ -50,6 +51,9 @@ def _walked(vehicle: Vehicle) -> dict[str, Entries]:
     for name in sorted(vehicle.asked):
         found.setdefault(name, Entries()).add(None)
         waiting.append((name, None))
+    for name in sorted(vehicle.asked_first):
+        found[name].add(vehicle.start)
+        waiting.append((name, vehicle.start))
     while waiting:
         name, entry = waiting.pop()
         state = vehicle.states.get(name)

@@ -1,4 +1,4 @@
-"""Events that arrows and callbacks wait for: KYB208."""
+"""Events that arrows and callbacks wait for: KYB208 and KYB209."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from kybflow.dsl.checks.told import ANY, Told
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.document import Transition
 from kybflow.dsl.source import Text
-from kybflow.observables import TOO_LATE
+from kybflow.observables import OF_THE_SIMULATOR, TOO_LATE
 
 
 def unknown_events(case: Case) -> Iterator[Diagnostic]:
@@ -57,3 +57,26 @@ def _too_late(event: Text, told: Told) -> Iterator[Diagnostic]:
     if event.text.rpartition(".")[2] in TOO_LATE and event.text not in told.custom:
         message = f"nothing can follow the event `{event.text}`"
         yield Diagnostic("KYB208", message, event.span, label="the run is over then")
+
+
+def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
+    """KYB209: a mission acts on something that only the simulator knows.
+
+    That a fault is at work no vehicle can know, and on hardware nobody tells. A mission answers
+    what the vehicle notices instead: `estimate_lost`, `battery_low`, `jumped`. A callback may `log`
+    it.
+    """
+    states = [state.transitions for _, state in case.states()]
+    phases = [p.transitions for f in case.document.flows.values() for p in f.phases.values()]
+    arrows = (arrow for transitions in (*states, *phases) for arrow in transitions)
+    acting = [arrow.event for arrow in arrows if arrow.event is not None]
+    acting += [
+        callback.event
+        for callback in case.document.callbacks
+        if any(action.name.text != "log" for action in callback.actions)
+    ]
+    for event in acting:
+        if event.text.rpartition(".")[2] in OF_THE_SIMULATOR:
+            message = f"only the simulator knows of `{event.text}`"
+            hint = "answer what the vehicle notices, like `estimate_lost`; a callback may `log` it"
+            yield Diagnostic("KYB209", message, event.span, help=hint)

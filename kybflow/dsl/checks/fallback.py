@@ -1,4 +1,4 @@
-"""Estimators that are never used, or not for long: KYB255 and KYB256."""
+"""Estimators that are never used, or not for long: KYB255, KYB256 and KYB305."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from collections.abc import Iterator
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.document import EstimatorUse
+from kybflow.parts import Estimator
+from kybflow.signals import MeasurementKind
 
 
 def never_used(case: Case) -> Iterator[Diagnostic]:
@@ -28,6 +31,27 @@ def never_used(case: Case) -> Iterator[Diagnostic]:
                 severity=Severity.WARNING,
             )
             break
+
+
+def never_begins(case: Case) -> Iterator[Diagnostic]:
+    """KYB305: every estimator of a vehicle is dead reckoning, which goes on from the estimate of
+    another: none of them ever has a first one, and the vehicle never takes off."""
+    for vehicle in case.vehicles():
+        if vehicle.estimators and all(_reckons(use) for use in vehicle.estimators):
+            part = vehicle.estimators[0].part
+            yield Diagnostic(
+                "KYB305",
+                f"`{vehicle.name.text}` never has an estimate",
+                part.span,
+                label=f"`{part.label}` goes on from the estimate of another",
+                help="name one that sees where the vehicle is, such as `mocap`, before it",
+            )
+
+
+def _reckons(use: EstimatorUse) -> bool:
+    """Whether it is told of the estimate in use, and measures nothing but its own motion."""
+    cls = use.part.spec.cls
+    return cls.anchor is not Estimator.anchor and cls.needs <= {MeasurementKind.IMU}
 
 
 def alone_for_a_time(case: Case) -> Iterator[Diagnostic]:

@@ -18,8 +18,13 @@ def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
     for fault in case.document.faults:
         for name, span in _vehicles(fault):
             if name not in known:
-                message = f"no vehicle is called `{name}`"
-                yield Diagnostic("KYB330", message, span, help=did_you_mean(name, known))
+                message, hint = f"no vehicle is called `{name}`", did_you_mean(name, known)
+                group = case.document.groups.get(name)
+                if group is not None:
+                    members = ", ".join(f"`{member.text}`" for member in group)
+                    message = f"`{name}` is a group, and a fault breaks one vehicle"
+                    hint = f"write one fault for each of {members}"
+                yield Diagnostic("KYB330", message, span, help=hint)
 
 
 def not_simulated(case: Case) -> Iterator[Diagnostic]:

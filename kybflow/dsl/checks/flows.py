@@ -6,8 +6,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kybflow.dsl.checks.arrows import WORDS
-from kybflow.dsl.checks.case import NO_TARGET, TARGETS, Case
-from kybflow.dsl.checks.phases import has_state, phases, reached, wishes
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.goals import wrong_goal
+from kybflow.dsl.checks.phases import phases, reached, wishes
 from kybflow.dsl.checks.told import OPERATOR
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.document import Document, Flow, Phase, Transition
@@ -60,15 +61,9 @@ def phase_states(case: Case) -> Iterator[Diagnostic]:
     """
     for _, phase in phases(case.document):
         for vehicle, _, state in wishes(case.document, phase.run):
-            owner = case.document.vehicles[vehicle]
-            if has_state(owner, state.text) or state.text in TARGETS:
-                continue
-            message = f"`{vehicle}` has no behavior `{state.text}`"
-            label, hint = "unknown", did_you_mean(state.text, [*owner.states, *TARGETS])
-            if state.text in NO_TARGET:
-                message, label = f"`{state.text}` can't be chosen", "entered by the failsafe alone"
-                hint = "use `auto_land` or `land_blind` to come down"
-            yield Diagnostic("KYB194", message, state.span, label=label, help=hint)
+            finding = wrong_goal("KYB194", state, case.document.vehicles[vehicle])
+            if finding is not None:
+                yield finding
 
 
 def phase_arrows(case: Case) -> Iterator[Diagnostic]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from collections.abc import Set as AbstractSet
 
-from kybflow.dsl.checks.case import NO_TARGET, TARGETS, Case, part_of
+from kybflow.dsl.checks.case import TARGETS, Case, part_of
 from kybflow.dsl.checks.flights import PHRASES, Link, flights_of
+from kybflow.dsl.checks.goals import no_state, wrong_goal
 from kybflow.dsl.checks.phases import all_known
-from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
-from kybflow.dsl.document import State, Transition, Vehicle
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.document import State, Vehicle
 from kybflow.dsl.flows import GROUNDED
-from kybflow.dsl.source import Span, Text
+from kybflow.dsl.source import Span
 from kybflow.observables import chains_of
 from kybflow.parts import GROUND, MOVING, Leg
 
@@ -23,35 +24,13 @@ def unknown_targets(case: Case) -> Iterator[Diagnostic]:
     `hover`, `auto_land` and `land_blind`. `fault` is entered by the failsafe alone.
     """
     for vehicle in case.vehicles():
-        known = [*vehicle.states, *TARGETS]
         if vehicle.begin.text not in (*vehicle.states, GROUNDED):
-            yield _unknown(vehicle.begin, vehicle, list(vehicle.states))
-        arrows = (arrow for state in vehicle.states.values() for arrow in state.transitions)
-        for transition in arrows:
-            if transition.target.text not in known:
-                yield _unknown_target(transition, vehicle, known)
-
-
-def _unknown_target(transition: Transition, vehicle: Vehicle, known: list[str]) -> Diagnostic:
-    if transition.target.text not in NO_TARGET:
-        return _unknown(transition.target, vehicle, known)
-    return Diagnostic(
-        "KYB201",
-        f"`{transition.target.text}` can't be chosen",
-        transition.target.span,
-        label="entered by the failsafe alone",
-        help="use `auto_land` or `land_blind` to come down",
-    )
-
-
-def _unknown(name: Text, vehicle: Vehicle, known: list[str]) -> Diagnostic:
-    return Diagnostic(
-        "KYB201",
-        f"`{vehicle.name.text}` has no behavior `{name.text}`",
-        name.span,
-        label="unknown",
-        help=did_you_mean(name.text, known),
-    )
+            yield no_state("KYB201", vehicle.begin, vehicle)
+        for state in vehicle.states.values():
+            for arrow in state.transitions:
+                finding = wrong_goal("KYB201", arrow.target, vehicle)
+                if finding is not None:
+                    yield finding
 
 
 def begins_in_the_air(case: Case) -> Iterator[Diagnostic]:

@@ -69,6 +69,8 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
     from its setpoint, where it has an estimator. A comparison with a value that is not known is
     false.
     """
+    if not any(_lacking(v, name) for v in case.vehicles() for name in ("battery.", *_ESTIMATED)):
+        return
     for asked in (*case.once(conditions_of), *case.once(expectations_of)):
         for node in _nodes(asked.meant):
             vehicle = case.document.vehicles.get(_subject(node, asked))

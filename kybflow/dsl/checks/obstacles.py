@@ -7,7 +7,7 @@ from itertools import pairwise
 from math import hypot, inf
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.space import footprints
+from kybflow.dsl.checks.space import extent, footprints, shown_point
 from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.document import ObstacleUse, State, Vehicle
 from kybflow.geometry import Vec3, distance
@@ -61,7 +61,7 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
                 "KYB341",
                 f"`{state.name.text}` ({state.part.name.text}) flies into `{obstacle.name.text}`",
                 state.part.name.span,
-                label=f"at {_point(point)}, {_near(vehicle, room)}",
+                label=f"at {shown_point(point)}, {_near(vehicle, room)}",
                 notes=(_stands(obstacle), *footprint.line_of(point)),
                 help="lead it round with `follow_path`, or further away",
             )
@@ -101,7 +101,7 @@ def homes(case: Case) -> Iterator[Diagnostic]:
         name, label, note = vehicle.name.text, "", ""
         if fence is not None and fence.outside_by(home) > _ROUNDING:
             beyond = format_quantity(fence.outside_by(home), LENGTH)
-            label, note = f"{_point(home)} is {beyond} outside", _within(fence)
+            label, note = f"{shown_point(home)} is {beyond} outside", extent(fence)
         for obstacle in case.document.obstacles:
             room = obstacle.shape.distance(home)
             if room < vehicle.airframe.arm - _ROUNDING and not _carries(obstacle, home, vehicle):
@@ -175,11 +175,3 @@ def _near(vehicle: Vehicle, room: float) -> str:
 
 def _stands(obstacle: ObstacleUse) -> str:
     return f"`{obstacle.name.text}` stands in the world at {obstacle.span.at}"
-
-
-def _within(fence: Box) -> str:
-    return f"the fence goes from {_point(fence.low)} to {_point(fence.high)}"
-
-
-def _point(point: Vec3) -> str:
-    return "[" + ", ".join(f"{round(c, 6) + 0.0:.4g}" for c in point) + "] m"

@@ -7,8 +7,9 @@ and lands, what fails without a `failed` does so too, and a landing that fails g
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from collections.abc import Set as AbstractSet
+from functools import partial
 
 from kybflow.dsl.checks.case import TARGETS, Case
 from kybflow.dsl.checks.entries import endless_states
@@ -17,6 +18,7 @@ from kybflow.dsl.checks.links import reached_states
 from kybflow.dsl.checks.told import OPERATOR
 from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.document import Transition, Vehicle
+from kybflow.dsl.expressions import Compare, Number, Read
 from kybflow.parts import AIR, GROUND
 
 
@@ -51,14 +53,16 @@ def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
 
     It is enough that a behavior of the circle goes elsewhere when it ends; one without an end needs
     a `within`, or an `after` without a condition. An event of the operator is enough too, and so is
-    what a callback or a flow asks for.
+    what a callback or a flow asks for, and that the battery has less than a share left which it
+    must come to within the `time_limit`.
     """
     for vehicle, flights in case.once(_sound):
         endless = endless_states(vehicle)
         down = comes_down(vehicle, flights, endless)
         if vehicle.asked or not flights.nodes <= down:
             continue
-        surely = comes_down(vehicle, flights, endless, _comes_surely)
+        drains = partial(_drains, case, vehicle)
+        surely = comes_down(vehicle, flights, endless, partial(_comes_surely, drains))
         for path in _traps(vehicle, flights, flights.nodes - surely, endless):
             yield Diagnostic(
                 "KYB251",
@@ -119,8 +123,24 @@ def _sound(case: Case) -> Iterator[tuple[Vehicle, Flights]]:
             yield vehicle, flights
 
 
-def _comes_surely(arrow: Transition, is_endless: bool) -> bool:
+def _drains(case: Case, vehicle: Vehicle, arrow: Transition) -> bool:
+    """Whether an arrow waits for nothing but that the vehicle's own battery has less than some
+    share left, which hovering brings about within the mission's time limit."""
+    if arrow.event is not None or arrow.after is not None or arrow.hold > 0.0:
+        return False
+    own = vehicle.name.text
+    match case.condition(arrow.when, case.scopes.condition(own)):
+        case Compare("<", Read(who, "battery.remaining"), Number(share)) if who in (None, own):
+            return (1.0 - share) * vehicle.airframe.endurance < case.document.time_limit
+    return False
+
+
+def _comes_surely(
+    drains: Callable[[Transition], bool], arrow: Transition, is_endless: bool
+) -> bool:
     """Whether an arrow opens without anything that may never be, and nothing before it."""
+    if drains(arrow):
+        return True
     if arrow.event is not None:
         return arrow.when is None and arrow.event.text.startswith(OPERATOR)
     if not is_endless:

@@ -28,7 +28,7 @@ def starts_outside(case: Case) -> Iterator[Diagnostic]:
             f"`{vehicle.name.text}` starts outside the fence",
             vehicle.start_span,
             label=_beyond(fence, vehicle.start),
-            notes=(_extent(fence),),
+            notes=(extent(fence),),
         )
 
 
@@ -48,7 +48,7 @@ def starts_too_close(case: Case) -> Iterator[Diagnostic]:
             f"`{b.name.text}` starts {near} from `{a.name.text}`",
             b.start_span,
             label=f"needs at least {format_quantity(_apart(a, b), LENGTH)}",
-            notes=(f"`{a.name.text}` starts at {_point(a.start)} ({a.start_span.at})",),
+            notes=(f"`{a.name.text}` starts at {shown_point(a.start)} ({a.start_span.at})",),
         )
 
 
@@ -69,7 +69,7 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
                 f"`{state.name.text}` ({state.part.name.text}) leaves the fence",
                 state.part.name.span,
                 label=_beyond(fence, far),
-                notes=(_extent(fence), *footprint.line_of(far)),
+                notes=(extent(fence), *footprint.line_of(far)),
             )
 
 
@@ -93,7 +93,8 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
                 state.part.name.span,
                 label=_beyond(room, far),
                 notes=(
-                    f"`{part.label}` lets it go from {_point(room.low)} to {_point(room.high)}",
+                    f"`{part.label}` lets it go from {shown_point(room.low)} to "
+                    f"{shown_point(room.high)}",
                     *footprint.line_of(far),
                 ),
                 help="stay further from the fence, or make the margin smaller",
@@ -156,7 +157,7 @@ def refuses(case: Case) -> Iterator[Diagnostic]:
                     f"`{state.name.text}` ({state.part.name.text}) would refuse to start",
                     state.part.name.span,
                     label=reason,
-                    notes=(f"entered at {_point(entry)}",),
+                    notes=(f"entered at {shown_point(entry)}",),
                 )
                 break
 
@@ -211,12 +212,14 @@ def _travels(state: State, fence: Box | None) -> bool:
 
 
 def _beyond(fence: Box, point: Vec3) -> str:
-    return f"{_point(point)} is {format_quantity(fence.outside_by(point), LENGTH)} outside"
+    return f"{shown_point(point)} is {format_quantity(fence.outside_by(point), LENGTH)} outside"
 
 
-def _extent(fence: Box) -> str:
-    return f"the fence goes from {_point(fence.low)} to {_point(fence.high)}"
+def extent(fence: Box) -> str:
+    """Where the fence is, for a note."""
+    return f"the fence goes from {shown_point(fence.low)} to {shown_point(fence.high)}"
 
 
-def _point(point: Vec3) -> str:
-    return "[" + ", ".join(f"{c:.4g}" for c in point) + "] m"
+def shown_point(point: Vec3) -> str:
+    """A point as reports show it; rounding leaves no -0 and no 1e-17."""
+    return "[" + ", ".join(f"{round(c, 6) + 0.0:.4g}" for c in point) + "] m"

@@ -44,11 +44,13 @@ from kybflow.descent import Descent
 from kybflow.geometry import GRAVITY, LEVEL, ZERO
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, param, params
 from kybflow.runtime.motion import IDLE, entry_motion
-from kybflow.signals import NS, Command, CommandKind, Done, MeasurementKind, Tick, Time
+from kybflow.signals import NS, Command, CommandKind, Done, Imu, MeasurementKind, Tick, Time
 from kybflow.units import Damping, Duration, Ratio
 
 _ARREST = 0.8
 _MOST = 0.3
+_LONGEST = 0.25
+"""Seconds that one sample of an IMU may stand for."""
 _SILENT = NS // 10
 """An IMU that was not heard for so long is not waited for."""
 
@@ -97,6 +99,7 @@ class LandBlind(
         self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST), -_MOST), _MOST)
         self._descent: Descent | None = Descent(self._hover, self._most, climb)
         self._heard: Time = entry.now
+        self._last: Imu | None = None
         self._felt: float | None = None
 
     def update(self, tick: Tick) -> Command | Done:
@@ -113,13 +116,20 @@ class LandBlind(
         """Take what the IMU felt; whether that was the touch-down. Gives the descent up when
         nothing is heard."""
         imu = tick.imu
-        if imu is not None and imu.time > self._heard:
-            self._heard = imu.time
+        if imu is not None and imu.time > self._heard and self._is_sound(imu):
+            self._heard, self._last = imu.time, imu
             self._felt = descent.step(imu.specific_force[2], imu.dt)
             return self._felt is None
         if tick.now - self._heard > _SILENT:
             self._descent, self._felt, self._hover = None, None, descent.hover
         return False
+
+    def _is_sound(self, imu: Imu) -> bool:
+        """Finite, and not the last one over again: the noise of an IMU never repeats itself."""
+        (x, y, z), last = imu.specific_force, self._last
+        total = x + y + z
+        stuck = last is not None and last.specific_force == imu.specific_force
+        return total - total == 0.0 and 0.0 < imu.dt < _LONGEST and not stuck
 
     def _share_at(self, time: float) -> float:
         p = self.params

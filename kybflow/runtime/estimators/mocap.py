@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import exp, pi, sqrt
 
-from kybflow.geometry import GRAVITY, LEVEL, ZERO, Vec3, add, integrate, scale
+from kybflow.geometry import GRAVITY, LEVEL, ZERO, Vec3, add, distance, integrate, scale
 from kybflow.parts import Estimator, param, params
 from kybflow.runtime.pose_gate import (
     LOOK_AHEAD,
@@ -61,11 +61,12 @@ class MocapParams:
     gate: Length = param(
         "How far a pose may be from the predicted one, beside four times the spread and what an "
         "unknown acceleration explains.",
-        default=0.1, above=0.0,
+        default=0.1, above=0.0, tightens="down",
     )  # fmt: skip
     widest_gate: Length = param(
-        "How far it may be at most, however long the last pose was ago.", default=0.5, above=0.0
-    )
+        "How far it may be at most, however long the last pose was ago.",
+        default=0.5, above=0.0, tightens="down",
+    )  # fmt: skip
     settled: Duration = param(
         "How long poses must have been consistent elsewhere, nothing else being flown on, before "
         "the vehicle counts as carried there; longer than any landing.",
@@ -149,8 +150,8 @@ class Mocap(Estimator[MocapParams]):
 
     def _is_near(self, pose: Pose, dt: float) -> bool:
         """The same for what nearly every pose is, the quick way."""
-        (mx, my, mz), (px, py, pz), (vx, vy, vz) = pose.position, self._position, self._velocity
-        off = abs(mx - px - dt * vx) + abs(my - py - dt * vy) + abs(mz - pz - dt * vz)
+        (x, y, z), (vx, vy, vz) = self._position, self._velocity
+        off = distance(pose.position, (x + dt * vx, y + dt * vy, z + dt * vz))
         return off < self.params.gate and dt < LOOK_AHEAD and is_same(pose.attitude, self._attitude)
 
     def _believed(self, dt: float) -> Reference:

@@ -44,25 +44,24 @@ class PositionError(Processor[PositionErrorParams]):
         self._behind = ZERO
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm:
-        error = self._error(setpoint, tick)
+        position = setpoint.position
+        if position is not None:
+            self._behind = ZERO
+            error = distance(position, tick.known().position)
+        else:
+            error = self._lag(setpoint.velocity, tick)
         limit = self.params.limit
         if error <= limit:
             return setpoint
         reason = f"{error:.2f} m from its setpoint, {limit:g} m allowed"
         return Alarm("position_error_exceeded", Reaction.BRAKE, reason, error, limit)
 
-    def _error(self, setpoint: Setpoint, tick: Tick) -> float:
-        if setpoint.position is not None:
-            self._behind = ZERO
-            return distance(setpoint.position, tick.known().position)
-        if setpoint.velocity is None:
+    def _lag(self, wanted: Vec3 | None, tick: Tick) -> float:
+        """By how much the vehicle has fallen behind a setpoint of velocity, a tick later."""
+        if wanted is None:
             self._behind = ZERO
             return 0.0
-        self._behind = self._fallen(setpoint.velocity, tick)
-        return norm(self._behind)
-
-    def _fallen(self, wanted: Vec3, tick: Tick) -> Vec3:
-        """What the vehicle has fallen behind a setpoint of velocity, a tick later."""
         missing = sub(wanted, tick.known().velocity)
         change = sub(missing, scale(self._behind, 1.0 / _LATELY))
-        return add(self._behind, scale(change, tick.dt))
+        self._behind = add(self._behind, scale(change, tick.dt))
+        return norm(self._behind)

@@ -1,9 +1,9 @@
 """Report a position that jumps from one measurement to the next.
 
-Each time that a newer measurement is in the estimate (its `time` less its `age` moves on), the
-position is compared with where the last one would have gone, r = |p - (p' + v' dt)|. Alarm `jumped`
-in the air when r is more than `factor` times its running average over some 20 measurements, and
-more than `at_least`: the flying courier's check of position differences, made blind to the
+Looked at 50 times a second: when a newer measurement is in the estimate (its `time` less its `age`
+moves on), the position is compared with where the last one would have gone, r = |p - (p' + v' dt)|.
+Alarm `jumped` in the air when r is more than `factor` times its running average over some 20 looks,
+and more than `at_least`: the flying courier's check of position differences, made blind to the
 vehicle's own speed, so that a gap in the measurements is no jump. The alarm lasts 1 s. A change of
 the estimator begins anew. World frame, metres.
 
@@ -12,7 +12,7 @@ The default reaction is `land_blind`: which of the two positions is wrong can't 
 
 from __future__ import annotations
 
-from kybflow.geometry import add, distance, scale
+from kybflow.geometry import distance
 from kybflow.parts import Supervisor, param, params
 from kybflow.signals import NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
 from kybflow.site import Site
@@ -36,6 +36,7 @@ class JumpParams:
 
 class Jump(Supervisor[JumpParams]):
     always = True
+    unhurried = True
     events = ("jumped",)
 
     def __init__(self, params: JumpParams, site: Site) -> None:
@@ -50,25 +51,22 @@ class Jump(Supervisor[JumpParams]):
         estimate = tick.estimate
         if estimate is None:
             self._last = None
-        elif self._is_new(estimate):
-            alarm = self._judged(estimate)
-            if alarm is not None and airborne:
-                self._alarm, self._until = alarm, tick.now + _LASTS
-        return self._alarm if airborne and tick.now < self._until else None
-
-    def _is_new(self, estimate: Estimate) -> bool:
-        measured = estimate.time - round(estimate.age * NS)
-        is_new = self._last is None or measured - self._measured > _SAME
-        if is_new:
-            self._measured = measured
-        return is_new
+        else:
+            measured = estimate.time - round(estimate.age * NS)
+            if self._last is None or measured - self._measured > _SAME:
+                self._measured = measured
+                alarm = self._judged(estimate)
+                if alarm is not None and airborne:
+                    self._alarm, self._until = alarm, tick.now + _LASTS
+        alarm = self._alarm
+        return alarm if alarm is not None and airborne and tick.now < self._until else None
 
     def _judged(self, estimate: Estimate) -> Alarm | None:
         last, self._last = self._last, estimate
         if last is None or last.source != estimate.source:
             return None
-        gone = scale(last.velocity, (estimate.time - last.time) / NS)
-        step = distance(estimate.position, add(last.position, gone))
+        t, (x, y, z), (vx, vy, vz) = (estimate.time - last.time) / NS, last.position, last.velocity
+        step = distance(estimate.position, (x + t * vx, y + t * vy, z + t * vz))
         p, average = self.params, self._average
         self._average += _SHARE * (step - average)
         bound = max(p.factor * average, p.at_least)

@@ -1,9 +1,10 @@
 """Report another vehicle that is too close.
 
 Alarm `too_close` in the air while the distance of the estimates of two vehicles' centres is less
-than half of both diameters and `margin`; once raised it stays until they are 5 cm further apart. A
-vehicle without an estimate is not seen. As nothing closes in faster than 20 m/s, it looks again
-when the narrowest gap could be gone, after 0.1 s at the latest. World frame, metres.
+than half of both diameters, `margin` and the way in which they come to rest, c (0.15 s + 15/16 c /
+(2 m/s^2)), c being the speed at which they close in; once raised it stays until they are 5 cm
+further apart. A vehicle without an estimate is not seen. As nothing closes in faster than 20 m/s,
+it looks again when the narrowest gap could be gone, after 0.1 s at the latest. World frame, metres.
 
 The default reaction is `brake`: both vehicles see each other, both hold, and each goes on when the
 other is gone; where neither is, they land after the mission's `hover_limit`.
@@ -11,15 +12,19 @@ other is gone; where neither is, they land after the mission's `hover_limit`.
 
 from __future__ import annotations
 
-from kybflow.geometry import distance
+from kybflow.geometry import distance, dot, sub
 from kybflow.parts import Supervisor, param, params
-from kybflow.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
+from kybflow.signals import NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
 from kybflow.site import Site
 from kybflow.units import Length
 
 _APART = 0.05
 _CLOSING = 20.0
+_FAR = 5.0
+"""Metres from which any two vehicles can stop."""
 _LATEST = 0.1
+_ANSWER, _DECELERATION = 0.15, 2.0
+"""Seconds until a brake takes effect; with which a hold comes to rest, m/s^2."""
 
 
 @params
@@ -57,6 +62,8 @@ class Proximity(Supervisor[ProximityParams]):
             bound = self._touching.get(name, self._own) + self.params.margin
             apart = distance(here, other.position)
             room = min(room, apart - bound)
+            if apart - bound < _FAR:
+                bound += _stopping(tick.estimate, other)
             if apart < bound + (_APART if name in self._close else 0.0):
                 close.append((apart, bound, name))
         self._close = frozenset(name for *_, name in close)
@@ -66,3 +73,11 @@ class Proximity(Supervisor[ProximityParams]):
         apart, bound, name = min(close)
         reason = f"{apart:.2f} m from `{name}`, {bound:.2f} m needed"
         return Alarm("too_close", Reaction[self.params.reaction.upper()], reason, apart, bound)
+
+
+def _stopping(own: Estimate, other: Estimate) -> float:
+    """The way in which two vehicles that close in come to rest (`kybflow.runtime.hold`), metres."""
+    away = sub(other.position, own.position)
+    apart = max(distance(other.position, own.position), 1e-6)
+    closing = max(dot(sub(own.velocity, other.velocity), away) / apart, 0.0)
+    return closing * (_ANSWER + 0.9375 * closing / _DECELERATION)

@@ -1,11 +1,12 @@
 """Report a setpoint that no vehicle can follow.
 
-What the tracker followed in the last tick is judged, in the air: alarm `setpoint_jumped` when it is
-more than `step` from where its predecessor would have gone, |p - (p' + v' dt)| > step, and as far
-from the vehicle (one that jumps to the vehicle does no harm: a hold begins so); alarm
-`setpoint_left` while it is more than `distance` from the estimate. A setpoint without a position is
-not judged; one that is not finite fails its behavior before any supervisor sees it. A jump's alarm
-lasts 0.1 s. World frame, metres.
+What the tracker followed in the last tick is judged 50 times a second, in the air: alarm
+`setpoint_jumped` when it is more than `step` from where the one that was looked at before would
+have gone in the time dt between them, |p - (p' + v' dt)| > step, and as far from the vehicle (one
+that jumps to the vehicle does no harm: a hold begins so); alarm `setpoint_left` while it is more
+than `distance` from the estimate. A setpoint without a position is not judged; one that is not
+finite fails its behavior before any supervisor sees it. A jump's alarm lasts 0.1 s. World frame,
+metres.
 
 The default reaction is `brake`: the vehicle holds where it is, and goes on from there.
 """
@@ -24,7 +25,7 @@ _LASTS = NS // 10
 
 @params
 class SetpointParams:
-    step: Length = param("Largest step between two ticks.", default=0.5, above=0.0, tightens="down")
+    step: Length = param("Largest step between two looks.", default=0.5, above=0.0, tightens="down")
     distance: Length = param(
         "Largest distance from the vehicle.", default=1.0, above=0.0, tightens="down"
     )
@@ -33,32 +34,37 @@ class SetpointParams:
 
 class Setpoint(Supervisor[SetpointParams]):
     always = True
+    unhurried = True
     events = ("setpoint_jumped", "setpoint_left")
 
     def __init__(self, params: SetpointParams, site: Site) -> None:
         super().__init__(params, site)
         self._last: Followed | None = None
+        self._looked: Time = 0
         self._jumped: Alarm | None = None
         self._until: Time = 0
 
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:
-        last, setpoint = self._last, tick.setpoint
-        self._last = setpoint
-        if not airborne or setpoint is None or setpoint.position is None or tick.estimate is None:
+        last, setpoint, estimate = self._last, tick.setpoint, tick.estimate
+        dt = (tick.now - self._looked) / NS
+        self._last, self._looked = setpoint, tick.now
+        if not airborne or setpoint is None or estimate is None:
             return None
-        away = distance(setpoint.position, tick.estimate.position)
-        if last is not None and last.position is not None and away > self.params.step:
-            gone = add(last.position, scale(last.velocity or ZERO, tick.dt))
-            step = distance(setpoint.position, gone)
-            if step > self.params.step:
-                bound = self.params.step
+        position, p = setpoint.position, self.params
+        if position is None:
+            return None
+        away = distance(position, estimate.position)
+        if away > p.step and last is not None and last.position is not None:
+            gone = add(last.position, scale(last.velocity or ZERO, dt))
+            step, bound = distance(position, gone), p.step
+            if step > bound:
                 reason = f"its setpoint stepped by {step:.2f} m, {bound:g} m allowed"
                 self._jumped = Alarm("setpoint_jumped", self._reaction, reason, step, bound)
                 self._until = tick.now + _LASTS
         if self._jumped is not None and tick.now < self._until:
             return self._jumped
-        if away > self.params.distance:
-            bound = self.params.distance
+        if away > p.distance:
+            bound = p.distance
             reason = f"its setpoint is away by {away:.2f} m, {bound:g} m allowed"
             return Alarm("setpoint_left", self._reaction, reason, away, bound)
         return None

@@ -15,14 +15,16 @@ from kybflow.geometry import tilt_of
 from kybflow.parts import Supervisor, param, params
 from kybflow.signals import Alarm, Reaction, ReactionName, Tick
 from kybflow.site import Site
-from kybflow.units import Angle
+from kybflow.units import DEG, Angle
 
 _BACK = 0.087
 
 
 @params
 class TiltParams:
-    limit: Angle = param("Largest tilt.", default=1.047, above=0.0, below=3.14, tightens="down")
+    limit: Angle = param(
+        "Largest tilt.", default=60.0 * DEG, above=0.0, below=3.14, tightens="down"
+    )
     reaction: ReactionName = param("What the failsafe does.", default="land_blind", tightens="up")
 
 

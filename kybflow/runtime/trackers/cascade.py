@@ -75,25 +75,25 @@ class Cascade(Tracker[CascadeParams]):
 
     def _wanted(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
         """The specific force that the law asks for, world."""
-        p = self.params
+        p, position, velocity = self.params, setpoint.position, setpoint.velocity
         ax, ay, az = setpoint.acceleration or ZERO
         ix, iy = self._integral
         az += GRAVITY
-        if setpoint.velocity is not None:
-            wx, wy, wz = setpoint.velocity
+        if velocity is not None:
+            wx, wy, wz = velocity
             vx, vy, vz = estimate.velocity
             d, drag = p.derivative, self._drag
             ax += d * (wx - vx) + drag * wx
             ay += d * (wy - vy) + drag * wy
             az += d * (wz - vz)
-        if setpoint.position is not None:
-            wx, wy, wz = setpoint.position
+        if position is not None:
+            wx, wy, wz = position
             px, py, pz = estimate.position
             k, ex, ey = p.proportional, wx - px, wy - py
             ax += k * ex
             ay += k * ey
             az += k * (wz - pz)
-            if self._steering.learns(dt):
+            if self._steering.learns:
                 i, most = p.integral * dt, p.integral_limit
                 ix, iy = ix + i * ex, iy + i * ey
                 ix = most if ix > most else -most if ix < -most else ix
@@ -104,11 +104,11 @@ class Cascade(Tracker[CascadeParams]):
 
 def _rates(setpoint: Setpoint, force: Vec3, attitude: Quat) -> Vec3:
     """Body rates at which the jerk and the heading rate turn the attitude."""
-    turn = setpoint.heading_rate
-    if setpoint.jerk is None:
+    turn, jerk = setpoint.heading_rate, setpoint.jerk
+    if jerk is None:
         return (0.0, 0.0, turn)
     fx, fy, fz = force
-    jx, jy, jz = setpoint.jerk
+    jx, jy, jz = jerk
     k = 1.0 / (fx * fx + fy * fy + fz * fz)
     world = (k * (fy * jz - fz * jy), k * (fz * jx - fx * jz), k * (fx * jy - fy * jx) + turn)
     w, x, y, z = attitude

@@ -129,7 +129,7 @@ class Geometric(Tracker[GeometricParams]):
         return (fx + ix, fy + iy, fz), turning
 
     def _integrated(self, ex: float, ey: float, dt: float) -> tuple[float, float]:
-        if self._steering.learns(dt):
+        if self._steering.learns:
             i, most, (ix, iy) = (
                 self.params.integral * dt,
                 self.params.integral_limit,

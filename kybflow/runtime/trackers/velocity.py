@@ -101,7 +101,7 @@ class Velocity(Tracker[VelocityParams]):
         if setpoint.position is not None:
             gap = sub(setpoint.position, estimate.position)
             error = add(error, shortened(scale(gap, p.proportional), p.correction))
-        if self._steering.learns(dt):
+        if self._steering.learns:
             i, most, (ix, iy) = p.integral * dt, p.integral_limit, self._integral
             self._integral = (
                 min(max(ix + i * error[0], -most), most),

@@ -103,7 +103,9 @@ def test_it_holds_its_descent_by_what_the_imu_feels() -> None:
 def test_an_impact_stops_the_rotors() -> None:
     behavior = LandBlind(LandBlindParams(), entry((0.0, 0.0, 1.5)))
     for i in range(1, 60):
-        output = behavior.update(tick(i * DT)._replace(imu=felt(i, MASS * GRAVITY)))
+        output = behavior.update(
+            tick(i * DT)._replace(imu=felt(i, (1.0 + 1e-4 * i) * MASS * GRAVITY))
+        )
         assert isinstance(output, Command)
     struck = tick(60 * DT)._replace(imu=felt(60, 3.0 * MASS * GRAVITY))
     assert behavior.update(struck) == Done(Setpoint(SetpointKind.IDLE))
@@ -129,3 +131,13 @@ def test_its_thrust_never_rises_from_rest_and_never_exceeds_what_the_rotors_have
     assert thrusts == sorted(thrusts, reverse=True)
     weak = Entry(0, SITE, None, None, 99.0, AIR)
     assert LandBlind(LandBlindParams(), weak).update(tick()).thrust == pytest.approx(5.2)
+
+
+@pytest.mark.parametrize("lift", [float("nan"), MASS * GRAVITY, 0.0])
+def test_an_imu_that_is_stuck_or_mad_is_not_believed(lift: float) -> None:
+    """It reads the same for ever: the thrust stays near the believed weight's ramp."""
+    behavior = LandBlind(LandBlindParams(), entry((0.0, 0.0, 2.0)))
+    for i in range(1, 500):
+        output = behavior.update(tick(i * DT)._replace(imu=felt(i, lift)))
+        assert isinstance(output, Command)
+        assert 0.8 * MASS * GRAVITY < output.thrust < 1.2 * MASS * GRAVITY
