@@ -8,7 +8,7 @@ from pathlib import Path
 from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.graph import mermaid, svg
-from kybflow.dsl.render import render_all
+from kybflow.findings import findings
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Drawn:
 def draw_mission(path: Path, form: str, target: str | None, sets: tuple[str, ...]) -> Drawn:
     """Draw the mission in `path` as `mermaid` or `svg`."""
     result = compile_mission(path, catalog=load_catalog(), target=target, sets=sets)
-    reports = render_all(result.diagnostics, result.texts)
+    reports = findings(result, path)
     if result.plan is None:
         return Drawn(None, reports)
     return Drawn(svg(result.plan) if form == "svg" else mermaid(result.plan), reports)

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 from kybflow.dsl.expressions import describe
 from kybflow.dsl.expressions_describe import quantity
+from kybflow.dsl.graph_asked import Asked, asked
+from kybflow.dsl.graph_mermaid import text
 from kybflow.dsl.graph_svg import picture
 from kybflow.dsl.graph_types import Box, Drawing, Edge
 from kybflow.dsl.plan import (
@@ -27,7 +29,7 @@ from kybflow.units import DURATION
 
 FOOTNOTE = (
     "A behavior that fails and does not say what follows brakes, hovers and lands; "
-    "a take-off lands."
+    "a take-off lands. The dot is where a machine begins."
 )
 
 
@@ -41,17 +43,14 @@ def svg(plan: Plan) -> str:
 
 def mermaid(plan: Plan) -> str:
     """The state machines as one Mermaid `stateDiagram-v2`, each in a box of its own."""
-    lines = ["---", f"title: {plan.mission}", "---", "stateDiagram-v2"]
-    for number, drawing in enumerate(drawings(plan), start=1):
-        lines += _mermaid_box(f"m{number}", drawing)
-    return "\n".join(lines) + "\n"
+    return text(plan.mission, drawings(plan))
 
 
 def drawings(plan: Plan) -> list[Drawing]:
     """One drawing for each machine, with the vehicles that have it."""
     same: dict[_Machine, list[str]] = {}
     for vehicle in plan.vehicles:
-        same.setdefault(_machine(vehicle), []).append(vehicle.name)
+        same.setdefault(_machine(vehicle, asked(plan, vehicle.name)), []).append(vehicle.name)
     vehicles = [Drawing(", ".join(names), m.begin, m.boxes, m.edges) for m, names in same.items()]
     return [*vehicles, *(_flow(flow, plan.groups) for flow in plan.flows)]
 
@@ -63,8 +62,8 @@ class _Machine:
     edges: tuple[Edge, ...]
 
 
-def _machine(vehicle: VehiclePlan) -> _Machine:
-    drawn = _reached(vehicle)
+def _machine(vehicle: VehiclePlan, askers: Asked) -> _Machine:
+    drawn = _reached(vehicle, askers)
     boxes = tuple(_box(state) for name, state in vehicle.states.items() if name in drawn)
     labels: dict[tuple[str, str], list[str]] = {}
     implied: dict[tuple[str, str], bool] = {}
@@ -75,13 +74,19 @@ def _machine(vehicle: VehiclePlan) -> _Machine:
             labels.setdefault(ends, []).append(cause_of(arrow))
             implied[ends] = implied.get(ends, True) and added
     edges = tuple(Edge(*ends, tuple(text), implied[ends]) for ends, text in labels.items())
-    return _Machine(vehicle.begin, boxes, edges)
+    asking = tuple(Box(name, "asks", "", False, is_asker=True) for name in askers)
+    entries = tuple(
+        Edge(name, state, (), False, is_asked=True)
+        for name, states in askers.items()
+        for state in states
+    )
+    return _Machine(vehicle.begin, (*boxes, *asking), (*edges, *entries))
 
 
-def _reached(vehicle: VehiclePlan) -> set[str]:
+def _reached(vehicle: VehiclePlan, askers: Asked) -> set[str]:
     """The mission's own states, and the built-in ones that a drawn arrow leads to."""
     own = (name for name, state in vehicle.states.items() if not state.built_in)
-    waiting = [*own, vehicle.begin]
+    waiting = [*own, vehicle.begin, *(state for states in askers.values() for state in states)]
     reached = set(waiting)
     while waiting:
         for arrow in _drawn(vehicle.states[waiting.pop()]):
@@ -158,28 +163,3 @@ def _together(asked: Mapping[str, str], groups: Groups) -> Iterator[tuple[str, s
         names = tuple(name for name, own in asked.items() if own == goal)
         group = next((g for g, of in groups.items() if set(of) == set(names)), None)
         yield group or ", ".join(names), goal
-
-
-def _mermaid_box(prefix: str, drawing: Drawing) -> list[str]:
-    ids = {box.name: f"{prefix}s{number}" for number, box in enumerate(drawing.boxes, start=1)}
-    lines = [f'  state "{drawing.title}" as {prefix} {{', f"    [*] --> {ids[drawing.begin]}"]
-    for box in drawing.boxes:
-        text = _escaped(f"{box.name}<br>{box.part}{', ' if box.flight else ''}{box.flight}")
-        lines.append(f'    state "{text}" as {ids[box.name]}')
-    for edge in drawing.edges:
-        label = _escaped("<br>".join(edge.labels))
-        lines.append(f"    {ids[edge.source]} --> {ids[edge.target]} : {label}")
-    built_in = ",".join(ids[box.name] for box in drawing.boxes if box.is_built_in)
-    lines.append("  }")
-    if built_in:
-        lines += [
-            f"  classDef builtIn{prefix} stroke-dasharray: 4, fill: none",
-            f"  class {built_in} builtIn{prefix}",
-        ]
-    return lines
-
-
-def _escaped(text: str) -> str:
-    """Text as Mermaid takes it in a label; only our line breaks stay markup."""
-    escapes = {"#": "#35;", '"': "#quot;", "<": "#lt;", ">": "#gt;", ":": "#58;", ";": "#59;"}
-    return "<br>".join("".join(escapes.get(c, c) for c in line) for line in text.split("<br>"))

@@ -12,6 +12,8 @@ from kybflow.dsl.graph_types import Box, Drawing, Edge
 _HEIGHT = 46.0
 _MARGIN = 28.0
 _TOP = 126
+_WIDE = 1760.0
+_BEGIN = 34.0
 _LINE = 15.0
 _STYLE = """
   text { font-family: system-ui, 'Segoe UI', Helvetica, Arial, sans-serif; fill: #1d2733 }
@@ -23,8 +25,10 @@ _STYLE = """
   .box { stroke-width: 1.4 } .ground { fill: #f1ede4; stroke: #a08c5b }
   .air { fill: #e4eff9; stroke: #4a86bd } .change { fill: #e6f4ea; stroke: #4d9a63 }
   .phase { fill: #efe9f6; stroke: #8468ad }
+  .asker { fill: #ffffff; stroke: #8468ad; stroke-dasharray: 2 3 }
   .implied { fill: #ffffff; stroke: #a9b3bd; stroke-dasharray: 5 3 }
   .edge { fill: none; stroke: #52606d; stroke-width: 1.4 }
+  .asked { stroke: #8468ad; stroke-dasharray: 2 3 }
   .faint { stroke: #a9b3bd; stroke-dasharray: 5 3 } .faint-text { fill: #7b8794 }
 """
 _ARROW = (
@@ -36,16 +40,16 @@ Point = tuple[float, float]
 
 
 def picture(title: str, summary: str, drawings: Sequence[Drawing], footnote: str) -> str:
-    """All drawings side by side under a title."""
-    parts, left, bottom = [], _MARGIN, 0.0
-    for drawing in drawings:
-        body, width, height = _drawing(drawing)
-        parts.append(f'<g transform="translate({left:.1f} {_TOP})">{body}</g>')
-        left += width + 3 * _MARGIN
-        bottom = max(bottom, height)
+    """All drawings in rows under a title."""
+    drawn = [_drawing(drawing) for drawing in drawings]
+    places, right, bottom = _in_rows([(width, height) for _, width, height in drawn])
+    parts = [
+        f'<g transform="translate({x:.1f} {y:.1f})">{body}</g>'
+        for (body, _, _), (x, y) in zip(drawn, places, strict=True)
+    ]
     texts = (_width(title, 11.0), _width(summary, 6.6), _width(footnote, 6.0))
-    width = max(left - 2 * _MARGIN, max(texts) + 2 * _MARGIN)
-    height = _TOP + bottom + 2.2 * _MARGIN
+    width = max(right + _MARGIN, max(texts) + 2 * _MARGIN)
+    height = bottom + 2.2 * _MARGIN
     return "\n".join(
         [
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" '
@@ -61,17 +65,32 @@ def picture(title: str, summary: str, drawings: Sequence[Drawing], footnote: str
     )
 
 
+def _in_rows(sizes: Sequence[Point]) -> tuple[list[Point], float, float]:
+    """(where each drawing goes, the right end of all, their bottom); a row is no wider than _WIDE
+    unless one drawing is."""
+    places: list[Point] = []
+    x, y, right, bottom = _MARGIN, float(_TOP), 0.0, float(_TOP)
+    for width, height in sizes:
+        if x > _MARGIN and x + width > _WIDE:
+            x, y = _MARGIN, bottom + 3 * _MARGIN
+        places.append((x, y))
+        right, bottom = max(right, x + width), max(bottom, y + height)
+        x += width + 3 * _MARGIN
+    return places, right, bottom
+
+
 def _drawing(drawing: Drawing) -> tuple[str, float, float]:
     """(the SVG of one machine, its width, its height)."""
     index = {box.name: i for i, box in enumerate(drawing.boxes)}
     loops = {e.source: e for e in drawing.edges if e.source == e.target}
     edges = [e for e in drawing.edges if e.source != e.target]
-    sizes = [_box_size(box, loops.get(box.name)) for box in drawing.boxes]
+    sizes = [_box_size(b, loops.get(b.name), b.name == drawing.begin) for b in drawing.boxes]
     ends = [(index[e.source], index[e.target]) for e in edges]
     labels = [_label_size(e.labels) for e in edges]
     layout = arranged(sizes, ends, labels, index[drawing.begin])
     ports = _ports(layout)
-    parts = [_begin(layout, index[drawing.begin])]
+    first = index[drawing.begin]
+    parts = [_begin(drawing.boxes[first], layout.x[first], layout.y[first])]
     parts += [_edge(layout, number, edge, ports) for number, edge in enumerate(edges)]
     for number, box in enumerate(drawing.boxes):
         parts.append(_box(box, layout.x[number], layout.y[number]))
@@ -83,9 +102,13 @@ def _drawing(drawing: Drawing) -> tuple[str, float, float]:
     return "\n".join(parts), max(width, _width(drawing.title, 8.0)), height
 
 
-def _box_size(box: Box, loop: Edge | None) -> Size:
+def _box_size(box: Box, loop: Edge | None, is_first: bool) -> Size:
     half = _box_width(box) / 2
-    return Size(half, half + (_label_size(loop.labels).right + 28 if loop else 0.0), _HEIGHT)
+    return Size(
+        half + (_BEGIN if is_first else 0.0),
+        half + (_label_size(loop.labels).right + 28 if loop else 0.0),
+        _HEIGHT,
+    )
 
 
 def _box_width(box: Box) -> float:
@@ -136,7 +159,8 @@ def _edge(layout: Layout, number: int, edge: Edge, ports: Ports) -> str:
     if chain.is_reversed:
         points.reverse()
     faint = edge.is_implied
-    line = f'<path class="edge{" faint" if faint else ""}" d="{_curve(points)}" {_MARKED}/>'
+    style = " faint" if faint else " asked" if edge.is_asked else ""
+    line = f'<path class="edge{style}" d="{_curve(points)}" {_MARKED}/>'
     x, y = layout.x[passed[0]], layout.y[passed[0]]
     return line + _label(edge.labels, x + 7, y, "label faint-text" if faint else "label")
 
@@ -156,12 +180,12 @@ def _curve(points: Sequence[Point]) -> str:
     return " ".join(path)
 
 
-def _begin(layout: Layout, box: int) -> str:
-    """The dot from which the machine begins, beside the arrows that come from above."""
-    x, y = layout.x[box] - layout.sizes[box].left + 16, layout.y[box] - _HEIGHT / 2
+def _begin(box: Box, x: float, y: float) -> str:
+    """The dot from which the machine begins, in the room that is kept left of its box."""
+    left = x - _box_width(box) / 2
     return (
-        f'<circle cx="{x:.1f}" cy="{y - 20:.1f}" r="5" fill="#33414e"/>'
-        f'<path class="edge" d="M{x:.1f} {y - 15:.1f} L{x:.1f} {y:.1f}" {_MARKED}/>'
+        f'<circle cx="{left - _BEGIN + 6:.1f}" cy="{y:.1f}" r="5" fill="#33414e"/>'
+        f'<path class="edge" d="M{left - _BEGIN + 11:.1f} {y:.1f} L{left:.1f} {y:.1f}" {_MARKED}/>'
     )
 
 
@@ -169,7 +193,7 @@ def _box(box: Box, x: float, y: float) -> str:
     width = _box_width(box)
     start, _, end = box.flight.partition(" → ")
     kind = "phase" if not box.flight else start if start == end else "change"
-    kind = "implied" if box.is_built_in else kind
+    kind = "implied" if box.is_built_in else "asker" if box.is_asker else kind
     return (
         f'<rect class="box {kind}" x="{x - width / 2:.1f}" y="{y - _HEIGHT / 2:.1f}" '
         f'width="{width:.1f}" height="{_HEIGHT:.0f}" rx="9"/>'

@@ -16,6 +16,7 @@ from typing import Any
 from plotly.offline import get_plotlyjs
 
 from kybflow.runtime.report_data import Run, read_run
+from kybflow.runtime.report_events import events
 from kybflow.runtime.report_figures import figures
 from kybflow.runtime.report_plot import Figure
 from kybflow.runtime.report_tables import badge, expectations, facts, footer, vehicles
@@ -51,6 +52,7 @@ def render(run: Run) -> str:
         expectations=expectations(run),
         vehicles=vehicles(run),
         figures="\n".join(_section(figure) for figure in drawn),
+        events=events(run),
         footer=footer(run),
         plotly=get_plotlyjs(),
         data=_data([asdict(figure) for figure in drawn]),

@@ -1,4 +1,5 @@
-"""A run folder read back, as arrays for the report: `log.mcap`, `events.jsonl`, `summary.json`.
+"""A run folder read back, as arrays for the report: `log.mcap`, `events.jsonl`, `summary.json`,
+the world of `mission.resolved.yaml`.
 
 A run that was killed has no summary and a log without an end; what is readable is read.
 """
@@ -17,7 +18,15 @@ from numpy.typing import NDArray
 
 from kybflow.runtime.record_layout import HAS_POSITION, HAS_VELOCITY, dtype_spec
 from kybflow.runtime.report_log import Log, read_log
-from kybflow.runtime.run_folder import EVENTS, LOG, PROVENANCE, SUMMARY, RunFolderError
+from kybflow.runtime.report_world import World, read_world
+from kybflow.runtime.run_folder import (
+    EVENTS,
+    LOG,
+    PROVENANCE,
+    RESOLVED,
+    SUMMARY,
+    RunFolderError,
+)
 from kybflow.signals import NS
 
 Array = NDArray[np.float64]
@@ -74,6 +83,7 @@ class Run:
     events: list[dict[str, Any]]
     tracks: tuple[Track, ...]
     end: float
+    world: World
 
 
 def read_run(folder: Path) -> Run:
@@ -81,6 +91,7 @@ def read_run(folder: Path) -> Run:
     try:
         log = read_log(folder / LOG)
         events = [json.loads(line) for line in _whole_lines(folder / EVENTS)]
+        world = read_world(folder / RESOLVED)
         summary, provenance = _read_json(folder / SUMMARY), _read_json(folder / PROVENANCE)
     except (OSError, ValueError, McapError) as error:
         raise RunFolderError(f"`{folder}` is no run that can be read: {error}") from error
@@ -89,7 +100,7 @@ def read_run(folder: Path) -> Run:
         _track(name, facts, log, _visits(events, name, facts["states"], end))
         for name, facts in log.mission["vehicles"].items()
     )
-    return Run(log.mission, summary, provenance, events, tracks, end)
+    return Run(log.mission, summary, provenance, events, tracks, end, world)
 
 
 def _whole_lines(path: Path) -> list[str]:

@@ -1,15 +1,23 @@
 """What the figures of a report are made of, as the plain dictionaries that plotly.js draws.
 
-Colours that depend on the page's theme are words (`ink`, `alarm`, `paper`) that the page replaces.
+Colours that depend on the page's theme are words (`ink`, `soft`, `alarm`, `paper`) that the page
+replaces.
 """
 
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from kybflow.runtime.report_data import Array, Run
+from kybflow.runtime.report_data import Array, Run, Track
+from kybflow.runtime.report_spans import BLIND, FALLBACK, FAULT, HOLD, TINTS, Span
+
+VEHICLES = ("#2f7ed8", "#e07b26", "#1f9e77", "#a55ec4", "#d1495b", "#7a8b1f", "#00a3b5", "#c2578f")
+
+_SIDES = {FAULT: "top", HOLD: "middle", BLIND: "middle", FALLBACK: "bottom"}
+"""Where a span's label stands, so that those that overlap can be read."""
 
 
 @dataclass(frozen=True)
@@ -72,3 +80,41 @@ def over_time(run: Run, axis: str, mode: str) -> dict[str, Any]:
         "height": 300,
         "hovermode": "x unified",
     }
+
+
+def shade(spans: Sequence[Span], named: bool) -> dict[str, Any]:
+    """Spans behind curves, as part of a layout: a legend entry a kind, each with its label and,
+    where `named`, its vehicle."""
+    shapes: list[dict[str, Any]] = []
+    seen: set[str] = set()
+    for span in spans:
+        label = f"{span.vehicle}: {span.label}" if named else span.label
+        shapes.append(
+            {
+                "type": "rect",
+                "layer": "below",
+                "xref": "x",
+                "yref": "paper",
+                "x0": span.start,
+                "x1": span.end,
+                "y0": 0,
+                "y1": 1,
+                "line": {"width": 0},
+                "fillcolor": TINTS[span.kind],
+                "name": span.kind,
+                "legendgroup": span.kind,
+                "showlegend": span.kind not in seen,
+                "label": {
+                    "text": label,
+                    "textposition": f"{_SIDES[span.kind]} left",
+                    "font": {"size": 10, "color": "ink"},
+                },
+            }
+        )
+        seen.add(span.kind)
+    return {"shapes": shapes, "showlegend": True} if shapes else {}
+
+
+def coloured(run: Run) -> list[tuple[Track, str]]:
+    """Each vehicle's track with its colour, the same in all figures."""
+    return [(track, VEHICLES[n % len(VEHICLES)]) for n, track in enumerate(run.tracks)]

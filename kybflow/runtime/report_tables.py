@@ -7,6 +7,7 @@ from html import escape
 from typing import Any
 
 from kybflow.runtime.report_data import Run
+from kybflow.runtime.report_endings import ended
 from kybflow.units import format_measured
 
 _OUTCOMES = {
@@ -59,8 +60,8 @@ def expectations(run: Run) -> str:
     ]
     held = sum(line["held"] for line in lines)
     heads = ("", "Expectation", "Value", "Margin", "Mission")
-    table = _table(heads, rows, numbers=(2, 3))
-    return f"<section><h2>Expectations: {held} of {len(lines)} held</h2>{table}</section>"
+    body = table(heads, rows, numbers=(2, 3))
+    return f"<section><h2>Expectations: {held} of {len(lines)} held</h2>{body}</section>"
 
 
 def vehicles(run: Run) -> str:
@@ -71,7 +72,7 @@ def vehicles(run: Run) -> str:
     rows = [
         [
             escape(name),
-            "on the ground" if vehicle["final"] == "ground" else "in the air",
+            escape(ended(run, name, vehicle)),
             escape(_estimators(vehicle["estimators"])),
             *_errors(vehicle),
             _percent(vehicle["min_battery"]),
@@ -79,8 +80,8 @@ def vehicles(run: Run) -> str:
         for name, vehicle in found.items()
     ]
     heads = ("Vehicle", "Ended", "Estimators", *_ERROR_HEADS, "Lowest battery")
-    table = _table(heads, rows, numbers=range(3, 10))
-    return f"<section><h2>Vehicles</h2>{table}{_visits(found)}</section>"
+    body = table(heads, rows, numbers=range(3, 10))
+    return f"<section><h2>Vehicles</h2>{body}{_visits(found)}</section>"
 
 
 def footer(run: Run) -> str:
@@ -116,9 +117,9 @@ def _visits(found: dict[str, dict[str, Any]]) -> str:
         for visit in vehicle["behaviors"]
     ]
     heads = ("Vehicle", "Behavior", "From (s)", "To (s)", "Ended", *_ERROR_HEADS)
-    table = _table(heads, rows, numbers=(2, 3, *range(5, 11)))
+    body = table(heads, rows, numbers=(2, 3, *range(5, 11)))
     opened = " open" if len(rows) <= _FEW_VISITS else ""
-    return f"<details{opened}><summary>Errors by behavior</summary>{table}</details>"
+    return f"<details{opened}><summary>Errors by behavior</summary>{body}</details>"
 
 
 def _errors(record: dict[str, Any]) -> list[str]:
@@ -151,7 +152,8 @@ def _quantity(value: float | None, unit: str, sign: str = "") -> str:
     return format_measured(value, unit, sign).replace("-", "\N{MINUS SIGN}")
 
 
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
+    """Rows of HTML cells under their heads; the columns `numbers` are right-aligned."""
     marks = ['class="number"' if column in numbers else "" for column in range(len(heads))]
     head = "".join(f"<th {mark}>{text}</th>" for mark, text in zip(marks, heads, strict=True))
     body = "".join(

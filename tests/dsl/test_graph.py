@@ -14,7 +14,15 @@ from kybflow.dsl.expressions import Compare, Number, Read
 from kybflow.dsl.graph import drawings, mermaid, svg
 from kybflow.dsl.graph_layout import Size, arranged
 from kybflow.dsl.graph_types import Edge
-from kybflow.dsl.plan import FlowPlan, PhasePlan, Plan, StatePlan, TransitionPlan
+from kybflow.dsl.plan import (
+    CallbackPlan,
+    FlowPlan,
+    PhasePlan,
+    Plan,
+    StatePlan,
+    Switch,
+    TransitionPlan,
+)
 from kybflow.units import RATIO
 
 LOW = Compare("<", Read(None, "battery.remaining"), Number(0.3, RATIO))
@@ -136,3 +144,57 @@ def test_a_flow_is_a_machine_of_its_own() -> None:
     drawn = replace(twins, flows=(team,))
     assert "launch<br>a, b#58; up" in mermaid(drawn)
     ElementTree.fromstring(svg(drawn))
+
+
+def asked_for() -> Plan:
+    """`a` flies what a flow and a callback ask for; `b` has the same machine, asked by nobody."""
+    fly = PhasePlan("fly", {"a": "go"}, {}, (), ())
+    team = FlowPlan("team", "fly", ("a",), {"fly": fly, "again": replace(fly, name="again")})
+    home = CallbackPlan("battery_low", ("a",), (Switch("a", "down"), Switch("a", "fault")))
+    twins = plan(vehicle("a", flown()), vehicle("b", flown()))
+    return replace(twins, flows=(team,), callbacks=(home,))
+
+
+def test_what_flows_and_callbacks_ask_for_has_an_arrow() -> None:
+    a, b, _ = drawings(asked_for())
+    assert [box.name for box in a.boxes if box.is_asker] == ["flow team", "on battery_low"]
+    assert [(edge.source, edge.target) for edge in a.edges if edge.is_asked] == [
+        ("flow team", "go"),
+        ("on battery_low", "down"),
+        ("on battery_low", "fault"),
+    ]
+    assert (a.title, b.title) == ("a", "b")
+    assert not any(box.is_asker for box in b.boxes)
+
+
+def test_who_asks_stands_in_both_forms() -> None:
+    text = mermaid(asked_for())
+    assert re.search(r'state "flow team<br>asks.*" as m1s(\d+)\n', text)
+    assert text.count(" : asks\n") == 3
+    assert 'class="edge asked"' in svg(asked_for())
+
+
+def test_the_dot_of_the_beginning_has_room_of_its_own(twins: Plan) -> None:
+    """It stands left of the box, where no arrow arrives."""
+    root = ElementTree.fromstring(svg(twins))
+    space = "{http://www.w3.org/2000/svg}"
+    [dot] = root.iter(f"{space}circle")
+    boxes = [r for r in root.iter(f"{space}rect") if r.get("class")]
+    first = min(boxes, key=lambda r: abs(float(r.get("x")) - float(dot.get("cx"))))
+    assert float(dot.get("cx")) + 5 < float(first.get("x"))
+    assert float(dot.get("cy")) == pytest.approx(float(first.get("y")) + 23, abs=0.1)
+
+
+def test_many_machines_stand_in_rows() -> None:
+    flows = tuple(
+        FlowPlan(f"f{n}", "x", ("a",), {"x": PhasePlan("x" * 40, {"a": "go"}, {}, (), ())})
+        for n in range(8)
+    )
+    flows = tuple(replace(f, begin="x" * 40, phases={"x" * 40: f.phases["x"]}) for f in flows)
+    text = svg(replace(asked_for(), flows=flows))
+    width = re.search(r'width="(\d+)"', text)
+    assert width is not None
+    assert int(width[1]) <= 1760 + 28
+    places = re.findall(r"translate\(([\d.]+) ([\d.]+)\)", text)
+    assert len(set(places)) == 10
+    assert len({y for _, y in places}) > 1

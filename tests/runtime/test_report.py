@@ -171,8 +171,9 @@ def test_a_flow_has_a_row_of_phases_in_the_timeline(folder):
         for event, time, fields in told
     ]
     figure = timeline(replace(run, events=[*run.events, *events]))
-    assert figure.layout["yaxis"]["ticktext"][:3] == ["mk", "nano", "flow team"]
-    bars = [trace for trace in figure.traces if trace["y"] == [2]]
+    axis = figure.layout["yaxis"]
+    assert axis["ticktext"][:3] == ["mk", "nano", "flow team"]
+    bars = [t for t in figure.traces if t["y"] == [axis["tickvals"][2]] and t["type"] == "bar"]
     assert [(bar["text"], bar["base"], bar["x"]) for bar in bars] == [
         (["launch"], [1.0], [3.0]),
         (["land"], [4.0], [run.end - 4.0]),
