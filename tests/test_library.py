@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from packaged import package
 from typer.testing import CliRunner
 
 from kybflow.beginning import SCHEMA, begin_mission
@@ -14,7 +15,6 @@ from kybflow.dsl.compiler import compile_mission
 from kybflow.errors import KybflowError
 from kybflow.library import libraries, missions
 from kybflow.runtime.flight import Request, fly
-from tests.dsl.test_imports import package
 
 REPO = Path(__file__).parents[1]
 SURVEY = str(REPO / "missions" / "survey.yaml")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from packaged import package
 
 from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import compile_mission
@@ -23,17 +24,6 @@ import: {std: kybflow/airframes}
 airframes: {quad: {like: std.mk_quadro, mass: 2 kg}}
 vehicles: {quad: {airframe: quad}}
 """
-
-
-def package(folder: Path, name: str, library: str | None) -> None:
-    info = folder / f"{name}-1.0.dist-info"
-    info.mkdir(parents=True)
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(f"[kybflow.missions]\n{name} = {name}.missions\n")
-    if library is not None:
-        (folder / name / "missions" / "library").mkdir(parents=True)
-        (folder / name / "__init__.py").write_text("")
-        (folder / name / "missions" / "library" / "quads.yaml").write_text(library)
 
 
 def test_a_library_of_a_package_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
