@@ -12,7 +12,6 @@ from kybflow.dsl.compiler import compile_mission
 
 PAGE = (Path(__file__).parents[2] / "docs" / "mission-language.md").read_text(encoding="utf-8")
 LAB = "library: lab\nimport: {std: kybflow/airframes}\nvehicles: {bee: {like: std.nano_plus}}\n"
-BEE = "  b: {like: lab.bee, start: {at: [1, 0, 0]}, behaviors: {up: {do: take_off, height: 1 m}}}\n"
 VEHICLES = "vehicles: {a: {like: std.nano_plus, behaviors: {up: {do: take_off, height: 1 m}}}}\n"
 IMPORTS = {
     "The world": "import: {std: kybflow/airframes, rooms: kybflow/worlds}\n",
@@ -27,8 +26,8 @@ def test_the_example_is_valid(title: str, tmp_path: Path) -> None:
     assert found is not None
     text = found[1]
     if title == "Libraries":
-        text = text.replace("safety}]}", "safety}], behaviors: {up: {do: take_off, height: 1 m}}}")
-        text += BEE
+        flies = ", behaviors: {up: {do: take_off, height: 1 m}}}\n"
+        text = text.replace("safety}]}\n", f"safety}}]{flies}").replace("0]}}\n", f"0]}}{flies}")
     elif "vehicles:" not in text:
         text += VEHICLES
     (tmp_path / "library").mkdir()

@@ -133,10 +133,13 @@ def test_a_flight_that_takes_its_process_along_is_the_only_one_lost(
 
 @pytest.fixture
 def long(folder: Path) -> Path:
-    (folder / "long.yaml").write_text(
-        GOOD.replace("{do: brake, then: down}", "{do: hover, for_time: 5000 s, then: down}")
-        .replace("then: down, next", "then: still, next")
-    )  # fmt: skip
+    first, rest = GOOD.split("      up: ")
+    _, expect = rest.split("expect:")
+    states = """      up: {do: take_off, height: 50 cm, then: still}
+      still: {do: hover, for_time: 590 s, then: down}
+      down: {do: land}
+expect:"""
+    (folder / "long.yaml").write_text(first + states + expect)
     return folder
 
 
