@@ -1,11 +1,31 @@
-"""What the compiler found in a mission, as text for people."""
+"""What a mission is asked, and what the compiler found in it, as text for people."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
-from kybflow.dsl.compiler import Result
+from kybflow.catalog import load_catalog
+from kybflow.dsl.compiler import Result, compile_mission
+from kybflow.dsl.plan import Plan
 from kybflow.dsl.render import render_all
+
+
+class Answer(NamedTuple):
+    """The text, None for a mission with errors, and what was found."""
+
+    text: str | None
+    reports: list[str]
+
+
+def answer(
+    path: Path, target: str | None, sets: tuple[str, ...], write: Callable[[Plan, Result], str]
+) -> Answer:
+    """What `write` makes of the mission in `path`."""
+    result = compile_mission(path, catalog=load_catalog(), target=target, sets=sets)
+    plan = result.plan
+    return Answer(None if plan is None else write(plan, result), findings(result, path))
 
 
 def findings(result: Result, path: Path) -> list[str]:

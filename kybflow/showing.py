@@ -3,36 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
-from kybflow.catalog import load_catalog
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.document import Parameter
 from kybflow.dsl.graph import cause_of
 from kybflow.dsl.parameters import shown_parameter
 from kybflow.dsl.plan import Plan, StatePlan, VehiclePlan
-from kybflow.findings import findings
+from kybflow.findings import Answer, answer
 from kybflow.showing_sections import sections
 from kybflow.units import LENGTH, MASS, format_quantity
 
 
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """The text, None for a mission with errors, and what was found."""
-
-    text: str | None
-    reports: list[str]
-
-
-def show_mission(path: Path, resolved: bool, target: str | None, sets: tuple[str, ...]) -> Shown:
+def show_mission(path: Path, resolved: bool, target: str | None, sets: tuple[str, ...]) -> Answer:
     """The mission in `path` in a few lines, or all of it with the origin of each line."""
-    result = compile_mission(path, catalog=load_catalog(), target=target, sets=sets)
-    reports = findings(result, path)
-    if result.plan is None:
-        return Shown(None, reports)
-    lines = _summary(result.plan, result.parameters)
-    return Shown(result.plan.resolved.rstrip() if resolved else "\n".join(lines), reports)
+    if resolved:
+        return answer(path, target, sets, lambda plan, _: plan.resolved.rstrip())
+    return answer(path, target, sets, lambda p, found: "\n".join(_summary(p, found.parameters)))
 
 
 def _summary(plan: Plan, parameters: Mapping[str, Parameter]) -> Iterator[str]:

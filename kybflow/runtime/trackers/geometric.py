@@ -40,54 +40,25 @@ from __future__ import annotations
 from math import cos, sin, sqrt
 
 from kybflow.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, conjugate, heading_of, rotate
-from kybflow.parts import Tracker, param, params
-from kybflow.runtime.steering import Steering
-from kybflow.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.site import Site
-from kybflow.units import Acceleration, Angle, Damping, Length, Number, Ratio
+from kybflow.parts import param, params
+from kybflow.runtime.steered import Steered, SteeredParams
+from kybflow.signals import Command, Estimate, Setpoint, SetpointKind, Tick
+from kybflow.units import Number
 
 
 @params
-class GeometricParams:
+class GeometricParams(SteeredParams):
     proportional: Number = param("Acceleration per metre of position error.", default=16.0, above=0)
     derivative: Number = param("Acceleration per m/s of velocity error.", default=9.0, above=0)
     integral: Number = param(
         "Acceleration per metre and second of position error.", default=8.0, at_least=0
     )
-    integral_limit: Acceleration = param(
-        "The most that the integral may ask for, along each axis.", default=1.0, at_least=0
-    )
-    tilt: Angle = param(
-        "Largest tilt; the airframe's own bound holds as well.", default=0.349, above=0, below=1.3
-    )
-    mass_guess: Ratio = param(
-        "The mass believed at the start over the airframe's.",
-        default=0.8, at_least=0.5, at_most=2.0, read_only=True,
-    )  # fmt: skip
-    trim: Damping = param(
-        "How fast the on-board attitude's error is learnt from the estimate's attitude.",
-        default=2.0, at_least=0.0, at_most=4.0,
-    )  # fmt: skip
-    lift_off: Length = param(
-        "Height above the ground from which it flies.", default=0.02, at_least=0
-    )
 
 
-class Geometric(Tracker[GeometricParams]):
+class Geometric(Steered[GeometricParams]):
     """See the module."""
 
     accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY})
-    gives = CommandKind.ATTITUDE_THRUST
-
-    def __init__(self, params: GeometricParams, site: Site) -> None:
-        super().__init__(params, site)
-        self._drag = site.airframe.drag
-        self._steering = Steering(site, params.mass_guess)
-        self._integral = (0.0, 0.0)
-
-    @property
-    def hover_thrust(self) -> float:
-        return self._steering.hover_thrust
 
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
         estimate, dt, steering, p = tick.known(), tick.dt, self._steering, self.params
