@@ -1,0 +1,80 @@
+"""Nodes over an image: what varies smoothly is computed there and interpolated between them."""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple, cast
+
+import cv2
+import numpy
+
+from kybflow.cameras import Lens
+from kybflow.vision.projection import Array, undistort
+
+NO_MAP = cast(Array, None)
+"""OpenCV's second map, where the first has both coordinates; its type hints forget it."""
+
+
+class Region(NamedTuple):
+    """A rectangle of pixels: columns from `left` to before `right`, rows from `top` to before
+    `bottom`."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+
+class Grid:
+    """Nodes every `step` pixels, one ring of them beyond the image.
+
+    pixels: of the nodes, (rows, columns, 2). rays: of the optical frame through them, (rows,
+    columns, 3), z = 1.
+    """
+
+    def __init__(self, lens: Lens, step: int) -> None:
+        self.step = step
+        self.whole = Region(0, 0, lens.width, lens.height)
+        x = self._places(lens.width)
+        y = self._places(lens.height)
+        self.pixels = numpy.stack(numpy.meshgrid(x, y), axis=-1)
+        flat = undistort(lens, self.pixels)
+        self.rays = numpy.concatenate((flat, numpy.ones((len(y), len(x), 1))), axis=-1)
+
+    def _places(self, length: int) -> Array:
+        return self.step * numpy.arange(-1, -(-length // self.step) + 1) + (self.step - 1) / 2.0
+
+    def around(self, region: Region) -> tuple[slice, slice]:
+        """The rows and the columns of the nodes that the pixels of `region` lie between."""
+        return (
+            slice(region.top // self.step, (region.bottom - 1) // self.step + 3),
+            slice(region.left // self.step, (region.right - 1) // self.step + 3),
+        )
+
+    def beside(self, nodes: Array) -> Region:
+        """The pixels beside those nodes that are set in (rows, columns)."""
+        rows, columns = numpy.flatnonzero(nodes.any(axis=1)), numpy.flatnonzero(nodes.any(axis=0))
+        return Region(
+            max(0, self.step * int(columns[0] - 2)),
+            max(0, self.step * int(rows[0] - 2)),
+            max(1, min(self.whole.right, self.step * int(columns[-1] + 1))),
+            max(1, min(self.whole.bottom, self.step * int(rows[-1] + 1))),
+        )
+
+    def fill(self, values: Array, region: Region) -> Array:
+        """The pixels of `region`, by linear interpolation of `values` at the nodes `around` it:
+        (height, width, channels) float32."""
+        height, width = values.shape[:2]
+        size = (width * self.step, height * self.step)
+        filled = cv2.resize(values.astype(numpy.float32), size, interpolation=cv2.INTER_LINEAR)
+        top = region.top % self.step + self.step
+        left = region.left % self.step + self.step
+        return filled[
+            top : top + region.bottom - region.top, left : left + region.right - region.left
+        ]
+
+
+@functools.lru_cache(maxsize=16)
+def grid(lens: Lens, step: int) -> Grid:
+    """The nodes of a lens, computed once."""
+    return Grid(lens, step)

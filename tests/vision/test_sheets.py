@@ -1,0 +1,164 @@
+"""Tag sheets are true to scale, and what is printed is found."""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from pathlib import Path
+
+import pytest
+
+cv2 = pytest.importorskip("cv2")
+
+import numpy  # noqa: E402 - after the skip
+from typer.testing import CliRunner  # noqa: E402
+
+from kybflow.cli import app  # noqa: E402
+from kybflow.vision.families import FAMILIES, cells, dictionary  # noqa: E402
+from kybflow.vision.sheets import PAPERS, lay_out, pdf, png, raster  # noqa: E402
+
+POINTS = 72.0 / 25.4
+
+
+def found(image: numpy.ndarray, family: str) -> dict[int, numpy.ndarray]:
+    corners, ids, _ = cv2.aruco.ArucoDetector(dictionary(family)).detectMarkers(image)
+    return {int(i): c[0] for c, i in zip(corners, [] if ids is None else ids.ravel(), strict=True)}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_is_found_on_the_page_at_its_size(family: str) -> None:
+    (page,) = lay_out(family, [3, 0, 29], 0.05, "a4")
+    seen = found(raster(page, "a4", 254), family)
+    assert seen.keys() == {0, 3, 29}
+    for corners in seen.values():
+        # the detector gives the centres of the outermost black pixels, 10 of which are a millimetre
+        sides = numpy.linalg.norm(corners - numpy.roll(corners, 1, axis=0), axis=1)
+        assert sides == pytest.approx(499.0, abs=1.5)
+        assert corners[0][1] == corners[:, 1].min()  # upright
+        assert corners[0][0] == corners[:, 0].min()
+
+
+def rectangles(page: bytes) -> list[tuple[float, ...]]:
+    """Left, low, width, height in millimetres and grey of each, as a PDF reader takes them."""
+    scale, grey, out = 0.0, 0.0, []
+    for line in page.decode().splitlines():
+        *numbers, operator = line.split()
+        if operator == "cm":
+            assert numbers == [numbers[0], "0", "0", numbers[0], "0", "0"]
+            scale = float(numbers[0])
+        elif operator == "g":
+            grey = float(numbers[0])
+        elif operator == "re":
+            out.append((*(float(n) * scale / POINTS for n in numbers), grey))
+    return out
+
+
+def streams(data: bytes) -> list[bytes]:
+    return [m[2] for m in re.finditer(rb"/Length (\d+) >>\nstream\n(.*?)\nendstream", data, re.S)]
+
+
+@pytest.mark.parametrize(("size", "paper"), [(0.195, "a3"), (0.04, "a4"), (0.15, "a4")])
+def test_lengths_on_the_page_are_exact(size: float, paper: str) -> None:
+    data = pdf(lay_out("36h11", [0, 1, 2], size, paper), paper)
+    boxes = [box for stream in streams(data) for box in rectangles(stream)]
+    side = 1000.0 * size
+    black = [b for b in boxes if b[4] == 0.0 and b[2] == pytest.approx(side, abs=1e-5)]
+    assert len(black) == 3
+    assert all(height == pytest.approx(side, abs=1e-5) for _, _, _, height, _ in black)
+    white = [b for b in boxes if b[2] == pytest.approx(1.25 * side, abs=0.31) and b[4] == 1.0]
+    for (x, y, *_), (left, low, *_) in zip(black, white, strict=True):
+        assert x - left == pytest.approx(side / cells("36h11"), abs=0.16)
+        assert y - low == pytest.approx(side / cells("36h11"), abs=0.16)
+    assert any(b[2] == pytest.approx(100.0) and b[3] < 1.0 for b in boxes)
+    width, height = PAPERS[paper]
+    media = re.search(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", data)
+    assert media is not None
+    assert float(media[1]) == pytest.approx(width * POINTS, abs=1e-3)
+    assert float(media[2]) == pytest.approx(height * POINTS, abs=1e-3)
+    assert all(
+        x >= 5 and y >= 5 and x + w <= width - 5 and y + h <= height - 5 for x, y, w, h, _ in boxes
+    )
+
+
+def test_the_pdf_is_well_formed() -> None:
+    data = pdf(lay_out("36h11", range(9), 0.15, "a4"), "a4")
+    assert data.startswith(b"%PDF-1.4\n")
+    start = int(data.rsplit(b"startxref\n", 1)[1].split()[0])
+    assert data[start:].startswith(b"xref\n0 22\n")
+    entries = re.findall(rb"(\d{10}) \d{5} n ", data[start:])
+    for number, place in enumerate(entries, 1):
+        assert data[int(place) :].startswith(b"%d 0 obj\n" % number)
+    for match in re.finditer(rb"/Length (\d+) >>\nstream\n", data):
+        assert data[match.end() + int(match[1]) :].startswith(b"\nendstream")
+    assert len(streams(data)) == 9
+    assert b"(36h11  id 8  150 mm  ^ top) Tj" in data
+
+
+def test_a_png_says_its_resolution_and_is_the_page() -> None:
+    (page,) = lay_out("36h11", [5], 0.1, "a4")
+    data = png(page, "a4")
+    at = data.index(b"pHYs")
+    assert struct.unpack(">IIB", data[at + 4 : at + 13]) == (11811, 11811, 1)
+    assert struct.unpack(">I", data[at + 13 : at + 17])[0] == zlib.crc32(data[at : at + 13])
+    image = cv2.imdecode(numpy.frombuffer(data, numpy.uint8), cv2.IMREAD_GRAYSCALE)
+    assert image.shape == (3508, 2480)
+    assert found(image, "36h11").keys() == {5}
+
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, ["tags", *arguments])
+
+
+def test_the_command_writes_a_pdf_and_pages_of_png(tmp_path: Path) -> None:
+    floor, pad = tmp_path / "floor.pdf", tmp_path / "pad.png"
+    result = run("--ids", "0-3,7", "--size", "19.5cm", "--paper", "a3", "--out", str(floor))
+    assert result.exit_code == 0, result.output
+    assert f"wrote {floor}" in result.output
+    assert len(streams(floor.read_bytes())) == 5
+    result = run("--ids", "0-12", "--size", "40 mm", "--family", "25h9", "--out", str(pad))
+    assert result.exit_code == 0, result.output
+    assert sorted(p.name for p in tmp_path.glob("*.png")) == ["pad-1.png", "pad-2.png"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ("--ids", "0-600", "--size", "4cm"),
+            "`0-600` is no range of 36h11, whose tags are 0 to 586",
+        ),
+        (("--ids", "5-2", "--size", "4cm"), "`5-2` is no range of 36h11"),
+        (("--ids", "x", "--size", "4cm"), "`x` is no number and no range; write it like 0-9,12"),
+        (("--ids", "0", "--size", "19.5cm"), "make it smaller, or take --paper a3"),
+        (
+            ("--ids", "0", "--size", "1m", "--paper", "a3"),
+            "A3 has 281 mm to print on; make it smaller",
+        ),
+        (("--ids", "0", "--size", "4deg"), "`4deg` is an angle, but a length is needed"),
+        (("--ids", "0", "--size", "0"), "`0` must be above 0"),
+        (
+            ("--ids", "0", "--size", "4cm", "--family", "36h12"),
+            "there is no family `36h12`; there are",
+        ),
+        (("--ids", "0"), "say which tags: MISSION, or --ids and --size"),
+        ((f"{MISSIONS}/windy.yaml",), "has no tags; they stand in `world: {tags: ...}`"),
+        ((f"{MISSIONS}/courier.yaml", "--ids", "0"), "a mission says its tags itself"),
+    ],
+)
+def test_the_command_says_what_is_wrong(
+    arguments: tuple[str, ...], message: str, tmp_path: Path
+) -> None:
+    result = run(*arguments, "--out", str(tmp_path / "x.pdf"))
+    assert result.exit_code == 2
+    assert message in " ".join(re.sub(r"[│\n]", " ", result.output).split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_writes_only_what_it_can() -> None:
+    result = run("--ids", "0", "--size", "4cm", "--out", "x.doc")
+    assert result.exit_code == 2
+    assert "should end in .pdf or .png" in result.output
