@@ -1,0 +1,57 @@
+"""Sensors that are no part of the vehicle's driver: a camera, motion capture on the network."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+from kybflow.cameras import Camera
+from kybflow.parts.base import P, Part
+from kybflow.parts.devices import Link
+from kybflow.signals import Measurement, MeasurementKind, Time
+from kybflow.site import Site
+
+if TYPE_CHECKING:
+    import random
+
+
+class Stream(ABC):
+    """What a sensor has open for one vehicle. The engine reads it once a tick."""
+
+    @abstractmethod
+    def read(self, now: Time) -> Sequence[Measurement]:
+        """The measurements that arrived since the last call, oldest first. Raises DriverError."""
+
+    def trouble(self) -> str | None:
+        """Why nothing can come, in words for a person; None where nothing is known to be wrong."""
+        return None
+
+    @abstractmethod
+    def close(self) -> None: ...
+
+
+class Sensor(Part[P]):
+    """Gives a vehicle measurements that its driver doesn't. `provides` kinds of them. A `simulated`
+    one watches a simulated vehicle, and flies with no other."""
+
+    kind = "sensors"
+    provides: ClassVar[frozenset[MeasurementKind]]
+    simulated: ClassVar[bool] = False
+
+    @classmethod
+    def seen_by(cls, params: P, cameras: Mapping[str, Camera]) -> Mapping[str, Camera]:
+        """The vehicle's cameras, by name, as they are on this target: those of the airframe, but
+        for what the sensor knows better."""
+        return cameras
+
+    @classmethod
+    def objection(cls, params: P, cameras: Mapping[str, Camera]) -> str | None:
+        """Why it can't work with the vehicle's cameras, None when it can."""
+        return None
+
+    @classmethod
+    @abstractmethod
+    def open(cls, params: P, site: Site, link: Link, generator: random.Random) -> Stream:
+        """Open it for the vehicle of `site`, whose driver's link is `link`; `generator` is the only
+        source of chance. Raises DriverError."""

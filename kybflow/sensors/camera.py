@@ -1,0 +1,186 @@
+"""Frames of a real camera, or of a recorded video (OpenCV's VideoCapture).
+
+A video is read by the times of its own frames, which count from the run's begin: the same frames
+come at the same ticks in every run. A device is read in a thread; a frame was taken `latency`
+before it arrived there. A device that is lost is opened again every second.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from kybflow.cameras import Camera as Mounted
+from kybflow.dsl.calibration import read_calibration
+from kybflow.errors import DriverError
+from kybflow.files import File
+from kybflow.params import param, params
+from kybflow.parts import Link, Sensor, Stream
+from kybflow.sensors._capture import Captured, Grabber
+from kybflow.signals import NS, Frame, Measurement, MeasurementKind, Time
+from kybflow.site import Site
+from kybflow.units import Duration
+from kybflow.vision import WAY_OUT
+
+if TYPE_CHECKING:
+    import random
+
+SILENT = 1.0
+"""Seconds without a frame after which a device counts as lost."""
+
+
+@params
+class CameraParams:
+    device: int = param("Number of the device.", default=0, at_least=0)
+    video: str | None = param(
+        "A recorded video instead, its path from where kybflow is started.", default=None
+    )
+    camera: str | None = param(
+        "Which of the airframe's cameras it is; needed where that has several.", default=None
+    )
+    calibration: File | None = param(
+        "Calibration file of this very camera, in place of the lens that the airframe says.",
+        default=None, reads=read_calibration,
+    )  # fmt: skip
+    latency: Duration = param(
+        "From the middle of a frame's exposure to its arrival.",
+        default=0.03, at_least=0.0, at_most=1.0,
+    )  # fmt: skip
+
+
+class Camera(Sensor[CameraParams]):
+    provides = frozenset({MeasurementKind.FRAME})
+
+    @classmethod
+    def seen_by(cls, params: CameraParams, cameras: Mapping[str, Mounted]) -> Mapping[str, Mounted]:
+        if params.calibration is None:
+            return cameras
+        lens, name = read_calibration(params.calibration), _name_of(params, cameras)
+        return {n: c._replace(lens=lens) if n == name else c for n, c in cameras.items()}
+
+    @classmethod
+    def objection(cls, params: CameraParams, cameras: Mapping[str, Mounted]) -> str | None:
+        known = ", ".join(f"`{name}`" for name in cameras) or "none"
+        if params.camera is not None and params.camera not in cameras:
+            return f"the airframe has no camera `{params.camera}`; it has {known}"
+        if _name_of(params, cameras) not in cameras:
+            return f"`camera` must say which it is; the airframe has {known}"
+        return None
+
+    @classmethod
+    def open(
+        cls, params: CameraParams, site: Site, link: Link, generator: random.Random
+    ) -> Video | Device:
+        objection, latency = cls.objection(params, site.cameras), round(params.latency * NS)
+        if objection is not None:
+            raise DriverError(objection)
+        camera = site.cameras[_name_of(params, site.cameras)]
+        if params.video is None:
+            return Device(Grabber(lambda: _device(params.device, camera)), camera, latency)
+        if not os.path.isfile(params.video):
+            raise DriverError(f"the video `{params.video}` is no file")
+        return Video(_opened(params.video, f"the video `{params.video}`"), camera, latency)
+
+
+def _name_of(params: CameraParams, cameras: Mapping[str, Mounted]) -> str:
+    """Which of the cameras it is; empty where that can't be told."""
+    return params.camera or (next(iter(cameras)) if len(cameras) == 1 else "")
+
+
+def _opened(source: int | str, what: str) -> Any:
+    try:
+        import cv2
+    except ImportError as error:
+        raise DriverError(f"a camera needs OpenCV ({error}); {WAY_OUT}") from None
+    capture = cv2.VideoCapture(source)
+    if not capture.isOpened():
+        capture.release()
+        raise DriverError(f"{what} can't be opened")
+    return capture
+
+
+def _device(number: int, camera: Mounted) -> Any:
+    """The device, asked for the size and rate that the airframe says."""
+    capture = _opened(number, f"the camera {number}")
+    import cv2
+
+    capture.set(cv2.CAP_PROP_FRAME_WIDTH, camera.lens.width)
+    capture.set(cv2.CAP_PROP_FRAME_HEIGHT, camera.lens.height)
+    capture.set(cv2.CAP_PROP_FPS, camera.rate)
+    return capture
+
+
+def frame_of(image: Any, time: Time, camera: Mounted) -> Frame:
+    """An image of OpenCV as a frame. Raises DriverError for one of another size."""
+    import cv2
+
+    (height, width), lens = image.shape[:2], camera.lens
+    if (width, height) != (lens.width, lens.height):
+        message = f"the frames are {width} x {height}, but the lens of `{camera.name}` is described"
+        raise DriverError(f"{message} for {lens.width} x {lens.height}")
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
+    return Frame(time, camera.name, grey)
+
+
+class Video(Stream):
+    """The frames of a file; its end is a failure."""
+
+    def __init__(self, capture: Any, camera: Mounted, latency: Time) -> None:
+        self._capture, self._camera, self._latency = capture, camera, latency
+        self._first: float | None = None
+        self._next = self._grabbed()
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        arrived: list[Measurement] = []
+        while self._next is not None and self._next[0] + self._latency <= now:
+            time, image = self._next
+            arrived.append(frame_of(image, time, self._camera))
+            self._next = self._grabbed()
+        if not arrived and self._next is None:
+            raise DriverError("the video is over")
+        return arrived
+
+    def close(self) -> None:
+        self._capture.release()
+
+    def _grabbed(self) -> tuple[Time, Any] | None:
+        """The next frame, and when it was taken; None behind the last."""
+        import cv2
+
+        found, image = self._capture.read()
+        if not found:
+            return None
+        at = self._capture.get(cv2.CAP_PROP_POS_MSEC)
+        self._first = at if self._first is None else self._first
+        return round((at - self._first) * 1e-3 * NS), image
+
+
+class Device(Stream):
+    """The frames of a device, as they came in."""
+
+    def __init__(
+        self,
+        grabber: Grabber,
+        camera: Mounted,
+        latency: Time,
+        frame: Callable[[Any, Time, Mounted], Frame] = frame_of,
+    ) -> None:
+        self._grabber, self._camera, self._latency, self._frame = grabber, camera, latency, frame
+        self._heard: Time | None = None
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        self._heard = now if self._heard is None else self._heard
+        captured: list[Captured] = self._grabber.taken()
+        if captured:
+            self._heard = now
+        elif self._grabber.error is not None:
+            raise DriverError(self._grabber.error)
+        elif now - self._heard > SILENT * NS:
+            raise DriverError(f"no frame for {(now - self._heard) / NS:.1f} s")
+        return [
+            self._frame(one.image, now - one.age - self._latency, self._camera) for one in captured
+        ]
+
+    def close(self) -> None:
+        self._grabber.close()

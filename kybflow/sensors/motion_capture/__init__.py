@@ -1,0 +1,64 @@
+"""Poses from a Vicon, OptiTrack or Qualisys system by its own protocol, through libmotioncapture.
+
+Needs the package `motioncapture` (`pip install kybflow[mocap]`). It gives no time stamps, so a pose
+counts as true when it arrived, less `latency`. Where the system also speaks VRPN (Vicon Tracker,
+Motive) the sensor `vrpn` knows more. Every vehicle takes the body that has its name unless `body`
+says otherwise.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from kybflow.params import param, params
+from kybflow.parts.devices import Link
+from kybflow.parts.sensor import Sensor, Stream
+from kybflow.sensors.vrpn.axes import Axes, Units
+from kybflow.sensors.vrpn.stream import Poses
+from kybflow.signals import MeasurementKind
+from kybflow.site import Site
+from kybflow.units import Duration
+
+if TYPE_CHECKING:
+    import random
+
+
+@params
+class MotionCaptureParams:
+    system: Literal["vicon", "optitrack", "qualisys"] = param("Whose it is.", read_only=True)
+    host: str = param("The address of its server.", read_only=True)
+    body: str | None = param(
+        "The body's name there; the vehicle's by default.", default=None, read_only=True
+    )
+    interface: str | None = param(
+        "Our own address in the cameras' network, where there are several (OptiTrack).",
+        default=None, read_only=True,
+    )  # fmt: skip
+    units: Units = param(
+        "What positions arrive in; the library has turned Vicon's and Qualisys' into metres.",
+        default="m", read_only=True,
+    )  # fmt: skip
+    axes: Axes = param("Which axis points up.", default="z_up", read_only=True)
+    latency: Duration = param(
+        "From the exposure to the arrival.",
+        default=0.01, at_least=0.0, at_most=0.5, read_only=True,
+    )  # fmt: skip
+
+
+class MotionCapture(Sensor[MotionCaptureParams]):
+    """See the module."""
+
+    provides: ClassVar[frozenset[MeasurementKind]] = frozenset({MeasurementKind.POSE})
+
+    @classmethod
+    def open(
+        cls, params: MotionCaptureParams, site: Site, link: Link, generator: random.Random
+    ) -> Stream:
+        from kybflow.sensors.motion_capture.feed import subscribe
+
+        settings = {"hostname": params.host}
+        if params.interface is not None:
+            settings["interface_ip"] = params.interface
+        body = site.vehicle if params.body is None else params.body
+        source = subscribe(params.system, settings, body)
+        return Poses(source, params.units, params.axes, params.latency)

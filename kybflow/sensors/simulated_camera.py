@@ -1,0 +1,130 @@
+"""The cameras of a simulated vehicle: frames of the world's tags, drawn without a graphics card.
+
+Each camera of the vehicle takes frames at its own rate; what it sees is drawn when the frame
+arrives, `latency` after the middle of its exposure: the tags through the calibrated lens, blurred
+by motion and by a lens out of focus, row by row where a rolling shutter finds the camera, with the
+noise of the sensor. Which tags are covered or missing comes with the seed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from math import ceil
+from typing import TYPE_CHECKING, NamedTuple
+
+from kybflow.cameras import Camera
+from kybflow.errors import DriverError
+from kybflow.geometry import ZERO, add, integrate, scale
+from kybflow.params import param, params
+from kybflow.parts import Link, Sensor, Stream
+from kybflow.signals import NS, Frame, Measurement, MeasurementKind, Time, Truth
+from kybflow.site import Site
+from kybflow.units import Duration
+from kybflow.vision import WAY_OUT
+from kybflow.vision.optics import SOUND, Optics, Weakness
+
+if TYPE_CHECKING:
+    import random
+
+    from kybflow.vision.drawing import Room
+
+
+@params
+class SimulatedCameraParams(Optics):
+    latency: Duration = param(
+        "From the middle of a frame's exposure to its arrival.",
+        default=0.04, at_least=0.0, at_most=1.0,
+    )  # fmt: skip
+
+
+class SimulatedCamera(Sensor[SimulatedCameraParams]):
+    provides = frozenset({MeasurementKind.FRAME})
+    simulated = True
+
+    @classmethod
+    def open(
+        cls, params: SimulatedCameraParams, site: Site, link: Link, generator: random.Random
+    ) -> Frames:
+        if not site.cameras:
+            raise DriverError(f"the vehicle `{site.vehicle}` has no camera to take frames with")
+        try:
+            from kybflow.vision.drawing import Room
+        except ImportError as error:
+            raise DriverError(f"a simulated camera needs OpenCV ({error}); {WAY_OUT}") from None
+        room = Room(site.tags, params, generator.getrandbits(64))
+        return Frames(room, tuple(site.cameras.values()), link, round(params.latency * NS))
+
+
+class _Taken(NamedTuple):
+    """A frame on its way: when it arrives, where the body was, what was wrong with the camera."""
+
+    arrival: Time
+    time: Time
+    camera: Camera
+    body: Truth
+    weakness: Weakness
+
+
+class Frames(Stream):
+    """The frames of a vehicle's cameras. What is wrong with them stands in the link's rig when they
+    are taken. A frame is drawn when it arrives, and never, where nobody reads."""
+
+    def __init__(self, room: Room, cameras: Sequence[Camera], link: Link, latency: Time) -> None:
+        self._room = room
+        self._cameras = cameras
+        self._link = link
+        self._latency = latency
+        self._counts = [0] * len(cameras)
+        self._last: tuple[Time, Truth] | None = None
+        self._taken: deque[_Taken] = deque()
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        truth = self._link.view()
+        if truth is None:
+            raise DriverError("a simulated camera sees only simulated vehicles")
+        if self._last is None:
+            self._counts = [ceil(now / NS * camera.rate) for camera in self._cameras]
+        self._take(now, truth)
+        self._last = (now, truth)
+        arrived: list[Measurement] = []
+        while self._taken and self._taken[0].arrival <= now:
+            arrived.append(self._drawn(self._taken.popleft()))
+        return self._filtered(arrived) if arrived else arrived
+
+    def close(self) -> None:
+        self._taken.clear()
+
+    def _take(self, now: Time, truth: Truth) -> None:
+        """Note every frame that is due by `now`, with the body as the nearest tick knows it."""
+        before, known = self._last or (now, truth)
+        taken: list[_Taken] = []
+        for i, camera in enumerate(self._cameras):
+            while (at := round(self._counts[i] * NS / camera.rate)) <= now:
+                nearer = (now, truth) if now - at <= at - before else (before, known)
+                body = _moved(nearer[1], (at - nearer[0]) / NS)
+                rig = self._link.rig
+                weakness = SOUND if rig is None else rig.camera
+                taken.append(_Taken(at + self._latency, at, camera, body, weakness))
+                self._counts[i] += 1
+        self._taken.extend(sorted(taken, key=lambda frame: frame.arrival))
+
+    def _drawn(self, taken: _Taken) -> Frame:
+        body, weakness = taken.body, taken.weakness
+        if weakness.offset != ZERO:
+            body = body._replace(position=add(body.position, weakness.offset))
+        return Frame(taken.time, taken.camera.name, self._room.draw(taken.camera, body, weakness))
+
+    def _filtered(self, frames: list[Measurement]) -> list[Measurement]:
+        filters = () if self._link.rig is None else self._link.rig.filters
+        for change in filters:
+            frames = [kept for frame in frames if (kept := change(frame)) is not None]
+        return frames
+
+
+def _moved(body: Truth, t: float) -> Truth:
+    """The body `t` seconds later, at constant velocity and body rates."""
+    return body._replace(
+        position=add(body.position, scale(body.velocity, t)),
+        attitude=integrate(body.attitude, body.angular_velocity, t),
+    )

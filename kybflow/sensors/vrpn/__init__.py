@@ -1,0 +1,59 @@
+"""Poses from a motion-capture system on the network, over VRPN.
+
+Vicon Tracker, OptiTrack Motive and VRPN's own server speak it. Every vehicle takes the body that
+has its name unless `body` says otherwise; all share one link to a server, which opens itself again
+when it was lost. Poses carry the server's stamps, put on the run's clock by the least delay seen
+(`kybflow.sensors.vrpn.offset`), so the two clocks need not agree, only go on. What no pose is, as
+written for a body that is lost, is left out.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from kybflow.params import param, params
+from kybflow.parts.devices import Link
+from kybflow.parts.sensor import Sensor, Stream
+from kybflow.sensors.vrpn.axes import Axes, Units
+from kybflow.sensors.vrpn.stream import Poses
+from kybflow.signals import MeasurementKind
+from kybflow.site import Site
+from kybflow.units import Duration
+
+if TYPE_CHECKING:
+    import random
+
+
+@params
+class VrpnParams:
+    host: str = param("The server, as `HOST` or `HOST:PORT`.", read_only=True)
+    body: str | None = param(
+        "The body's name at the server; the vehicle's by default.", default=None, read_only=True
+    )
+    sensor: int = param("The number of the body's sensor.", default=0, at_least=0, read_only=True)
+    units: Units = param("What the server measures in.", default="m", read_only=True)
+    axes: Axes = param("Which of the server's axes points up.", default="z_up", read_only=True)
+    opening: Literal["direct", "lob"] = param(
+        "Connect by TCP alone, or ask to be called back and take datagrams.",
+        default="direct", read_only=True,
+    )  # fmt: skip
+    latency: Duration = param(
+        "From the exposure to the server's stamp and out of its door, which nobody can see here.",
+        default=0.0, at_least=0.0, at_most=0.5, read_only=True,
+    )  # fmt: skip
+
+
+class Vrpn(Sensor[VrpnParams]):
+    """See the module."""
+
+    provides: ClassVar[frozenset[MeasurementKind]] = frozenset({MeasurementKind.POSE})
+
+    @classmethod
+    def open(cls, params: VrpnParams, site: Site, link: Link, generator: random.Random) -> Stream:
+        from kybflow.sensors.vrpn.client import subscribe
+        from kybflow.sensors.vrpn.link import read_address
+
+        address = read_address(params.host, params.opening == "direct")
+        body = site.vehicle if params.body is None else params.body
+        source = subscribe(address, body, params.sensor)
+        return Poses(source, params.units, params.axes, params.latency)

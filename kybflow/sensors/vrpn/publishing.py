@@ -1,0 +1,129 @@
+"""Simulated vehicles on the network: what their motion capture measures, as a VRPN server tells it.
+
+The poses are those that the program itself gets, with their noise and latency and every fault.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import random
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from kybflow.dsl.plan import Plan
+from kybflow.errors import KybflowError
+from kybflow.geometry import LEVEL, Vec3, add, integrate
+from kybflow.parts import Driver, Link, Rig, Seat, Session
+from kybflow.sensors.vrpn.server import Server
+from kybflow.signals import Command, Measurement, MeasurementKind, Pose, Time, Truth
+
+Publish = Callable[[str, Pose], None]
+"""Called with a vehicle's name and a pose, its time that of the run."""
+
+
+def to(server: Server, clock: Callable[[], Time] = time.time_ns) -> Publish:
+    """Publish on `server`, stamped as if the first pose were true now."""
+    began: list[Time] = []
+
+    def publish(name: str, pose: Pose) -> None:
+        if not began:
+            began.append(clock() - pose.time)
+        server.publish(name, pose.position, pose.attitude, began[0] + pose.time)
+
+    return publish
+
+
+def published(plan: Plan, publish: Publish) -> Plan:
+    """The plan whose vehicles' poses are published as they arrive. Raises KybflowError for one
+    whose vehicles are not simulated."""
+    for vehicle in plan.vehicles:
+        if not vehicle.driver.cls.simulated:
+            raise KybflowError(f"`{vehicle.name}` flies on `{vehicle.driver.name}`, which is real")
+    drivers: dict[Any, Any] = {
+        v.driver.cls: _Published(v.driver.cls, publish) for v in plan.vehicles
+    }
+    vehicles = (
+        dataclasses.replace(
+            vehicle, driver=dataclasses.replace(vehicle.driver, cls=drivers[vehicle.driver.cls])
+        )
+        for vehicle in plan.vehicles
+    )
+    return dataclasses.replace(plan, vehicles=tuple(vehicles))
+
+
+class Noise(NamedTuple):
+    """Standard deviations: of a pose's position along each axis, of its attitude about each."""
+
+    position: float
+    attitude: float
+
+
+def still(
+    places: Mapping[str, Vec3], publish: Publish, noise: Noise, generator: random.Random
+) -> Callable[[Time], None]:
+    """What publishes bodies at rest at each time that it is called with: with noise, for without
+    it they would count as frozen."""
+
+    def drawn(deviation: float) -> Vec3:
+        gauss = generator.gauss
+        return gauss(0.0, deviation), gauss(0.0, deviation), gauss(0.0, deviation)
+
+    def step(now: Time) -> None:
+        for name, place in places.items():
+            attitude = integrate(LEVEL, drawn(noise.attitude), 1.0)
+            publish(name, Pose(now, add(place, drawn(noise.position)), attitude))
+
+    return step
+
+
+class _Published:
+    """A driver that publishes what its links read, and is that driver otherwise."""
+
+    def __init__(self, driver: type[Driver[Any]], publish: Publish) -> None:
+        self._driver, self._publish = driver, publish
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._driver, name)
+
+    def open(self, seats: Sequence[Seat], generator: random.Random) -> Session:
+        session = self._driver.open(seats, generator)
+        for name, link in session.links.items():
+            session.links[name] = Tapped(link, name, self._publish)
+        return session
+
+
+class Tapped(Link):
+    """A link whose poses are published as they are read."""
+
+    def __init__(self, link: Link, name: str, publish: Publish) -> None:
+        self._link, self._name, self._publish = link, name, publish
+        self.rig: Rig | None = link.rig
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        measurements = self._link.read(now)
+        for measurement in measurements:
+            if type(measurement) is Pose:
+                self._publish(self._name, measurement)
+        return measurements
+
+    def send(self, command: Command, now: Time) -> None:
+        self._link.send(command, now)
+
+    def land(self, now: Time) -> bool:
+        return self._link.land(now)
+
+    def grip(self, is_open: bool, now: Time) -> None:
+        self._link.grip(is_open, now)
+
+    def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
+        self._link.subscribe(kinds)
+
+    def truth(self) -> Truth | None:
+        return self._link.truth()
+
+    def view(self) -> Truth | None:
+        return self._link.view()
+
+    def collisions(self) -> Sequence[str]:
+        return self._link.collisions()

@@ -1,0 +1,79 @@
+"""The sensor `motion_capture`, with the library's own mock and a system that never answers."""
+
+from __future__ import annotations
+
+import random
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from flying import SITE
+
+from kybflow.geometry import LEVEL
+from kybflow.sensors.motion_capture import MotionCapture, MotionCaptureParams
+from kybflow.sensors.motion_capture.feed import Arrived, subscribe
+from kybflow.sensors.vrpn.stream import Poses
+from kybflow.signals import NS, Measurement, MeasurementKind, Pose
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "vrpn"))
+
+from servers import until
+
+pytest.importorskip("motioncapture", "1.1")
+
+MOCK = {"frequency": "200", "rigid_bodies": "a(1,2,3,1,0,0,0);nano(4,5,6,0.6,0,0,0.8)"}
+
+
+def test_bodies_of_the_mock_arrive_by_one_program() -> None:
+    readers = [subscribe("mock", MOCK, name) for name in ("a", "nano", "other")]
+    came: dict[str, list[Arrived]] = {}
+
+    def enough() -> bool:
+        for reader in readers:
+            came.setdefault(reader.body, []).extend(reader.take())
+        return len(came["a"]) > 20 and len(came["nano"]) > 20
+
+    until(enough, "frames of the mock")
+    assert len([t for t in threading.enumerate() if t.name == "mocap mock"]) == 1
+    assert [reader.trouble() for reader in readers] == [
+        None, None, "mock sends no `other`, but `a`, `nano`",
+    ]  # fmt: skip
+    for reader in readers:
+        reader.close()
+    assert {pose.position for pose in came["a"]} == {(1.0, 2.0, 3.0)}
+    assert came["nano"][0].attitude == pytest.approx((0.6, 0.0, 0.0, 0.8))
+    assert came["other"] == []
+    arrivals = [pose.time for pose in came["a"]]
+    assert arrivals == sorted(set(arrivals))
+    assert not [t for t in threading.enumerate() if t.name == "mocap mock"]
+
+
+def test_a_system_that_never_answers_stops_nobody() -> None:
+    """The library's `connect` to Vicon waits for ever and lets no other thread run."""
+    params = MotionCaptureParams(system="vicon", host="127.0.0.1")
+    stream = MotionCapture.open(params, SITE, None, random.Random(0))  # type: ignore[arg-type]
+    assert [stream.read(tick * NS // 250) for tick in range(50)] == [[]] * 50
+    assert stream.trouble() == "vicon: no frame has come yet"
+    stream.close()
+
+
+def test_a_refusal_is_passed_on() -> None:
+    params = MotionCaptureParams(system="qualisys", host="127.0.0.1")
+    stream = MotionCapture.open(params, SITE, None, random.Random(0))  # type: ignore[arg-type]
+    until(lambda: "Error connecting QTM" in (stream.trouble() or ""), "the refusal")
+    stream.close()
+
+
+def test_poses_are_in_the_world_on_the_clock_of_the_run() -> None:
+    class Script:
+        def take(self) -> list[Arrived]:
+            return [
+                Arrived(7 * NS, (1.0, 2.0, 3.0), LEVEL),
+                Arrived(7 * NS, (0.0,) * 3, (0.0,) * 4),
+            ]  # type: ignore[arg-type]
+
+    stream = Poses(Script(), "m", "y_up", 0.02, lambda: 7 * NS)  # type: ignore[arg-type]
+    expected: list[Measurement] = [Pose(3 * NS - NS // 50, (1.0, -3.0, 2.0), LEVEL)]
+    assert stream.read(3 * NS) == expected
+    assert MotionCapture.provides == {MeasurementKind.POSE}

@@ -1,0 +1,205 @@
+"""When frames are taken, when they arrive, and of what moment they are."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import pytest
+
+pytest.importorskip("cv2")
+
+import numpy
+from flying import SITE
+
+from kybflow.cameras import Camera, Lens
+from kybflow.catalog import load_catalog
+from kybflow.errors import DriverError
+from kybflow.geometry import LEVEL, ZERO, add
+from kybflow.parts import Effect, Link, Rig
+from kybflow.sensors.simulated_camera import SimulatedCamera, SimulatedCameraParams
+from kybflow.signals import NS, Frame, MeasurementKind, Truth
+from kybflow.site import Site
+from kybflow.tags import Tag, TagMap
+from kybflow.vision.drawing import Room
+from kybflow.vision.optics import SOUND, Weakness
+
+LENS = Lens(160, 120, 120.0, 120.0, 79.5, 59.5)
+DOWN = Camera("down", LENS, ZERO, rate=30.0)
+TAGS = TagMap([Tag("36h11", 7, 0.3, (0.0, 0.0, 0.0), LEVEL)])
+AWAY = Truth((0.1, 0.2, 1.5), ZERO, LEVEL, ZERO)
+"""Where another vehicle is."""
+TICK = 4_000_000
+SPEED = 0.5
+CLEAN = SimulatedCameraParams(
+    latency=0.05, exposure=0.0, row_time=0.0, read_noise=0.0, shot_noise=0.0
+)
+
+
+class Passing(Link):
+    """The link of a vehicle that flies east at SPEED, 1 m high; it passes over the origin at
+    0.3 s."""
+
+    def __init__(self) -> None:
+        self.now = 0
+        self.rig = Rig("nano")
+        self.swapped = False
+
+    def read(self, now: int) -> tuple[()]:
+        return ()
+
+    def send(self, command: Any, now: int) -> None: ...
+
+    def truth(self) -> Truth:
+        x = SPEED * (self.now / NS - 0.3)
+        return Truth((x, 0.0, 1.0), (SPEED, 0.0, 0.0), LEVEL, ZERO)
+
+    def view(self) -> Truth | None:
+        return AWAY if self.swapped else self.truth()
+
+
+class Hardware(Passing):
+    def truth(self) -> None:
+        return None
+
+
+def site(*cameras: Camera) -> Site:
+    return SITE._replace(tags=TAGS, cameras={camera.name: camera for camera in cameras})
+
+
+def opened(
+    link: Link, *cameras: Camera, params: SimulatedCameraParams = CLEAN, seed: int = 1
+) -> Any:
+    return SimulatedCamera.open(params, site(*cameras), link, random.Random(seed))
+
+
+def fly(stream: Any, link: Passing, until: int, since: int = 0) -> list[tuple[int, Frame]]:
+    """What arrives, and when."""
+    arrived = []
+    for now in range(since, until, TICK):
+        link.now = now
+        arrived += [(now, frame) for frame in stream.read(now)]
+    return arrived
+
+
+def test_frames_have_the_exact_times_of_their_rate_and_arrive_late() -> None:
+    link = Passing()
+    arrived = fly(opened(link, DOWN), link, NS)
+    assert [frame.time for _, frame in arrived] == [round(i * NS / 30) for i in range(29)]
+    for now, frame in arrived:
+        assert 0 <= now - frame.time - 50_000_000 < TICK
+        assert frame.camera == "down"
+        assert frame.image.shape == (120, 160)
+        assert frame.image.dtype == numpy.uint8
+
+
+def test_a_frame_shows_the_exact_moment_between_ticks() -> None:
+    link = Passing()
+    room = Room(TAGS, CLEAN, random.Random(1).getrandbits(64))
+    frames = [frame for _, frame in fly(opened(link, DOWN), link, NS // 2)]
+    for frame in frames:
+        x = SPEED * (frame.time / NS - 0.3)
+        body = Truth((x, 0.0, 1.0), (SPEED, 0.0, 0.0), LEVEL, ZERO)
+        off = room.draw(DOWN, body).astype(int) - frame.image
+        assert numpy.abs(off).max() <= 1  # rounding
+    assert (frames[8].image != frames[9].image).any()
+
+
+def test_each_camera_has_its_rate_and_what_arrives_is_in_order() -> None:
+    link = Passing()
+    other = DOWN._replace(name="rear", position=(-0.1, 0.0, 0.0), rate=50.0)
+    arrived = fly(opened(link, DOWN, other), link, NS)
+    times = [frame.time for _, frame in arrived]
+    assert times == sorted(times)
+    names = [frame.camera for _, frame in arrived]
+    assert (names.count("down"), names.count("rear")) == (29, 48)
+
+
+def test_the_same_seed_gives_the_same_frames() -> None:
+    def images(seed: int) -> list[bytes]:
+        link = Passing()
+        stream = opened(link, DOWN, params=SimulatedCameraParams(covered=0.5), seed=seed)
+        return [frame.image.tobytes() for _, frame in fly(stream, link, NS // 5)]
+
+    assert images(1) == images(1)
+    assert images(1) != images(2)
+
+
+def test_a_frame_is_drawn_when_it_arrives_and_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = []
+    draw = Room.draw
+    monkeypatch.setattr(Room, "draw", lambda *a: drawn.append(1) or draw(*a))
+    link = Passing()
+    stream = opened(link, DOWN)
+    assert fly(stream, link, 48_000_000) == []
+    assert drawn == []
+    assert len(fly(stream, link, 60_000_000, 48_000_000)) == len(drawn) == 1
+
+
+def test_one_that_is_opened_late_takes_frames_from_then_on() -> None:
+    link = Passing()
+    arrived = fly(opened(link, DOWN), link, 1_200_000_000, NS + TICK)
+    assert arrived[0][1].time == round(31 * NS / 30)
+
+
+def test_what_is_wrong_with_a_camera_counts_when_the_frame_is_taken() -> None:
+    link = Passing()
+    stream = opened(link, DOWN)
+    fly(stream, link, 302_000_000)
+    link.rig.begin(Effect(camera=Weakness(dark=True)), 0)
+    later = fly(stream, link, 424_000_000, 304_000_000)
+    bright = {frame.time: frame.image.max() > 0 for _, frame in later}
+    assert len(bright) == 4
+    assert all(lit == (time < 302_000_000) for time, lit in bright.items())
+    assert len(set(bright.values())) == 2
+
+
+def seen_at(at: Truth, weakness: Weakness = SOUND) -> Any:
+    """What the camera sees there."""
+    return Room(TAGS, CLEAN, random.Random(1).getrandbits(64)).draw(DOWN, at, weakness).astype(int)
+
+
+def broken(effect: Effect) -> list[Frame]:
+    """The frames of a flight past the tag, the effect at work from the first one on."""
+    link = Passing()
+    link.rig.begin(effect, 0)
+    link.swapped = link.rig.view != "nano"
+    return [frame for _, frame in fly(opened(link, DOWN), link, NS // 2)]
+
+
+def body_at(time: int) -> Truth:
+    return Truth((SPEED * (time / NS - 0.3), 0.0, 1.0), (SPEED, 0.0, 0.0), LEVEL, ZERO)
+
+
+@pytest.mark.parametrize(
+    ("name", "params", "expected"),
+    [
+        ("camera_dark", {}, lambda t: seen_at(body_at(t), Weakness(dark=True))),
+        ("camera_blur", {"pixels": 4.0}, lambda t: seen_at(body_at(t), Weakness(blur=4.0))),
+        ("tags_covered", {"share": 1.0}, lambda t: seen_at(body_at(t), Weakness(covered=1.0))),
+        ("camera_swapped", {"other": "b"}, lambda t: seen_at(AWAY)),
+        ("camera_shifted", {"offset": (-0.2, 0.1, 0.0)},
+         lambda t: seen_at(body_at(t)._replace(position=add(body_at(t).position, (-0.2, 0.1, 0))))),
+    ],
+)  # fmt: skip
+def test_a_fault_of_a_camera_is_in_its_frames(name: str, params: Any, expected: Any) -> None:
+    spec = load_catalog().get("faults", name)
+    fault = spec.cls(spec.params(**params), random.Random(1))
+    frame = broken(fault.effects("nano")["nano"])[9]
+    assert numpy.abs(expected(frame.time) - frame.image).max() <= 1  # rounding
+    assert numpy.abs(seen_at(body_at(frame.time)) - frame.image).max() > 50
+
+
+def test_frames_pass_the_filters_of_the_rig() -> None:
+    assert broken(Effect(filter=lambda frame: None)) == []
+    later = broken(Effect(filter=lambda frame: frame._replace(camera="else")))
+    assert {frame.camera for frame in later} == {"else"}
+
+
+def test_it_says_what_it_lacks() -> None:
+    with pytest.raises(DriverError, match="the vehicle `nano` has no camera to take frames with"):
+        opened(Passing())
+    with pytest.raises(DriverError, match="sees only simulated vehicles"):
+        opened(Hardware(), DOWN).read(0)
+    assert SimulatedCamera.provides == {MeasurementKind.FRAME}
+    assert SimulatedCamera.simulated

@@ -1,0 +1,92 @@
+"""A simulated vehicle flies in real time on its own motion capture, over the network."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from servers import free_port
+
+from kybflow.catalog import load_catalog
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.plan import Plan
+from kybflow.runtime.flight import Request, fly
+from kybflow.sensors.vrpn.publishing import published
+from kybflow.sensors.vrpn.server import Server
+from kybflow.signals import NS, Event, Pose
+
+MISSION = """\
+kybflow: 1
+mission: network
+import:
+  std: library/airframes.yaml
+world:
+  fence: {{from: [-2, -2, 0], to: [2, 2, 2.5]}}
+vehicles:
+  nano:
+    like: std.nano_plus
+    start: {{at: [0, 0, 0]}}
+    estimators:
+      - {{use: mocap, healthy: age < 250 ms and spread < 5 cm, recover_after: 1 s}}
+      - {{use: inertial, healthy: spread < 30 cm, for_at_most: 3 s}}
+    behaviors:
+      up:   {{do: take_off, height: 50 cm, then: hold, within: 15 s}}
+      hold: {{do: hover, for_time: 5 s, then: down}}
+      down: {{do: land}}
+targets:
+  lab:
+    all:
+      driver: sim
+      sensors: {{mocap: {{use: vrpn, host: "127.0.0.1:{port}", opening: {opening}}}}}
+expect:
+  - finally nano in landed
+  - max(nano.position_error) < 30 cm
+"""
+LOST, BACK = 5.0, 6.0
+
+
+def plan_of(folder: Path, port: int, opening: str) -> Plan:
+    shutil.copytree(Path(__file__).parents[3] / "missions" / "library", folder / "library")
+    mission = folder / "network.yaml"
+    mission.write_text(MISSION.format(port=port, opening=opening), encoding="utf-8")
+    plan = compile_mission(mission, catalog=load_catalog(), target="lab").plan
+    assert plan is not None
+    return plan
+
+
+class Unreliable:
+    """Publishes, but ends the server at LOST and begins another at BACK."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self.server: Server | None = Server(port=port)
+
+    def publish(self, name: str, pose: Pose) -> None:
+        dead = LOST <= pose.time / NS < BACK
+        if dead and self.server is not None:
+            self.server.close()
+            self.server = None
+        elif not dead and self.server is None:
+            self.server = Server(port=self._port)
+        if self.server is not None:
+            self.server.publish(name, pose.position, pose.attitude, 10**9 * NS + pose.time)
+
+
+@pytest.mark.slow  # the flight takes as long as it takes
+@pytest.mark.parametrize("opening", ["direct", "lob"])
+def test_a_server_that_is_restarted_in_flight(opening: str, tmp_path: Path) -> None:
+    port = free_port()
+    plan = plan_of(tmp_path, port, opening)
+    network = Unreliable(port)
+    events: list[Event] = []
+    request = Request(out=tmp_path / "run", speed=1.0)
+    flown = fly(published(plan, network.publish), request, (events.append,))
+    assert network.server is not None
+    network.server.close()
+    assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]
+    changes = [event for event in events if event.name == "estimator_changed"]
+    assert [event.fields["estimator"] for event in changes] == ["mocap", "inertial", "mocap"]
+    _, lost, back = (event.time / NS for event in changes)
+    assert LOST + 0.25 - 0.02 < lost < LOST + 0.25 + 0.1  # 100 ms after the health's bound
+    assert back > BACK + 1.0  # what was lost counts again after `recover_after`

@@ -1,0 +1,80 @@
+"""Clocks that nobody synchronised."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kybflow.sensors.vrpn.offset import Offset
+from kybflow.signals import NS
+
+MS = NS // 1000
+
+
+def readings(seconds: float, rate: int = 100) -> list[int]:
+    return [i * NS // rate for i in range(round(seconds * rate))]
+
+
+def test_the_least_delay_counts() -> None:
+    generator, offset = random.Random(1), Offset()
+    errors = []
+    for there in readings(20):
+        delay = round(generator.expovariate(1 / (2 * MS)))
+        errors.append(offset.of(there + 7 * NS + delay, there) - 7 * NS)
+    assert all(0 <= error < 0.2 * MS for error in errors[200:])
+
+
+@pytest.mark.parametrize("drift", [-1e-4, 1e-4])
+def test_a_drift_is_followed(drift: float) -> None:
+    generator, offset = random.Random(2), Offset()
+    worst = 0
+    for there in readings(100):
+        here = there + round(there * drift)
+        delay = round(generator.expovariate(1 / MS))
+        found = offset.of(here + delay, there)
+        if there >= NS:
+            worst = max(worst, abs(found - (here - there)))
+    assert worst < 2 * MS
+
+
+@given(st.lists(st.tuples(st.integers(0, NS), st.integers(0, NS)), min_size=1, max_size=60))
+def test_nothing_comes_from_the_future(steps: list[tuple[int, int]]) -> None:
+    offset, there = Offset(), 0
+    for step, delay in steps:
+        there += step
+        here = there + delay
+        assert there + offset.of(here, there) <= here
+
+
+def test_a_clock_that_is_set_ahead_is_noticed_at_once() -> None:
+    offset = Offset()
+    for there in readings(5):
+        offset.of(there, there)
+    assert offset.of(5 * NS, 65 * NS) == -60 * NS
+
+
+def test_a_clock_that_is_set_back_is_noticed_after_two_seconds() -> None:
+    offset = Offset()
+    for there in readings(5):
+        offset.of(there, there)
+    found = [offset.of(5 * NS + t, 5 * NS + t - 60 * NS) for t in readings(3)]
+    assert found[-1] == 60 * NS
+    assert found.index(60 * NS) <= 200
+
+
+def test_a_stall_is_no_step() -> None:
+    """Half a second in which nothing comes, then all of it at once."""
+    offset = Offset()
+    for there in readings(5):
+        offset.of(there, there)
+    held = [offset.of(5 * NS + NS // 2, 5 * NS + t) for t in readings(0.5)]
+    assert set(held) == {0}
+
+
+def test_what_was_long_ago_is_forgotten() -> None:
+    offset = Offset()
+    offset.of(0, 0)
+    assert offset.of(60 * NS + 5 * MS, 60 * NS) == 5 * MS

@@ -1,0 +1,128 @@
+"""`kybflow mocap-server`: simulated vehicles on the network."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from servers import free_port, until
+from typer.testing import CliRunner
+
+from kybflow.catalog import load_catalog
+from kybflow.cli import app
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.plan import Plan
+from kybflow.errors import KybflowError
+from kybflow.geometry import Quat, Vec3, distance
+from kybflow.parts import Link
+from kybflow.runtime.flight import Request, fly
+from kybflow.sensors.vrpn.client import Report, subscribe
+from kybflow.sensors.vrpn.link import Address
+from kybflow.sensors.vrpn.publishing import Noise, Tapped, published, still, to
+from kybflow.signals import NS, Pose
+
+MISSIONS = Path(__file__).parents[3] / "missions"
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    plan = compile_mission(MISSIONS / "first_flight.yaml", catalog=load_catalog()).plan
+    assert plan is not None
+    return plan
+
+
+def test_every_pose_is_published_and_the_flight_is_the_same(plan: Plan, tmp_path: Path) -> None:
+    seen: list[tuple[str, Pose]] = []
+    tapped = published(plan, lambda name, pose: seen.append((name, pose)))
+    flown = fly(tapped, Request(out=tmp_path / "published"))
+    alone = fly(plan, Request(out=tmp_path / "alone"))
+    assert flown.summary["vehicles"] == alone.summary["vehicles"]
+    assert {name for name, _ in seen} == {vehicle.name for vehicle in plan.vehicles}
+    stamps = [pose.time for name, pose in seen if name == plan.vehicles[0].name]
+    assert stamps == [round(i * NS / 120) for i in range(len(stamps))]
+    assert stamps[-1] / NS == pytest.approx(flown.summary["sim_time_s"], abs=0.03)
+
+
+def test_a_tapped_link_passes_everything_on() -> None:
+    offered = {name for name in vars(Link) if not name.startswith("_")} - {"rig"}
+    assert offered == {name for name in vars(Tapped) if not name.startswith("_")}
+
+
+def test_real_vehicles_are_not_published(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plan.vehicles[0].driver.cls, "simulated", False)
+    with pytest.raises(KybflowError, match="flies on `sim`, which is real"):
+        published(plan, lambda name, pose: None)
+
+
+def test_a_body_at_rest_has_noise_and_times_of_its_own() -> None:
+    seen: list[tuple[str, Pose]] = []
+    places = {"a": (1.0, 2.0, 3.0), "b": (0.0, 0.0, 0.0)}
+    step = still(places, lambda *p: seen.append(p), Noise(0.001, 0.01), random.Random(0))
+    for i in range(100):
+        step(i * NS // 120)
+    poses = [pose for name, pose in seen if name == "a"]
+    assert len({pose.position for pose in poses}) == 100
+    assert all(distance(pose.position, (1.0, 2.0, 3.0)) < 0.005 for pose in poses)
+    assert [pose.time for pose in poses] == [i * NS // 120 for i in range(100)]
+
+
+def test_stamps_begin_now_and_go_on_with_the_run() -> None:
+    class Notes:
+        stamps: list[int] = []  # noqa: RUF012
+
+        def publish(self, body: str, position: Vec3, attitude: Quat, stamp: int) -> None:
+            self.stamps.append(stamp)
+
+    publish = to(Notes(), lambda: 1000 * NS)  # type: ignore[arg-type]
+    for time in (5 * NS, 6 * NS, 8 * NS):
+        publish("a", Pose(time, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)))
+    assert Notes.stamps == [1000 * NS, 1001 * NS, 1003 * NS]
+
+
+@pytest.mark.parametrize(
+    "what", [[str(MISSIONS / "first_flight.yaml")], ["--still", "a=1,2,3"]], ids=["flown", "still"]
+)
+def test_the_command_serves_until_it_is_ended(what: list[str], plan: Plan, tmp_path: Path) -> None:
+    port = free_port()
+    name = "a" if "--still" in what else plan.vehicles[0].name
+    out = [] if "--still" in what else ["--out", str(tmp_path / "run")]
+    program = [sys.executable, "-m", "kybflow", "mocap-server", *what, "--port", str(port), *out]
+    reader = subscribe(Address("127.0.0.1", port), name, 0)
+    with subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
+        came: list[Report] = []
+        try:
+            until(
+                lambda: (
+                    process.poll() is not None
+                    or bool(came.extend(reader.take()))  # type: ignore[func-returns-value]
+                    or len(came) > 20
+                ),
+                "poses of the command",
+            )
+            assert process.poll() is None
+        finally:
+            process.kill()
+    reader.close()
+    stamps = [report.time for report in came]
+    assert stamps == sorted(stamps)
+    place = (1.0, 2.0, 3.0) if "--still" in what else plan.vehicles[0].start
+    assert all(distance(report.position, place) < 0.05 for report in came[:5])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ([], "give a mission, or bodies with --still"),
+        (["m.yaml", "--still", "a=0,0,0"], "give a mission, or bodies with --still"),
+        (["--still", "a=0,0"], "`a=0,0` is not NAME=X,Y,Z"),
+        (["--still", "=0,0,0"], "`=0,0,0` is not NAME=X,Y,Z"),
+        (["--still", "a=0,0,nan"], "`a=0,0,nan` is not NAME=X,Y,Z"),
+    ],
+)
+def test_what_it_can_not_do_is_said(arguments: list[str], says: str) -> None:
+    result = CliRunner().invoke(app, ["mocap-server", *arguments])
+    assert result.exit_code == 2
+    assert says in result.output
