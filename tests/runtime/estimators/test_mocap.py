@@ -182,6 +182,36 @@ def test_the_noise_of_half_a_millimetre_stays_under_a_centimetre_a_second():
     assert statistics.pstdev(speeds) < 0.01
 
 
+def shaken(noise, seed=0, pull=0.0):
+    """(errors of the velocity east, errors upward) of a vehicle that after two seconds begins to
+    sink with `pull` m/s^2."""
+    generator = random.Random(seed)
+    estimator, east, upward = mocap(), [], []
+    for stamp in every(120, 3.0):
+        since = max(stamp - 2.0, 0.0)
+        x, y, z = (generator.gauss(0.0, noise) for _ in range(3))
+        pose = Pose(ns(stamp), (x, y, z - 0.5 * pull * since * since), LEVEL)
+        estimate = estimator.update((pose,), ns(stamp))
+        if estimate is not None and stamp > 1.0:
+            east.append(estimate.velocity[0])
+            upward.append(estimate.velocity[2] + pull * since)
+    return east, upward
+
+
+def test_noise_of_two_centimetres_shakes_the_level_velocity_little():
+    east, upward = ([e for seed in range(5) for e in shaken(0.02, seed)[i]] for i in range(2))
+    assert statistics.pstdev(east) < 0.025
+    assert statistics.pstdev(upward) < 0.08
+
+
+@pytest.mark.parametrize("noise", [0.0005, 0.02])
+def test_a_fall_is_known_soon_however_noisy_the_poses_are(noise):
+    """The lag of the velocity is 2 / wn, wn no less than half the bandwidth."""
+    falls = [shaken(noise, seed, pull=2.0)[1] for seed in range(10)]
+    late = statistics.mean(error for fall in falls for error in fall[-30:])
+    assert late < 2.0 * 2.0 / (pi * 5.0) + 0.03
+
+
 def test_its_derivative_has_the_gain_of_the_second_order_filter():
     """|H(jw)| / w = wn^2 / (wn^2 + w^2) for TeleKyb's H at w = wn: one half, where the attitude
     tells nothing."""

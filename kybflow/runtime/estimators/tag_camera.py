@@ -1,0 +1,131 @@
+"""State from printed tags that the vehicle's cameras see, frame by frame, predicted to now.
+
+Each frame gives the pose of the body (`kybflow.vision.locator`), searched where the last ones
+predict it, the first where the vehicle starts; the poses give the motion
+(`kybflow.runtime.tracked_pose`), whose acceleration changes with the attitude until now. How fast
+the body turns while a rolling shutter reads a frame is solved for with its pose, because the poses
+tell it too late. Frames of several cameras with the same stamp give one pose together. A frame that
+is not newer than the last one that told a pose is dropped.
+
+Where a pose is not where the motion predicts it, within
+
+    gate + 4 spread + a t^2 / 2,   a = 5 m/s^2
+
+after t seconds without another, the filter starts again from it if three tags or more agree on it:
+the vehicle was carried there. Otherwise it is dropped. After `gap` seconds every pose passes, and
+the filter starts again. Until `samples` poses have come there is no estimate.
+
+age: since the newest frame that told a pose was taken. spread, metres: the larger of the running
+standard deviation of the innovation along an axis, and what the covariance of the last pose says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+from math import sqrt
+from operator import attrgetter
+from typing import TYPE_CHECKING
+
+from kybflow.geometry import distance, from_heading
+from kybflow.parts import Estimator, param, params
+from kybflow.runtime.tracked_pose import TrackedParams, TrackedPose
+from kybflow.signals import NS, Estimate, Frame, Measurement, MeasurementKind, Pose, Time
+from kybflow.site import Site
+from kybflow.units import Length
+
+if TYPE_CHECKING:
+    from kybflow.vision.locate import Located
+    from kybflow.vision.locator import Prediction
+
+ACCELERATION = 5.0
+SURE = 3
+"""Tags that agree on a pose which needs no other evidence."""
+PLACE, TURN, UNKNOWN_RATE = 0.01, 0.01, 0.5
+"""What a prediction's error begins with, metres and radians, and that of its rates, rad/s, by which
+that of the attitude grows; standard deviations."""
+START_PLACE, START_TURN = 0.05, 0.05
+"""The same for where the vehicle starts."""
+
+
+@params
+class TagCameraParams(TrackedParams):
+    gate: Length = param(
+        "How far a pose may be from the predicted one, beside four times the spread and what an "
+        "unknown acceleration explains.",
+        default=0.1, above=0.0, tightens="down",
+    )  # fmt: skip
+
+
+class TagCamera(Estimator[TagCameraParams]):
+    """See the module."""
+
+    needs = frozenset({MeasurementKind.FRAME})
+    needs_tags = True
+
+    def __init__(self, params: TagCameraParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._track = TrackedPose(params, site.airframe.drag)
+        self._cameras = site.cameras
+        self._start = (site.start, from_heading(site.heading))
+        self._spread = 0.0
+        if site.cameras:
+            from kybflow.vision.locator import Locator
+
+            self._locator = Locator(site.tags, site.cameras)
+
+    def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
+        frames = [measured for measured in measurements if isinstance(measured, Frame)]
+        for time, taken in groupby(frames, attrgetter("time")):
+            if self._track.count == 0 or time > self._track.stamp:
+                self._take(list(taken), time)
+        estimate = self._track.estimate(now, "tag_camera")
+        if estimate is None:
+            return None
+        return self._track.bent(estimate)._replace(spread=max(estimate.spread, self._spread))
+
+    def _take(self, frames: Sequence[Frame], time: Time) -> None:
+        for frame in frames:
+            if frame.camera not in self._cameras:
+                raise ValueError(f"the airframe has no camera `{frame.camera}`")
+        t = (time - self._track.stamp) / NS
+        prediction = self._predicted(time, t)
+        located = self._locator.locate(frames, prediction)
+        self.sighting = self._locator.sighting
+        if located is None:
+            return
+        if (
+            prediction is not None
+            and self._track.count > 0
+            and self._is_off(located, prediction, t)
+        ):
+            if len(located.used) < SURE:
+                return
+            self._track.count = 0
+        a, b, c = located.covariance.diagonal()[:3].tolist()
+        self._spread = sqrt((a + b + c) / 3.0)
+        self._track.take(Pose(time, located.position, located.attitude))
+
+    def _predicted(self, time: Time, t: float) -> Prediction | None:
+        """Where the vehicle is when a frame is taken: before the first pose, where the mission puts
+        it; None where nobody knows any more."""
+        from kybflow.vision.locate_sight import Motion
+        from kybflow.vision.locator import Prediction
+
+        track = self._track
+        if track.count == 0:
+            return Prediction(*self._start, Motion(), START_PLACE, START_TURN)
+        if t > self.params.gap:
+            return None
+        motion = track.bent(track.predicted(time, ""))
+        return Prediction(
+            motion.position,
+            motion.attitude,
+            Motion(motion.velocity, motion.angular_velocity, UNKNOWN_RATE),
+            PLACE + track.spread + 0.5 * ACCELERATION * t * t,
+            TURN + UNKNOWN_RATE * t,
+        )
+
+    def _is_off(self, located: Located, prediction: Prediction, t: float) -> bool:
+        off = distance(located.position, prediction.position)
+        return off > self.params.gate + 4.0 * self._track.spread + 0.5 * ACCELERATION * t * t

@@ -1,0 +1,139 @@
+"""The estimator on printed tags: from drawn frames that come late to what the vehicle does now."""
+
+from __future__ import annotations
+
+import sys
+from math import cos, degrees, pi, sin
+from pathlib import Path
+
+import pytest
+
+numpy = pytest.importorskip("numpy")
+pytest.importorskip("cv2")
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "vision"))
+
+from floors import (  # noqa: E402
+    CAMERA,
+    frame,
+    grid,
+    lively,
+    misplaced,
+    off,
+    pad,
+    room,
+    truth_at,
+)
+from flying import SITE  # noqa: E402
+
+from kybflow.geometry import from_euler, heading_of, wrap  # noqa: E402
+from kybflow.runtime.estimators.tag_camera import TagCamera, TagCameraParams  # noqa: E402
+from kybflow.signals import NS, MeasurementKind  # noqa: E402
+from kybflow.tags import TagMap  # noqa: E402
+
+TAGS = grid()
+RATE, LATENCY = 30, 0.04
+
+
+def flown(pose_at, seconds, drawn, tags, begin=0.5, weakness=lambda t: {}, site=SITE):
+    """Errors of every estimate from `begin` on: of position and height (metres), heading
+    (radians); None for one that is missing. Then the estimator's last estimate."""
+    site = site._replace(tags=TagMap(tags), cameras={"down": CAMERA})
+    estimator = TagCamera(TagCameraParams(), site)
+    errors, estimate, taken = [], None, 0
+    for tick in range(round(100 * seconds)):
+        now, frames = tick / 100, []
+        while taken / RATE + LATENCY <= now:
+            t = taken / RATE
+            frames.append(frame(drawn, truth_at(pose_at, t), t, **weakness(t)))
+            taken += 1
+        estimate = estimator.update(frames, round(now * NS))
+        if now >= begin:
+            errors.append(None if estimate is None else _wrong(estimate, truth_at(pose_at, now)))
+    return errors, estimate
+
+
+def _wrong(estimate, body):
+    return (
+        off(estimate.position, estimate.attitude, body)[0],
+        abs(estimate.position[2] - body.position[2]),
+        abs(wrap(heading_of(estimate.attitude) - heading_of(body.attitude))),
+    )
+
+
+def checked(errors):
+    assert None not in errors
+    places, _, headings = zip(*errors, strict=True)
+    assert numpy.mean(places) <= 0.008
+    assert numpy.quantile(places, 0.99) <= 0.025
+    assert degrees(numpy.mean(headings)) <= 0.5
+
+
+def test_it_needs_frames():
+    assert TagCamera.needs == {MeasurementKind.FRAME}
+
+
+def test_in_flight_the_error_is_a_few_millimetres():
+    errors, estimate = flown(lively(), 3.0, room(TAGS), TAGS)
+    checked(errors)
+    assert estimate.source == "tag_camera"
+    assert 0.04 <= estimate.age <= 0.04 + 1.0 / RATE + 0.01
+    assert 0.0 < estimate.spread < 0.01
+
+
+@pytest.mark.slow
+def test_over_a_minute_of_flight_the_error_is_a_few_millimetres():
+    checked(flown(lively(), 60.0, room(TAGS), TAGS)[0])
+
+
+def test_a_map_of_which_a_third_is_wrong_costs_nothing():
+    clean, _ = flown(lively(), 1.5, room(TAGS), TAGS)
+    wrong, _ = misplaced(TAGS, 0.3, numpy.random.default_rng(4))
+    errors, _ = flown(lively(), 1.5, room(TAGS), wrong)
+    assert None not in errors
+    assert numpy.mean([e[0] for e in errors]) <= 2.0 * numpy.mean([e[0] for e in clean])
+
+
+def test_in_the_dark_the_estimate_ages_and_afterwards_it_is_right_again():
+    errors, _ = flown(lively(), 2.0, room(TAGS), TAGS, weakness=lambda t: {"dark": 0.8 < t < 1.3})
+    assert None not in errors[-20:]
+    assert max(e[0] for e in errors[-20:]) < 0.02
+    _, late = flown(lively(), 1.2, room(TAGS), TAGS, weakness=lambda t: {"dark": t > 0.8})
+    assert late.age > 0.35
+
+
+def test_where_the_vehicle_is_carried_off_there_is_no_estimate_and_then_the_right_one():
+    def carried(t):
+        (x, y, z), attitude = lively()(t)
+        return (x + (0.6 if t > 0.62 else 0.0), y, z), attitude
+
+    errors, _ = flown(carried, 1.3, room(TAGS), TAGS)
+    missing = [i for i, error in enumerate(errors) if error is None]
+    assert 10 <= len(missing) <= 20
+    assert missing == list(range(missing[0], missing[-1] + 1))
+    assert max(error[0] for error in errors[missing[-1] + 20 :]) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("height", "brightness"), [(0.1, 0.8), (0.13, 0.15), (0.17, 0.4), (0.2, 1.0), (0.25, 1.5)]
+)
+def test_it_takes_off_from_a_pad_of_small_tags(height, brightness):
+    """The lowest ones see no tag as a whole."""
+
+    def up(t):
+        z = height + 0.15 * (1.0 - cos(pi * min(t, 1.5) / 1.5))
+        return (0.0, 0.0, z), from_euler(0.01 * sin(3 * t), 0.01 * cos(2 * t), 0.02 * sin(t))
+
+    tags = pad()
+    site = SITE._replace(start=(0.0, 0.0, height))
+    errors, _ = flown(up, 1.6, room(tags, brightness=brightness), tags, site=site)
+    assert None not in errors
+    assert max(error[1] for error in errors) <= 0.01
+
+
+def test_a_frame_of_an_unknown_camera_says_so():
+    site = SITE._replace(tags=TagMap(TAGS), cameras={"down": CAMERA})
+    body = truth_at(lively(), 0.0)
+    strange = frame(room(TAGS), body)._replace(camera="front")
+    with pytest.raises(ValueError, match="no camera `front`"):
+        TagCamera(TagCameraParams(), site).update([strange], 0)
