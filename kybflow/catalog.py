@@ -27,6 +27,7 @@ from kybflow.parts import (
     Fault,
     Part,
     Processor,
+    Sensor,
     Supervisor,
     Tracker,
 )
@@ -40,11 +41,12 @@ BASES: dict[str, type[Part[Any]]] = {
         Tracker,
         Supervisor,
         Driver,
+        Sensor,
         Fault,
         Action,
     )
 }
-_HOMES = {"drivers": "kybflow"}
+_HOMES = {"drivers": "kybflow", "sensors": "kybflow"}
 GROUP = "kybflow.parts"
 
 

@@ -3,6 +3,7 @@ catches what they raise. Everything heavy is imported where it is needed."""
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, TextIO, cast
@@ -13,18 +14,20 @@ from kybflow.commands import (
     explain,
     graph,
     library,
+    mocap_server,
     new,
     parts,
     preflight,
     run,
     schema,
     show,
+    tags,
     test,
     validate,
 )
-from kybflow.commands.common import INVALID, echo
+from kybflow.commands.common import INVALID, UNWRITTEN, echo
 from kybflow.errors import KybflowError
-from kybflow.outlet import Outlet
+from kybflow.outlet import Outlet, Unwritable
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -37,7 +40,7 @@ def _version(asked: bool) -> None:
     if asked:
         from kybflow import __version__
 
-        typer.echo(f"kybflow {__version__}")
+        echo(f"kybflow {__version__}")
         raise typer.Exit
 
 
@@ -61,25 +64,40 @@ for _name, _command, _examples in (
     ("show", show.show, show.EXAMPLES),
     ("new", new.new, new.EXAMPLES),
     ("library", library.library, library.EXAMPLES),
+    ("mocap-server", mocap_server.mocap_server, mocap_server.EXAMPLES),
     ("parts", parts.parts, parts.EXAMPLES),
     ("schema", schema.schema, schema.EXAMPLES),
+    ("tags", tags.tags, tags.EXAMPLES),
 ):
     app.command(_name, epilog=_examples)(_command)
 
 
 def main() -> None:
     """The console's entry."""
-    for stream in (sys.stdout, sys.stderr):
-        reconfigure = getattr(stream, "reconfigure", None)
-        if reconfigure is not None:
-            reconfigure(errors="backslashreplace")
     # whoever read the output has seen enough: what is being done goes on, and ends as it would have
-    sys.stdout = cast(TextIO, Outlet(sys.stdout, BrokenPipeError))
+    sys.stdout = cast(TextIO, Outlet(_open(sys.stdout), BrokenPipeError))
+    sys.stderr = cast(TextIO, Outlet(_open(sys.stderr)))
     try:
-        _run(sys.argv[1:])
+        try:
+            _run(sys.argv[1:])
+        finally:
+            sys.stdout.flush()
+    except Unwritable as error:
+        echo(f"kybflow: the output can't be written: {error.strerror}", err=True)
+        sys.exit(UNWRITTEN)
     except KybflowError as error:
         echo(f"kybflow: {error}", err=True)
         sys.exit(INVALID)
+
+
+def _open(stream: TextIO | None) -> TextIO:
+    """`stream`, able to write whatever there is to say; nowhere, where it was closed (`>&-`)."""
+    if stream is None:
+        return open(os.devnull, "w", encoding="utf-8")
+    reconfigure = getattr(stream, "reconfigure", None)
+    if reconfigure is not None:
+        reconfigure(errors="backslashreplace")
+    return stream
 
 
 def _run(arguments: list[str]) -> None:

@@ -4,7 +4,8 @@ For whoever keeps the attitude level meanwhile: the behavior `land_blind`, and t
 simulated vehicle. Make a `Descent` when the descent begins, call `step` with every IMU sample, send
 the thrust that it returns, stop the rotors when it returns None.
 
-With f the specific force along body z, v the vertical speed, upward, and u = f - g its change:
+With f the specific force along body z, v the vertical speed, upward, and u = f - f0 its change,
+f0 being what was felt at rest on the ground (g where nobody knows):
 
     v' = u                                       from the speed at the beginning
     w(t) = -(v1 + v2 t + v3 t^2)                 wanted, v1 = 0.45, v2 = 0.06, v3 = 0.025
@@ -12,10 +13,10 @@ With f the specific force along body z, v the vertical speed, upward, and u = f 
     r' = 6 (a - u) / g,  T = T0 r (1 + a / g)    r = 1 at the beginning
 
 T0 is the thrust believed to hold the vehicle; r makes up for what is wrong with it, because f shows
-what the rotors really give. A constant error b of the accelerometer is an error of b t in v, which
-the growth of w outruns: it never climbs for b up to 0.25 m/s^2. Beyond that, and when f is
-nonsense, a bound on the thrust brings it down: r (1 + a / g) <= 1.25 for 6 s, then less by 0.05
-each second; it is at least 0.6, so that no reading stops the rotors in the air.
+what the rotors really give. A constant error b of f - f0 is an error of b t in v, which the growth
+of w outruns: it never climbs for b up to 0.25 m/s^2. Beyond that, and when f is nonsense, a bound
+on the thrust brings it down: r (1 + a / g) <= 1.25 for 6 s, then less by 0.05 each second; it is at
+least 0.6, so that no reading stops the rotors in the air.
 
 It has touched down when the floor carries it: f is above what the rotors can give, by 8 m/s^2 at
 once (an impact, not in the first 0.2 s, when the rotors may still give what was asked before), or
@@ -39,12 +40,14 @@ IDLE, WEIGHT, RESTED = 0.7, 0.9 * GRAVITY, 0.1
 
 class Descent:
     """hover: newtons believed to hold the vehicle; most: newtons that the rotors have; climb: the
-    vertical speed at the beginning, upward, m/s."""
+    vertical speed at the beginning, upward, m/s; rest: what was felt along body z at rest, m/s^2.
+    """
 
-    __slots__ = ("_climb", "_hover", "_most", "_ratio", "_rested", "_share", "_time")
+    __slots__ = ("_climb", "_error", "_hover", "_most", "_ratio", "_rested", "_share", "_time")
 
-    def __init__(self, hover: float, most: float, climb: float) -> None:
+    def __init__(self, hover: float, most: float, climb: float, rest: float = GRAVITY) -> None:
         self._hover, self._most = hover, most
+        self._error = rest - GRAVITY
         self._climb = climb
         self._time = self._rested = 0.0
         self._ratio = self._share = 1.0
@@ -58,6 +61,7 @@ class Descent:
         """Newtons to give from now on, None when it has touched down. lift: the specific force
         along body z (m/s^2) on average over the last `dt` seconds."""
         self._time += dt
+        lift -= self._error
         if self._landed(lift, dt):
             return None
         change = lift - GRAVITY

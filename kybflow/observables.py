@@ -14,8 +14,8 @@ from operator import attrgetter
 from typing import Protocol
 
 from kybflow.geometry import Quat, Vec3, distance, heading_of, norm, tilt_of
-from kybflow.signals import Battery, Setpoint
-from kybflow.units import ANGLE, DURATION, LENGTH, RATIO, SPEED, VOLTAGE, Dimension
+from kybflow.signals import Battery, PayloadState, Setpoint
+from kybflow.units import ANGLE, DURATION, LENGTH, NUMBER, RATIO, SPEED, VOLTAGE, Dimension
 
 
 class Unavailable(Exception):
@@ -69,18 +69,28 @@ class View(Protocol):
     def age(self) -> float: ...
     @property
     def spread(self) -> float: ...
+    @property
+    def payload(self) -> PayloadState: ...
+    @property
+    def payload_place(self) -> Vec3:
+        """Where the payload is; Unavailable where no simulator knows."""
+
+    @property
+    def releases(self) -> int: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Observable:
     """One name. `dimension` None: a name (of a state, of an estimator), compared with `==` and
-    `!=`. It is never below `low` or above `high` (SI)."""
+    `!=`; `words` are those that it may be, where they are always the same. It is never below `low`
+    or above `high` (SI)."""
 
     help: str
     dimension: Dimension | None
     read: Callable[[View], float | str]
     low: float = -inf
     high: float = inf
+    words: tuple[str, ...] = ()
 
 
 def _position_error(view: View) -> float:
@@ -134,6 +144,15 @@ OBSERVABLES: dict[str, Observable] = {
     "elapsed": Observable("Time in the present behavior.", DURATION, lambda v: v.elapsed, low=0.0),
     "behavior": Observable("Name of the present state.", None, lambda v: v.behavior),
     "estimator": Observable("Name of the estimator in use.", None, lambda v: v.estimator),
+    "payload": Observable(
+        "Where the payload is, as the vehicle acknowledged it.",
+        None,
+        lambda v: v.payload.value,
+        words=tuple(state.value for state in PayloadState),
+    ),
+    "payload.releases": Observable(
+        "How often it was released.", NUMBER, lambda v: float(v.releases), low=0.0
+    ),
 }
 
 EVENTS: dict[str, str] = {
@@ -149,9 +168,21 @@ EVENTS: dict[str, str] = {
     "landed": "The vehicle is on the ground again.",
     "estimator_changed": "Another estimator is in use.",
     "estimate_lost": "No estimator can be used.",
+    "payload_loaded": "The payload is on board.",
+    "payload_released": "The vehicle acknowledged that it let the payload go.",
+    "payload_already_released": "A payload that was let go is to be let go again; it isn't.",
+    "sensor_failed": "A sensor beside the driver delivers nothing any more.",
+    "sensor_recovered": "A sensor that had failed delivers again.",
+    "body_lost": "Motion capture gives no pose of the vehicle any more.",
+    "body_froze": "Motion capture gives the same pose of the flying vehicle over and over.",
+    "body_jumped": "In motion capture the vehicle is where no flight could have brought it.",
+    "body_swapped": "The same, and it is where another vehicle's body was.",
+    "body_recovered": "A body that was lost or froze is seen again.",
     "part_failed": "A part raised, or could not be made.",
     "failsafe_started": "The failsafe takes over.",
     "failsafe_ended": "The failsafe gives the vehicle back to what it was doing.",
+    "land_mode_started": "The vehicle lands by its own land mode.",
+    "land_mode_refused": "The vehicle's own land mode does not land it; `auto_land` does.",
     "paused": "The vehicle holds; what it was doing is frozen.",
     "resumed": "The vehicle goes on with what it was doing when it was paused.",
     "pause_refused": "The vehicle can't be paused now.",
@@ -171,7 +202,7 @@ EVENTS: dict[str, str] = {
     "option_refused": "A parameter can't have the value.",
     "fault_injected": "A fault of the mission is at work on the vehicle.",
     "fault_ended": "A fault's time is over.",
-    "fault_failed": "A fault could not be injected.",
+    "fault_failed": "A fault could not be injected, or failed at work.",
     "run_stopped": "Somebody ends the run: every vehicle lands.",
     "logged": "A callback said something.",
     "action_failed": "An action of a package raised and was left out.",
@@ -208,9 +239,21 @@ EVENT_FIELDS: dict[str, tuple[str, ...]] = {
     "landed": (),
     "estimator_changed": ("estimator", "previous", "reason", "offset", "blended"),
     "estimate_lost": ("previous", *ALARM_FIELDS),
+    "payload_loaded": (),
+    "payload_released": ("x", "y", "z", "took"),
+    "payload_already_released": (),
+    "sensor_failed": ("sensor", "reason"),
+    "sensor_recovered": ("sensor",),
+    "body_lost": ("value", "bound"),
+    "body_froze": ("value", "bound"),
+    "body_jumped": ("value", "bound"),
+    "body_swapped": ("other", "value", "bound"),
+    "body_recovered": (),
     "part_failed": ("part", "reason"),
     "failsafe_started": ALARM_FIELDS,
     "failsafe_ended": ("reaction", "alarm"),
+    "land_mode_started": (),
+    "land_mode_refused": ("reason",),
     "paused": ("by",),
     "resumed": ("by",),
     "pause_refused": ("by", "reason"),

@@ -30,16 +30,18 @@ from kybflow.units import Dimension, Vec3
 
 T = TypeVar("T")
 _KEY = "kybflow"
+_ALONE = "_kybflow_alone"
 RESERVED = frozenset(
     {
         "do", "use", "as", "then", "next", "failed", "within", "for", "at", "on", "inject", "when",
+        "estimators",
     }
 )  # fmt: skip
 Tightens = Literal["up", "down"]
 """The direction in which a safety parameter becomes stricter; a choice becomes so along its
 list."""
-Named = Literal["vehicle"]
-"""What of the mission a text can be the name of: another vehicle."""
+Named = Literal["vehicle", "estimator"]
+"""What of the mission a text can be the name of: another vehicle, an estimator of the vehicle."""
 Reads = Callable[[File], object]
 """What a part makes of a file; raises FileError for one that it can't use."""
 
@@ -84,11 +86,21 @@ def params(cls: type[T]) -> type[T]:
     return dataclass(frozen=True)(cls)
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(param,))
+def declared(cls: type[T]) -> type[T]:
+    """The same for a mapping of the language that is no part: no key stands beside its own, so that
+    they may be called as they like."""
+    whole = dataclass(frozen=True)(cls)
+    setattr(whole, _ALONE, True)
+    return whole
+
+
 @dataclass(frozen=True, slots=True)
 class Field:
     """One parameter, as the compiler, the schema and the options see it.
 
-    shape is one of: scalar, vector, path (of vectors), integer, boolean, text, file, choice.
+    shape is one of: scalar, vector, path (of vectors), integer, integers (a list of them), boolean,
+    text, file, choice.
     `dimension` is set for the first three; `choices` for the last.
     """
 
@@ -137,7 +149,7 @@ def type_of(field: Field) -> str:
     if field.choices:
         return " | ".join(field.choices)
     if field.dimension is None:
-        return field.shape
+        return "list of integers" if field.shape == "integers" else field.shape
     name = field.dimension.name
     kind = f"{field.shape} of {name}" if field.shape in ("vector", "path") else name
     return f"{kind} [{field.dimension.si}]" if field.dimension.si else kind
@@ -156,7 +168,7 @@ def _field(cls: type, field: dataclasses.Field[Any], hint: Any) -> Field:
     where = f"{cls.__module__}.{cls.__name__}.{field.name}"
     if facts is None:
         raise PartError(f"{where} is declared without `param(...)`")
-    if field.name in RESERVED:
+    if field.name in RESERVED and not getattr(cls, _ALONE, False):
         raise PartError(f"{where}: a parameter may not be called `{field.name}`")
     hint, optional = _strip_optional(hint)
     shape, dimension, choices = _shape(where, hint)
@@ -178,7 +190,9 @@ def _strip_optional(hint: Any) -> tuple[Any, bool]:
 
 
 def _shape(where: str, hint: Any) -> tuple[str, Dimension | None, tuple[str, ...]]:
-    simple = {int: "integer", bool: "boolean", str: "text", File: "file"}
+    simple = {
+        int: "integer", tuple[int, ...]: "integers", bool: "boolean", str: "text", File: "file",
+    }  # fmt: skip
     if hint in simple:
         return simple[hint], None, ()
     if get_origin(hint) is Literal:

@@ -35,6 +35,8 @@ _KINDS = {
     "supervisors": "`supervisors: [{use: NAME}]`: what watches a bound ([What happens when "
     "something breaks](failsafe.md)).",
     "drivers": "`targets: {lab: {all: {driver: {use: NAME}}}}`: how a vehicle is reached.",
+    "sensors": "`targets: {lab: {VEHICLE: {sensors: {ESTIMATOR: {use: NAME}}}}}`: where an "
+    "estimator's measurements come from, when the driver has none.",
     "faults": "`faults: [{at: 5 s, on: VEHICLE, inject: NAME}]`: what breaks, in simulation only.",
     "actions": "`on: [{event: ..., do: [{NAME: {...}}]}]`: what a callback does. The language's "
     "own stand in [Callbacks](mission-language.md#callbacks); kybflow has no others, "
@@ -45,7 +47,7 @@ _AIRFRAMES = (
     "it. It is no part, and its keys are these, beside `like`."
 )
 _COLUMNS = ("parameter", "type", "default", "bounds", "in flight", "what it is")
-_NO_OPTIONS = ("drivers", "faults", "actions")
+_NO_OPTIONS = ("drivers", "sensors", "faults", "actions")
 """The kinds whose parameters stay what they are when a run begins."""
 
 
@@ -96,7 +98,7 @@ def _row(field: Field) -> tuple[str, ...]:
 
 
 def _in_flight(field: Field) -> str:
-    if field.read_only or field.shape in ("path", "file"):
+    if field.read_only or field.shape in ("path", "file", "integers"):
         return "never"
     if field.tightens is None:
         return ""
@@ -124,6 +126,9 @@ def _facts(spec: PartSpec) -> Iterator[str]:
     elif spec.kind == "drivers":
         yield "simulated" if cls.simulated else "hardware"
         yield f"takes {_values(cls.accepts)}"
+        yield f"provides {_values(cls.provides)}"
+    elif spec.kind == "sensors":
+        yield from (["in a simulation only"] if cls.simulated else [])
         yield f"provides {_values(cls.provides)}"
     if getattr(cls, "needs", ()):
         yield f"uses {_values(cls.needs)}"

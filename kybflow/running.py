@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,17 +27,19 @@ class Asked:
 
     path: Path
     target: str | None
-    sets: tuple[str, ...]
     request: Request
     live: bool
     plain: bool
     report: bool
 
 
-def run_mission(asked: Asked, out: Console, err: Console) -> int:
-    """Fly one mission; the exit code. Findings and refusals go to `err`."""
+def run_mission(
+    asked: Asked, out: Console, err: Console, prepare: Callable[[Plan], Plan] = lambda plan: plan
+) -> int:
+    """Fly one mission, its plan made ready by `prepare`; the exit code. Findings and refusals go to
+    `err`."""
     result = compile_mission(
-        asked.path, catalog=load_catalog(), target=asked.target, sets=asked.sets
+        asked.path, catalog=load_catalog(), target=asked.target, sets=asked.request.sets
     )
     for text in findings(result, asked.path):
         err.print(text, markup=False, soft_wrap=True)
@@ -44,7 +47,7 @@ def run_mission(asked: Asked, out: Console, err: Console) -> int:
         return INVALID
     try:
         plan = _live(result.plan) if asked.live else result.plan
-        flown = _flown(plan, asked, out)
+        flown = _flown(prepare(plan), asked, out)
     except KybflowError as error:
         err.print(f"error: {error}", markup=False, soft_wrap=True)
         return INVALID

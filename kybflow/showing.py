@@ -45,6 +45,8 @@ def _vehicle(vehicle: VehiclePlan) -> Iterator[str]:
     size = format_quantity(vehicle.airframe.diameter, LENGTH)
     yield f"{vehicle.name} ({mass}, {size} across)"
     yield f"  trusts     {', '.join(e.part.name for e in vehicle.estimators) or 'nothing'}"
+    if vehicle.sensors:
+        yield f"  senses by  {', '.join(sensor.part.name for sensor in vehicle.sensors)}"
     yield f"  processed  {', '.join(p.name for p in vehicle.processors) or 'by nothing'}"
     yield f"  watched    {', '.join(s.name for s in vehicle.supervisors)}"
     own = [state for state in vehicle.states.values() if not state.built_in]

@@ -47,6 +47,11 @@ def _world(plan: Plan) -> Iterator[str]:
         yield f"obstacle {name} ({type(shape).__name__.lower()})"
     for name, point in plan.points.items():
         yield f"point {name} at {_point(point)}"
+    for family in plan.tags.families:
+        sizes = sorted({tag.size for tag in plan.tags if tag.family == family})
+        count = sum(tag.family == family for tag in plan.tags)
+        across = ", ".join(f"{size * 100:.4g} cm" for size in sizes)
+        yield f"{count} tag{'s' if count > 1 else ''} of {family} ({across})"
 
 
 def _point(point: Vec3) -> str:

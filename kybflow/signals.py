@@ -7,10 +7,13 @@ signal that is true at some time carries it. World frame ENU, body frame FLU, SI
 from __future__ import annotations
 
 from enum import Enum, IntEnum
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from kybflow.errors import EstimateMissing
 from kybflow.geometry import Quat, Vec3
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 Time = int
 NS = 1_000_000_000
@@ -23,6 +26,9 @@ class MeasurementKind(Enum):
     POSE = "pose"
     BATTERY = "battery"
     IMU = "imu"
+    FRAME = "frame"
+    POSITION = "position"
+    PAYLOAD = "payload"
 
 
 class Pose(NamedTuple):
@@ -53,7 +59,52 @@ class Imu(NamedTuple):
     angular_velocity: Vec3
 
 
-Measurement = Pose | Battery | Imu
+class Frame(NamedTuple):
+    """What a camera saw: grey, (height, width) uint8. `time` is the middle of the exposure of the
+    image's middle row, not when it arrived."""
+
+    time: Time
+    camera: str
+    image: NDArray[Any]
+
+
+class Position(NamedTuple):
+    """A position from outside without an attitude, as GPS gives it, in the world. spread: its
+    standard deviation along each axis, metres."""
+
+    time: Time
+    position: Vec3
+    spread: Vec3
+
+
+class Payload(NamedTuple):
+    """What the vehicle says of its payload: whether the servo that holds it is open, and whether it
+    is on board, None where the vehicle can't tell. It comes when something has changed, and so
+    acknowledges that the servo moved."""
+
+    time: Time
+    is_open: bool
+    aboard: bool | None
+
+
+Measurement = Pose | Battery | Imu | Frame | Position | Payload
+CLASSES: dict[MeasurementKind, type] = {
+    MeasurementKind.POSE: Pose,
+    MeasurementKind.BATTERY: Battery,
+    MeasurementKind.IMU: Imu,
+    MeasurementKind.FRAME: Frame,
+    MeasurementKind.POSITION: Position,
+    MeasurementKind.PAYLOAD: Payload,
+}
+"""The class of each kind of measurement."""
+
+
+class PayloadState(Enum):
+    """Where the payload is, as the vehicle acknowledged it. ABSENT: none was taken on board."""
+
+    ABOARD = "aboard"
+    RELEASED = "released"
+    ABSENT = "absent"
 
 
 class Estimate(NamedTuple):
@@ -75,12 +126,14 @@ class Estimate(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """The state as the simulator knows it; only the recorder and the expectations may read it."""
+    """The state as the simulator knows it; only the recorder and the expectations may read it.
+    payload: where the centre of the payload is, on board or not; None without one."""
 
     position: Vec3
     velocity: Vec3
     attitude: Quat
     angular_velocity: Vec3
+    payload: Vec3 | None = None
 
 
 class SetpointKind(Enum):
@@ -171,6 +224,14 @@ class Failed(NamedTuple):
     reason: str
 
 
+class Grip(NamedTuple):
+    """A behavior's update that also asks for the servo that holds the payload, open or closed; the
+    setpoint counts as ever. Ask until the vehicle has acknowledged it."""
+
+    setpoint: Setpoint
+    is_open: bool
+
+
 class Event(NamedTuple):
     """Something that happened. `name` is in the past tense; `at` is the mission line that caused
     it, or empty."""
@@ -189,7 +250,8 @@ class Tick(NamedTuple):
     behavior was entered.
     fleet: the frozen estimates of every vehicle (None for a vehicle without one), by name.
     setpoint: what the tracker followed in the last tick. imu: the newest one, where the vehicle
-    subscribes to it. link_age: seconds since the link delivered anything.
+    subscribes to it. link_age: seconds since the link delivered anything. payload: where it is,
+    None while nobody knows.
     """
 
     now: Time
@@ -201,6 +263,7 @@ class Tick(NamedTuple):
     fleet: dict[str, Estimate | None]
     imu: Imu | None = None
     link_age: float = 0.0
+    payload: PayloadState | None = None
 
     def known(self) -> Estimate:
         """The estimate; raises EstimateMissing where there is none."""

@@ -6,10 +6,14 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
+from kybflow.cameras import Camera
 from kybflow.geometry import GRAVITY, Vec3
-from kybflow.params import param, params
+from kybflow.params import declared, param, params
 from kybflow.shapes import Box, Shape
+from kybflow.tags import TagMap
 from kybflow.units import Angle, Damping, Duration, Force, Inertias, Length, Mass, Ratio, Speed
+
+NO_TAGS = TagMap(())
 
 
 @params
@@ -56,11 +60,23 @@ class Airframe:
         return 4.0 * self.thrust
 
 
+@declared
+class Parcel:
+    """What a vehicle carries and may release: a box under its rotors, whose lower side is level
+    with its legs."""
+
+    mass: Mass = param("Mass; no controller is told of it.", above=0.0)
+    size: Length = param("Side of the box, a cube.", above=0.0)
+    channel: int = param("Channel of the servo that holds it.", default=1, at_least=1)
+    aboard: bool = param("Whether it is on board when the mission begins.", default=True)
+
+
 class Site(NamedTuple):
     """What a vehicle's parts are built with: who it is, what it flies, where, how often.
 
     home: where `go_home` flies, None for the start. obstacles: the world's, by name. diameters:
-    of every vehicle's airframe, by name.
+    of every vehicle's airframe, by name. tags: the world's. cameras: those on the airframe, by
+    name. payload: what the vehicle carries, None for nothing.
     """
 
     vehicle: str
@@ -72,3 +88,6 @@ class Site(NamedTuple):
     home: Vec3 | None = None
     obstacles: Mapping[str, Shape] = MappingProxyType({})
     diameters: Mapping[str, float] = MappingProxyType({})
+    tags: TagMap = NO_TAGS
+    cameras: Mapping[str, Camera] = MappingProxyType({})
+    payload: Parcel | None = None

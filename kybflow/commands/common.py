@@ -10,6 +10,8 @@ import typer
 
 INVALID = 2
 """The exit code of a mission or a command line that is invalid."""
+UNWRITTEN = 1
+"""The exit code of a command whose output can't be written."""
 
 
 Target = Annotated[str | None, typer.Option("--target", help="Where to fly; `sim` by default.")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -37,6 +38,6 @@ def graph(
     if drawn.text is None:
         raise typer.Exit(INVALID)
     if out is None:
-        typer.echo(drawn.text, nl=False)
+        sys.stdout.write(drawn.text)
     else:
         write(out, drawn.text, "--out")

@@ -72,13 +72,14 @@ def run(
 
     pace = 1.0 if live and speed is None else speed
     changes = tuple(_pair(option) for option in options or ())
-    request = Request(seed, out, pace, changes, tuple(_timed(emit) for emit in emits or ()))
-    asked = Asked(mission, target, tuple(sets or ()), request, live, plain, report)
-    screen, errors = (_console(stream) for stream in (sys.stdout, sys.stderr))
+    given = tuple(_timed(emit) for emit in emits or ())
+    request = Request(seed, out, pace, changes, given, tuple(sets or ()))
+    asked = Asked(mission, target, request, live, plain, report)
+    screen, errors = (console(stream) for stream in (sys.stdout, sys.stderr))
     raise typer.Exit(run_mission(asked, screen, errors))
 
 
-def _console(stream: IO[str]) -> Console:
+def console(stream: IO[str]) -> Console:
     """A console that nothing can stop: a vehicle flies."""
     from rich.console import Console
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -32,4 +33,4 @@ def schema(
             echo(f"{check} is not current; mend it with: kybflow schema --write {check}", err=True)
             raise typer.Exit(INVALID)
     else:
-        typer.echo(text, nl=False)
+        sys.stdout.write(text)

@@ -3,7 +3,8 @@ becomes the states `pick.over`, `pick.down`, ... of the chain with its parameter
 first one on top, and, as `pick`, the arrows of the use, which hold for all of them.
 
 A state inside that has no `then`, or `then: end`, leaves by the `then` of the use, and one that
-fails without `failed` by its `failed`; `within` of the use bounds the whole chain.
+fails without `failed` by its `failed`; `within` of the use bounds the whole chain; its `estimators`
+hold for the states that name none.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ CODES = {
 }
 MAX_USES = 2000
 _ARROWS = frozenset({"then", "next", "failed", "within"})
+_KEYS = _ARROWS | {"do", "estimators"}
 
 
 class Use(NamedTuple):
@@ -136,7 +138,7 @@ class Chains:
         section = offers.entry("chains", name).get("parameters")
         if section is not None:
             section = Substitution(offers.parameters, found).apply(section)
-        given = {k: e for k, e in use.body.entries.items() if k not in (*_ARROWS, "do")}
+        given = {k: e for k, e in use.body.entries.items() if k not in _KEYS}
         settings = {key: Setting(known(e.value), e.key.span) for key, e in given.items()}
         own = declare(section, settings, found, use.do)
         self._found += [f for f in found if not use.is_alone or f.code == "KYB131"]
@@ -162,7 +164,7 @@ class Chains:
             key, value = behaviors[inner].key, used_at(behaviors[inner].value, use.places)
             full = f"{use.state}.{inner}"
             assert isinstance(value, Mapping)
-            body = arrows.of(value)
+            body = _flown_on(arrows.of(value), use.body)
             do = chain_of(body)
             if do is None:
                 span = replace(key.span, used=use.places)
@@ -192,6 +194,14 @@ class Chains:
         if begin.text not in behaviors:
             self._found.append(unknown(begin, behaviors))
         return begin.text
+
+
+def _flown_on(state: Mapping, use: Mapping) -> Mapping:
+    """A state of a chain with the `estimators` of the chain's use, where it has none of its own."""
+    named = use.entries.get("estimators")
+    if named is None or "estimators" in state.entries:
+        return state
+    return Mapping({**state.entries, "estimators": named}, state.span)
 
 
 def _same(a: Use, b: Use) -> bool:

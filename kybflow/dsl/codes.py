@@ -49,6 +49,10 @@ _FAMILIES = {
     "KYB340": "Where it goes and how fast",
     "KYB360": "Estimators and failsafe",
     "KYB370": "Files that parts read",
+    "KYB380": "Printed tags",
+    "KYB385": "Cameras",
+    "KYB390": "Sensors",
+    "KYB395": "Payloads",
 }
 """The families of codes, each from its first code on."""
 

@@ -22,6 +22,7 @@ from kybflow.dsl.resolve import resolve, resolve_library
 from kybflow.dsl.settings import FILE, parse_settings
 from kybflow.dsl.shape import shape
 from kybflow.dsl.source import Span
+from kybflow.dsl.unused_names import unused_names
 from kybflow.dsl.written import written
 
 if TYPE_CHECKING:
@@ -84,7 +85,10 @@ def _document(
     document = None if resolved is None else shape(resolved, catalog, target, found)
     if document is not None:
         found += run_checks(document, catalog)
-    return None if has_errors(found) else document, files, found
+    if mission is None or has_errors(found):
+        return None, files, found
+    found += unused_names(mission, files, (s.node for s in settings.values() if s.node))
+    return document, files, found
 
 
 def _result(

@@ -50,7 +50,7 @@ def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
 
 
 _LONGEST = 80
-_COMPARED = 200
+_COMPARED = 300
 """Comparing a name with thousands of others, thousands of times, would never end."""
 
 

@@ -7,12 +7,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from kybflow.cameras import Camera
 from kybflow.dsl.plan import Cause
 from kybflow.dsl.source import Span, Text
 from kybflow.geometry import Vec3
 from kybflow.parts import Footprint
 from kybflow.shapes import Box, Shape
-from kybflow.site import Airframe
+from kybflow.site import Airframe, Parcel
+from kybflow.tags import Tag
 
 if TYPE_CHECKING:
     from kybflow.catalog import PartSpec
@@ -57,6 +59,7 @@ class State:
     transitions: tuple[Transition, ...]
     span: Span
     inherited: bool = False
+    estimators: tuple[Text, ...] = ()
     _footprints: dict[Vec3 | None, Footprint | None] = field(
         default_factory=dict, init=False, compare=False, repr=False
     )
@@ -87,6 +90,26 @@ class EstimatorUse:
 
 
 @dataclass(frozen=True, slots=True)
+class CameraUse:
+    """One entry of an airframe's `cameras`: its parameters as declared, and the camera."""
+
+    name: Text
+    params: Any
+    camera: Camera
+    span: Span
+    spans: dict[str, Span] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class SensorUse:
+    """One sensor of a vehicle on the target: the estimator that it is named for, empty for one that
+    the driver brings."""
+
+    estimator: Text
+    part: PartUse
+
+
+@dataclass(frozen=True, slots=True)
 class Vehicle:
     """One vehicle. `begin` is the name of the first state: the one written, else the first
     behavior. `airframe_spans` holds the span of each of the airframe's parameters that was
@@ -114,6 +137,9 @@ class Vehicle:
     asked: frozenset[str] = frozenset()
     asked_first: frozenset[str] = frozenset()
     chains: dict[str, ChainUse] = field(default_factory=dict)
+    cameras: tuple[CameraUse, ...] = ()
+    sensors: tuple[SensorUse, ...] = ()
+    payload: Parcel | None = None
     known: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
     """What checks have worked out of it, for those that ask again."""
 
@@ -141,6 +167,18 @@ class ObstacleUse:
     name: Text
     shape: Shape
     span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class TagsUse:
+    """One entry of `world.tags`: its parameters as declared, and the tags that they mean. `lines`
+    are those of a file, where the tags stand in one."""
+
+    name: Text
+    params: Any
+    tags: tuple[Tag, ...]
+    span: Span
+    lines: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +217,8 @@ class FaultUse:
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """One phase of a flow as written; keys of `run` and `give` are vehicles or groups."""
+    """One phase of a flow as written; keys of `run` and `give` are vehicles or groups. `inherited`
+    is true when it came through `like`."""
 
     name: Text
     run: tuple[tuple[Text, Text], ...]
@@ -187,6 +226,7 @@ class Phase:
     set: tuple[ActionUse, ...]
     transitions: tuple[Transition, ...]
     span: Span
+    inherited: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,6 +270,7 @@ class Document:
     points: dict[str, Vec3] = field(default_factory=dict)
     point_spans: dict[str, Span] = field(default_factory=dict)
     obstacles: tuple[ObstacleUse, ...] = ()
+    tags: tuple[TagsUse, ...] = ()
     groups: dict[str, tuple[Text, ...]] = field(default_factory=dict)
     group_spans: dict[str, Span] = field(default_factory=dict)
     callbacks: tuple[Callback, ...] = ()

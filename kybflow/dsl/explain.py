@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
@@ -11,7 +12,8 @@ from kybflow.dsl.explain_commas import cut_by_yaml
 from kybflow.dsl.nodes import Mapping, Node, Scalar, describe, head_of
 from kybflow.dsl.parameters import TYPES
 from kybflow.dsl.values import decode, quantity_field
-from kybflow.units import DIMENSIONS, article
+from kybflow.params import Field
+from kybflow.units import DIMENSIONS, NUMBER, article
 
 CODES = {
     "KYB101": "A key that the language doesn't have there.",
@@ -23,7 +25,7 @@ CODES = {
     "KYB110": "A name that can't be one.",
     "KYB111": "A version of the language that this program doesn't read.",
 }
-LATER = frozenset({"inputs", "sensors"})
+LATER = frozenset({"inputs"})
 _CONDITIONS = frozenset({"when", "healthy"})
 _MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
 _SURE = 0.75
@@ -112,14 +114,12 @@ def _explain_missing(fault: Fault) -> Iterator[Diagnostic]:
 
 
 def _explain_value(fault: Fault) -> Iterator[Diagnostic]:
-    """A type, a pattern, a bound: our own decoder says it best where there is a dimension."""
+    """A type, a pattern, a bound, a choice: our own decoder says it best where it can."""
     node, name = fault.node, fault.name
     schema = fault.schema
-    dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
-    if dimension is not None:
-        found: list[Diagnostic] = []
-        shape = "vector" if "items" in schema else "scalar"
-        decode(node, quantity_field(name, dimension, shape, **_bounds(schema)), found)
+    field, found = _field(name, schema), list[Diagnostic]()
+    if field is not None:
+        decode(node, field, found)
         if found:
             yield from found
             return
@@ -148,6 +148,19 @@ def _explain_value(fault: Fault) -> Iterator[Diagnostic]:
         node.span,
         help=hint,
     )
+
+
+def _field(name: str, schema: dict[str, Any]) -> Field | None:
+    """The field that a schema was made of, as far as its decoder asks; None where that is none."""
+    dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
+    if dimension is not None:
+        shape = "vector" if "items" in schema else "scalar"
+        return quantity_field(name, dimension, shape, **_bounds(schema))
+    choices = tuple(schema.get("anyOf", [{}])[0].get("enum", ()))
+    if choices or (_bounds(schema) and "integer" in schema.get("type", ())):
+        plain = quantity_field(name, NUMBER, "choice" if choices else "integer", **_bounds(schema))
+        return replace(plain, dimension=None, choices=choices)
+    return None
 
 
 def _flow(value: Any) -> str:

@@ -25,7 +25,8 @@ HEALTH: Mapping[str, str] = {"age": "estimate.age", "spread": "estimate.spread"}
 class Scope:
     """What an expression may name. `vehicles` maps each to its states (the built-in ones too);
     `own` is the vehicle that asks, None in an expectation and in a flow; `estimators` each
-    vehicle's; `points` those of the world; `groups` maps each to its vehicles."""
+    vehicle's; `points` those of the world; `groups` maps each to its vehicles; `carriers` are the
+    vehicles with a payload."""
 
     kind: Literal["condition", "health", "expectation"]
     vehicles: Mapping[str, Collection[str]]
@@ -33,6 +34,7 @@ class Scope:
     estimators: Mapping[str, Collection[str]] = field(default_factory=dict)
     points: Mapping[str, Vec3] = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    carriers: Collection[str] = ()
     read: dict[Text, Any] = field(default_factory=dict, compare=False, repr=False)
     """What was parsed in this scope; several checks ask for the same."""
 
@@ -117,6 +119,12 @@ class Cursor:
             place = Token("name", name, token.end - len(name), token.end)
             self.unknown(place, f"the world has no point `{name}`", self.scope.points)
         return self.scope.points.get(name, ZERO)
+
+    def payload(self, vehicle: str, token: Token) -> None:
+        """A vehicle whose payload is asked for must have one."""
+        if vehicle in self.scope.vehicles and vehicle not in self.scope.carriers:
+            place = (token.start, token.end)
+            self.findings.append(errors.no_payload(self.text, place, vehicle))
 
     def group(self, token: Token) -> tuple[str, ...]:
         if token.text not in self.scope.groups:

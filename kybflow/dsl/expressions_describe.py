@@ -96,4 +96,6 @@ def _place(place: Place) -> str:
         return "[" + " ".join(f"{c:.6g}" for c in place.point) + "]"
     if place.vehicle is None:
         return "start"
+    if place.payload:
+        return f"{place.vehicle}.payload"
     return f"{place.vehicle}.start" if place.start else place.vehicle

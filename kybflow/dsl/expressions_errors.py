@@ -80,6 +80,20 @@ def unknown(
     return Diagnostic("KYB211", message, span, label="unknown", help=did_you_mean(name, known))
 
 
+def no_payload(text: Text, place: tuple[int, int], vehicle: str) -> Diagnostic:
+    """KYB211: a name that nothing in the mission has."""
+    way_out = f"give `{vehicle}` one: `payload: {{mass: 200 g, size: 10 cm}}`"
+    message, span = f"`{vehicle}` carries no payload", text.part(*place)
+    return Diagnostic("KYB211", message, span, label="unknown", help=way_out)
+
+
+def known_to_the_simulator(text: Text, place: tuple[int, int], name: str) -> Diagnostic:
+    """KYB213: a form that belongs elsewhere."""
+    message = f"where `{name}` is, only a simulator knows; no condition is asked of it"
+    way_out = "ask for it in `expect:`; a condition may ask `payload == released`"
+    return Diagnostic("KYB213", message, text.part(*place), label="not here", help=way_out)
+
+
 def group_for_one(text: Text, token: Token, message: str) -> Diagnostic:
     """KYB212: two sides that can't be compared, or a quantity of another dimension or without its
     unit, or a group where one vehicle is needed."""

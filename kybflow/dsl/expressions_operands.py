@@ -4,7 +4,8 @@ operand   := quantity | 'time' | observable | VEHICLE '.' observable | word
            | 'distance' '(' place 'to' place ')' | 'separation' '(' all | some 'and' some ... ')'
            | ('mean'|'max'|'min'|'rms') '(' operand ['in' STATE] ')'
 some      := VEHICLE | GROUP
-place     := VEHICLE | VEHICLE '.start' | 'start' | 'world.points.' NAME | '[' x y z ']'
+place     := VEHICLE | VEHICLE '.start' | 'start' | VEHICLE '.payload' | 'world.points.' NAME
+           | '[' x y z ']'
 """
 
 from __future__ import annotations
@@ -60,10 +61,15 @@ class Operands(Types):
             return (Read(None, name), OBSERVABLES[name].dimension) if name else (None, None)
         first, _, rest = token.text.partition(".")
         if token.text in OBSERVABLES and self.scope.own is not None:
-            return Read(None, token.text), OBSERVABLES[token.text].dimension
+            return self._read(None, token.text, token)
         if first in self.scope.vehicles and rest in OBSERVABLES:
-            return Read(first, rest), OBSERVABLES[rest].dimension
+            return self._read(first, rest, token)
         return None, None
+
+    def _read(self, vehicle: str | None, name: str, token: Token) -> tuple[Read, Dimension | None]:
+        if name.partition(".")[0] == "payload":
+            self.payload(vehicle or self.scope.own or "", token)
+        return Read(vehicle, name), OBSERVABLES[name].dimension
 
     def _call(self, token: Token) -> Operand:
         self.expect("(")
@@ -100,10 +106,18 @@ class Operands(Types):
             return Place(None, start=True)
         if token.text.startswith(PREFIX):
             return Place(None, point=self.point(token))
-        name = token.text.removesuffix(".start")
-        end = token.start + len(name)
-        self.vehicle(Token("name", name, token.start, end))
-        return Place(name, start=name != token.text)
+        own = "payload" if token.text.endswith(".payload") else "start"
+        name = token.text.removesuffix(f".{own}")
+        self.vehicle(Token("name", name, token.start, token.start + len(name)))
+        if name == token.text:
+            return Place(name)
+        if own == "start":
+            return Place(name, start=True)
+        self.payload(name, token)
+        if self.scope.kind != "expectation":
+            place = (token.start, token.end)
+            self.findings.append(errors.known_to_the_simulator(self.text, place, token.text))
+        return Place(name, payload=True)
 
     def _separation(self, function: Token) -> Separation:
         first = self.name("a vehicle, a group or `all`")

@@ -45,7 +45,7 @@ class Clock:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A point: where `vehicle` is, or its start pose, or `point` (metres, world).
+    """A point: where `vehicle` is, or its start pose, or its payload, or `point` (metres, world).
 
     Without a point, `vehicle` None is the vehicle that asks.
     """
@@ -53,6 +53,7 @@ class Place:
     vehicle: str | None
     start: bool = False
     point: Vec3 | None = None
+    payload: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from kybflow.dsl.expressions_tree import (
     Value,
     Word,
 )
-from kybflow.observables import chains_of
+from kybflow.observables import OBSERVABLES, chains_of
 from kybflow.units import NUMBER, RATIO, Dimension, article
 
 STAND_IN = Number(0.0, NUMBER)
@@ -92,6 +92,9 @@ class Types(Cursor):
             known = self.scope.vehicles.get(vehicle)
         elif read.name == "estimator":
             known = self.scope.estimators.get(vehicle)
+        words = OBSERVABLES[read.name].words
+        if words and token.text not in words:
+            self.unknown(token, f"`{read.name}` is never `{token.text}`", words)
         if known is not None and token.text not in known:
             message = f"`{vehicle}` has no {read.name} `{token.text}`"
             self.unknown(token, message, known)

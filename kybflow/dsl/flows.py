@@ -36,12 +36,28 @@ def flows_of(node: Node | None, found: list[Diagnostic]) -> dict[str, Flow]:
         body = entry.value
         if not isinstance(body, Mapping):
             continue  # null: not written
-        phases = {key: _phase(e, found) for key, e in entries_of(body.get("phases")).items()}
+        written = body.entries.get("phases")
+        phases = {key: _phase(e, found) for key, e in _own(written).items()}
+        if not phases:
+            message = f"the flow `{name}` needs `phases`"
+            hint = "write `phases: {...}`, or start from a flow that has some"
+            found.append(Diagnostic("KYB102", message, entry.key.span, help=hint))
+            continue
         begin = body.get("begin")
         first = next(iter(phases.values())).name
         text = begin.as_text if isinstance(begin, Scalar) else first
         flows[name] = Flow(entry.key.as_text, text, phases, entry.key.span)
     return flows
+
+
+def _own(phases: Entry | None) -> dict[str, Entry]:
+    """The phases, each of which says whether it came through `like`."""
+    if phases is None:
+        return {}
+    entries = entries_of(phases.value)
+    if not phases.inherited:
+        return entries
+    return {name: entry._replace(inherited=True) for name, entry in entries.items()}
 
 
 def _phase(entry: Entry, found: list[Diagnostic]) -> Phase:
@@ -55,6 +71,7 @@ def _phase(entry: Entry, found: list[Diagnostic]) -> Phase:
         set=() if options is None else tuple(named_values(options, found)),
         transitions=(*(next_arrow(item, found) for item in items), *_limit(body, found)),
         span=entry.key.span,
+        inherited=entry.inherited,
     )
 
 

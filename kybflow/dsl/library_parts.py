@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.chain_nodes import chain_of
+from kybflow.dsl.flows import flows_of
 from kybflow.dsl.nodes import Mapping, Node, Scalar, Sequence, entries_of, items_of
+from kybflow.dsl.offers import EMPTY
 from kybflow.dsl.shape import airframes_of
 from kybflow.dsl.skeleton import ESTIMATOR_KEYS
 from kybflow.dsl.source import PREFIX, Span
@@ -23,8 +25,8 @@ _LACKING = frozenset({"KYB102", "KYB108"})
 
 
 def judge_parts(library: Mapping, catalog: Catalog, found: list[Diagnostic]) -> None:
-    """Find what is wrong with the airframes and parts of a library, whose vehicles and stacks are
-    whole and whose chains are as written."""
+    """Find what is wrong with the airframes, parts and flows of a library, whose vehicles, stacks
+    and flows are whole and whose chains are as written."""
     list(airframes_of(library, catalog, found))
     findings: list[Diagnostic] = []
     uses, left = Uses(catalog, findings), set[Span]()
@@ -32,6 +34,8 @@ def judge_parts(library: Mapping, catalog: Catalog, found: list[Diagnostic]) -> 
         for entry in entries_of(library.get(section)).values():
             _judge(entry.value, uses)
             left.update(_left_open(entry.value))
+    flows_of(library.get("flows"), findings)
+    left.update(_left_open(library.get("flows") or EMPTY))
     found += (f for f in findings if f.code not in _LACKING and f.span not in left)
 
 

@@ -15,6 +15,8 @@ from kybflow.dsl.substitution import Substitution
 
 MAX_IMPORTS = 200
 _CHAIN = 20
+_WITH = "with: {{{}: ...}}"
+"""How an import gives a parameter its value."""
 _KEPT = frozenset({"import", "parameters"})
 
 
@@ -88,7 +90,7 @@ class Loader:
         if root is None:
             return None
         files.open[real] = at
-        declared = declare(root.get("parameters"), settings, self._found)
+        declared = declare(root.get("parameters"), settings, self._found, set_by=_WITH)
         offers, _, _ = self.offers(root, declared, target)
         del files.open[real]
         return offers

@@ -3,8 +3,11 @@ reduced to `file:line`."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
+from kybflow.cameras import Camera
+from kybflow.dsl.attachments import files_of
 from kybflow.dsl.built_in import BUILT_IN, end_of, failure_of
 from kybflow.dsl.document import Document, FaultUse, PartUse, State, Transition, Vehicle
 from kybflow.dsl.expressions import Expression, Scope, parse
@@ -16,6 +19,7 @@ from kybflow.dsl.plan import (
     FaultPlan,
     PartPlan,
     Plan,
+    SensorPlan,
     SourceFile,
     StatePlan,
     TransitionPlan,
@@ -23,6 +27,7 @@ from kybflow.dsl.plan import (
 )
 from kybflow.dsl.scopes import Scopes
 from kybflow.dsl.source import Text
+from kybflow.tags import TagMap
 
 if TYPE_CHECKING:
     from kybflow.catalog import Catalog
@@ -58,10 +63,12 @@ def lower(
         resolved=resolved,
         obstacles={use.name.text: use.shape for use in document.obstacles},
         points=document.points,
+        tags=TagMap(tag for use in document.tags for tag in use.tags),
         groups={name: tuple(m.text for m in of) for name, of in document.groups.items()},
         flows=flow_plans(document, scopes.flow(), catalog),
         callbacks=callback_plans(document, scopes.flow(), catalog),
         faults=tuple(_fault(use, scopes) for use in document.faults),
+        files=files_of(document),
     )
 
 
@@ -107,7 +114,29 @@ def _vehicle(
         at=vehicle.span.at,
         home=vehicle.home,
         hover_limit=hover_limit,
+        cameras=_cameras(vehicle),
+        sensors=tuple(_sensors(vehicle)),
+        payload=vehicle.payload,
     )
+
+
+def _cameras(vehicle: Vehicle) -> dict[str, Camera]:
+    """The airframe's, as the sensors on this target have them."""
+    cameras: Mapping[str, Camera] = {use.name.text: use.camera for use in vehicle.cameras}
+    for use in vehicle.sensors:
+        cameras = use.part.spec.cls.seen_by(use.part.params, cameras)
+    return dict(cameras)
+
+
+def _sensors(vehicle: Vehicle) -> Iterator[SensorPlan]:
+    """Each sensor once, however many estimators it is named for."""
+    named: dict[tuple[str, Any], tuple[PartUse, list[str]]] = {}
+    for use in vehicle.sensors:
+        _, names = named.setdefault((use.part.spec.name, use.part.params), (use.part, []))
+        names += [use.estimator.text] if use.estimator.text else []
+    for part, names in named.values():
+        label = names[0] if names else part.label
+        yield SensorPlan(_part(part, f"sensors.{label}"), tuple(names))
 
 
 def _part(use: PartUse, label: str) -> PartPlan:
@@ -126,7 +155,9 @@ def _state(state: State, vehicle: str, scopes: Scopes) -> StatePlan:
     order = ("next", "then", "failed", "within")
     arrows.sort(key=lambda arrow: order.index(arrow.cause))
     name = state.name.text
-    return StatePlan(name, _part(state.part, _label(name)), legs, tuple(arrows), at=at)
+    estimators = tuple(text.text for text in state.estimators)
+    behavior = _part(state.part, _label(name))
+    return StatePlan(name, behavior, legs, tuple(arrows), at=at, estimators=estimators)
 
 
 def _label(state: str) -> str:

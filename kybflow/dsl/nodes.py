@@ -54,11 +54,13 @@ class Scalar(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """One key of a mapping with its value. `inherited`: it came through `like` or the defaults."""
+    """One key of a mapping with its value. `inherited`: it came through `like` or the defaults;
+    `used`: the places of the `like` through which a flow has it, outermost first."""
 
     key: Scalar
     value: Node
     inherited: bool = False
+    used: tuple[Span, ...] = ()
 
 
 class Mapping(NamedTuple):

@@ -1,5 +1,5 @@
-"""What a file offers: its airframes, vehicles, stacks and worlds, each whole after `like`; its
-chains as they are written."""
+"""What a file offers: its airframes, vehicles, stacks, worlds and flows, each whole after `like`;
+its chains as they are written."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from kybflow.dsl.stacks import with_stacks
 _CHAIN = 20
 EMPTY = Mapping({}, Span("", 1, 1, 1, 1))
 _STANDARD = "kybflow/airframes"
-SECTIONS = ("airframes", "vehicles", "chains", "stacks", "worlds")
+SECTIONS = ("airframes", "vehicles", "chains", "stacks", "worlds", "flows")
 """What a library offers."""
+_REMOVED = {"vehicles": "behaviors", "flows": "phases"}
 
 
 class Offers:
@@ -39,6 +40,7 @@ class Offers:
         self.parameters = parameters
         self._done: dict[tuple[str, str], Mapping | None] = {}
         self._qualified: dict[tuple[str, str], Mapping] = {}
+        self._written: dict[str, dict[str, Entry]] = {}
         self._open: list[tuple[str, str]] = []
 
     def own(self, section: str) -> list[str]:
@@ -74,9 +76,11 @@ class Offers:
         plain = Mapping({k: e for k, e in own.entries.items() if k != "like"}, own.span)
         if section in ("vehicles", "stacks"):
             plain = with_stacks(plain, self._stack, self._found)
-        whole = merge(base, plain)
-        if section == "vehicles":
-            self._found += _not_there(base.get("behaviors"), plain.get("behaviors"))
+        used = (like.span,) if section == "flows" and isinstance(like, Scalar) else ()
+        whole = merge(base, plain, used)
+        removed = _REMOVED.get(section)
+        if removed is not None:
+            self._found += _not_there(base.get(removed), plain.get(removed), removed)
         airframe = plain.entries.get("airframe")
         if section == "vehicles" and airframe and whole.get("airframe") is not None:
             body = self.started("airframes", airframe.value, whole.get("airframe"))
@@ -108,9 +112,9 @@ class Offers:
         library, _, inner = name.text.rpartition(".")
         if library in self._imports:
             offers = self._imports[library]
-            if offers is None or inner in offers.own(section):
+            if offers is None or inner in offers.written(section):
                 return None if offers is None else self._imported(section, library, inner, offers)
-        elif not library and inner in self.names(section):
+        elif not library and inner in self.written(section):
             return self.get(section, inner)
         self._found.append(self._unknown(section, name, library))
         return None
@@ -151,8 +155,10 @@ class Offers:
 
     def written(self, section: str) -> dict[str, Entry]:
         """The own entries as they are written, those that are null left out."""
-        entries = entries_of(self._root.get(section))
-        return {name: e for name, e in entries.items() if not is_null(e.value)}
+        if section not in self._written:
+            entries = entries_of(self._root.get(section))
+            self._written[section] = {n: e for n, e in entries.items() if not is_null(e.value)}
+        return self._written[section]
 
     def entry(self, section: str, name: str) -> Mapping:
         """An own entry as it is written."""
@@ -171,12 +177,12 @@ class Offers:
         return Diagnostic("KYB124", f"no {what} is called `{name.text}`", name.span, help=hint)
 
 
-def _not_there(base: Node | None, own: Node | None) -> Iterator[Diagnostic]:
-    """KYB129 for each behavior that is removed, and that `like` does not bring."""
+def _not_there(base: Node | None, own: Node | None, what: str) -> Iterator[Diagnostic]:
+    """KYB129 for each of `what` that is removed, and that `like` does not bring."""
     brought = entries_of(base)
     for name, entry in entries_of(own).items():
         if is_null(entry.value) and name not in brought:
-            message = f"there is no behavior `{name}` to remove"
+            message = f"there is no {what[:-1]} `{name}` to remove"
             hint = did_you_mean(name, brought) or "leave it away"
             warning = Severity.WARNING
             yield Diagnostic("KYB129", message, entry.key.span, help=hint, severity=warning)

@@ -56,16 +56,17 @@ def declare(
     settings: MappingOf[str, Setting],
     found: list[Diagnostic],
     use: Scalar | None = None,
+    set_by: str = "--set {}=...",
 ) -> Parameters:
     """The parameters of `section` after `settings` (values by name). `use` is the place where a
-    chain is used; None for a file."""
+    chain is used; None for a file, whose parameters are `set_by` that."""
     entries = section.entries if isinstance(section, Mapping) else {}
     declared: dict[str, Declared] = {}
     for name, entry in entries.items():
         given = settings.get(name)
         if given is not None and given.node is None:
             continue
-        one = _declare(name, entry, given.node if given else None, found, use)
+        one = _declare(name, entry, given.node if given else None, found, use, set_by)
         if one is not None:
             declared[name] = one
     for name, setting in settings.items():
@@ -78,7 +79,12 @@ def declare(
 
 
 def _declare(
-    name: str, entry: Entry, setting: Node | None, found: list[Diagnostic], use: Scalar | None
+    name: str,
+    entry: Entry,
+    setting: Node | None,
+    found: list[Diagnostic],
+    use: Scalar | None,
+    set_by: str,
 ) -> Declared | None:
     body = entry.value
     if not isinstance(body, Mapping):
@@ -99,7 +105,7 @@ def _declare(
     default_value = None if default is None else _value(default, field, found)
     node = setting or default
     if node is None:
-        found.append(_valueless(name, entry.key.span, use))
+        found.append(_valueless(name, entry.key.span, use, set_by))
         return None
     value = default_value if setting is None else _value(node, field, found)
     if value is None:
@@ -108,9 +114,9 @@ def _declare(
     return Declared(Parameter(name, kind.text, value), shown, entry.key.span)
 
 
-def _valueless(name: str, declared: Span, use: Scalar | None) -> Diagnostic:
+def _valueless(name: str, declared: Span, use: Scalar | None, set_by: str) -> Diagnostic:
     if use is None:
-        hint = f"set it with `--set {name}=...`, or give it a `default`"
+        hint = f"set it with `{set_by.format(name)}`, or give it a `default`"
         return Diagnostic("KYB132", f"`{name}` has no value", declared, help=hint)
     message, notes = f"`{use.text}` needs `{name}`", (f"declared at {declared.at}",)
     hint = f"write `{name}: ...` beside `do`"

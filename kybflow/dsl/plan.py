@@ -10,11 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from kybflow.cameras import Camera
 from kybflow.dsl.expressions import Expression
+from kybflow.files import File
 from kybflow.geometry import Vec3
 from kybflow.parts import Leg
 from kybflow.shapes import Box, Shape
-from kybflow.site import Airframe
+from kybflow.site import NO_TAGS, Airframe, Parcel
+from kybflow.tags import TagMap
 
 Cause = Literal["next", "then", "failed", "within"]
 END = "end"
@@ -59,7 +62,8 @@ class TransitionPlan:
 
 @dataclass(frozen=True, slots=True)
 class StatePlan:
-    """One state of a vehicle: a behavior and its arrows, in the order in which they are asked."""
+    """One state of a vehicle: a behavior and its arrows, in the order in which they are asked.
+    `estimators` come before the vehicle's others, in this order, while it is active."""
 
     name: str
     behavior: PartPlan
@@ -67,6 +71,7 @@ class StatePlan:
     transitions: tuple[TransitionPlan, ...]
     built_in: bool = False
     at: str = ""
+    estimators: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +83,15 @@ class EstimatorPlan:
     healthy: Expression | None
     recover_after: float
     for_at_most: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class SensorPlan:
+    """A sensor beside the driver: the estimators that it was named for, none where the driver
+    brings it."""
+
+    part: PartPlan
+    estimators: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +114,9 @@ class VehiclePlan:
     """Where `go_home` flies; None for the start."""
     hover_limit: float = 30.0
     """Seconds after which a vehicle that was paused or braked lands."""
+    cameras: dict[str, Camera] = field(default_factory=dict)
+    sensors: tuple[SensorPlan, ...] = ()
+    payload: Parcel | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,7 +275,10 @@ class Plan:
     """The mission after imports, `like`, parameters and defaults, as YAML text."""
     obstacles: dict[str, Shape] = field(default_factory=dict)
     points: dict[str, Vec3] = field(default_factory=dict)
+    tags: TagMap = NO_TAGS
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
     callbacks: tuple[CallbackPlan, ...] = ()
     faults: tuple[FaultPlan, ...] = ()
     flows: tuple[FlowPlan, ...] = ()
+    files: tuple[File, ...] = ()
+    """What parameters name, each as it is written in `resolved`."""

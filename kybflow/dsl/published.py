@@ -26,6 +26,9 @@ def mission_schema(catalog: Catalog) -> Schema:
     )
     target = root["properties"]["targets"]["additionalProperties"]["additionalProperties"]
     target["properties"]["driver"] = _chosen(catalog, "drivers", target["properties"]["driver"])
+    sensors = target["properties"]["sensors"]
+    one = _chosen(catalog, "sensors", sensors["additionalProperties"])
+    sensors["additionalProperties"] = one
     _reused(root["properties"])
     faults = root["properties"]["faults"]
     faults["items"] = _chosen(catalog, "faults", faults["items"], "inject")

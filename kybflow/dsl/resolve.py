@@ -10,6 +10,7 @@ from kybflow.dsl.chains import Chains
 from kybflow.dsl.diagnostics import Diagnostic, has_errors
 from kybflow.dsl.document import Parameter
 from kybflow.dsl.imports import judged
+from kybflow.dsl.like import UsedAt
 from kybflow.dsl.loading import Files, Loader, library_root
 from kybflow.dsl.nodes import Entry, Mapping, count, entries_of
 from kybflow.dsl.offers import EMPTY, Offers
@@ -23,9 +24,9 @@ MAX_AFTER_LIKE = 200_000
 
 
 class Resolved(NamedTuple):
-    """A mission after imports, parameters and `like`: its top level, whose `airframes` and
-    `vehicles` are whole. `names_points`: a point's name stands somewhere; `chains` are the names of
-    those at hand."""
+    """A mission after imports, parameters and `like`: its top level, whose `airframes`, `vehicles`
+    and `flows` are whole. `names_points`: a point's name stands somewhere; `chains` are the names
+    of those at hand."""
 
     root: Mapping
     parameters: dict[str, Parameter]
@@ -52,19 +53,19 @@ def resolve(
         if vehicle is not None:
             vehicle = chains.expanded(vehicle)
             whole[name] = Entry(entry.key, vehicle)
-            room -= count(vehicle, room)
+            room = _left(room, vehicle, entry, found)
         if room <= 0:
-            message = f"more than {MAX_AFTER_LIKE} values after `like`"
-            found.append(Diagnostic("KYB126", message, entry.key.span))
             break
     chains.judge()
     airframes = _whole("airframes", plain, offers)
+    sections = {"airframes": airframes, "flows": _flows(plain, offers, room, found)}
     world = _world(plain, offers)
     if has_errors(found):
         return None
     entries = {**plain.entries, **world}
-    if airframes is not None:
-        entries["airframes"] = Entry(entries["airframes"].key, airframes)
+    for key, section in sections.items():
+        if section is not None:
+            entries[key] = Entry(entries[key].key, section)
     entries["vehicles"] = Entry(entries["vehicles"].key, Mapping(whole, vehicles.span))
     parameters = {name: d.parameter for name, d in declared.declared.items()}
     texts = (source.text for source in files.sources.values())
@@ -84,6 +85,34 @@ def _world(plain: Mapping, offers: Offers) -> dict[str, Entry]:
     return {} if whole is None else {"world": written._replace(value=whole)}
 
 
+def _left(room: int, whole: Mapping, entry: Entry, found: list[Diagnostic]) -> int:
+    """How much of `room` is left after `entry`, which is `whole` then; a finding where nothing
+    is."""
+    left = room - count(whole, room)
+    if left <= 0:
+        message = f"more than {MAX_AFTER_LIKE} values after `like`"
+        found.append(Diagnostic("KYB126", message, entry.key.span))
+    return left
+
+
+def _flows(plain: Mapping, offers: Offers, room: int, found: list[Diagnostic]) -> Mapping | None:
+    """The flows of the file itself, each whole, as long as there is `room`; None where there are
+    none. What is said in them gets its meaning where they are used, so they remember that."""
+    written = plain.entries.get("flows")
+    if written is None:
+        return None
+    whole: dict[str, Entry] = {}
+    for name, entry in offers.written("flows").items():
+        flow = offers.get("flows", name) if room > 0 else None
+        if flow is not None:
+            whole[name] = Entry(entry.key, flow)
+            room = _left(room, flow, entry, found)
+    if room > 0:
+        used = UsedAt()
+        whole = {name: e._replace(value=used.marked(e.value)) for name, e in whole.items()}
+    return Mapping(whole, written.key.span)
+
+
 def _whole(section: str, plain: Mapping, offers: Offers) -> Mapping | None:
     """A section of the file itself, each of its entries whole; None where there is none."""
     written = plain.entries.get(section)
@@ -91,15 +120,15 @@ def _whole(section: str, plain: Mapping, offers: Offers) -> Mapping | None:
         return None
     whole = {
         name: Entry(entry.key, body)
-        for name, entry in entries_of(written.value).items()
+        for name, entry in offers.written(section).items()
         if (body := offers.get(section, name)) is not None
     }
     return Mapping(whole, written.key.span)
 
 
 def resolve_library(source: Source, files: Files, found: list[Diagnostic]) -> Mapping:
-    """Find what is wrong with a library file on its own; itself, its airframes, vehicles and stacks
-    whole. A parameter without a value is none of it: an import gives one."""
+    """Find what is wrong with a library file on its own; itself, its airframes, vehicles, stacks
+    and flows whole. A parameter without a value is none of it: an import gives one."""
     root = library_root(judged(source), Span(source.file, 1, 1, 1, 1), found)
     if root is None:
         return EMPTY
@@ -110,6 +139,7 @@ def resolve_library(source: Source, files: Files, found: list[Diagnostic]) -> Ma
     offers, plain, substitution = loader.offers(root, declared, files.mission)
     found += substitution.unused()
     whole = {key: _whole(key, plain, offers) for key in ("airframes", "vehicles", "stacks")}
+    whole["flows"] = _flows(plain, offers, MAX_AFTER_LIKE, found)
     chains = Chains(offers, found)
     for entry in entries_of(whole["vehicles"]).values():
         if isinstance(entry.value, Mapping):

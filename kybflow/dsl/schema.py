@@ -7,6 +7,7 @@ the dimension of a quantity, so that a finding can say which was needed.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from kybflow.dsl.values import bounds_of, shown_value
@@ -94,6 +95,9 @@ def field_schema(field: Field) -> Schema:
         return {"description": text, "type": "string", "anyOf": choices}
     if field.shape in ("text", "file"):
         return {"description": text, "type": "string"}
+    if field.shape == "integers":
+        one = replace(field, shape="integer", help="One of them.", required=True)
+        return {"description": text, "type": "array", "items": field_schema(one)}
     return {
         "description": text,
         "type": [field.shape, "string"],

@@ -21,6 +21,7 @@ class Scopes:
             name: tuple(use.part.label for use in v.estimators) for name, v in vehicles
         }
         self._points = document.points
+        self._carriers = frozenset(name for name, v in vehicles if v.payload is not None)
         self._scopes: dict[tuple[str, str | None], Scope] = {}
         self._groups = {
             name: tuple(member.text for member in members)
@@ -43,7 +44,9 @@ class Scopes:
         return self._scope("expectation", None)
 
     def _scope(self, kind: Literal["condition", "expectation"], own: str | None) -> Scope:
-        whole = (self._states, own, self._estimators, self._points, self._groups)
+        whole = (
+            self._states, own, self._estimators, self._points, self._groups, self._carriers,
+        )  # fmt: skip
         return self._made(kind, own, lambda: Scope(kind, *whole))
 
     def _made(self, kind: str, own: str | None, make: Callable[[], Scope]) -> Scope:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from kybflow.dsl.asked import with_asked
 from kybflow.dsl.callbacks import callbacks
+from kybflow.dsl.cameras import cameras_of, without_cameras
 from kybflow.dsl.diagnostics import Diagnostic, has_errors
 from kybflow.dsl.document import AirframeUse, Document, PartUse, Vehicle
 from kybflow.dsl.faults import faults_of
@@ -15,6 +16,7 @@ from kybflow.dsl.flows import flows_of, groups_of, with_waiting
 from kybflow.dsl.nodes import Mapping, Node, Scalar, entries_of, items_of
 from kybflow.dsl.points import placed, with_points
 from kybflow.dsl.resolve import Resolved
+from kybflow.dsl.sensors import with_sensors
 from kybflow.dsl.source import Span, Text
 from kybflow.dsl.targets import drivers_of, other_targets, target_of
 from kybflow.dsl.uses import Uses
@@ -34,6 +36,7 @@ CONTROL_RATE = 250
 LEAST_CONTROL, MOST_CONTROL = 25, 1000
 HOVER_LIMIT = 30.0
 TIME_LIMIT = 600.0
+_LACKING = frozenset({"KYB108", "KYB385"})
 
 
 def shape(
@@ -58,7 +61,7 @@ def shape(
         control_span=_span_of(root.get("control")),
         hover_limit=_duration(root, "hover_limit", HOVER_LIMIT, found),
         time_limit=_duration(root, "time_limit", TIME_LIMIT, found),
-        vehicles=_vehicles(root, drivers, Vehicles(uses)),
+        vehicles=with_sensors(root, name, uses, _vehicles(root, drivers, Vehicles(uses))),
         expect=tuple(
             item.as_text for item in items_of(root.get("expect")) if isinstance(item, Scalar)
         ),
@@ -67,6 +70,7 @@ def shape(
         points=world.points,
         point_spans=world.point_spans,
         obstacles=world.obstacles,
+        tags=world.tags,
         groups=groups_of(root.get("groups")),
         group_spans={n: e.key.span for n, e in entries_of(root.get("groups")).items()},
         flows=flows_of(root.get("flows"), found),
@@ -124,10 +128,12 @@ def airframes_of(root: Mapping, catalog: Catalog, found: list[Diagnostic]) -> It
     for entry in entries_of(root.get("airframes")).values():
         body, findings = entry.value, list[Diagnostic]()
         assert isinstance(body, Mapping)
-        airframe = Uses(catalog, findings).params(Airframe, body, "airframe", entry.key.span)
-        found += [finding for finding in findings if finding.code != "KYB108"]
+        own = without_cameras(body)
+        airframe = Uses(catalog, findings).params(Airframe, own, "airframe", entry.key.span)
+        list(cameras_of(body, findings))
+        found += [finding for finding in findings if finding.code not in _LACKING]
         if airframe is not None:
-            spans = {key: own.value.span for key, own in body.entries.items()}
+            spans = {key: value.value.span for key, value in own.entries.items()}
             yield AirframeUse(entry.key.as_text, airframe, spans)
 
 

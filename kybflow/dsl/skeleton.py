@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from kybflow.dsl.camera_params import CameraParams
 from kybflow.dsl.parameters import TYPES
 from kybflow.dsl.schema import Schema, params_schema, quantity, vector
 from kybflow.dsl.skeleton_base import DOTTED, NEXT, mapping, named, text, title, use, uses
@@ -10,7 +11,7 @@ from kybflow.dsl.skeleton_flows import flows_schema, groups_schema
 from kybflow.dsl.skeleton_on import on_schema
 from kybflow.dsl.skeleton_world import world, worlds
 from kybflow.params import fields_of
-from kybflow.site import Airframe
+from kybflow.site import Airframe, Parcel
 from kybflow.units import ANGLE, DURATION, FREQUENCY, LENGTH
 
 STATE: Schema = {
@@ -27,6 +28,12 @@ STATE: Schema = {
         },
         "failed": text("Where to go when it fails."),
         "within": quantity(DURATION, "It fails when it takes longer.", exclusiveMinimum=0),
+        "estimators": {
+            "description": "Estimators of the vehicle that come first here, in this order.",
+            "type": "array",
+            "items": text("Name of an estimator."),
+            "examples": [["mocap"]],
+        },
     },
 }
 ESTIMATOR_KEYS: Schema = {
@@ -50,8 +57,17 @@ def _airframe() -> Schema:
     return {
         **schema,
         "required": [],
-        "properties": {"like": text("Start from this airframe."), **schema["properties"]},
+        "properties": {
+            "like": text("Start from this airframe."),
+            **schema["properties"],
+            "cameras": named("Cameras that it carries, by name.", _camera()),
+        },
     }
+
+
+def _camera() -> Schema:
+    schema = params_schema(fields_of(CameraParams), "camera")
+    return {**schema, "description": "A camera.", "required": []}
 
 
 def _vehicle() -> Schema:
@@ -66,6 +82,7 @@ def _vehicle() -> Schema:
             "airframe": {**airframe, "description": "Name of an airframe, or its numbers."},
             "start": START,
             "home": vector(LENGTH, "Where `go_home` flies; its start without it."),
+            "payload": _payload(),
             "tracker": {
                 **use("tracker", "What turns the setpoint into a command."),
                 "required": [],
@@ -75,6 +92,17 @@ def _vehicle() -> Schema:
             "behaviors": behaviors(),
         },
     )  # fmt: skip
+
+
+def _payload() -> Schema:
+    schema = params_schema(fields_of(Parcel), "payload")
+    example = {"mass": "200 g", "size": "10 cm", "channel": 1, "aboard": True}
+    return {
+        **schema,
+        "description": "What it carries and may release.",
+        "required": [],
+        "examples": [example],
+    }
 
 
 def behaviors() -> Schema:
@@ -164,7 +192,8 @@ def library_schema() -> Schema:
     """The shape of a library file."""
     return mapping(
         "library", "What missions share.",
-        {"library": title(), **_shared(), "worlds": worlds()}, required=["library"],
+        {"library": title(), **_shared(), "worlds": worlds(), "flows": flows_schema()},
+        required=["library"],
     )  # fmt: skip
 
 
@@ -209,6 +238,10 @@ def _rates() -> Schema:
 
 def _targets() -> Schema:
     driver = use("driver", "What flies it.")
-    place = mapping("vehicle's target", "How a vehicle is reached.", {"driver": driver})
+    sensor = use("sensor", "Where the estimator's measurements come from.")
+    sensors = named("Sensors beside the driver, each under the name of an estimator.", sensor)
+    place = mapping(
+        "vehicle's target", "How a vehicle is reached.", {"driver": driver, "sensors": sensors}
+    )
     target = named("One target: `all`, or a vehicle's name.", place)
     return named("Where the mission can fly; `sim` is implied.", target)

@@ -1,4 +1,4 @@
-"""The shape of `groups:` and `flows:`."""
+"""The shape of `groups:` and `flows:`, and of a library's `flows:`."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ def groups_schema() -> Schema:
 
 def flows_schema() -> Schema:
     """Every flow by its name."""
-    flow = mapping(
-        "flow",
-        "Phases over several vehicles; a vehicle is driven by one flow at a time.",
-        {
-            "begin": text("The first phase; without it the topmost."),
-            "phases": named("Its phases: exactly one is active.", _phase(), minProperties=1),
-        },
-        required=["phases"],
-    )
+    like = "Start from this flow: mappings merge, lists are replaced, null removes."
+    keys: Schema = {
+        "like": text(like),
+        "begin": text("The first phase; without it the topmost."),
+        "phases": named("Its phases: exactly one is active.", _phase(), minProperties=1),
+    }
+    alone = {"title": "flow", "properties": dict.fromkeys(keys, True), "required": ["phases"]}
+    says = "Phases over several vehicles; a vehicle is driven by one flow at a time."
+    flow = mapping("flow", says, keys, **{"if": {"required": ["like"]}, "else": alone})
     return named("What several vehicles do together, flows side by side.", flow)
 
 

@@ -3,8 +3,10 @@ it, and `kybflow.dsl.world` says what is missing then."""
 
 from __future__ import annotations
 
-from kybflow.dsl.schema import Schema, quantity, vector
+from kybflow.dsl.schema import Schema, params_schema, quantity, vector
 from kybflow.dsl.skeleton_base import mapping, named, text
+from kybflow.dsl.tag_params import GridParams, TagFile, TagParams
+from kybflow.params import fields_of
 from kybflow.units import LENGTH, NUMBER
 
 
@@ -32,6 +34,7 @@ def _mapping_of_world() -> Schema:
                 vector(LENGTH, "A place."),
             ),
             "obstacles": named("What stands in the way, by name.", _obstacle()),
+            "tags": named("Printed tags to find the way by, by name.", _tags()),
         },
     )
 
@@ -63,6 +66,23 @@ def _obstacle() -> Schema:
             "plane": _solid("plane", "A wall without end.", {"at": point, "facing": facing}),
         },
     )
+
+
+def _tags() -> Schema:
+    return mapping(
+        "entry of tags",
+        "Printed tags: a grid, a single one, or those of a file.",
+        {
+            "grid": _declared(GridParams, "grid", "Tags in columns and rows."),
+            "tag": _declared(TagParams, "tag", "One tag."),
+            **params_schema(fields_of(TagFile), "file")["properties"],
+        },
+    )
+
+
+def _declared(cls: type, title: str, help: str) -> Schema:
+    whole = params_schema(fields_of(cls), title)
+    return {**whole, "description": help, "required": []}
 
 
 def _solid(name: str, help: str, properties: Schema) -> Schema:

@@ -30,6 +30,10 @@ class Span:
         """`file:line`, as events and plans carry it."""
         return f"{self.file}:{self.line}"
 
+    def beside(self, other: Span) -> str:
+        """Where it is, for a report about `other`: its line, and its file where that differs."""
+        return f"line {self.line}" if self.file == other.file else self.at
+
 
 class Inset(NamedTuple):
     """A value in the place of a parameter: the characters `start` to `end` of the text stand for

@@ -19,7 +19,8 @@ from kybflow.dsl.source import Span, Text
 from kybflow.dsl.uses import Uses
 from kybflow.observables import chains_of
 
-KEYS = frozenset({"then", "next", "failed", "within"})
+KEYS = frozenset({"then", "next", "failed", "within", "estimators"})
+_OF_CHAINS = KEYS - {"estimators"}
 
 
 class States:
@@ -54,10 +55,10 @@ class States:
         name = entry.key.text
         assert isinstance(entry.value, Mapping)
         for key, inner in entry.value.entries.items():
-            if key not in KEYS:
+            if key not in _OF_CHAINS:
                 message, span = f"`{key}` is no key of a chain's own entry", inner.key.span
                 self._found.append(
-                    Diagnostic("KYB101", message, span, help=did_you_mean(key, KEYS))
+                    Diagnostic("KYB101", message, span, help=did_you_mean(key, _OF_CHAINS))
                 )
         arrows = tuple(replace(a, since=name) for a in self._written(entry.value))
         return ChainUse(entry.key.as_text, arrows, entry.key.span)
@@ -70,7 +71,9 @@ class States:
         part = PartUse(use.name, use.spec, use.params, name.text, use.span, use.spans)
         around = [self.chains[c].transitions for c in chains_of(name.text) if c in self.chains]
         arrows = _joined(list(self._written(node)), around, _implied(part))
-        return State(name.as_text, part, arrows, name.span, entry.inherited)
+        first = (n for n in items_of(node.get("estimators")) if isinstance(n, Scalar))
+        estimators = tuple(item.as_text for item in first)
+        return State(name.as_text, part, arrows, name.span, entry.inherited, estimators)
 
     def _written(self, node: Mapping) -> Iterator[Transition]:
         """The arrows of one entry; the goal of `within` is that of its `failed`, else empty."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from kybflow.dsl.diagnostics import Diagnostic, Severity, did_you_mean
 from kybflow.dsl.document import PartUse
 from kybflow.dsl.nodes import Entry, Mapping, Scalar, entries_of
+from kybflow.dsl.sensors import sensors_of
 from kybflow.dsl.source import Span, Text
 from kybflow.dsl.uses import Uses
 
@@ -76,12 +77,14 @@ def _decoded(
 
 
 def other_targets(root: Mapping, chosen: Text, catalog: Catalog) -> list[Diagnostic]:
-    """What is wrong with the targets that are not flown on; a driver that is not installed here is
-    only a warning then."""
+    """What is wrong with the targets that are not flown on; what is not installed here
+    is only a warning then."""
     found: list[Diagnostic] = []
     for name, entry in entries_of(root.get("targets")).items():
         if name != chosen.text:
-            entries = entries_of(entry.value)
-            _decoded(entries, entries_of(root.get("vehicles")), Uses(catalog, found))
+            entries, vehicles = entries_of(entry.value), entries_of(root.get("vehicles"))
+            uses = Uses(catalog, found)
+            _decoded(entries, vehicles, uses)
+            sensors_of(entries, vehicles, uses)
     missing = ("KYB140", "KYB141")
     return [replace(d, severity=Severity.WARNING) if d.code in missing else d for d in found]

@@ -106,22 +106,8 @@ class Uses:
     def params(
         self, cls: type, body: Mapping, part: str, head: Span, beside: frozenset[str] = frozenset()
     ) -> Any:
-        """The parameters of `part` as `cls`; None when they have errors. `head` is the place for
-        what is missing, `beside` are keys that could be meant too."""
-        fields = fields_of(cls)
-        if not body.entries and not any(field.required for field in fields):
-            return cls()
-        decoded: list[Diagnostic] = []
-        values = {
-            field.name: decode(node, field, decoded)
-            for field in fields
-            if (node := body.get(field.name)) is not None
-        }
-        said = {finding.span for finding in decoded}
-        judged = judge_params(Mapping(body.entries, head), cls, part, beside)
-        findings = [*decoded, *(finding for finding in judged if finding.span not in said)]
-        self.found += findings
-        return None if findings else cls(**values)
+        """See `params_of`."""
+        return params_of(cls, body, part, head, self.found, beside)
 
     def many(
         self, kind: str, nodes: Iterable[Node], own: frozenset[str] = frozenset()
@@ -146,6 +132,32 @@ class Uses:
                 continue
             uses.append((use, node))
         return tuple(uses)
+
+
+def params_of(
+    cls: type,
+    body: Mapping,
+    part: str,
+    head: Span,
+    found: list[Diagnostic],
+    beside: frozenset[str] = frozenset(),
+) -> Any:
+    """The parameters of `part` as `cls`; None when they have errors. `head` is the place for what
+    is missing, `beside` are keys that could be meant too."""
+    fields = fields_of(cls)
+    if not body.entries and not any(field.required for field in fields):
+        return cls()
+    decoded: list[Diagnostic] = []
+    values = {
+        field.name: decode(node, field, decoded)
+        for field in fields
+        if (node := body.get(field.name)) is not None
+    }
+    said = {finding.span for finding in decoded}
+    judged = judge_params(Mapping(body.entries, head), cls, part, beside)
+    findings = [*decoded, *(finding for finding in judged if finding.span not in said)]
+    found += findings
+    return None if findings else cls(**values)
 
 
 def _parameters(node: Mapping, own: frozenset[str]) -> Mapping:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any
 
 from kybflow.dsl.attachments import attached
@@ -26,6 +27,7 @@ _SHAPES = {
     "vector": "three numbers in a list, `[x, y, z]`",
     "path": "a list of points, `[[x, y, z], ...]`",
     "integer": "a whole number",
+    "integers": "a list of whole numbers, `[1, 2]`",
     "boolean": "`true` or `false`",
     "file": "the name of a file",
 }
@@ -47,6 +49,8 @@ def decode(node: Node, field: Field, found: list[Diagnostic]) -> Any:
         return _vector(node, field, found)
     if field.shape == "path":
         return _path(node, field, found)
+    if field.shape == "integers":
+        return _integers(node, field, found)
     if not isinstance(node, Scalar):
         found.append(_wrong(node, field))
         return None
@@ -129,6 +133,15 @@ def _path(node: Node, field: Field, found: list[Diagnostic]) -> Any:
         return None
     points = [_vector(item, field, found) for item in node.items]
     return None if None in points else tuple(points)
+
+
+def _integers(node: Node, field: Field, found: list[Diagnostic]) -> Any:
+    if not isinstance(node, Sequence):
+        found.append(_wrong(node, field))
+        return None
+    one = replace(field, shape="integer")
+    numbers = [decode(item, one, found) for item in node.items]
+    return None if None in numbers else tuple(numbers)
 
 
 def _plain(node: Scalar, field: Field, found: list[Diagnostic]) -> Any:

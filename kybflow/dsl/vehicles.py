@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from kybflow.dsl.arrows import duration
+from kybflow.dsl.cameras import cameras_of, without_cameras
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
 from kybflow.dsl.nodes import Entry, Mapping, Scalar, entries_of, items_of
@@ -14,7 +15,7 @@ from kybflow.dsl.states import States
 from kybflow.dsl.uses import Uses
 from kybflow.dsl.values import decode, quantity_field
 from kybflow.geometry import ZERO
-from kybflow.site import Airframe
+from kybflow.site import Airframe, Parcel
 from kybflow.units import ANGLE, LENGTH
 
 
@@ -62,6 +63,8 @@ class Vehicles:
             home_span=None if home is None else home.span,
             spans={key: e.key.span for key, e in body.entries.items()},
             chains=states.chains,
+            cameras=tuple(cameras_of(body.get("airframe"), self._found)),
+            payload=self._payload(body),
         )
 
     def _missing(self, name: Scalar, key: str, help: str) -> None:
@@ -74,8 +77,17 @@ class Vehicles:
             self._missing(name, "airframe", "name one: `airframe: std.mk_quadro`")
             return None
         head = body.entries["airframe"].key.span
-        airframe: Airframe | None = self._uses.params(Airframe, node, "airframe", head)
+        own = without_cameras(node)
+        airframe: Airframe | None = self._uses.params(Airframe, own, "airframe", head)
         return airframe
+
+    def _payload(self, body: Mapping) -> Parcel | None:
+        node = body.get("payload")
+        if not isinstance(node, Mapping):
+            return None
+        head = body.entries["payload"].key.span
+        payload: Parcel | None = self._uses.params(Parcel, node, "payload", head)
+        return payload
 
     def _start(self, name: Scalar, body: Mapping) -> tuple[Any, float, Span]:
         node = body.get("start")

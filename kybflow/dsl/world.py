@@ -1,4 +1,4 @@
-"""`world:` to the fence, the named points and the obstacles."""
+"""`world:` to the fence, the named points, the obstacles and the printed tags."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from math import sqrt
 from typing import NamedTuple
 
 from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.dsl.document import ObstacleUse
+from kybflow.dsl.document import ObstacleUse, TagsUse
 from kybflow.dsl.nodes import Entry, Mapping, Node, entries_of, head_of
 from kybflow.dsl.source import Span
+from kybflow.dsl.tags import tags_in
 from kybflow.dsl.values import decode, quantity_field
 from kybflow.geometry import ZERO, Vec3
 from kybflow.shapes import Box, Cylinder, Plane, Shape, Sphere
@@ -30,6 +31,7 @@ class World(NamedTuple):
     points: dict[str, Vec3]
     point_spans: dict[str, Span]
     obstacles: tuple[ObstacleUse, ...]
+    tags: tuple[TagsUse, ...]
 
 
 def world_of(node: Node | None, found: list[Diagnostic]) -> World:
@@ -42,6 +44,7 @@ def world_of(node: Node | None, found: list[Diagnostic]) -> World:
         points=places,
         point_spans={name: entry.key.span for name, entry in points.items()},
         obstacles=tuple(_obstacles(_value(entries.get("obstacles")), found)),
+        tags=tuple(tags_in(_value(entries.get("tags")), found)),
     )
 
 

@@ -56,4 +56,12 @@ def _target(document: Document) -> Iterator[Line]:
     for name, vehicle in document.vehicles.items():
         driver = vehicle.driver
         origin = "" if driver.span == document.target.span and not is_written else driver.span.at
-        yield f"    {name}: {{driver: {part(driver)}}}", origin
+        named = [use for use in vehicle.sensors if use.estimator.text]
+        if not named:
+            yield f"    {name}: {{driver: {part(driver)}}}", origin
+            continue
+        yield f"    {name}:", origin
+        yield f"      driver: {part(driver)}", origin
+        yield "      sensors:", named[0].estimator.span.at
+        for use in named:
+            yield f"        {use.estimator.text}: {part(use.part)}", use.part.span.at

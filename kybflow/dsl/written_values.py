@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from kybflow.dsl.document import PartUse, Transition
@@ -29,8 +30,18 @@ def part(use: PartUse, word: str = "use", more: tuple[str, ...] = ()) -> str:
 
 def parameters(use: PartUse) -> list[str]:
     """Every parameter of a part that has a value, as `name: value`."""
-    owned = ((field, getattr(use.params, field.name)) for field in use.spec.fields)
-    return [f"{field.name}: {value(own, field)}" for field, own in owned if own is not None]
+    return written_fields(use.params, use.spec.fields)
+
+
+def written_fields(params: Any, fields: Iterable[Field]) -> list[str]:
+    """Every one of the fields that has a value, as `name: value`. A path without points is a
+    default, which nobody can write."""
+    owned = ((field, getattr(params, field.name)) for field in fields)
+    return [
+        f"{field.name}: {value(own, field)}"
+        for field, own in owned
+        if own is not None and not (field.shape == "path" and own == ())
+    ]
 
 
 def goal(arrow: Transition) -> str:
@@ -60,6 +71,8 @@ def value(what: Any, field: Field) -> str:
         return quantity(what, field.dimension)
     if isinstance(what, bool):
         return "true" if what else "false"
+    if field.shape == "integers":
+        return f"[{', '.join(map(str, what))}]"
     return str(what) if field.shape == "integer" else quoted(str(what))
 
 

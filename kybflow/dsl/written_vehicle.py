@@ -4,11 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from kybflow.dsl.camera_params import CameraParams
 from kybflow.dsl.document import ChainUse, EstimatorUse, State, Transition, Vehicle
 from kybflow.dsl.source import Span
-from kybflow.dsl.written_values import Line, goal, part, place, quantity, quoted, value, vector, way
+from kybflow.dsl.written_values import (
+    Line,
+    goal,
+    part,
+    place,
+    quantity,
+    quoted,
+    value,
+    vector,
+    way,
+    written_fields,
+)
 from kybflow.params import fields_of
-from kybflow.site import Airframe
+from kybflow.site import Airframe, Parcel
 from kybflow.units import ANGLE, DURATION, LENGTH
 
 
@@ -20,10 +32,18 @@ def vehicle_lines(vehicle: Vehicle) -> Iterator[Line]:
     for field in fields_of(Airframe):
         own = value(getattr(vehicle.airframe, field.name), field)
         yield f"      {field.name}: {own}", place(vehicle.airframe_spans.get(field.name))
+    if vehicle.cameras:
+        yield "      cameras:", place(vehicle.airframe_spans.get("cameras"))
+    for camera in vehicle.cameras:
+        fields = ", ".join(written_fields(camera.params, fields_of(CameraParams)))
+        yield f"        {camera.name.text}: {{{fields}}}", camera.span.at
     start, heading = vector(vehicle.start, LENGTH), quantity(vehicle.heading, ANGLE)
     yield f"    start: {{at: {start}, heading: {heading}}}", at.get("start", "")
     if vehicle.home is not None:
         yield f"    home: {vector(vehicle.home, LENGTH)}", at.get("home", "")
+    if vehicle.payload is not None:
+        carried = ", ".join(written_fields(vehicle.payload, fields_of(Parcel)))
+        yield f"    payload: {{{carried}}}", at.get("payload", "")
     estimators = [(_estimator(e), e.part.span) for e in vehicle.estimators]
     yield from _list("estimators", estimators, at)
     yield from _list("processors", [(part(p), p.span) for p in vehicle.processors], at)
@@ -59,7 +79,9 @@ def _estimator(estimator: EstimatorUse) -> str:
 
 def _state(state: State) -> str:
     own = [arrow for arrow in state.transitions if not arrow.since]
-    return part(state.part, "do", tuple(_arrows(own)))
+    first = ", ".join(name.text for name in state.estimators)
+    more = (f"estimators: [{first}]",) if first else ()
+    return part(state.part, "do", (*more, *_arrows(own)))
 
 
 def _chain(chain: ChainUse) -> str:

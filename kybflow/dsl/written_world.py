@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from kybflow.dsl.document import Document
-from kybflow.dsl.written_values import Line, place, quantity, vector
+from kybflow.dsl.source import PREFIX
+from kybflow.dsl.tag_params import GridParams, TagParams
+from kybflow.dsl.written_values import Line, place, quantity, vector, written_fields
+from kybflow.params import fields_of
 from kybflow.shapes import Box, Cylinder, Plane, Shape, Sphere
 from kybflow.units import LENGTH, NUMBER
 
 
 def world_lines(document: Document) -> Iterator[Line]:
-    """The fence, the points and the obstacles; nothing where there are none."""
+    """The fence, the points, the obstacles and the tags; nothing where there are none."""
     at = place(document.spans.get("world"))
-    if document.fence is None and not document.points and not document.obstacles:
+    parts = (document.fence, document.points, document.obstacles, document.tags)
+    if not any(parts):
         return
     yield "world:", at
     if document.fence is not None:
@@ -21,11 +26,29 @@ def world_lines(document: Document) -> Iterator[Line]:
     if document.points:
         yield "  points:", at
         for name, point in document.points.items():
-            yield f"    {name}: {vector(point, LENGTH)}", document.point_spans[name].at
+            # wherever it was named stand its coordinates now: the name is kept, as its use
+            called = f"{document.point_spans[name].at}, {PREFIX}{name}"
+            yield f"    {name}: {vector(point, LENGTH)}", called
     if document.obstacles:
         yield "  obstacles:", at
         for use in document.obstacles:
             yield f"    {use.name.text}: {{{_solid(use.shape)}}}", use.span.at
+    if document.tags:
+        yield "  tags:", at
+        for tags in document.tags:
+            yield f"    {tags.name.text}: {{{_tags(tags.params)}}}", tags.span.at
+
+
+def _tags(params: Any) -> str:
+    declaration: Any = type(params)
+    fields = ", ".join(written_fields(params, fields_of(declaration)))
+    match params:
+        case GridParams():
+            return f"grid: {{{fields}}}"
+        case TagParams():
+            return f"tag: {{{fields}}}"
+        case _:
+            return fields
 
 
 def _corners(box: Box) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Any, ClassVar, NamedTuple
 
-from kybflow.geometry import Vec3, distance, heading_of
+from kybflow.geometry import GRAVITY, Vec3, distance, heading_of
 from kybflow.parts.base import P, Part
 from kybflow.signals import (
     Command,
@@ -15,6 +15,7 @@ from kybflow.signals import (
     Done,
     Estimate,
     Failed,
+    Grip,
     MeasurementKind,
     Setpoint,
     SetpointKind,
@@ -52,7 +53,8 @@ class Entry(NamedTuple):
     the ground.
 
     hover_thrust: newtons that the tracker believes hold the vehicle now. flight: where the vehicle
-    is; a missing setpoint does not mean that it is on the ground.
+    is; a missing setpoint does not mean that it is on the ground. rest: the specific force along
+    body z that the IMU felt at rest on the ground, m/s^2; gravity where nobody knows.
     """
 
     now: Time
@@ -61,6 +63,7 @@ class Entry(NamedTuple):
     setpoint: Setpoint | None
     hover_thrust: float
     flight: Flight = Flight.AIR
+    rest: float = GRAVITY
 
     @property
     def position(self) -> Vec3:
@@ -121,7 +124,8 @@ class Behavior(Part[P]):
 
     The constructor may raise Refused with a reason. The engine calls `update` once a tick while the
     state is active; it returns a Setpoint, or Done or Failed with the last one (or a Command, when
-    it `emits` a kind of command, to steer the on-board controller without tracker and estimate).
+    it `emits` a kind of command, to steer the on-board controller without tracker and estimate; or
+    a Grip, when it `grips`, to ask for the servo that holds the payload).
     Whatever it raises fails its vehicle into the failsafe, as does an IDLE setpoint in the air.
     `needs` are kinds of measurement that its vehicle subscribes to while it is active; a driver
     that doesn't provide them is no reason not to fly it.
@@ -132,6 +136,7 @@ class Behavior(Part[P]):
     emits: ClassVar[SetpointKind | CommandKind]
     needs_estimate: ClassVar[bool] = True
     needs: ClassVar[frozenset[MeasurementKind]] = frozenset()
+    grips: ClassVar[bool] = False
 
     def __init_subclass__(
         cls,
@@ -150,7 +155,7 @@ class Behavior(Part[P]):
         self.params = params
 
     @abstractmethod
-    def update(self, tick: Tick) -> Setpoint | Command | Done | Failed:
+    def update(self, tick: Tick) -> Setpoint | Command | Grip | Done | Failed:
         """The setpoint at `tick.now`."""
 
     @classmethod

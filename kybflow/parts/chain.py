@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.parts.base import P, Part
 from kybflow.shapes import Box
@@ -23,20 +23,32 @@ from kybflow.signals import (
 )
 from kybflow.site import Site
 
+if TYPE_CHECKING:
+    from kybflow.vision.locator import Sighting
+
 
 class Estimator(Part[P]):
     """Turns measurements into an estimate. Lives as long as its vehicle.
 
     Called once a tick with every measurement that arrived since the last tick, oldest first, of
     whatever kind; `needs` are the kinds without which it can't work. Returns the estimate at `now`,
-    or None as long as it has none. One that raises is not asked again, and its vehicle lands.
+    or None as long as it has none. One that `needs_tags` makes nothing of frames where the world
+    has no tags. One that raises is not asked again, and its vehicle lands. `sighting` is what it
+    made of the newest camera frames, for the pictures in the run folder; most see none.
     """
 
     kind = "estimators"
+    sighting: Sighting | None = None
     needs: ClassVar[frozenset[MeasurementKind]]
+    needs_tags: ClassVar[bool] = False
 
     def __init__(self, params: P, site: Site) -> None:
         self.params = params
+
+    @classmethod
+    def uses(cls, params: P) -> frozenset[MeasurementKind]:
+        """What of `needs` it can't work without with these parameters."""
+        return cls.needs
 
     @abstractmethod
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None: ...

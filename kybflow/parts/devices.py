@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
+from kybflow.errors import Refused
 from kybflow.parts.base import P, Part
 from kybflow.parts.fault import Rig
 from kybflow.signals import Command, CommandKind, Measurement, MeasurementKind, Time, Truth
@@ -37,6 +38,20 @@ class Link(ABC):
     def send(self, command: Command, now: Time) -> None:
         """Hand over the newest command. Raises DriverError."""
 
+    def land(self, now: Time) -> bool:
+        """Land by the land mode of the vehicle itself; whether it is on the ground and its rotors
+        rest. Called instead of `send`, once a tick, while the failsafe lands a vehicle whose driver
+        `lands`; the first call begins the mode, the next `send` ends it. Raises Refused when the
+        vehicle won't, or does not any more, with its own words; DriverError."""
+        raise Refused("it has no land mode")
+
+    def grip(self, is_open: bool, now: Time) -> None:
+        """Open or close the servo that holds the payload, on the channel that the site says. Called
+        every tick until a Payload measurement acknowledges it, so that nothing is lost on a bad
+        link; a link sends again as often as its protocol wants. Raises Refused when the vehicle
+        won't, with its own words; DriverError."""
+        raise Refused("it has no servo for a payload")
+
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:  # noqa: B027 - most have one rate
         """From now on deliver at least these kinds, where the driver provides them. A link may
         deliver all that it has at all times."""
@@ -44,6 +59,11 @@ class Link(ABC):
     def truth(self) -> Truth | None:
         """The simulator's truth, for the recorder and the expectations; None on hardware."""
         return None
+
+    def view(self) -> Truth | None:
+        """Where a simulated camera sees from: the vehicle's truth, or another's where a fault has
+        exchanged their cameras; None on hardware."""
+        return self.truth()
 
     def collisions(self) -> Sequence[str]:
         """What the vehicle ran into in the air since the last call, as the simulator knows; for the
@@ -67,12 +87,18 @@ class Session(ABC):
 
 class Driver(Part[P]):
     """Opens the vehicles that fly on it. `accepts` kinds of command, `provides` kinds of
-    measurement."""
+    measurement. `lands`: its vehicles have a land mode of their own, which `Link.land` asks for.
+    `grips`: they can have a servo that holds a payload, which `Link.grip` moves.
+    `brings`: the sensors that a vehicle on it has without being told, where an estimator needs what
+    they measure."""
 
     kind = "drivers"
     accepts: ClassVar[frozenset[CommandKind]]
     provides: ClassVar[frozenset[MeasurementKind]]
     simulated: ClassVar[bool] = False
+    lands: ClassVar[bool] = False
+    grips: ClassVar[bool] = False
+    brings: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     @abstractmethod

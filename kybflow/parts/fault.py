@@ -5,12 +5,13 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from math import prod
+from math import hypot, prod
 from typing import TYPE_CHECKING
 
 from kybflow.geometry import ZERO, Vec3, add
 from kybflow.parts.base import P, Part
 from kybflow.signals import NS, Measurement, Time
+from kybflow.vision.optics import SOUND, Weakness
 
 if TYPE_CHECKING:
     import random
@@ -26,12 +27,14 @@ Rotors = tuple[float, float, float, float]
 class Effect:
     """What a fault does to one simulated vehicle; where it says nothing, nothing.
 
-    filter: what every measurement passes as it arrives. wind: on top of the world's. mass: factor
-    on the body's, its inertia with it. payload: kg on top of that. rotors: factor on the thrust of
-    each, front left, rear left, rear right, front right. sag: part of the battery's charge that is
-    missing. gyro_bias, accelerometer_bias: added to the IMU's own, rad/s and m/s^2, body frame.
-    late: seconds by which commands take effect late. body: the vehicle that motion capture takes
-    this one for, if it is another.
+    filter: what every measurement passes as it arrives, a simulated camera's frames too. wind: on
+    top of the world's. mass: factor on the body's, its inertia with it. payload: kg on top of that.
+    rotors: factor on the thrust of each, front left, rear left, rear right, front right. sag: part
+    of the battery's charge that is missing. gyro_bias, accelerometer_bias: added to the IMU's own,
+    rad/s and m/s^2, body frame. late: seconds by which commands take effect late. body: the vehicle
+    that motion capture takes this one for, if it is another. camera: what is wrong with its
+    simulated cameras. view: the vehicle from whose place these see, if it is another. estimator:
+    the one of its estimators that fails, by name.
     """
 
     filter: Filter | None = None
@@ -44,6 +47,9 @@ class Effect:
     accelerometer_bias: Vec3 = ZERO
     late: float = 0.0
     body: str = ""
+    camera: Weakness = SOUND
+    view: str = ""
+    estimator: str = ""
 
 
 class Rig:
@@ -115,6 +121,26 @@ class Rig:
     def body(self) -> str:
         """The newest counts."""
         return next((e.body for e, _ in reversed(self._effects) if e.body), self.vehicle)
+
+    @property
+    def camera(self) -> Weakness:
+        """The sum of all; of blurs the root of the squares' sum."""
+        weak = [e.camera for e, _ in self._effects if e.camera is not SOUND]
+        if not weak:
+            return SOUND
+        covered = sum(w.covered for w in weak)
+        blur = hypot(*(w.blur for w in weak))
+        return Weakness(covered, blur, any(w.dark for w in weak), _sum(w.offset for w in weak))
+
+    @property
+    def view(self) -> str:
+        """The newest counts."""
+        return next((e.view for e, _ in reversed(self._effects) if e.view), self.vehicle)
+
+    @property
+    def estimators(self) -> frozenset[str]:
+        """All that fail."""
+        return frozenset(e.estimator for e, _ in self._effects if e.estimator)
 
 
 def _sum(vectors: Iterable[Vec3]) -> Vec3:

@@ -14,9 +14,10 @@ from kybflow.geometry import Vec3, distance
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Leg
 from kybflow.runtime.events import Events
 from kybflow.runtime.hold import Blend, Hold, Holder
+from kybflow.runtime.land_mode import LandMode
 from kybflow.runtime.outcome import VehicleScore
 from kybflow.runtime.wishes import unfit
-from kybflow.signals import NS, Command, Done, Estimate, Failed, Setpoint, Tick, Time
+from kybflow.signals import NS, Command, Done, Estimate, Failed, Grip, Setpoint, Tick, Time
 
 _SAFE = frozenset({"brake", "landed"})
 """Where a vehicle goes when nothing else will start."""
@@ -34,6 +35,8 @@ class Activity:
 
     `changed` is true from the entry into a state until the vehicle has taken note of it. `hold` is
     the overlay under which the state, its behavior and its timers are frozen, None without one.
+    `land_mode` is the vehicle's own landing in place of the behavior's, None without one.
+    `grip` is what the behavior asks of the payload's servo in this tick, None for nothing.
     `objection` says what else speaks against a take-off, None when nothing does.
     `stands` is where the vehicle must be to take off: its start, then where it landed; None when
     nobody knows.
@@ -57,6 +60,8 @@ class Activity:
         self._params, self._events, self._score = params, events, score
         self._objection = objection
         self.hold: Hold | None = None
+        self.land_mode: LandMode | None = None
+        self.grip: Grip | None = None
         self.stands: Vec3 | None = plan.start
         self._outcome: Outcome = "running"
         self._reason = ""
@@ -146,6 +151,8 @@ class Activity:
                 self.fail(output.reason)
             elif isinstance(output, Done):
                 self._end(tick.estimate)
+            else:
+                self.grip = output
             output = output.setpoint
         self._wanted = output
         if self._resumes:
@@ -163,6 +170,16 @@ class Activity:
     def fail(self, reason: str) -> None:
         """The behavior has failed: it said so, refused to start, or a part of its chain raised."""
         self._outcome, self._reason = "failed", reason
+
+    def has_landed(self, now: Time, estimate: Estimate | None) -> bool:
+        """Let the vehicle land by its own mode; whether it has, which ends the behavior. Raises
+        Refused."""
+        assert self.land_mode is not None
+        landed = self.land_mode.has_landed(now)
+        if landed:
+            self.land_mode = None
+            self._end(estimate)
+        return landed
 
     def close(self, now: Time) -> None:
         """The run is over: the present behavior's figures are complete."""
@@ -197,8 +214,8 @@ class Activity:
         """The state was entered; nothing is left of the one before."""
         self.entered, self.changed = now, True
         self._outcome, self._reason = "running", ""
-        self.hold = self._blend = self._wanted = None
-        self._resumes = False
+        self.hold = self.land_mode = self._blend = self._wanted = None
+        self._resumes, self.grip = False, None
         self._score.entered(state.name, state.behavior.name, now / NS)
         self._tell("behavior_started", state.at, part=state.behavior.name)
 

@@ -100,3 +100,5 @@ class Candidate:
         raise Unavailable
 
     state = wanted = battery = behavior = estimator = elapsed = start = property(_never)
+    payload = payload_place = releases = property(_never)
+    payload = payload_place = releases = property(_never)

@@ -143,6 +143,8 @@ def _point_of(place: Place, views: Mapping[str, View], own: str | None) -> Calla
     view = views[place.vehicle or own or ""]
     if place.start:
         return lambda: view.start
+    if place.payload:
+        return lambda: view.payload_place
     return lambda: view.state.position
 
 

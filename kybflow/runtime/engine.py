@@ -18,6 +18,7 @@ from kybflow.runtime.clock import Clock
 from kybflow.runtime.collisions import Collisions
 from kybflow.runtime.conditions import bind
 from kybflow.runtime.deck import Reach
+from kybflow.runtime.drops import Drops
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Judge
 from kybflow.runtime.flows import Flows
@@ -69,6 +70,7 @@ class Engine:
         rigs = {name: link.rig for name, link in links.items() if link.rig is not None}
         self.injection = Injection(plan.faults, rigs, self._condition, events, seed)
         self.collisions = Collisions(links, events)
+        self.drops = Drops(self.vehicles, events)
         self._next_look: Time = 0
         self._ticked: Time | None = None
         self._landing: str | None = None
@@ -138,6 +140,7 @@ class Engine:
         if self.clock.now >= self._next_look:
             self._next_look = self.clock.now + _OBSERVED_EVERY
             self.collisions.step()
+            self.drops.step()
             for observe in self._observers:
                 self._observed(observe)
         now = self.clock.step()

@@ -2,8 +2,9 @@
 
 Where none has been healthy for long enough, one that has become so just now is better than none:
 hysteresis keeps from changing to and fro, not from flying. One that raises, or whose estimate is
-not finite, is not asked again. The others are told in every tick what the one in use estimates.
-Where it changes, the estimate goes on without a step (`kybflow.runtime.blending`).
+not finite, is not asked again. The others are told in every tick what the one in use estimates. A
+behavior may name those that come first while it is active. Where the one in use changes, the
+estimate goes on without a step (`kybflow.runtime.blending`).
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ class Estimation:
         score: VehicleScore,
         report: Callable[[PartFailed], None],
     ) -> None:
-        self._candidates = [Candidate(estimator, site) for estimator in plan.estimators]
+        self._listed = [Candidate(estimator, site) for estimator in plan.estimators]
+        self._candidates = self._listed
+        self._preferred: tuple[str, ...] = ()
+        self._is_reordered = False
         self._bounded = [candidate for candidate in self._candidates if candidate.is_bounded]
         self._in_use: Candidate | None = None
         self._flown: Estimate | None = None
@@ -59,10 +63,32 @@ class Estimation:
         estimate = chosen.estimate if chosen is not None else None
         if chosen is not self._in_use:
             self._change(chosen, estimate, now)
+        self._is_reordered = False
         self._flown = estimate if self._blend is None else self._blended(estimate, now)
         if estimate is not None and len(self._candidates) > 1:
             self._anchor(estimate)
         return self._flown
+
+    def prefer(self, names: tuple[str, ...]) -> None:
+        """From now on the estimators of these names come first, in this order, then the others in
+        that of the mission."""
+        if names == self._preferred:
+            return
+        self._preferred, self._is_reordered = names, True
+        rank = {name: index for index, name in enumerate(names)}
+        living = [candidate for candidate in self._listed if not candidate.has_failed]
+        self._candidates = sorted(living, key=lambda c: rank.get(c.name, len(rank)))
+
+    @property
+    def candidates(self) -> Sequence[Candidate]:
+        """The living estimators, those that come first at present first."""
+        return self._candidates
+
+    def kill(self, names: frozenset[str]) -> None:
+        """Let the estimators of these names fail as if they had raised."""
+        for candidate in self._candidates:
+            if candidate.name in names:
+                self._fail(candidate, RuntimeError("killed by a fault of the mission"))
 
     @property
     def source(self) -> str | None:
@@ -95,6 +121,12 @@ class Estimation:
         self._bounded = [c for c in self._bounded if c is not failed]
         self._report(PartFailed(failed.label, error))
 
+    def _gain(self, name: str) -> str:
+        """Why another is flown on though nothing is wrong with the last one."""
+        if not self._is_reordered:
+            return f"`{name}` is healthy again"
+        return f"`{name}` comes first {'in this behavior' if self._preferred else 'again'}"
+
     def _blended(self, estimate: Estimate | None, now: Time) -> Estimate | None:
         if self._blend is None or estimate is None:
             return estimate
@@ -122,7 +154,7 @@ class Estimation:
             self._vehicle,
             estimator=chosen.name,
             previous=before,
-            reason=reason or f"`{chosen.name}` is healthy again",
+            reason=reason or self._gain(chosen.name),
             offset=offset,
             blended=self._blend is not None,
         )

@@ -11,18 +11,18 @@ from typing import Any
 
 from kybflow.dsl.plan import Plan
 from kybflow.errors import DriverError, PartFailed
-from kybflow.parts import Session
 from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
 from kybflow.runtime.foreseen import foreseen_faults
 from kybflow.runtime.interrupts import Interrupts
-from kybflow.runtime.opening import build_vehicles, clock_for, open_sessions
+from kybflow.runtime.opening import Devices, build_vehicles, clock_for, open_devices
 from kybflow.runtime.operator import check_emitted
 from kybflow.runtime.options import check_options
 from kybflow.runtime.outcome import EXIT_CODES, Ending, summarise
+from kybflow.runtime.pictures import Pictures
 from kybflow.runtime.recorder import Recorder
-from kybflow.runtime.run_folder import create_run_folder
+from kybflow.runtime.run_folder import RunFolder, create_run_folder
 from kybflow.runtime.score import Score
 from kybflow.signals import Event
 
@@ -33,7 +33,8 @@ class Request:
 
     speed: pace of a simulated clock, None for as fast as it goes. options: changes made before
     take-off, as (name, value). emitted: events that a person gives, as (seconds, name). out: the
-    run folder, None for one under `runs/`.
+    run folder, None for one under `runs/`. sets: what set the plan's parameters, as `NAME=VALUE`;
+    for the record, the plan has it.
     """
 
     seed: int = 0
@@ -41,6 +42,7 @@ class Request:
     speed: float | None = None
     options: tuple[tuple[str, str], ...] = ()
     emitted: tuple[tuple[float, str], ...] = ()
+    sets: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +72,10 @@ def fly(
     folder = create_run_folder(plan, request.out, started)
     recorder = Recorder(folder.log, plan)
     try:
-        folder.describe(plan, request.seed, started)
+        folder.describe(plan, request, started)
         events = Events((recorder.event, folder.event, *listeners))
         run = _Run(plan, request, events, recorder)
-        run.fly(observers)
+        run.fly((*observers, *_pictures(plan, folder)))
         recorder.close()
         folder.close()
         wall_time_s = time.monotonic() - began
@@ -84,6 +86,10 @@ def fly(
         recorder.close()
         folder.close()
     return Flown(folder.path, summary)
+
+
+def _pictures(plan: Plan, folder: RunFolder) -> list[Observer]:
+    return [Pictures(folder)] if any(vehicle.cameras for vehicle in plan.vehicles) else []
 
 
 class _Run:
@@ -100,27 +106,27 @@ class _Run:
 
     def fly(self, observers: Sequence[Observer]) -> None:
         """Open the drivers, fly to the end, close them."""
-        sessions: list[Session] = []
+        devices: Devices | None = None
         try:
-            sessions = open_sessions(self._plan, self._request.seed)
-            self._reason = self._flown(sessions, observers)
+            devices = open_devices(self._plan, self._request.seed)
+            self._reason = self._flown(devices, observers)
         except DriverError as error:
             self._driver_failed = str(error)
         except PartFailed as failure:
             self._reason = f"`{failure.part}` can't be made: {failure}"
         finally:
-            for session in sessions:
-                session.close()
+            if devices is not None:
+                devices.close()
         self._judge()
         self._events.tell("run_ended", reason=self._reason or self._driver_failed)
 
-    def _flown(self, sessions: Sequence[Session], observers: Sequence[Observer]) -> str | None:
+    def _flown(self, devices: Devices, observers: Sequence[Observer]) -> str | None:
         plan, events = self._plan, self._events
-        vehicles = build_vehicles(plan, sessions, events, self._recorder, self._score)
+        vehicles = build_vehicles(plan, devices, events, self._recorder, self._score)
         clock = clock_for(plan, self._request.speed)
         asked = self._request
         engine = self._engine = Engine(
-            plan, clock, sessions, vehicles, events, observers, asked.seed, asked.emitted
+            plan, clock, devices.sessions, vehicles, events, observers, asked.seed, asked.emitted
         )
         for name, value in asked.options:
             engine.options.set(name, value, "command line")

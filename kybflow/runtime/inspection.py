@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from kybflow.dsl.plan import Plan
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.events import Events
-from kybflow.runtime.opening import build_vehicles, clock_for, open_sessions
+from kybflow.runtime.opening import build_vehicles, clock_for, open_devices
 from kybflow.runtime.preflight import Line
 from kybflow.runtime.recorder import Recorder
 from kybflow.runtime.score import Score
@@ -17,16 +17,15 @@ from kybflow.runtime.score import Score
 def inspect(plan: Plan, seed: int = 0) -> list[Line]:
     """Every line of every vehicle. Raises DriverError and PartFailed."""
     events = Events()
-    sessions = open_sessions(plan, seed)
+    devices = open_devices(plan, seed)
     try:
         with TemporaryDirectory() as folder:
             recorder = Recorder(Path(folder) / "log.mcap", plan)
             try:
-                vehicles = build_vehicles(plan, sessions, events, recorder, Score(plan))
-                engine = Engine(plan, clock_for(plan, None), sessions, vehicles, events)
+                vehicles = build_vehicles(plan, devices, events, recorder, Score(plan))
+                engine = Engine(plan, clock_for(plan, None), devices.sessions, vehicles, events)
                 return engine.inspect()
             finally:
                 recorder.close()
     finally:
-        for session in sessions:
-            session.close()
+        devices.close()

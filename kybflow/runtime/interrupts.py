@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and a closed terminal, as the engine hears them."""
+"""Ctrl-C, Ctrl-\\, SIGTERM and a closed terminal, as the engine hears them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,12 @@ class Counting(Protocol):
 
 class Interrupts:
     """While it is entered, each signal is counted for the engine, which lands every vehicle on the
-    first and cuts the stream on the second. Works in the main thread only, as signals do."""
+    first and cuts the stream on the second. Those that mean nothing here end nothing: a flight is
+    not to fall because something told the program what it does not know. Works in the main thread
+    only, as signals do."""
 
-    SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+    IGNORED = (signal.SIGUSR1, signal.SIGUSR2)
 
     def __init__(self, engine: Counting, read: Callable[[], float] = time.monotonic) -> None:
         self._engine = engine
@@ -33,6 +36,8 @@ class Interrupts:
     def __enter__(self) -> None:
         for number in self.SIGNALS:
             self._before[number] = signal.signal(number, self._count)
+        for number in self.IGNORED:
+            self._before[number] = signal.signal(number, signal.SIG_IGN)
 
     def __exit__(self, *_: object) -> None:
         for number, handler in self._before.items():

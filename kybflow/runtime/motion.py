@@ -8,12 +8,14 @@ exactly as the own motion does.
 
 from __future__ import annotations
 
+from math import copysign
 from typing import NamedTuple
 
-from kybflow.geometry import ZERO, Vec3, add, norm, scale, sub
+from kybflow.geometry import ZERO, Vec3, add, heading_of, norm, scale, sub, wrap
 from kybflow.parts import Entry
 from kybflow.runtime.profiles import STEEPEST, Profile, smoothstep
-from kybflow.signals import Setpoint, SetpointKind
+from kybflow.signals import Estimate, Setpoint, SetpointKind
+from kybflow.units import DEG
 
 IDLE = Setpoint(SetpointKind.IDLE)
 """Rotors at rest, on the ground."""
@@ -143,6 +145,36 @@ def entry_motion(entry: Entry) -> Motion:
 def cruise_speed(wanted: float, entry: Entry) -> float:
     """`wanted`, but never more than the share of the airframe's limit that plans may use."""
     return min(wanted, SPEED_SHARE * entry.site.airframe.speed)
+
+
+class Turn:
+    """From one heading to another by the shorter way, rest to rest, at most `rate` (rad/s). Without
+    a goal the heading is kept."""
+
+    __slots__ = ("_angle", "_profile", "_start")
+
+    def __init__(self, start: float, goal: float | None, rate: float) -> None:
+        self._start = start
+        self._angle = 0.0 if goal is None else wrap(goal - start)
+        self._profile = Profile.within(abs(self._angle), rate, rate)
+
+    @property
+    def duration(self) -> float:
+        return self._profile.duration
+
+    def at(self, time: float) -> tuple[float, float]:
+        """Heading and its rate `time` seconds after the start."""
+        turned = self._profile.at(time)
+        heading = self._start + copysign(turned.distance, self._angle)
+        return heading, copysign(turned.speed, self._angle)
+
+    def off(self, estimate: Estimate, tolerance: float | None) -> str:
+        """By how much the heading is off its goal, in words; empty within `tolerance`, or where
+        that is None."""
+        if tolerance is None:
+            return ""
+        left = abs(wrap(self._start + self._angle - heading_of(estimate.attitude)))
+        return "" if left <= tolerance else f" and {left / DEG:.1f} deg from the heading"
 
 
 class Dwell:

@@ -1,23 +1,61 @@
-"""What a plan needs to fly: the drivers' sessions, the vehicles on them, and a clock."""
+"""What a plan needs to fly: the drivers' sessions, the sensors beside them, the vehicles, and a
+clock."""
 
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.errors import DriverError
-from kybflow.parts import Driver, Seat, Session
+from kybflow.parts import Driver, Link, Seat, Session
+from kybflow.runtime.body_health import Bodies
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.events import Events
 from kybflow.runtime.recorder import Recorder
 from kybflow.runtime.score import Score
+from kybflow.runtime.sensing import Opened
 from kybflow.runtime.vehicle import Vehicle
 from kybflow.site import Site
 
 
-def open_sessions(plan: Plan, seed: int) -> list[Session]:
+class Devices(NamedTuple):
+    """What is open: the drivers' sessions, and each vehicle's sensors beside them, by name."""
+
+    sessions: list[Session]
+    sensors: dict[str, list[Opened]]
+
+    def close(self) -> None:
+        for opened in self.sensors.values():
+            for sensor in opened:
+                sensor.stream.close()
+        for session in self.sessions:
+            session.close()
+
+
+def open_devices(plan: Plan, seed: int) -> Devices:
+    """Open everything that the plan names. Raises DriverError, and nothing is open then."""
+    devices = Devices(_open_sessions(plan, seed), {})
+    links = _links(devices)
+    try:
+        for vehicle in plan.vehicles:
+            opened = devices.sensors[vehicle.name] = []
+            site, link = _site(plan, vehicle), links[vehicle.name]
+            for sensor in vehicle.sensors:
+                part = sensor.part
+                own = random.Random(f"{seed} {vehicle.name} {part.label}")
+                opened.append(Opened(sensor, part.cls.open(part.params, site, link, own)))
+    except BaseException:
+        devices.close()
+        raise
+    return devices
+
+
+def _links(devices: Devices) -> dict[str, Link]:
+    return {name: link for session in devices.sessions for name, link in session.links.items()}
+
+
+def _open_sessions(plan: Plan, seed: int) -> list[Session]:
     """One session for each driver, with every vehicle that flies on it."""
     generator = random.Random(seed)
     by_driver: dict[type[Driver[Any]], list[VehiclePlan]] = {}
@@ -46,13 +84,16 @@ def _site(plan: Plan, vehicle: VehiclePlan) -> Site:
         vehicle.home,
         plan.obstacles,
         {other.name: other.airframe.diameter for other in plan.vehicles},
+        plan.tags,
+        vehicle.cameras,
+        vehicle.payload,
     )
 
 
 def build_vehicles(
-    plan: Plan, sessions: Sequence[Session], events: Events, recorder: Recorder, score: Score
+    plan: Plan, devices: Devices, events: Events, recorder: Recorder, score: Score
 ) -> list[Vehicle]:
-    links = {name: link for session in sessions for name, link in session.links.items()}
+    links, bodies = _links(devices), Bodies()
     return [
         Vehicle(
             vehicle,
@@ -61,6 +102,8 @@ def build_vehicles(
             events,
             recorder.vehicle(vehicle.name),
             score.vehicle(vehicle.name),
+            devices.sensors[vehicle.name],
+            bodies,
         )
         for vehicle in plan.vehicles
     ]

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.errors import OptionRefused, UnitError
-from kybflow.params import Field, fields_of
+from kybflow.params import Field, fields_of, type_of
 from kybflow.runtime.events import Events
 from kybflow.runtime.making import parts_of
 from kybflow.runtime.tightening import loosened
@@ -171,8 +171,8 @@ def _decoded(name: str, value: Any, field: Field) -> Any:
         if str(value).lower() not in ("true", "false"):
             raise OptionRefused(f"`{name}` is true or false, not `{value}`")
         value, numbers = str(value).lower() == "true", ()
-    elif field.shape in ("path", "file"):
-        raise OptionRefused(f"`{name}` is a {field.shape} and can't be changed in flight")
+    elif field.shape in ("path", "file", "integers"):
+        raise OptionRefused(f"`{name}` is a {type_of(field)} and can't be changed in flight")
     else:
         numbers = ()
     _check_bounds(name, numbers, field)

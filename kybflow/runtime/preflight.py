@@ -11,14 +11,16 @@ from typing import NamedTuple
 
 from kybflow.geometry import Vec3, distance
 from kybflow.runtime.activity import START_TOLERANCE
+from kybflow.runtime.rest import LONG
 from kybflow.runtime.vehicle import Vehicle
 from kybflow.shapes import Box
-from kybflow.signals import Estimate
+from kybflow.signals import Estimate, MeasurementKind
 
 LINK_AGE = 1.0
 """Seconds in which the link must have delivered something."""
-LEAST_RATE = 5.0
-"""Measurements a second below which an estimator's stream is no stream."""
+LEAST_RATE = 4.0
+"""Measurements a second below which an estimator's stream is no stream. The slowest that is flown
+on has 5 Hz, and counts less between two of them."""
 _ABOVE = 0.3
 """Metres above where it stands at which a vehicle must be clear of obstacles."""
 
@@ -68,13 +70,19 @@ def _watchdog(vehicle: Vehicle) -> Line:
 def _streams(vehicle: Vehicle) -> Iterator[Line]:
     """Every kind of measurement that an estimator needs, at a rate to fly on."""
     senses = vehicle.senses
-    at = {kind: e.part.at for e in vehicle.plan.estimators for kind in e.part.cls.needs}
+    parts = [estimator.part for estimator in vehicle.plan.estimators]
+    at = {kind: part.at for part in parts for kind in part.cls.uses(part.params)}
     for kind in sorted(senses.needs, key=lambda kind: kind.value):
         rate = senses.rate(kind)
         reason = f"{rate:.0f} Hz" if rate else "nothing arrives"
         green = rate >= LEAST_RATE
         if rate and not green:
             reason += f", {LEAST_RATE:.0f} Hz needed"
+        if green and kind is MeasurementKind.IMU and not senses.rest.is_known:
+            green, reason = False, f"{reason}, not yet {LONG} s at rest"
+        trouble = senses.sensing.trouble(kind)
+        if trouble is not None:
+            green, reason = False, f"{reason}: {trouble}"
         yield Line(vehicle.name, f"{kind.value} stream", green, reason, at[kind])
 
 

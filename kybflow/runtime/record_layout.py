@@ -18,6 +18,9 @@ PACKAGE = "kybflow"
 EVENTS_TOPIC = "/events"
 METADATA = "kybflow"
 
+RATE = 50
+"""How often a second, at most, each estimator is recorded, and the report reads a tick."""
+
 SETPOINT_KINDS = {kind: number for number, kind in enumerate(SetpointKind, start=1)}
 """The number of each kind of setpoint in a recording; 0 says that there was no setpoint."""
 
@@ -91,6 +94,15 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("Command", "command", "what the driver was given"),
         ("Truth", "truth", "what the simulator knows"),
     ),
+    "Candidate": (
+        ("bool", "present", "false: it has no estimate, and the rest is that of none"),
+        ("bool", "usable", "healthy, and its time is not used up"),
+        ("bool", "used", "the vehicle flew on it"),
+        ("Vector", "position", "m, world"),
+        ("Quaternion", "attitude", ""),
+        ("float64", "age", "s since the newest measurement in it was true"),
+        ("float64", "spread", "m, standard deviation of the position"),
+    ),
     "Pose": (
         ("int64", "time", "ns; when it was true. It arrived at the message's log time."),
         ("Vector", "position", "m, world"),
@@ -107,9 +119,28 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("Vector", "specific_force", "m/s^2, body (FLU)"),
         ("Vector", "angular_velocity", "rad/s, body"),
     ),
+    "Position": (
+        ("int64", "time", "ns; when it was true. It arrived at the message's log time."),
+        ("Vector", "position", "m, world"),
+        ("Vector", "spread", "m, standard deviation along each axis"),
+    ),
+    "Frame": (
+        ("int64", "time", "ns; the middle of its exposure. It arrived at the message's log time."),
+    ),
+    "Payload": (
+        ("int64", "time", "ns; when it was true. It arrived at the message's log time."),
+        ("bool", "is_open", "the servo that holds the payload"),
+        ("bool", "known", "false: the vehicle can't tell whether it is on board"),
+        ("bool", "aboard", ""),
+    ),
 }
 
 _PLAIN = {"float64": ("d", "<f8"), "int64": ("q", "<i8"), "uint8": ("B", "u1"), "bool": ("B", "?")}
+
+
+def kept_every(control_rate: int) -> int:
+    """Of how many ticks one is kept where so many a second are too many."""
+    return max(1, control_rate // RATE)
 
 
 def event_record(event: Event) -> dict[str, Any]:

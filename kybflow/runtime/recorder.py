@@ -1,10 +1,12 @@
 """Records a run into one MCAP file while it goes; the only user of the foxglove SDK.
 
 Each vehicle has `/NAME/tick` (one message a control tick, `record_layout`), `/NAME/pose`,
-`/NAME/battery` and `/NAME/imu` (each measurement as it arrived); `/events` holds every event as
-JSON. A message's log and publish time are the tick's time, so the file holds no other clock: the
-same run gives the same bytes. Why the messages are encoded as they are:
-docs/adr/0001-recording-encoding.md.
+`/NAME/battery` and `/NAME/imu` (each measurement as it arrived), and, once one arrived,
+`/NAME/position`, `/NAME/payload` and `/NAME/frame/CAMERA` (when the frame was taken, without its
+image); `/NAME/estimator/ESTIMATOR` has what each of its estimators says, flown on or not, fifty
+times a second at most. `/events` holds every event as JSON. A message's log and publish time are
+the tick's time, so the file holds no other clock: the same run gives the same bytes. Why the
+messages are encoded as they are: docs/adr/0001-recording-encoding.md.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ from kybflow.runtime.record_layout import (
     definition,
     event_record,
     head,
+    kept_every,
     struct_format,
 )
 from kybflow.runtime.record_sink import Sink
@@ -40,9 +43,12 @@ from kybflow.signals import (
     Command,
     Estimate,
     Event,
+    Frame,
     Imu,
     Measurement,
+    Payload,
     Pose,
+    Position,
     Setpoint,
     SetpointKind,
     Time,
@@ -52,6 +58,8 @@ from kybflow.signals import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from kybflow.runtime.estimation import Estimation
+
 CHUNK_SECONDS = 0.5
 """How long a chunk lasts: what a program that is killed may lose."""
 
@@ -59,7 +67,11 @@ _TICK = Struct(struct_format("Tick"))
 _POSE = Struct(struct_format("Pose"))
 _BATTERY = Struct(struct_format("Battery"))
 _IMU = Struct(struct_format("Imu"))
+_POSITIONS = Struct(struct_format("Position"))
+_FRAME = Struct(struct_format("Frame"))
+_PAYLOAD = Struct(struct_format("Payload"))
 _pack_tick = _TICK.pack
+_pack_candidate = Struct(struct_format("Candidate")).pack
 
 _Marked = tuple[tuple[int, int], Vec3, Vec3, Vec3, Vec3, float, float]
 """A setpoint with zeros for what it has not, behind its kind and what it has."""
@@ -96,7 +108,10 @@ class Recorder:
         )
         self._writer.write_metadata(METADATA, {"plan": json.dumps(head(plan))})
         self._events = Channel(EVENTS_TOPIC, schema=EVENT_SCHEMA, context=self._context)
-        self._vehicles = {v.name: VehicleChannel(v.name, self._context) for v in plan.vehicles}
+        every = kept_every(plan.control_rate)
+        self._vehicles = {
+            v.name: VehicleChannel(v.name, every, self._context) for v in plan.vehicles
+        }
         self._closed = False
 
     @property
@@ -118,13 +133,17 @@ class Recorder:
 
 
 class VehicleChannel:
-    """What is recorded of one vehicle."""
+    """What is recorded of one vehicle; of its estimators one tick of `every`, from the first on."""
 
-    def __init__(self, name: str, context: Context) -> None:
+    def __init__(self, name: str, every: int, context: Context) -> None:
+        self._every, self._ticks = every, 0
         self._tick = _log(context, f"/{name}/tick", "Tick")
         self._pose = _log(context, f"/{name}/pose", "Pose")
         self._battery = _log(context, f"/{name}/battery", "Battery")
         self._imu = _log(context, f"/{name}/imu", "Imu")
+        self._name, self._context = name, context
+        self._rare: dict[str, Callable[[bytes, int], None]] = {}
+        self._estimators: dict[str, Callable[[bytes, int], None]] = {}
 
     def tick(
         self,
@@ -144,7 +163,7 @@ class VehicleChannel:
         else:
             marks1, p1, v1, a1, j1, heading1, rate1 = _marked(setpoint)
         attitude, thrust, rates, heading, armed = command
-        pt, vt, qt, wt = truth or _NO_TRUTH
+        pt, vt, qt, wt, _ = truth or _NO_TRUTH
         message = _pack_tick(
             estimate is not None, *p, *v, *q, *w, age, spread,
             *marks, *p0, *v0, *a0, *j0, heading0, rate0,
@@ -154,6 +173,23 @@ class VehicleChannel:
         )  # fmt: skip
         self._tick(message, now)
 
+    def estimators(self, now: Time, estimation: Estimation) -> None:
+        """What each estimator says in this tick."""
+        self._ticks += 1
+        if (self._ticks - 1) % self._every:
+            return
+        source, logs = estimation.source, self._estimators
+        for candidate in estimation.candidates:
+            name, estimate = candidate.name, candidate.estimate
+            if name not in logs:
+                logs[name] = _log(self._context, f"/{self._name}/estimator/{name}", "Candidate")
+            _, (x, y, z), _, (a, b, c, d), _, _, age, spread = estimate or _NO_ESTIMATE
+            known, usable = estimate is not None, candidate.is_usable
+            logs[name](
+                _pack_candidate(known, usable, name == source, x, y, z, a, b, c, d, age, spread),
+                now,
+            )
+
     def measurement(self, now: Time, measurement: Measurement) -> None:
         """A measurement that arrived at `now`."""
         if isinstance(measurement, Pose):
@@ -162,8 +198,26 @@ class VehicleChannel:
         elif isinstance(measurement, Imu):
             time, dt, force, turn = measurement
             self._imu(_IMU.pack(time, dt, *force, *turn), now)
+        elif isinstance(measurement, Position):
+            time, position, spread = measurement
+            self._log_rare("position", "Position", _POSITIONS.pack(time, *position, *spread), now)
+        elif isinstance(measurement, Frame):
+            topic = f"frame/{measurement.camera}"
+            self._log_rare(topic, "Frame", _FRAME.pack(measurement.time), now)
+        elif isinstance(measurement, Payload):
+            time, is_open, aboard = measurement
+            known = aboard is not None
+            self._log_rare(
+                "payload", "Payload", _PAYLOAD.pack(time, is_open, known, aboard or False), now
+            )
         else:
             self._battery(_BATTERY.pack(*measurement), now)
+
+    def _log_rare(self, topic: str, message: str, data: bytes, now: Time) -> None:
+        """What most vehicles have none of gets its channel with its first message."""
+        if topic not in self._rare:
+            self._rare[topic] = _log(self._context, f"/{self._name}/{topic}", message)
+        self._rare[topic](data, now)
 
 
 def _marked(setpoint: Setpoint | None) -> _Marked:

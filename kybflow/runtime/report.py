@@ -16,6 +16,7 @@ from typing import Any
 from plotly.offline import get_plotlyjs
 
 from kybflow.runtime.report_data import Run, read_run
+from kybflow.runtime.report_estimation import estimators, pages
 from kybflow.runtime.report_events import events
 from kybflow.runtime.report_figures import figures
 from kybflow.runtime.report_plot import Figure
@@ -40,7 +41,8 @@ def write_report(folder: Path) -> Path:
 
 def render(run: Run) -> str:
     """The whole page."""
-    drawn = figures(run)
+    drawn, of_estimators = figures(run), pages(run)
+    every = [figure for page in of_estimators for figure in page.figures]
     reason = run.summary.get("reason")
     template = Template(files("kybflow.runtime").joinpath(_PAGE).read_text(encoding="utf-8"))
     return template.substitute(
@@ -52,10 +54,11 @@ def render(run: Run) -> str:
         expectations=expectations(run),
         vehicles=vehicles(run),
         figures="\n".join(_section(figure) for figure in drawn),
+        estimators=estimators(run, of_estimators),
         events=events(run),
         footer=footer(run),
         plotly=get_plotlyjs(),
-        data=_data([asdict(figure) for figure in drawn]),
+        data=_data([asdict(figure) for figure in (*drawn, *every)]),
     )
 
 

@@ -1,5 +1,5 @@
 """A run folder read back, as arrays for the report: `log.mcap`, `events.jsonl`, `summary.json`,
-the world of `mission.resolved.yaml`.
+the world of `mission.resolved.yaml`, the pictures in `frames/`.
 
 A run that was killed has no summary and a log without an end; what is readable is read.
 """
@@ -17,7 +17,9 @@ from mcap.exceptions import McapError
 from numpy.typing import NDArray
 
 from kybflow.runtime.record_layout import HAS_POSITION, HAS_VELOCITY, dtype_spec
+from kybflow.runtime.report_estimators import Estimated, read_estimators
 from kybflow.runtime.report_log import Log, read_log
+from kybflow.runtime.report_pictures import Picture, read_pictures
 from kybflow.runtime.report_world import World, read_world
 from kybflow.runtime.run_folder import (
     EVENTS,
@@ -75,7 +77,8 @@ class Track:
 @dataclass(frozen=True)
 class Run:
     """Everything that the report shows. `mission` is what the recording says of the mission;
-    `summary` is empty for a run that was killed."""
+    `summary` is empty for a run that was killed. estimators: one without a name is what its vehicle
+    flew on."""
 
     mission: dict[str, Any]
     summary: dict[str, Any]
@@ -84,6 +87,8 @@ class Run:
     tracks: tuple[Track, ...]
     end: float
     world: World
+    estimators: tuple[Estimated, ...] = ()
+    pictures: tuple[Picture, ...] = ()
 
 
 def read_run(folder: Path) -> Run:
@@ -93,6 +98,7 @@ def read_run(folder: Path) -> Run:
         events = [json.loads(line) for line in _whole_lines(folder / EVENTS)]
         world = read_world(folder / RESOLVED)
         summary, provenance = _read_json(folder / SUMMARY), _read_json(folder / PROVENANCE)
+        pictures = read_pictures(folder)
     except (OSError, ValueError, McapError) as error:
         raise RunFolderError(f"`{folder}` is no run that can be read: {error}") from error
     end = max([0, *log.last.values()]) / NS
@@ -100,7 +106,8 @@ def read_run(folder: Path) -> Run:
         _track(name, facts, log, _visits(events, name, facts["states"], end))
         for name, facts in log.mission["vehicles"].items()
     )
-    return Run(log.mission, summary, provenance, events, tracks, end, world)
+    estimators = tuple(e for name in log.mission["vehicles"] for e in read_estimators(log, name))
+    return Run(log.mission, summary, provenance, events, tracks, end, world, estimators, pictures)
 
 
 def _whole_lines(path: Path) -> list[str]:

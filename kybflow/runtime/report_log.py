@@ -1,4 +1,4 @@
-"""Reads a recording for the report: battery reports, and ticks at the report's rate."""
+"""Reads a recording for the report: battery reports, estimators, and ticks at the same rate."""
 
 from __future__ import annotations
 
@@ -11,10 +11,7 @@ from mcap.exceptions import EndOfFile
 from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 
-from kybflow.runtime.record_layout import METADATA
-
-RATE = 50
-"""Ticks a second that the report shows."""
+from kybflow.runtime.record_layout import METADATA, kept_every
 
 
 @dataclass(frozen=True)
@@ -51,11 +48,11 @@ def read_log(path: Path) -> Log:
 
 
 def _keep(log: Log, topic: str, message: Message) -> None:
-    """Keep battery reports, and ticks at the rate of the report."""
+    """Keep battery reports and estimators, and ticks at the rate of the report."""
     log.last[topic] = message.log_time
-    if topic.endswith("/battery"):
+    if topic.endswith("/battery") or "/estimator/" in topic:
         log.messages.setdefault(topic, []).append(message)
     elif topic.endswith("/tick"):
         seen = log.seen[topic] = log.seen.get(topic, 0) + 1
-        if (seen - 1) % max(1, log.mission["control_rate"] // RATE) == 0:
+        if (seen - 1) % kept_every(log.mission["control_rate"]) == 0:
             log.messages.setdefault(topic, []).append(message)

@@ -24,7 +24,7 @@ def path_map(run: Run) -> Figure:
     shown = {name: extent for name, extent in standing.items() if near.covers(extent)}
     window = _around([path, *shown.values()])
     window = window.grown(max(0.25, 0.06 * window.span))
-    traces = [*room(run, window), *_paths(run), _starts(run), *_collisions(run)]
+    traces = [*room(run, window), *_paths(run), _starts(run), *_parcels(run), *_collisions(run)]
     width, height = window.x1 - window.x0, window.y1 - window.y0
     layout = {
         "xaxis": {
@@ -68,6 +68,25 @@ def _starts(run: Run) -> dict[str, Any]:
         "marker": {"symbol": "circle-open", "size": 10, "color": "ink", "line": {"width": 2}},
         "hovertemplate": "start %{x:.2f}, %{y:.2f} m<extra></extra>",
     }
+
+
+def _parcels(run: Run) -> list[dict[str, Any]]:
+    """A square where each payload came to rest, as the simulator knows it."""
+    drops = [e for e in run.events if e["event"] == "payload_rested"]
+    if not drops:
+        return []
+    return [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": "payload",
+            "x": [e["fields"]["x"] for e in drops],
+            "y": [e["fields"]["y"] for e in drops],
+            "text": [f"the payload of {e['vehicle']}" for e in drops],
+            "marker": {"symbol": "square", "size": 10, "color": "ink"},
+            "hovertemplate": "%{text} at %{x:.3f}, %{y:.3f} m<extra></extra>",
+        }
+    ]
 
 
 def _collisions(run: Run) -> list[dict[str, Any]]:

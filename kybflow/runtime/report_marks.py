@@ -17,6 +17,7 @@ _ALARMING = (
 )  # fmt: skip
 _ROUTINE = BARS | {
     "run_started", "run_ended", "preflight_passed", "took_off", "landed", "driver_changed",
+    "payload_loaded", "payload_released", "payload_rested",
 }  # fmt: skip
 _LOOKS = {
     EVENT: ("triangle-up", "ink", 9),

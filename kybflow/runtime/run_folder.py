@@ -1,34 +1,36 @@
 """The folder that a run leaves: who may write where, and the files beside the recording.
 
-`events.jsonl` is written as the run goes, a line an event; `mission.resolved.yaml` and
-`provenance.json` before it, `summary.json` and `report.html` after it. Points in wall-clock time
-stand in `provenance.json` and in the folder's name only, how long it took in `summary.json`; the
-other files depend on plan and seed alone.
+`events.jsonl` is written as the run goes, a line an event; `mission.resolved.yaml`, the files that
+it names and `provenance.json` before it, `summary.json` and `report.html` after it. Points in
+wall-clock time stand in `provenance.json` and in the folder's name only, how long it took in
+`summary.json`; the other files depend on plan and seed alone.
 """
 
 from __future__ import annotations
 
 import json
-import os
-import platform
 from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
 from io import FileIO
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from kybflow.dsl.plan import Plan
 from kybflow.errors import KybflowError
+from kybflow.runtime.provenance import FLOWN_FROM, provenance
 from kybflow.runtime.record_layout import event_record
+from kybflow.runtime.run_files import contents, copies
 from kybflow.signals import Event
 
 if TYPE_CHECKING:
     from datetime import datetime
 
+    from kybflow.runtime.flight import Request
+
 SUMMARY, EVENTS, LOG, REPORT = "summary.json", "events.jsonl", "log.mcap", "report.html"
 RESOLVED, PROVENANCE = "mission.resolved.yaml", "provenance.json"
-FILES = frozenset({SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE})
-_PACKAGES = ("kybflow", "mujoco", "numpy", "foxglove-sdk", "transitions", "PyYAML", "jsonschema")
+FRAMES = "frames"
+"""The folder of what cameras saw."""
+FILES = frozenset({SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES})
 
 
 class RunFolderError(KybflowError):
@@ -58,10 +60,26 @@ class RunFolder:
         except OSError as error:
             self.failed = f"the events stopped: {error.strerror or error}"
 
-    def describe(self, plan: Plan, seed: int, started: datetime) -> None:
-        """Write the resolved mission and where everything came from. Raises RunFolderError."""
+    def describe(self, plan: Plan, request: Request, started: datetime) -> None:
+        """Write the resolved mission, the files that it names, and where everything came from.
+        Raises RunFolderError."""
+        files = copies(plan.files, FILES)
         _write(self.path / RESOLVED, plan.resolved)
-        _write(self.path / PROVENANCE, _json(provenance(plan, seed, started)))
+        _write(self.path / PROVENANCE, _json(provenance(plan, request, started, files)))
+        for name, file in files.items():
+            _write(self.path / name, contents(file))
+
+    def add(self, name: str, data: bytes) -> Path:
+        """Write one more file, under a path within the folder; its path. Raises RunFolderError, and
+        there is no half of it then."""
+        path = self.path / name
+        try:
+            _write(path, data)
+        except RunFolderError:
+            with suppress(OSError):
+                path.unlink()
+            raise
+        return path
 
     def finish(self, summary: dict[str, Any]) -> bool:
         """Close the folder and write the summary; False when it can't be written, and then there is
@@ -102,34 +120,6 @@ def create_run_folder(plan: Plan, out: Path | None, started: datetime) -> RunFol
         raise RunFolderError(f"`{path}` can't be written: {error.strerror or error}") from error
 
 
-def provenance(plan: Plan, seed: int, started: datetime) -> dict[str, Any]:
-    """What a run was made of: sources with their SHA-256, versions, seed, target, machine."""
-    return {
-        "kybflow": 1,
-        "mission": plan.mission,
-        "target": plan.target,
-        "seed": seed,
-        "started": started.isoformat(timespec="seconds"),
-        "sources": [{"path": source.path, "sha256": source.sha256} for source in plan.sources],
-        "versions": {"python": platform.python_version(), **_versions()},
-        "machine": {
-            "system": platform.platform(),
-            "processor": platform.machine(),
-            "cores": os.cpu_count(),
-        },
-    }
-
-
-def _versions() -> dict[str, str]:
-    found = {}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
-
-
 def _free(parent: Path, name: str) -> Path:
     path, number = parent / name, 2
     while path.exists():
@@ -140,7 +130,8 @@ def _free(parent: Path, name: str) -> Path:
 def _check_empty(path: Path) -> None:
     """Nothing that is in a folder is ever replaced."""
     found = sorted(entry.name for entry in path.iterdir())
-    foreign = [name for name in found if name not in FILES or EVENTS not in found]
+    ours = FILES | _copied(path)
+    foreign = [name for name in found if name not in ours or EVENTS not in found]
     if foreign:
         more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
         raise RunFolderError(
@@ -150,12 +141,22 @@ def _check_empty(path: Path) -> None:
         raise RunFolderError(f"`{path}` holds an earlier run; name another folder, or remove it")
 
 
+def _copied(path: Path) -> set[str]:
+    """What stands in the folder of an earlier run for the files that its mission names."""
+    try:
+        names = json.loads((path / PROVENANCE).read_text(encoding="utf-8"))[FLOWN_FROM]
+        return {PurePath(name).parts[0] for name in names}
+    except (OSError, ValueError, LookupError, TypeError):
+        return set()
+
+
 def _json(value: dict[str, Any]) -> str:
     return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _write(path: Path, text: str) -> None:
+def _write(path: Path, what: str | bytes) -> None:
     try:
-        path.write_text(text, encoding="utf-8")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(what if isinstance(what, bytes) else what.encode())
     except OSError as error:
         raise RunFolderError(f"`{path}` can't be written: {error.strerror or error}") from error

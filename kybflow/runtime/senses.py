@@ -6,13 +6,19 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.errors import PartFailed, described
+from kybflow.errors import PartFailed, Refused, described
 from kybflow.parts import Link
+from kybflow.runtime.body_health import Bodies
+from kybflow.runtime.cargo import Cargo
 from kybflow.runtime.estimation import Estimation
 from kybflow.runtime.events import Events
 from kybflow.runtime.outcome import VehicleScore
 from kybflow.runtime.recorder import VehicleChannel
+from kybflow.runtime.rest import Rest
+from kybflow.runtime.sensing import Opened, Sensing
+from kybflow.runtime.watched_body import WatchedBody
 from kybflow.signals import (
+    CLASSES,
     NS,
     Battery,
     Command,
@@ -20,22 +26,20 @@ from kybflow.signals import (
     Imu,
     Measurement,
     MeasurementKind,
-    Pose,
+    Payload,
     Time,
     Truth,
 )
 from kybflow.site import Site
 
-_CLASSES: dict[MeasurementKind, type] = {
-    MeasurementKind.POSE: Pose,
-    MeasurementKind.BATTERY: Battery,
-    MeasurementKind.IMU: Imu,
-}
+ALIVE = 0.5
+"""Seconds since a link delivered anything within which it can be asked for something."""
 
 
 class Senses:
     """`link_error` is what the link said when it failed, None while it works. `link_age`: seconds
-    since it delivered anything, or was first read. `report` is told of a part that has failed."""
+    since it delivered anything, or was first read. `rest`: what the IMU felt when the rotors rested
+    last. `report` is told of a part that has failed."""
 
     def __init__(
         self,
@@ -46,6 +50,8 @@ class Senses:
         channel: VehicleChannel,
         score: VehicleScore,
         report: Callable[[PartFailed], None],
+        sensors: Sequence[Opened] = (),
+        bodies: Bodies | None = None,
     ) -> None:
         self.estimate: Estimate | None = None
         self.battery: Battery | None = None
@@ -53,13 +59,18 @@ class Senses:
         self.truth: Truth | None = None
         self.link_error: str | None = None
         self.link_age = 0.0
+        self.rest = Rest()
+        self.cargo = Cargo(plan.name, events)
+        self._armed = False
         self._streams: dict[type, tuple[Time, int]] = {}
         self.estimation = Estimation(plan, site, events, score, report)
         self._link, self._channel, self._score, self._report = link, channel, score, report
-        self._driver = plan.driver.label
+        self._driver, self._lands = plan.driver.label, plan.driver.cls.lands
+        self.sensing = Sensing(plan.name, sensors, events)
+        self._body = WatchedBody(plan, bodies or Bodies(), events)
         self._heard: Time | None = None
         self._subscribed: frozenset[MeasurementKind] = frozenset()
-        needs = [estimator.part.cls.needs for estimator in plan.estimators]
+        needs = [e.part.cls.uses(e.part.params) for e in plan.estimators]
         self.needs: frozenset[MeasurementKind] = frozenset().union(*needs)
         self.subscribe(self.needs)
 
@@ -73,33 +84,70 @@ class Senses:
         except Exception as error:  # a part may raise anything; it fails this vehicle alone
             self._failed(error)
 
-    def update(self, now: Time) -> None:
-        """Read the link and renew the estimate."""
+    def update(self, now: Time, in_air: bool = False) -> None:
+        """Read the link, then the sensors beside it, and renew the estimate. in_air: whether the
+        vehicle is."""
         measurements: Sequence[Measurement] = ()
         try:
             measurements = self._link.read(now)
             self.truth = self._link.truth()
             if measurements or self._heard is None:
                 self._heard = now
+                measurements = self.sensing.left_of(measurements)
                 self._note(measurements, now)
         except Exception as error:  # see subscribe
             self.truth, measurements = None, ()
             self._heard = now if self._heard is None else self._heard
             self._failed(error)
         self.link_age = (now - self._heard) / NS
+        if self.sensing.streams:
+            measurements = self.sensing.joined(measurements, now, self._note)
+        measurements = self._body.measured(measurements, now, in_air)
+        if self._link.rig is not None and self._link.rig.estimators:
+            self.estimation.kill(self._link.rig.estimators)
         self.estimate = self.estimation.update(measurements, now)
 
     def send(self, command: Command, now: Time) -> None:
         """Hand the command to the link."""
+        if command.armed is not self._armed:
+            self._armed = command.armed
+            self.rest = self.rest if self._armed else Rest()
         try:
             self._link.send(command, now)
+        except Exception as error:  # see subscribe
+            self._failed(error)
+
+    @property
+    def can_land(self) -> bool:
+        """Whether the vehicle has a land mode of its own and can be asked for it."""
+        return self._lands and self.link_error is None and self.link_age <= ALIVE
+
+    def land(self, now: Time) -> bool:
+        """Ask for the vehicle's own land mode; whether it has landed. Raises Refused."""
+        try:
+            return self._link.land(now)
+        except Refused:
+            raise
+        except Exception as error:  # see subscribe
+            self._failed(error)
+            raise Refused(described(error)) from error
+
+    def grip(self, is_open: bool, now: Time, at: str) -> None:
+        """Ask for the servo that holds the payload, where that makes a difference. Raises
+        Refused."""
+        if not self.cargo.wants(is_open, now, at):
+            return
+        try:
+            self._link.grip(is_open, now)
+        except Refused:
+            raise
         except Exception as error:  # see subscribe
             self._failed(error)
 
     def rate(self, kind: MeasurementKind) -> float:
         """Measurements of `kind` a second since the first one; zero while they are fewer than three
         or arrive no more."""
-        first, count = self._streams.get(_CLASSES[kind], (0, 0))
+        first, count = self._streams.get(CLASSES[kind], (0, 0))
         now = self._heard
         if count < 3 or now is None or now == first:
             return 0.0
@@ -118,9 +166,13 @@ class Senses:
             streams[cls] = first, count + 1
             if cls is Imu:
                 self.imu = measurement  # type: ignore[assignment]
+                if not self._armed:
+                    self.rest.feel(measurement)  # type: ignore[arg-type]
             elif cls is Battery:
                 self.battery = measurement  # type: ignore[assignment]
                 self._score.battery(measurement.remaining)  # type: ignore[union-attr]
+            elif cls is Payload:
+                self.cargo.hear(measurement, self.estimate, now)  # type: ignore[arg-type]
 
     def _failed(self, error: Exception) -> None:
         """Land by what still works; told once, though reading and sending go on being tried."""

@@ -6,30 +6,34 @@ supervisors ─► wishes ─► transition? ─► behavior ─► setpoint ─
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.errors import PartFailed
+from kybflow.errors import PartFailed, Refused
 from kybflow.geometry import LEVEL, ZERO, distance
 from kybflow.parts import AIR, GROUND, Entry, Link
 from kybflow.runtime.activity import Activity
+from kybflow.runtime.body_health import Bodies
 from kybflow.runtime.chain import Chain
 from kybflow.runtime.checked import checked_command, checked_setpoint
 from kybflow.runtime.commanding import Commanding
 from kybflow.runtime.events import Events
 from kybflow.runtime.failsafe import STATES, Failsafe, Heard
+from kybflow.runtime.land_mode import HANDED_OVER, LandMode
 from kybflow.runtime.making import make, parts_of
 from kybflow.runtime.outcome import VehicleScore
 from kybflow.runtime.recorder import VehicleChannel
 from kybflow.runtime.senses import Senses
+from kybflow.runtime.sensing import Opened
 from kybflow.signals import (
     NS,
     Alarm,
     Battery,
     Command,
     Estimate,
+    Grip,
     Reaction,
     Setpoint,
     SetpointKind,
@@ -63,6 +67,8 @@ class Vehicle(Commanding):
         events: Events,
         channel: VehicleChannel,
         score: VehicleScore,
+        sensors: Sequence[Opened] = (),
+        bodies: Bodies | None = None,
     ) -> None:
         self.plan, self.name, self.site = plan, plan.name, site
         self.now: Time = 0
@@ -76,7 +82,8 @@ class Vehicle(Commanding):
         self._chain = Chain(plan, site, self._params)
         lines = {part.label: part.at for part in parts_of(plan)}
         self.failsafe = Failsafe(plan.name, self._supervisors, lines, events)
-        self.senses = Senses(plan, site, link, events, channel, score, self.failsafe.report)
+        report = self.failsafe.report
+        self.senses = Senses(plan, site, link, events, channel, score, report, sensors, bodies)
         self.activity = Activity(plan, self._params, events, score, self._objection)
         super().__init__()
 
@@ -144,7 +151,7 @@ class Vehicle(Commanding):
     def sense(self, now: Time) -> None:
         """Read the link and renew the estimate."""
         self.now = now
-        self.senses.update(now)
+        self.senses.update(now, self.airborne)
 
     def act(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> None:
         """Decide, steer, send and record."""
@@ -152,16 +159,19 @@ class Vehicle(Commanding):
             self.activity.wait(dt)
         self._fleet = fleet
         command, wanted = self._decided(self._tick(now, dt, fleet))
-        self._sent = command
-        self.senses.send(command, now)
-        senses = self.senses
+        self._sent, senses = command, self.senses
+        if self.activity.land_mode is None:
+            senses.send(command, now)
+        if self.activity.grip is not None:
+            self._grip(self.activity.grip, now)
         self._channel.tick(now, senses.estimate, wanted, self.followed, command, senses.truth)
+        self._channel.estimators(now, senses.estimation)
         self._measure()
 
     def entry(self) -> Entry:
         """What a behavior is entered with now."""
-        thrust, flight = self._hover_thrust(), self.activity.flight
-        return Entry(self.now, self.site, self.estimate, self.followed, thrust, flight)
+        thrust, flight, rest = self._hover_thrust(), self.activity.flight, self.senses.rest.lift
+        return Entry(self.now, self.site, self.estimate, self.followed, thrust, flight, rest)
 
     def react(self, heard: Heard, tick: Tick) -> bool:
         """Let the failsafe decide about an alarm; whether the vehicle now does something else."""
@@ -178,6 +188,8 @@ class Vehicle(Commanding):
         elif reaction is Reaction.CUT:
             activity.flight, self._cut = GROUND, tick.now
         activity.go(STATES[reaction] if airborne else "fault", self.entry)
+        if airborne and reaction is Reaction.LAND and self.senses.can_land:
+            self._hand_over(tick.now)
         return True
 
     def land(self, reason: str) -> None:
@@ -215,6 +227,7 @@ class Vehicle(Commanding):
             fleet,
             senses.imu,
             senses.link_age,
+            senses.cargo.state,
         )
 
     def _decided(self, tick: Tick) -> tuple[Command, Setpoint | None]:
@@ -263,6 +276,7 @@ class Vehicle(Commanding):
             self._chain = Chain(self.plan, self.site, self._params)
         self._select()
         self.senses.subscribe(activity.state.behavior.cls.needs)
+        self.senses.estimation.prefer(activity.state.estimators)
         return tick._replace(elapsed=0.0)
 
     def _select(self) -> None:
@@ -271,6 +285,8 @@ class Vehicle(Commanding):
     def _steer(self, tick: Tick) -> tuple[Command, Setpoint | None]:
         """(the command of this tick, the setpoint before processing)."""
         activity = self.activity
+        if activity.land_mode is not None:
+            return self._handed_over(tick)
         if tick.estimate is None and activity.behavior.needs_estimate:
             self.followed = None
             if not activity.airborne:
@@ -293,6 +309,32 @@ class Vehicle(Commanding):
             return self._steer(self._settled(tick))
         self.followed, command = result
         return self._armed(command), output
+
+    def _hand_over(self, now: Time) -> None:
+        """Land by the vehicle's own mode, in place of `auto_land`."""
+        estimate = self.estimate
+        height = 0.0 if estimate is None else estimate.position[2] - self.site.start[2]
+        self.activity.land_mode = LandMode(self.senses.land, now, height)
+        self._tell("land_mode_started", self.plan.driver.at)
+
+    def _handed_over(self, tick: Tick) -> tuple[Command, Setpoint | None]:
+        """The same while it lands by its own mode; once it won't, `auto_land` begins anew."""
+        self.followed = None
+        try:
+            landed = self.activity.has_landed(tick.now, tick.estimate)
+        except Refused as refusal:
+            self._tell("land_mode_refused", self.plan.driver.at, reason=str(refusal))
+            self.activity.go("auto_land", self.entry)
+            return self._steer(self._settled(tick))
+        return (RESTING if landed else HANDED_OVER), None
+
+    def _grip(self, asked: Grip, now: Time) -> None:
+        """Ask for the payload's servo; a vehicle that refuses fails the behavior."""
+        self.activity.grip = None
+        try:
+            self.senses.grip(asked.is_open, now, self.activity.state.at)
+        except Refused as refusal:
+            self.activity.fail(str(refusal))
 
     def _armed(self, command: Command) -> Command:
         """Raises ValueError for rotors at rest in the air."""

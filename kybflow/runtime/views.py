@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from kybflow.geometry import Vec3
 from kybflow.observables import State, Unavailable
-from kybflow.signals import NS, Battery, Estimate, Setpoint
+from kybflow.signals import NS, Battery, Estimate, PayloadState, Setpoint
 
 if TYPE_CHECKING:
     from kybflow.runtime.vehicle import Vehicle
@@ -63,6 +63,21 @@ class Believed:
     def spread(self) -> float:
         return self._estimate().spread
 
+    @property
+    def payload(self) -> PayloadState:
+        state = self._vehicle.senses.cargo.state
+        if state is None:
+            raise Unavailable
+        return state
+
+    @property
+    def payload_place(self) -> Vec3:
+        raise Unavailable
+
+    @property
+    def releases(self) -> int:
+        return self._vehicle.senses.cargo.releases
+
     def _estimate(self) -> Estimate:
         estimate = self._vehicle.estimate
         if estimate is None:
@@ -76,3 +91,10 @@ class Actual(Believed):
     @property
     def state(self) -> State:
         return self._vehicle.truth or super().state
+
+    @property
+    def payload_place(self) -> Vec3:
+        truth = self._vehicle.truth
+        if truth is None or truth.payload is None:
+            raise Unavailable
+        return truth.payload

@@ -63,8 +63,9 @@ def try_case(case: Case) -> Tried:
     if result.plan is None:
         return Tried(case, "invalid", tuple(findings(result, case.path)))
     traces = Traces()
+    request = Request(seed=case.seed, out=case.out, sets=case.sets)
     try:
-        flown = fly(result.plan, Request(seed=case.seed, out=case.out), (traces.hear,))
+        flown = fly(result.plan, request, (traces.hear,))
         verdict: Verdict = flown.summary["outcome"]
         folder = _kept(flown, case.keep or verdict in ("failed", "driver_failed"))
     except RunFolderError as error:

@@ -2,9 +2,10 @@
 
 Rotors have lag, saturation and drag torque; the body feels rotor drag, wind, gusts and the floor;
 mass, inertia and thrust differ from the airframe's; the battery sags. The on-board controller sees
-a noisy, biased IMU; motion capture comes at its own rate, noisy and late. Where no command arrives
-any more, it comes down by itself. Faults break it through its rig. The same generator gives the
-same flight, bit for bit.
+a noisy, biased IMU; motion capture comes at its own rate, noisy and late, and so do positions as of
+GPS, where an estimator asks for them. Where no command arrives any more, it comes down by itself. A
+payload is a part of its mass and, once released, a box that falls. Faults break it through its rig.
+The same generator gives the same flight, bit for bit.
 """
 
 from __future__ import annotations
@@ -76,6 +77,21 @@ class SimParams:
     mocap_latency: Duration = param(
         "How late a pose arrives.", default=0.010, at_least=0.0, at_most=1.0, read_only=True
     )
+    position_rate: Frequency = param(
+        "Positions a second, as from GPS; only where an estimator asks for them.",
+        default=5.0, at_least=1.0, read_only=True,
+    )  # fmt: skip
+    position_noise: Length = param(
+        "Error of a position along each horizontal axis, standard deviation; half of its variance"
+        " wanders within half a minute.",
+        default=0.3, at_least=0.0, read_only=True,
+    )  # fmt: skip
+    position_noise_up: Length = param(
+        "The same of its height.", default=0.5, at_least=0.0, read_only=True
+    )
+    position_latency: Duration = param(
+        "How late a position arrives.", default=0.12, at_least=0.0, at_most=1.0, read_only=True
+    )
     battery: Ratio = param(
         "Charge of the battery at the start.", default=1.0, above=0.0, at_most=1.0, read_only=True
     )
@@ -93,8 +109,15 @@ class Sim(Driver[SimParams]):
     """The simulator; MuJoCo is imported when it is opened."""
 
     accepts = frozenset({CommandKind.ATTITUDE_THRUST})
-    provides = frozenset({MeasurementKind.POSE, MeasurementKind.BATTERY, MeasurementKind.IMU})
+    provides = frozenset(
+        {
+            MeasurementKind.POSE, MeasurementKind.BATTERY, MeasurementKind.IMU,
+            MeasurementKind.POSITION,
+        }
+    )  # fmt: skip
     simulated: ClassVar[bool] = True
+    grips: ClassVar[bool] = True
+    brings = ("simulated_camera",)
 
     @classmethod
     def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:

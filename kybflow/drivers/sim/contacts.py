@@ -1,12 +1,12 @@
-"""What the vehicles of a world run into: each other and obstacles. The floor and stands are for
-standing on, and so is the top of an obstacle."""
+"""What the vehicles of a world run into: each other, obstacles and parcels. The floor and stands
+are for standing on, and so is the top of an obstacle or a parcel."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from kybflow.drivers.sim.model import FIRST_BODY, OBSTACLE
+from kybflow.drivers.sim.model import FIRST_BODY, OBSTACLE, PARCEL
 from kybflow.signals import NS, Time
 
 FORGOTTEN: Time = NS // 2
@@ -24,7 +24,8 @@ class Contacts:
         self._vehicles = vehicles
         self._bodies: list[int] = model.geom_bodyid.tolist()
         names = [model.geom(number).name for number in range(model.ngeom)]
-        self._names = [n.removeprefix(OBSTACLE) if n.startswith(OBSTACLE) else "" for n in names]
+        self._names = [_told(name) for name in names]
+        self._beyond = FIRST_BODY + len(vehicles)
         self._matters = [
             body >= FIRST_BODY or name != ""
             for body, name in zip(self._bodies, self._names, strict=True)
@@ -43,12 +44,13 @@ class Contacts:
 
     def _note(self, body: int, geom: int, up: float, now: Time) -> None:
         """A body touches a geom, which pushes it upward by the part `up` of its force."""
-        if body < FIRST_BODY:
+        if not FIRST_BODY <= body < self._beyond:
             return
         vehicle, other = body - FIRST_BODY, self._bodies[geom]
-        if other < FIRST_BODY and up > UPRIGHT:
+        is_vehicle = FIRST_BODY <= other < self._beyond
+        if not is_vehicle and up > UPRIGHT:
             return
-        name = self._vehicles[other - FIRST_BODY] if other >= FIRST_BODY else self._names[geom]
+        name = self._vehicles[other - FIRST_BODY] if is_vehicle else self._names[geom]
         if not name:
             return
         last = self._touched.get((vehicle, name))
@@ -63,3 +65,10 @@ class Contacts:
             return ()
         self._new[vehicle] = []
         return new
+
+
+def _told(geom: str) -> str:
+    """What a geom is called where it is told; empty for what may be stood on."""
+    if geom.startswith(PARCEL):
+        return f"the payload of {geom.removeprefix(PARCEL)}"
+    return geom.removeprefix(OBSTACLE) if geom.startswith(OBSTACLE) else ""

@@ -21,7 +21,7 @@ from xml.sax.saxutils import quoteattr
 
 from kybflow.geometry import Vec3
 from kybflow.shapes import Box, Cylinder, Plane, Shape, Sphere
-from kybflow.site import Site
+from kybflow.site import Parcel, Site
 
 LEGS = 0.05
 """Height of the rotor plane above the floor when a vehicle stands, metres."""
@@ -35,6 +35,11 @@ FIRST_BODY = 1
 """The number of the first vehicle's body; all that does not move belongs to body 0."""
 OBSTACLE = "obstacle "
 """What the name of an obstacle's geom begins with."""
+PARCEL = "payload "
+"""What the name of a parcel's geom begins with."""
+SOLID = '<default><geom conaffinity="3"/></default>\n'
+"""Where there are parcels: everything but vehicles meets them all, a vehicle those that are
+clear of the one that carried them."""
 
 
 class Body(NamedTuple):
@@ -58,9 +63,10 @@ def world_text(sites: Sequence[Site], bodies: Sequence[Body], timestep: float) -
     sensors = "".join(f'<gyro site="v{i}"/><accelerometer site="v{i}"/>' for i in range(len(sites)))
     fences = {site.fence: None for site in sites if site.fence is not None}
     obstacles = {name: shape for site in sites for name, shape in site.obstacles.items()}
+    carrying = [site for site in sites if site.payload is not None]
     return f"""<mujoco model="kybflow">
 <option timestep="{timestep!r}" gravity="0 0 -9.81" integrator="Euler"/>
-<visual><headlight ambient="0.4 0.4 0.4" diffuse="0.4 0.4 0.4"/></visual>
+{SOLID if carrying else ""}<visual><headlight ambient="0.4 0.4 0.4" diffuse="0.4 0.4 0.4"/></visual>
 <asset>
 <texture name="tiles" type="2d" builtin="checker" rgb1="0.72 0.74 0.77" rgb2="0.62 0.64 0.68"
  width="256" height="256"/>
@@ -71,7 +77,7 @@ def world_text(sites: Sequence[Site], bodies: Sequence[Body], timestep: float) -
 <geom name="floor" type="plane" size="0 0 1" pos="0 0 {-LEGS}" material="tiles"/>
 {"".join(_fence(box) for box in fences)}
 {"".join(_obstacle(name, shape) for name, shape in obstacles.items())}
-{vehicles}
+{vehicles}{"".join(parcel_text(site) for site in carrying)}
 </worldbody>
 <actuator>{actuators}</actuator>
 <sensor>{sensors}</sensor>
@@ -117,11 +123,43 @@ def _vehicle(index: int, site: Site, body: Body) -> str:
     stand = _stand(site) if z > 0.0 else ""
     turn = f"{cos(site.heading / 2)!r} 0 0 {sin(site.heading / 2)!r}"
     name = quoteattr(f"vehicle {site.vehicle}")
+    mass, inertia, height = loaded(body.mass, body.inertia, site.payload)
     return f"""{stand}<body name={name} pos="{x!r} {y!r} {z!r}" quat="{turn}">
 <freejoint/>
-<inertial pos="0 0 0" mass="{body.mass!r}" diaginertia="{_numbers(body.inertia)}"/>
-<geom type="box" size="{half:.9g} {half:.9g} {LEGS / 2}" pos="0 0 {-LEGS / 2}" rgba="{hue} 1"/>
+<inertial pos="0 0 {height!r}" mass="{mass!r}" diaginertia="{_numbers(inertia)}"/>
+<geom type="box" size="{half:.9g} {half:.9g} {LEGS / 2}" pos="0 0 {-LEGS / 2}" rgba="{hue} 1"
+ conaffinity="1"/>
 <site name="v{index}" size="0.005"/>{rotors}
+</body>
+"""
+
+
+def mount(parcel: Parcel) -> float:
+    """Height of the parcel's centre on board, in the body."""
+    return 0.5 * parcel.size - LEGS
+
+
+def loaded(mass: float, inertia: Vec3, parcel: Parcel | None) -> tuple[float, Vec3, float]:
+    """Mass, moments of inertia about the centre of mass, and that centre's height in the body, of a
+    body whose own is at its origin with a parcel on board: the parallel axis theorem with the
+    reduced mass m M / (m + M), and m s^2 / 6 for the cube itself. SI."""
+    if parcel is None:
+        return mass, inertia, 0.0
+    m, height = parcel.mass, mount(parcel)
+    own, off = m * parcel.size**2 / 6.0, m * mass / (m + mass) * height**2
+    jx, jy, jz = inertia
+    return mass + m, (jx + own + off, jy + own + off, jz + own), m * height / (m + mass)
+
+
+def parcel_text(site: Site) -> str:
+    """A vehicle's parcel as MJCF, where it is on board."""
+    assert site.payload is not None
+    (x, y, z), half = site.start, 0.5 * site.payload.size
+    name = quoteattr(PARCEL + site.vehicle)
+    return f"""<body name={name} pos="{x!r} {y!r} {z + mount(site.payload)!r}" gravcomp="1">
+<freejoint/>
+<geom name={name} type="box" size="{half!r} {half!r} {half!r}" mass="{site.payload.mass!r}"
+ contype="0" conaffinity="0" rgba="0.75 0.6 0.4 1"/>
 </body>
 """
 

@@ -49,7 +49,8 @@ STOPPED: Rotors = (0.0, 0.0, 0.0, 0.0)
 
 class Pilot:
     """One vehicle's on-board controller; `update` once a physics step, `receive` once a command.
-    `noise` are the errors of its IMU, in the order of what is felt."""
+    `noise` are the errors of its IMU, in the order of what is felt. `rest`: the upward specific
+    force that it felt before it was armed, m/s^2; gravity where that was not long enough."""
 
     def __init__(
         self, airframe: Airframe, heading: float, dt: float, noise: Iterator[list[float]]
@@ -70,13 +71,13 @@ class Pilot:
         self._lead = (dt / (airframe.rotor_time / LEAD + dt), LEAD - 1.0)
         self._slow = STOPPED
         self._share = 0.25 / airframe.thrust
-        self._rest, self._lifted, self._steps = GRAVITY, 0.0, 0
+        self.rest, self._lifted, self._steps = GRAVITY, 0.0, 0
 
     @property
     def climb(self) -> float:
         """Vertical speed, upward, m/s: the IMU's upward specific force since it was armed, less
         what it felt before, at rest."""
-        return self._dt * (self._lifted - self._steps * self._rest)
+        return self._dt * (self._lifted - self._steps * self.rest)
 
     def receive(self, command: Command) -> None:
         """Hold `command` until the next one."""
@@ -92,7 +93,7 @@ class Pilot:
             self._slow = STOPPED
         if armed is not self.armed:
             rested = armed and self._steps * self._dt >= CALIBRATION
-            self._rest = self._lifted / self._steps if rested else GRAVITY
+            self.rest = self._lifted / self._steps if rested else GRAVITY
             self._lifted, self._steps = 0.0, 0
         self.armed = armed
 

@@ -64,8 +64,10 @@ class Receiver:
         if self._pilot.armed and not self._deaf:
             since = self._heard
             if now - since >= WATCHDOG:
-                frame = self._airframe
-                self.descent = Descent(frame.hover_thrust, frame.max_thrust, self._pilot.climb)
+                frame, pilot = self._airframe, self._pilot
+                self.descent = Descent(
+                    frame.hover_thrust, frame.max_thrust, pilot.climb, pilot.rest
+                )
                 self._deaf, since = True, now
         return min(due, since + WATCHDOG)
 

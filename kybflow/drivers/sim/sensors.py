@@ -1,4 +1,4 @@
-"""What a simulated vehicle measures: the IMU's noise, motion capture, the battery.
+"""What a simulated vehicle measures: the IMU's noise, motion capture, positions, the battery.
 
 Each has its own schedule in integer nanoseconds. Chance comes from seeded NumPy generators, drawn
 in blocks.
@@ -6,19 +6,24 @@ in blocks.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from itertools import chain
+from math import exp, sqrt
 from typing import TYPE_CHECKING
 
 from kybflow.drivers.sim.model import SENSORS
 from kybflow.geometry import Vec3, integrate
-from kybflow.signals import NS, Battery, Imu, Pose, Time, Truth
+from kybflow.signals import NS, Battery, Imu, Pose, Position, Time, Truth
 from kybflow.site import Airframe
 
 if TYPE_CHECKING:
     import numpy
 
 BLOCK = 500
+WANDERS, LASTS = 0.5, 30.0
+"""Of a position's variance, the part that wanders; and for how many seconds that is about the
+same."""
 
 
 def draw(
@@ -106,11 +111,63 @@ class MotionCapture:
     def measure(self, truth: Truth, at: Time, now: Time) -> Pose:
         """The pose at `at`, from the truth at `now`, at most a physics step later."""
         back = (at - now) / NS
-        (px, py, pz), (vx, vy, vz), attitude, (ox, oy, oz) = truth
+        (px, py, pz), (vx, vy, vz), attitude, (ox, oy, oz), _ = truth
         nx, ny, nz, ax, ay, az = next(self._noise)
         position = (px + back * vx + nx, py + back * vy + ny, pz + back * vz + nz)
         turn = (back * ox + ax, back * oy + ay, back * oz + az)
         return Pose(at, position, integrate(attitude, turn, 1.0))
+
+
+class Positions:
+    """Positions of one vehicle at their own rate, as GPS gives them; they arrive `latency` late.
+
+    The error along each axis is noise, anew for each, and what wanders: a first-order Gauss-Markov
+    process, w' = a w + sqrt(1 - a^2) n with a = exp(-1 / (rate LASTS)). deviations: east, north and
+    up, of both together.
+    """
+
+    def __init__(
+        self, rate: float, latency: float, deviations: Vec3, generator: numpy.random.Generator
+    ) -> None:
+        self.schedule = Schedule(rate)
+        self.is_wanted = False
+        self._latency: Time = round(latency * NS)
+        self._spread = deviations
+        self._noise = draw(generator, [0.0] * 6, [1.0] * 6)
+        self._stays = exp(-1.0 / (rate * LASTS))
+        self._wander = next(self._noise)[3:]
+        self._arriving: deque[tuple[Time, Position]] = deque()
+
+    def begin(self, now: Time) -> None:
+        """Measure from now on."""
+        self.is_wanted = True
+        while self.schedule.due < now:
+            self.schedule.move_on()
+
+    def measure(self, truth: Truth, now: Time) -> None:
+        """Measure all that is due, from the truth at `now`, at most a physics step later."""
+        while (at := self.schedule.due) <= now:
+            back, (ex, ey, ez) = (at - now) / NS, self._errors()
+            (px, py, pz), (vx, vy, vz), *_ = truth
+            position = (px + back * vx + ex, py + back * vy + ey, pz + back * vz + ez)
+            self._arriving.append((at + self._latency, Position(at, position, self._spread)))
+            self.schedule.move_on()
+
+    def arrived(self, now: Time) -> list[Position]:
+        """Those that have arrived since this was asked last."""
+        arrived = []
+        while self._arriving and self._arriving[0][0] <= now:
+            arrived.append(self._arriving.popleft()[1])
+        return arrived
+
+    def _errors(self) -> list[float]:
+        row, a = next(self._noise), self._stays
+        wander = zip(self._wander, row[3:], strict=True)
+        self._wander = [a * w + sqrt(1.0 - a * a) * n for w, n in wander]
+        return [
+            s * (sqrt(1.0 - WANDERS) * n + sqrt(WANDERS) * w)
+            for s, n, w in zip(self._spread, row[:3], self._wander, strict=True)
+        ]
 
 
 class Cell:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy
@@ -11,10 +12,10 @@ import numpy
 from kybflow.drivers.sim.model import Body
 from kybflow.drivers.sim.onboard import Pilot, Rotors
 from kybflow.drivers.sim.receiver import Receiver
-from kybflow.drivers.sim.sensors import Averages, Cell, MotionCapture, bias, draw
+from kybflow.drivers.sim.sensors import Averages, Cell, MotionCapture, Positions, bias, draw
 from kybflow.drivers.sim.wind import Wind
 from kybflow.parts import Link, Rig, Seat
-from kybflow.signals import NS, Command, Measurement, MeasurementKind, Time, Truth
+from kybflow.signals import NS, Command, Measurement, MeasurementKind, Payload, Time, Truth
 from kybflow.site import Airframe
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class Vehicle(Link):
 
     def __init__(self, world: World, index: int, seat: Seat, generator: random.Random) -> None:
         site, p = seat.site, seat.params
-        streams = numpy.random.default_rng(generator.getrandbits(64)).spawn(4)
+        streams = numpy.random.default_rng(generator.getrandbits(64)).spawn(5)
         self._world = world
         self._index = index
         self.body = build(site.airframe, p.model_error, streams[0])
@@ -49,6 +50,8 @@ class Vehicle(Link):
             p.mocap_rate, p.mocap_latency, p.mocap_position_noise, p.mocap_attitude_noise,
             streams[2],
         )  # fmt: skip
+        spread = (p.position_noise, p.position_noise, p.position_noise_up)
+        self._positions = Positions(p.position_rate, p.position_latency, spread, streams[4])
         self.cell = Cell(site.airframe, p.battery, p.battery_rate)
         self.wind = Wind(p.wind, p.gust, draw(streams[3], [0.0] * 3, [1.0] * 3))
         self.due: Time = 0
@@ -57,11 +60,13 @@ class Vehicle(Link):
         self._dt = 1.0 / p.physics
         self._arriving: deque[tuple[Time, Measurement]] = deque()
         self._filters = self.rig.filters
-        self._seen_as = index
+        self._seen_as = self._sees_as = index
         self._imu = Averages(self.pilot.noise)
         self._subscribed = False
         self._receiver = Receiver(self.pilot, site.airframe, p.watchdog)
         self._minded: Time = 0
+        if site.payload is not None:
+            self._arriving.append((0, Payload(0, not site.payload.aboard, site.payload.aboard)))
 
     def measure(self, now: Time) -> None:
         """Take every measurement that is due at `now`, and every command; mind the watchdog."""
@@ -80,6 +85,10 @@ class Vehicle(Link):
             if self._receiver.descent is not falling:
                 self._rewire()
         self.due = min(capture.schedule.due, cell.schedule.due, self._minded)
+        if self._positions.is_wanted:
+            if self._positions.schedule.due <= now:
+                self._positions.measure(self.truth(), now)
+            self.due = min(self.due, self._positions.schedule.due)
 
     @property
     def update(self) -> Update:
@@ -98,10 +107,14 @@ class Vehicle(Link):
             self._subscribed = True
             self._imu.measure(self._world.now, self._dt)  # what was felt before is nobody's
             self._rewire()
+        if MeasurementKind.POSITION in kinds and not self._positions.is_wanted:
+            self._positions.begin(self._world.now)
+            self.due = min(self.due, self._positions.schedule.due)
+            self._world.hurry(self.due)
 
     def read(self, now: Time) -> Sequence[Measurement]:
-        arriving = self._arriving
-        if not self._subscribed and (not arriving or arriving[0][0] > now):
+        arriving, positions = self._arriving, self._positions.is_wanted
+        if not (self._subscribed or positions) and (not arriving or arriving[0][0] > now):
             return ()
         arrived = []
         while arriving and arriving[0][0] <= now:
@@ -109,6 +122,8 @@ class Vehicle(Link):
         imu = self._imu.measure(self._world.now, self._dt) if self._subscribed else None
         if imu is not None:
             arrived.append(imu)
+        if positions and (late := self._positions.arrived(now)):
+            arrived = sorted([*late, *arrived], key=attrgetter("time"))
         return self._filtered(arrived) if self._filters else arrived
 
     def _filtered(self, arrived: list[Measurement]) -> list[Measurement]:
@@ -130,6 +145,10 @@ class Vehicle(Link):
         self.due = min(self.due, self._minded)
         self._world.hurry(self.due)
 
+    def grip(self, is_open: bool, now: Time) -> None:
+        aboard = self._world.grip(self._index, is_open, self.pilot.armed)
+        self._arriving.append((now, Payload(now, is_open, aboard)))
+
     def _rewire(self) -> None:
         self.pilot.noise = self._imu
         self._world.wire()
@@ -140,6 +159,7 @@ class Vehicle(Link):
         self._filters = rig.filters
         self._receiver.put_off(round(rig.late * NS))
         self._seen_as = self._world.index(rig.body)
+        self._sees_as = self._world.index(rig.view)
         self.cell.sag = rig.sag
         self.thrust = [t * left for t, left in zip(self.body.thrust, rig.rotors, strict=True)]
         off = [*rig.gyro_bias, *rig.accelerometer_bias]
@@ -149,6 +169,9 @@ class Vehicle(Link):
 
     def truth(self) -> Truth:
         return self._world.truth(self._index)
+
+    def view(self) -> Truth:
+        return self._world.truth(self._sees_as)
 
     def collisions(self) -> Sequence[str]:
         return self._world.collisions(self._index)

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import mujoco
 
 from kybflow.drivers.sim.contacts import Contacts
-from kybflow.drivers.sim.model import ACTUATORS, FIRST_BODY, SENSORS, Body, world_text
+from kybflow.drivers.sim.model import ACTUATORS, FIRST_BODY, SENSORS, Body, loaded, world_text
+from kybflow.drivers.sim.parcels import FallingParcel
 from kybflow.drivers.sim.vehicle import Update, Vehicle
 from kybflow.drivers.sim.viewer import Viewer
-from kybflow.errors import DriverError
+from kybflow.errors import DriverError, Refused
 from kybflow.geometry import add, conjugate, rotate
 from kybflow.parts import Link, Seat, Session
 from kybflow.signals import NS, Time, Truth
@@ -41,6 +42,7 @@ class World(Session):
         self.model = _compile(seats, [vehicle.body for vehicle in self._vehicles], self._rate)
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
+        self._parcels = _parcels(self.model, self.data, seats)
         self._felt = self.data.sensordata.reshape(len(seats), SENSORS)
         self._rotors = self.data.ctrl
         self._positions, self._velocities = self.data.qpos, self.data.qvel
@@ -49,6 +51,8 @@ class World(Session):
         self._pilots: list[tuple[Update, int]] = []
         self.wire()
         self._winds = self._blowing()
+        for index in self._parcels:
+            self.refit(index)
         self._solid = Contacts(self.model, [seat.site.vehicle for seat in seats])
         self._steps = 0
         self._next: Time = NS // self._rate
@@ -84,6 +88,8 @@ class World(Session):
             steps += 1
             time = (steps + 1) * NS // rate
         self._steps, self._next = steps, time
+        for parcel in self._parcels.values():
+            parcel.follow()
         if data.ncon:
             self._solid.look(data, now)
         if abs(data.time * rate - steps) > 0.5:
@@ -100,7 +106,21 @@ class World(Session):
         """The state of a vehicle now."""
         px, py, pz, w, x, y, z = _POSITION(self._positions, _POSITION_SIZE * index)
         vx, vy, vz, ox, oy, oz = _VELOCITY(self._velocities, _VELOCITY_SIZE * index)
-        return Truth((px, py, pz), (vx, vy, vz), (w, x, y, z), (ox, oy, oz))
+        parcel = self._parcels.get(index) if self._parcels else None
+        place = None if parcel is None else parcel.position
+        return Truth((px, py, pz), (vx, vy, vz), (w, x, y, z), (ox, oy, oz), place)
+
+    def grip(self, index: int, is_open: bool, armed: bool) -> bool:
+        """Open or close a vehicle's servo; whether its parcel is on board then. Raises Refused."""
+        parcel = self._parcels.get(index)
+        if parcel is None:
+            raise Refused("it carries no payload")
+        if is_open and parcel.aboard:
+            parcel.release()
+        elif not (is_open or armed):
+            parcel.load()
+        self.refit(index)
+        return parcel.aboard
 
     def index(self, name: str) -> int:
         """The place of a vehicle."""
@@ -126,12 +146,16 @@ class World(Session):
         self.model.actuator_gainprm[first : first + ROTORS, 0] = [sag * f for f in vehicle.thrust]
 
     def refit(self, index: int) -> None:
-        """Obey a vehicle's rig: its mass and inertia, its wind. The thrust of its rotors follows
-        with the next report of its battery."""
-        vehicle, model = self._vehicles[index], self.model
+        """Obey a vehicle's rig and its parcel: its mass and inertia, its wind. The thrust of its
+        rotors follows with the next report of its battery."""
+        vehicle, model, parcel = self._vehicles[index], self.model, self._parcels.get(index)
         mass = vehicle.body.mass * vehicle.rig.mass + vehicle.rig.payload
         place = FIRST_BODY + index
-        model.body_inertia[place] = [j * mass / vehicle.body.mass for j in vehicle.body.inertia]
+        jx, jy, jz = (j * mass / vehicle.body.mass for j in vehicle.body.inertia)
+        if parcel is not None:
+            aboard = parcel.made if parcel.aboard else None
+            mass, (jx, jy, jz), model.body_ipos[place, 2] = loaded(mass, (jx, jy, jz), aboard)
+        model.body_inertia[place] = (jx, jy, jz)
         model.body_mass[place] = mass
         mujoco.mj_setConst(model, mujoco.MjData(model))
         first = ACTUATORS * index + ROTORS
@@ -157,6 +181,18 @@ class World(Session):
             x, y, _ = rotate(to_body, wind)
             first = ACTUATORS * index + ROTORS
             self._control[first : first + 2] = (x, y)
+
+
+def _parcels(
+    model: mujoco.MjModel, data: mujoco.MjData, seats: Sequence[Seat]
+) -> dict[int, FallingParcel]:
+    """The parcel of each vehicle that has one, by the vehicle's place."""
+    made = [(index, p) for index, seat in enumerate(seats) if (p := seat.site.payload) is not None]
+    first = len(seats)
+    return {
+        index: FallingParcel(model, data, index, first + number, parcel)
+        for number, (index, parcel) in enumerate(made)
+    }
 
 
 def _compile(seats: Sequence[Seat], bodies: Sequence[Body], rate: float) -> mujoco.MjModel:

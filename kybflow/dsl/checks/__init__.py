@@ -26,8 +26,11 @@ from kybflow.dsl.checks import (
     links,
     measured,
     obstacles,
+    payload,
     proof,
+    sensors,
     space,
+    tags,
 )
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics import Diagnostic
@@ -66,6 +69,7 @@ CHECKS: tuple[Callable[[Case], Iterator[Diagnostic]], ...] = (
     faults.too_late,
     faults.twice,
     faults.itself,
+    faults.unknown_estimators,
     faults.conditions,
     conditions.expectations,
     certain.never_true,
@@ -76,6 +80,8 @@ CHECKS: tuple[Callable[[Case], Iterator[Diagnostic]], ...] = (
     fallback.never_used,
     fallback.alone_for_a_time,
     fallback.never_begins,
+    fallback.unknown_first,
+    fallback.first_twice,
     groups.groups,
     flows.flow_names,
     flows.phase_targets,
@@ -92,6 +98,11 @@ CHECKS: tuple[Callable[[Case], Iterator[Diagnostic]], ...] = (
     entering.can_not_enter,
     data.chains_that_do_not_connect,
     data.missing_measurements,
+    sensors.of_no_use,
+    sensors.not_simulated,
+    sensors.not_with_these_cameras,
+    sensors.nothing_to_see_with,
+    sensors.nothing_to_see,
     data.nothing_to_fly_by,
     data.control_rates,
     space.starts_outside,
@@ -106,10 +117,15 @@ CHECKS: tuple[Callable[[Case], Iterator[Diagnostic]], ...] = (
     obstacles.flies_into,
     obstacles.may_fly_into,
     obstacles.homes,
+    tags.same_tag_twice,
+    tags.tags_that_overlap,
     limits.beyond_the_airframe,
     limits.too_steep,
     limits.too_heavy,
     limits.no_rigid_body,
+    payload.nothing_to_hold,
+    payload.no_servo,
+    payload.too_heavy_to_lift,
 )
 _NAMED = re.compile(r"`([^`]*)`")
 

@@ -120,13 +120,16 @@ def _is_empty(transition: Transition) -> bool:
 
 
 def _shadowed(code: str, state: State | Phase, later: Transition, first: Transition) -> Diagnostic:
+    sooner = f"{first.span.beside(later.span)} goes to `{first.target.text}`"
+    brought = isinstance(state, Phase) and later.cause == "within" and later.span.used
+    way_out = "put the narrower one first, or remove it"
     return Diagnostic(
         code,
         f"this way out of `{later.since or state.name.text}` is never taken",
         later.span,
         label=f"`{first.target.text}` always comes first",
-        notes=(f"line {first.span.line} goes to `{first.target.text}` whenever this would fire",),
-        help="put the narrower one first, or remove it",
+        notes=(f"{sooner} whenever this would fire",),
+        help="write `within: null, otherwise: null` to do without it" if brought else way_out,
     )
 
 

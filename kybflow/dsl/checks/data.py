@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from enum import Enum
+from typing import Any
 
 from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.dsl.document import PartUse, Vehicle
-from kybflow.parts import Leg
-from kybflow.signals import CommandKind, SetpointKind
+from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
+from kybflow.dsl.sensors import provided
+from kybflow.errors import PartError
+from kybflow.parts import Leg, Sensor
+from kybflow.signals import CommandKind, MeasurementKind, SetpointKind
 
 
 def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
@@ -72,20 +75,48 @@ def _gap(
 
 
 def missing_measurements(case: Case) -> Iterator[Diagnostic]:
-    """KYB302: an estimator needs measurements that the target's driver does not provide."""
+    """KYB302: an estimator needs measurements that neither the target's driver nor a sensor
+    provides."""
     for vehicle in case.vehicles():
-        provides = vehicle.driver.spec.cls.provides
+        provides = provided(vehicle)
         for use in vehicle.estimators:
-            missing = use.part.spec.cls.needs - provides
+            missing = use.part.spec.cls.uses(use.part.params) - provides
             for kind in sorted(missing, key=lambda k: str(k.value)):
                 given = ", ".join(sorted(f"`{k.value}`" for k in provides)) or "nothing"
                 yield Diagnostic(
                     "KYB302",
                     f"`{use.part.name.text}` needs {kind.value} measurements",
                     use.part.name.span,
-                    label=f"`{vehicle.driver.name.text}` provides {given}",
-                    help="use another estimator, or another driver in `targets`",
+                    label=f"{_sources(vehicle)} {given}",
+                    help=_way_out(case, vehicle, use, kind),
                 )
+
+
+def _sources(vehicle: Vehicle) -> str:
+    parts = dict.fromkeys(f"`{use.part.name.text}`" for use in vehicle.sensors)
+    if not parts:
+        return f"`{vehicle.driver.name.text}` provides"
+    return f"`{vehicle.driver.name.text}` and {', '.join(parts)} provide"
+
+
+def _way_out(case: Case, vehicle: Vehicle, use: EstimatorUse, kind: MeasurementKind) -> str:
+    """A sensor that would do, where there is one."""
+    simulated = vehicle.driver.spec.cls.simulated
+    for name in case.catalog.names("sensors"):
+        sensor = _loaded(case, name)
+        if sensor is not None and kind in sensor.provides and sensor.simulated <= simulated:
+            own = f"{vehicle.name.text}: {{sensors: {{{use.part.label}: {{use: {name}}}}}}}"
+            return f"write `targets: {{{case.document.target.text}: {{{own}}}}}`"
+    return "use another estimator, or another driver in `targets`"
+
+
+def _loaded(case: Case, name: str) -> type[Sensor[Any]] | None:
+    """The class of a sensor; None for one that can't be loaded, which is told where it is used."""
+    try:
+        cls: type[Sensor[Any]] = case.catalog.get("sensors", name).cls
+    except PartError:
+        return None
+    return cls
 
 
 def nothing_to_fly_by(case: Case) -> Iterator[Diagnostic]:

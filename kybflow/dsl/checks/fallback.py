@@ -1,11 +1,12 @@
-"""Estimators that are never used, or not for long: KYB255, KYB256 and KYB305."""
+"""Estimators that are never used, not for long, or not there: KYB255, KYB256, KYB305, KYB361 and
+KYB362."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity, did_you_mean
 from kybflow.dsl.document import EstimatorUse
 from kybflow.parts import Estimator
 from kybflow.signals import MeasurementKind
@@ -15,9 +16,12 @@ def never_used(case: Case) -> Iterator[Diagnostic]:
     """KYB255: an estimator stands behind one that never gives way.
 
     The first healthy one is used, from the top. One without `healthy` is healthy as long as it
-    has an estimate, however old that is; without `for_at_most` it is then used for ever.
+    has an estimate, however old that is; without `for_at_most` it is then used for ever. A behavior
+    may bring others to the front; of a vehicle that has one, nothing is said.
     """
     for vehicle in case.vehicles():
+        if any(state.estimators for state in vehicle.states.values()):
+            continue
         for index, first in enumerate(vehicle.estimators[:-1]):
             if first.healthy is not None or first.for_at_most is not None:
                 continue
@@ -31,6 +35,27 @@ def never_used(case: Case) -> Iterator[Diagnostic]:
                 severity=Severity.WARNING,
             )
             break
+
+
+def unknown_first(case: Case) -> Iterator[Diagnostic]:
+    """KYB361: a behavior names an estimator to come first that its vehicle does not have."""
+    for vehicle, state in case.states():
+        known = [use.part.label for use in vehicle.estimators]
+        for name in state.estimators:
+            if name.text not in known:
+                message = f"`{vehicle.name.text}` has no estimator `{name.text}`"
+                hint = did_you_mean(name.text, known) or "name it under `estimators` of the vehicle"
+                yield Diagnostic("KYB361", message, name.span, help=hint)
+
+
+def first_twice(case: Case) -> Iterator[Diagnostic]:
+    """KYB362: a behavior names an estimator twice among those that come first."""
+    for _, state in case.states():
+        for index, name in enumerate(state.estimators):
+            if name.text in (other.text for other in state.estimators[:index]):
+                message = f"`{name.text}` is in this list already"
+                hint = "leave it away here"
+                yield Diagnostic("KYB362", message, name.span, help=hint, severity=Severity.WARNING)
 
 
 def never_begins(case: Case) -> Iterator[Diagnostic]:
@@ -50,8 +75,8 @@ def never_begins(case: Case) -> Iterator[Diagnostic]:
 
 def _reckons(use: EstimatorUse) -> bool:
     """Whether it is told of the estimate in use, and measures nothing but its own motion."""
-    cls = use.part.spec.cls
-    return cls.anchor is not Estimator.anchor and cls.needs <= {MeasurementKind.IMU}
+    cls, params = use.part.spec.cls, use.part.params
+    return cls.anchor is not Estimator.anchor and cls.uses(params) <= {MeasurementKind.IMU}
 
 
 def alone_for_a_time(case: Case) -> Iterator[Diagnostic]:

@@ -1,4 +1,4 @@
-"""Faults: whom they break, when, and where that can be done: KYB330 to KYB334."""
+"""Faults: whom they break, when, and where that can be done: KYB330 to KYB335."""
 
 from __future__ import annotations
 
@@ -76,10 +76,22 @@ def twice(case: Case) -> Iterator[Diagnostic]:
 def itself(case: Case) -> Iterator[Diagnostic]:
     """KYB334: a fault between two vehicles that names one vehicle twice."""
     for fault in case.document.faults:
-        for name in _named(fault):
+        for name in _named(fault, "vehicle"):
             if name.text == fault.vehicle.text:
                 message = f"`{fault.part.name.text}` is between two vehicles, this is one"
                 yield Diagnostic("KYB334", message, name.span, label="named by `on` already")
+
+
+def unknown_estimators(case: Case) -> Iterator[Diagnostic]:
+    """KYB335: a fault names an estimator that its vehicle does not have."""
+    for fault in case.document.faults:
+        vehicle = case.document.vehicles.get(fault.vehicle.text)
+        known = [] if vehicle is None else [use.part.label for use in vehicle.estimators]
+        for name in _named(fault, "estimator"):
+            if known and name.text not in known:
+                message = f"`{fault.vehicle.text}` has no estimator `{name.text}`"
+                hint = did_you_mean(name.text, known) or f"it has {', '.join(known)}"
+                yield Diagnostic("KYB335", message, name.span, help=hint)
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:
@@ -91,13 +103,13 @@ def conditions(case: Case) -> Iterator[Diagnostic]:
 
 def _vehicles(fault: FaultUse) -> Iterator[tuple[str, Span]]:
     yield fault.vehicle.text, fault.vehicle.span
-    for name in _named(fault):
+    for name in _named(fault, "vehicle"):
         yield name.text, name.span
 
 
-def _named(fault: FaultUse) -> Iterator[Text]:
-    """The vehicles among its parameters."""
+def _named(fault: FaultUse, what: str) -> Iterator[Text]:
+    """The vehicles, or whatever names are asked for, among its parameters."""
     for field in fault.part.spec.fields:
         value = getattr(fault.part.params, field.name)
-        if field.names == "vehicle" and value is not None:
+        if field.names == what and value is not None:
             yield Text(value, fault.part.spans.get(field.name, fault.span))

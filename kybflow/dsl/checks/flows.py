@@ -4,6 +4,7 @@ KYB240."""
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from kybflow.dsl.checks.arrows import WORDS
 from kybflow.dsl.checks.case import Case
@@ -15,6 +16,7 @@ from kybflow.dsl.document import Document, Flow, Phase, Transition
 from kybflow.dsl.expressions import parse
 from kybflow.dsl.option_names import members, unknown_vehicle
 from kybflow.dsl.plan import END
+from kybflow.dsl.source import Text
 
 
 def flow_names(case: Case) -> Iterator[Diagnostic]:
@@ -42,7 +44,7 @@ def phase_targets(case: Case) -> Iterator[Diagnostic]:
     for flow, phase in phases(document):
         for who, _ in (*phase.run, *phase.give):
             if not members(document, who.text) and who.text not in document.groups:
-                yield unknown_vehicle("KYB193", who, document)
+                yield _nobody(who, document)
         for _, goal in phase.give:
             if goal.text not in document.flows:
                 message = f"there is no flow `{goal.text}`"
@@ -51,6 +53,18 @@ def phase_targets(case: Case) -> Iterator[Diagnostic]:
             elif goal.text == flow.name.text:
                 message = f"`{goal.text}` can't give to itself"
                 yield Diagnostic("KYB193", message, goal.span, label="drives it already")
+
+
+def _nobody(who: Text, document: Document) -> Diagnostic:
+    """The finding for what is no vehicle and no group; a flow that the mission starts from may need
+    a group."""
+    finding = unknown_vehicle("KYB193", who, document)
+    if not who.span.used:
+        return finding
+    group = f"write `groups: {{{who.text}: [...]}}`, with the vehicles that the flow is about"
+    near = finding.help.startswith("did")
+    message = f"there is no vehicle and no group `{who.text}`"
+    return replace(finding, message=message, help=finding.help if near else group)
 
 
 def phase_states(case: Case) -> Iterator[Diagnostic]:
@@ -79,12 +93,15 @@ def phase_arrows(case: Case) -> Iterator[Diagnostic]:
 
 
 def unreachable_phases(case: Case) -> Iterator[Diagnostic]:
-    """KYB196: no arrow and no callback leads to a phase. Where an arrow leads to an unknown name,
-    nothing is said before that is mended."""
+    """KYB196: no arrow and no callback leads to a phase.
+
+    Phases that came through `like` are excepted: a template may offer more than one mission uses.
+    Where an arrow leads to an unknown name, nothing is said before that is mended.
+    """
     for flow in case.document.flows.values():
         found = reached(case.document, flow)
         for phase in flow.phases.values() if found <= {*flow.phases} else ():
-            if phase.name.text not in found | {END}:
+            if phase.name.text not in found | {END} and not phase.inherited:
                 message = f"the phase `{phase.name.text}` is never reached"
                 hint = f"let another phase go there, as `go: {phase.name.text}`, or remove it"
                 label = "no arrow leads here"
@@ -107,7 +124,7 @@ def barriers(case: Case) -> Iterator[Diagnostic]:
                 f"the phase `{phase.name.text}` can block for ever",
                 phase.span,
                 label="waits for others",
-                notes=(f"line {waits[0].span.line} waits for what may never come",),
+                notes=(f"{waits[0].span.beside(phase.span)} waits for what may never come",),
                 help="add `within: 20 s` and `otherwise: PHASE`",
             )
 

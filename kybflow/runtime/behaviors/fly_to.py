@@ -1,6 +1,7 @@
 """Fly in a straight line to a position and stop there.
 
-It is done when the vehicle has been within `tolerance` of the goal for `dwell`. The setpoint
+It is done when the vehicle has been within `tolerance` of the goal for `dwell`, and within
+`heading_tolerance` of its heading where that is given. The setpoint
 follows a rest-to-rest profile with at most `speed` and `acceleration`; a short way has a lower
 peak, V = sqrt(distance * acceleration / (15/8)), so it stops at the goal whatever the distance
 (`kybflow.runtime.profiles`; TeleKyb's SmoothLinearFlyTo had a negative cruise time there). The
@@ -12,12 +13,9 @@ Fails when it is not there `patience` after the planned end. World frame, metres
 
 from __future__ import annotations
 
-from math import copysign
-
-from kybflow.geometry import distance, wrap
+from kybflow.geometry import distance
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import Coast, Dwell, Straight, cruise_speed
-from kybflow.runtime.profiles import Profile
+from kybflow.runtime.motion import Coast, Dwell, Straight, Turn, cruise_speed
 from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.units import Acceleration, Angle, AngularRate, Duration, Length, Position, Speed, Vec3
 
@@ -36,6 +34,10 @@ class FlyToParams:
         "Largest rate of turning to the heading.", default=1.0, above=0.0, read_only=True
     )
     tolerance: Length = param("Distance that counts as there.", default=0.02, above=0.0)
+    heading_tolerance: Angle | None = param(
+        "Angle from the heading that counts as there; without it the heading may be any.",
+        default=None, above=0.0,
+    )  # fmt: skip
     dwell: Duration = param("How long it must be there.", default=0.3, at_least=0.0)
     patience: Duration = param(
         "Time past the planned end after which it has failed.", default=10.0, above=0.0
@@ -48,10 +50,8 @@ class FlyTo(Behavior[FlyToParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         self._coast = Coast.entering(entry)
         speed = cruise_speed(params.speed, entry)
         self._way = Straight(self._coast.end, params.position, speed, params.acceleration)
-        self._heading = entry.heading
-        self._turn = 0.0 if params.heading is None else wrap(params.heading - entry.heading)
-        self._turning = Profile.within(abs(self._turn), params.turn_rate, params.turn_rate)
-        self._end = max(self._coast.duration, self._way.duration, self._turning.duration)
+        self._turn = Turn(entry.heading, params.heading, params.turn_rate)
+        self._end = max(self._coast.duration, self._way.duration, self._turn.duration)
         self._there = Dwell()
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
@@ -59,18 +59,16 @@ class FlyTo(Behavior[FlyToParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         motion = self._way.at(time)
         if time < self._coast.duration:
             motion = motion.plus(self._coast.shift(time))
-        turned = self._turning.at(time)
-        setpoint = motion.setpoint(
-            self._heading + copysign(turned.distance, self._turn),
-            copysign(turned.speed, self._turn),
-        )
+        setpoint = motion.setpoint(*self._turn.at(time))
         if time < self._end:
             return setpoint
         gap = distance(tick.known().position, self.params.position)
-        if self._there.reached(gap <= self.params.tolerance, self.params.dwell, tick.dt):
+        off = self._turn.off(tick.known(), self.params.heading_tolerance)
+        there = gap <= self.params.tolerance and not off
+        if self._there.reached(there, self.params.dwell, tick.dt):
             return Done(setpoint)
         if time > self._end + self.params.patience:
-            return Failed(setpoint, f"still {gap:.3f} m from the goal")
+            return Failed(setpoint, f"still {gap:.3f} m from the goal{off}")
         return setpoint
 
     @classmethod

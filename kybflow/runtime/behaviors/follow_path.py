@@ -2,7 +2,9 @@
 
 Each leg is a rest-to-rest profile with at most `speed` and `acceleration`
 (`kybflow.runtime.profiles`). The next leg begins when the vehicle has been within `tolerance` of
-the corner for `dwell`; it begins at the corner itself, so the trajectory has no step.
+the corner for `dwell`, and within `heading_tolerance` of its heading where that is given; it begins
+at the corner itself, so the trajectory has no step. A `heading` is turned to on the first leg, by
+the shorter way.
 
 Refuses an empty path. Fails when a corner is not reached `patience` after the planned end of its
 leg. World frame, metres.
@@ -13,9 +15,9 @@ from __future__ import annotations
 from kybflow.errors import Refused
 from kybflow.geometry import distance
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import Coast, Dwell, Straight, cruise_speed
+from kybflow.runtime.motion import Coast, Dwell, Straight, Turn, cruise_speed
 from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
-from kybflow.units import Acceleration, Duration, Length, Path, Speed, Vec3
+from kybflow.units import Acceleration, Angle, AngularRate, Duration, Length, Path, Speed, Vec3
 
 
 @params
@@ -26,6 +28,16 @@ class FollowPathParams:
         "Largest acceleration and deceleration.", default=0.7, above=0.0
     )
     tolerance: Length = param("Distance that counts as at a corner.", default=0.05, above=0.0)
+    heading: Angle | None = param(
+        "Heading on the path; without it the heading is kept.", default=None, read_only=True
+    )
+    turn_rate: AngularRate = param(
+        "Largest rate of turning to the heading.", default=1.0, above=0.0, read_only=True
+    )
+    heading_tolerance: Angle | None = param(
+        "Angle from the heading that counts as at a corner; without it the heading may be any.",
+        default=None, above=0.0,
+    )  # fmt: skip
     dwell: Duration = param("How long it must be there.", default=0.1, at_least=0.0)
     patience: Duration = param(
         "Time past the planned end of a leg after which it has failed.", default=10.0, above=0.0
@@ -38,7 +50,7 @@ class FollowPath(Behavior[FollowPathParams], flight=AIR >> AIR, emits=SetpointKi
         if not params.path:
             raise Refused("the path has no corner")
         self._entry = entry
-        self._heading = entry.heading
+        self._turn = Turn(entry.heading, params.heading, params.turn_rate)
         self._coast = Coast.entering(entry)
         self._corner = 0
         self._begin_leg(self._coast.end, 0.0)
@@ -48,7 +60,8 @@ class FollowPath(Behavior[FollowPathParams], flight=AIR >> AIR, emits=SetpointKi
         goal = self.params.path[self._corner]
         self._leg = Straight(start, goal, speed, self.params.acceleration)
         self._begun = now
-        self._end = max(now + self._leg.duration, self._coast.duration)
+        waits = max(self._coast.duration, self._turn.duration)
+        self._end = max(now + self._leg.duration, waits)
         self._there = Dwell()
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
@@ -56,15 +69,17 @@ class FollowPath(Behavior[FollowPathParams], flight=AIR >> AIR, emits=SetpointKi
         motion = self._leg.at(time - self._begun)
         if time < self._coast.duration:
             motion = motion.plus(self._coast.shift(time))
-        setpoint = motion.setpoint(self._heading)
+        setpoint = motion.setpoint(*self._turn.at(time))
         if time < self._end:
             return setpoint
         corner = self.params.path[self._corner]
         gap = distance(tick.known().position, corner)
-        if self._there.reached(gap <= self.params.tolerance, self.params.dwell, tick.dt):
+        off = self._turn.off(tick.known(), self.params.heading_tolerance)
+        there = gap <= self.params.tolerance and not off
+        if self._there.reached(there, self.params.dwell, tick.dt):
             return self._next(setpoint, corner, time)
         if time > self._end + self.params.patience:
-            return Failed(setpoint, f"still {gap:.3f} m from corner {self._corner + 1}")
+            return Failed(setpoint, f"still {gap:.3f} m from corner {self._corner + 1}{off}")
         return setpoint
 
     def _next(self, setpoint: Setpoint, corner: Vec3, now: float) -> Setpoint | Done:

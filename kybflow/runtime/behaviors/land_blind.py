@@ -13,7 +13,10 @@ IMU feels, whatever is wrong with the thrust's model, and notices the touch-down
     2.5 m     1.01 (4.0)    1.02 (4.0)    1.03 (4.1)
 
 An accelerometer that is wrong by 0.25 m/s^2 makes 1.5 m/s (2.9 s) or 1.0 m/s (10 s) of the 1.0 m/s
-from 2.5 m. It begins at the vertical speed of the last setpoint, or of the estimate.
+from 2.5 m. Where an estimator needs the IMU, what it felt at rest on the ground is known and counts
+as gravity (`kybflow.runtime.rest`): only what it has been wrong by since then does that.
+
+It begins at the vertical speed of the last setpoint, or of the estimate.
 
 Where no IMU is heard, or none any more for 0.1 s, the thrust is an open-loop function of the time
 since the entry, for the rest of the way:
@@ -97,7 +100,7 @@ class LandBlind(
         self._most = entry.site.airframe.max_thrust
         climb = entry_motion(entry).velocity[2]
         self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST), -_MOST), _MOST)
-        self._descent: Descent | None = Descent(self._hover, self._most, climb)
+        self._descent: Descent | None = Descent(self._hover, self._most, climb, entry.rest)
         self._heard: Time = entry.now
         self._last: Imu | None = None
         self._felt: float | None = None

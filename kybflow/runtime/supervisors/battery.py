@@ -1,20 +1,24 @@
-"""Report a battery that runs low: a warning first, then a landing.
+"""Report a battery that runs low, a warning first, then a landing; and one that reports no more.
 
 Alarm `battery_low` with WARN from `warn_below` downwards, and with `reaction` (a landing by
 default) from `land_below` downwards in the air; on the ground there is only the warning. Each stays
 until the charge is 5 % (of full) above its bound again, so that a battery that sags under load does
 not make it flutter. Without a report of the battery there is nothing to judge.
 
+Alarm `battery_lost` with WARN while the newest report is older than `age`: what is left is not
+known any more, and the bounds above judge what was. A charge that is low is told before it. Its
+value is the age in seconds.
+
 An alarm that persists is returned in every tick; the engine makes one event of it, and the landing
-is an event of its own. The value is the charge left, 0 to 1.
+is an event of its own. The value of `battery_low` is the charge left, 0 to 1.
 """
 
 from __future__ import annotations
 
 from kybflow.parts import Supervisor, param, params
-from kybflow.signals import Alarm, Reaction, ReactionName, Tick
+from kybflow.signals import NS, Alarm, Reaction, ReactionName, Tick
 from kybflow.site import Site
-from kybflow.units import Ratio
+from kybflow.units import Duration, Ratio
 
 _RECOVERED = 0.05
 
@@ -31,6 +35,12 @@ class BatteryParams:
         at_most=1.0,
         tightens="up",
     )
+    age: Duration = param(
+        "Age of the newest report above which it warns.",
+        default=5.0,
+        above=0.0,
+        tightens="down",
+    )
     reaction: ReactionName = param(
         "What the failsafe does below `land_below`.", default="land", tightens="up"
     )
@@ -39,7 +49,7 @@ class BatteryParams:
 class Battery(Supervisor[BatteryParams]):
     always = True
     unhurried = True
-    events = ("battery_low",)
+    events = ("battery_low", "battery_lost")
 
     def __init__(self, params: BatteryParams, site: Site) -> None:
         super().__init__(params, site)
@@ -60,4 +70,8 @@ class Battery(Supervisor[BatteryParams]):
             return Alarm(
                 "battery_low", Reaction.WARN, f"{left:.0%} left, below {bound:.0%}", left, bound
             )
+        age = (tick.now - tick.battery.time) / NS
+        if age > p.age:
+            reason = f"its last report is {age:.1f} s old, {p.age:g} s allowed"
+            return Alarm("battery_lost", Reaction.WARN, reason, age, p.age)
         return None

@@ -1,0 +1,94 @@
+"""Sensors beside the driver, and what they look at: KYB387, KYB388, KYB391 to
+KYB393."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.document import SensorUse, Vehicle
+from kybflow.signals import MeasurementKind
+
+
+def of_no_use(case: Case) -> Iterator[Diagnostic]:
+    """KYB391: a sensor measures nothing of what the estimator that it is named for needs."""
+    for vehicle, use in _written(case):
+        estimator = next(
+            (e.part for e in vehicle.estimators if e.part.label == use.estimator.text), None
+        )
+        if estimator is None:
+            continue
+        uses = estimator.spec.cls.uses(estimator.params)
+        if uses & use.part.spec.cls.provides:
+            continue
+        yield Diagnostic(
+            "KYB391",
+            f"`{use.part.name.text}` measures nothing that `{use.estimator.text}` needs",
+            use.part.name.span,
+            label=f"provides {_kinds(use.part.spec.cls.provides)}",
+            help=f"`{use.estimator.text}` needs {_kinds(uses)}",
+        )
+
+
+def _kinds(kinds: frozenset[MeasurementKind]) -> str:
+    return ", ".join(sorted(f"`{kind.value}`" for kind in kinds)) or "nothing"
+
+
+def not_simulated(case: Case) -> Iterator[Diagnostic]:
+    """KYB392: a sensor watches a simulated vehicle, and the vehicle's driver is hardware."""
+    for vehicle, use in _written(case):
+        if use.part.spec.cls.simulated and not vehicle.driver.spec.cls.simulated:
+            yield Diagnostic(
+                "KYB392",
+                f"`{use.part.name.text}` watches simulated vehicles only",
+                use.part.name.span,
+                label=f"`{vehicle.name.text}` flies on `{vehicle.driver.name.text}`",
+                help="name a real sensor here, and this one under a simulated target",
+            )
+
+
+def not_with_these_cameras(case: Case) -> Iterator[Diagnostic]:
+    """KYB393: a sensor can't work with the cameras that the airframe carries."""
+    for vehicle, use in _written(case):
+        cameras = {camera.name.text: camera.camera for camera in vehicle.cameras}
+        objection = use.part.spec.cls.objection(use.part.params, cameras) if cameras else None
+        if objection is not None:
+            yield Diagnostic("KYB393", objection, use.part.spans.get("camera", use.part.name.span))
+
+
+def _written(case: Case) -> Iterator[tuple[Vehicle, SensorUse]]:
+    """Every sensor that the mission names."""
+    for vehicle in case.vehicles():
+        yield from ((vehicle, use) for use in vehicle.sensors if use.estimator.text)
+
+
+def nothing_to_see_with(case: Case) -> Iterator[Diagnostic]:
+    """KYB387: an estimator needs the frames of a camera, and the airframe carries none."""
+    for vehicle in case.vehicles():
+        for use in () if vehicle.cameras else vehicle.estimators:
+            if MeasurementKind.FRAME not in use.part.spec.cls.uses(use.part.params):
+                continue
+            camera = "{down: {at: [0, 0, 0], width: 640, height: 480, field_of_view: 70 deg}}"
+            yield Diagnostic(
+                "KYB387",
+                f"`{use.part.name.text}` needs a camera, and the airframe has none",
+                use.part.name.span,
+                notes=(f"`{vehicle.name.text}` is at {vehicle.span.at}",),
+                help=f"give the airframe `cameras: {camera}`",
+            )
+
+
+def nothing_to_see(case: Case) -> Iterator[Diagnostic]:
+    """KYB388: an estimator finds its way by printed tags, and the world has none."""
+    for vehicle in case.vehicles():
+        for use in () if case.document.tags else vehicle.estimators:
+            cls = use.part.spec.cls
+            if cls.needs_tags and MeasurementKind.FRAME in cls.uses(use.part.params):
+                grid = "{grid: {family: 36h11, count: [10, 10], size: 19.5 cm, spacing: 2 cm}}"
+                yield Diagnostic(
+                    "KYB388",
+                    f"`{use.part.name.text}` needs tags, and the world has none",
+                    use.part.name.span,
+                    help=f"write `world: {{tags: {{floor: {grid}}}}}`",
+                )

@@ -1,0 +1,166 @@
+"""Printed tags of the world: KYB383, KYB384."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+from math import floor, sqrt
+from typing import NamedTuple
+
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.document import TagsUse
+from kybflow.dsl.tag_params import GridParams
+from kybflow.geometry import Vec3, conjugate, distance, dot, multiply, rotate, sub
+from kybflow.tags import Key, Tag
+
+_PLANE = 0.005
+"""Tags whose faces are no further apart, metres, are on the same plane."""
+_PARALLEL = 0.999
+_ROUNDING = 1e-6
+_SHOWN = 8
+
+
+class _Floor(NamedTuple):
+    """An entry of `tags`: those of it, the largest one's side, and where the centres lie."""
+
+    use: TagsUse
+    tags: list[Tag]
+    size: float
+    low: tuple[float, float]
+    high: tuple[float, float]
+
+
+def same_tag_twice(case: Case) -> Iterator[Diagnostic]:
+    """KYB383: the same number of one family is on two tags of the world, so that no camera can tell
+    which of them it sees."""
+    first: dict[Key, tuple[TagsUse, int]] = {}
+    for use in case.document.tags:
+        doubled = [i for i, tag in enumerate(use.tags) if (tag.family, tag.id) in first]
+        for index, tag in enumerate(use.tags):
+            first.setdefault((tag.family, tag.id), (use, index))
+        if not doubled:
+            continue
+        tag = use.tags[doubled[0]]
+        other, index = first[tag.family, tag.id]
+        more = f", and {len(doubled) - 1} more" if len(doubled) > 1 else ""
+        yield Diagnostic(
+            "KYB383",
+            f"tag {tag.id} of {tag.family} is in `{use.name.text}` and in `{other.name.text}`",
+            use.span,
+            label=f"{_place(use, doubled[0])}{more}" if use.lines else more.removeprefix(", "),
+            notes=(f"first at {other.span.at}{_in_file(other, index)}",),
+            help=_renumbered(use, case.document.tags),
+        )
+
+
+def _place(use: TagsUse, index: int) -> str:
+    return f"in line {use.lines[index]} of it"
+
+
+def _in_file(use: TagsUse, index: int) -> str:
+    return f", {_place(use, index)}" if use.lines else ""
+
+
+def _renumbered(use: TagsUse, every: tuple[TagsUse, ...]) -> str:
+    family = use.tags[0].family
+    taken = [t.id for other in every if other is not use for t in other.tags if t.family == family]
+    free = max(taken) + 1
+    if isinstance(use.params, GridParams):
+        return f"number it from {free} on: `first: {free}`"
+    return f"the first number that nothing above has is {free}"
+
+
+def tags_that_overlap(case: Case) -> Iterator[Diagnostic]:
+    """KYB384: the black squares of two tags of the world cover each other, on one plane and facing
+    the same way."""
+    floors = list(_floors(case.document.tags))
+    for index, under in enumerate(floors):
+        for over in floors[index:]:
+            pairs = list(_pairs(under, over))
+            if pairs:
+                yield _overlap(pairs, under.use, over.use)
+
+
+def _floors(uses: tuple[TagsUse, ...]) -> Iterator[_Floor]:
+    """Each entry with those of its tags that no entry above has."""
+    known: set[Key] = set()
+    for use in uses:
+        own = [tag for tag in use.tags if (tag.family, tag.id) not in known]
+        known |= {(tag.family, tag.id) for tag in own}
+        if own:
+            x, y, _ = zip(*(tag.position for tag in own), strict=True)
+            size = max(tag.size for tag in own)
+            yield _Floor(use, own, size, (min(x), min(y)), (max(x), max(y)))
+
+
+def _overlap(pairs: list[tuple[Tag, Tag]], under: TagsUse, over: TagsUse) -> Diagnostic:
+    a, b = pairs[0]
+    covered = sorted({tag.id for tag, _ in pairs})
+    more = f"; {len(pairs) - 1} more pairs" if len(pairs) > 1 else ""
+    hint = "move one of them"
+    if isinstance(under.params, GridParams) and under is not over and len(covered) <= _SHOWN:
+        hint = (
+            f"move it, or leave out what it covers of `{under.name.text}`: `leave_out: {covered}`"
+        )
+    return Diagnostic(
+        "KYB384",
+        f"tag {b.id} of `{over.name.text}` overlaps tag {a.id} of `{under.name.text}`",
+        over.span,
+        label=f"centres {distance(a.position, b.position) * 100:.3g} cm apart{more}",
+        notes=(f"`{under.name.text}` is at {under.span.at}",) if under is not over else (),
+        help=hint,
+    )
+
+
+def _pairs(under: _Floor, over: _Floor) -> Iterator[tuple[Tag, Tag]]:
+    """The tags of two entries that overlap, or of one; those of a grid never do among
+    themselves. They are looked for cell by cell, because there may be thousands."""
+    reach = (under.size + over.size) / sqrt(2.0)
+    is_one = under is over
+    if is_one and isinstance(under.use.params, GridParams):
+        return
+    if any(low - reach > high for low, high in zip(under.low, over.high, strict=True)):
+        return
+    if any(low - reach > high for low, high in zip(over.low, under.high, strict=True)):
+        return
+    cells: dict[tuple[int, int], list[tuple[int, Tag]]] = {}
+    for index, tag in enumerate(over.tags):
+        cells.setdefault(_cell(tag, reach), []).append((index, tag))
+    for first, a in enumerate(under.tags):
+        i, j = _cell(a, reach)
+        near = (cells.get((i + di, j + dj), ()) for di in (-1, 0, 1) for dj in (-1, 0, 1))
+        for index, b in chain.from_iterable(near):
+            if (not is_one or index > first) and overlap(a, b):
+                yield a, b
+
+
+def _cell(tag: Tag, side: float) -> tuple[int, int]:
+    return floor(tag.position[0] / side), floor(tag.position[1] / side)
+
+
+def overlap(a: Tag, b: Tag) -> bool:
+    """Whether two squares on one plane that face the same way have more than an edge in common, by
+    the separating axis theorem."""
+    apart = sub(b.position, a.position)
+    if distance(a.position, b.position) >= (a.size + b.size) / sqrt(2.0):
+        return False
+    turn = multiply(conjugate(a.attitude), b.attitude)
+    across, facing = rotate(conjugate(a.attitude), apart), rotate(turn, (0.0, 0.0, 1.0))
+    if facing[2] < _PARALLEL or abs(across[2]) > _PLANE:
+        return False
+    x, y = rotate(turn, (1.0, 0.0, 0.0)), rotate(turn, (0.0, 1.0, 0.0))
+    axes: tuple[Vec3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), x, y)
+    return all(
+        abs(dot(across, axis)) < _half(a.size, axis) + _half(b.size, _seen(axis, x, y)) - _ROUNDING
+        for axis in axes
+    )
+
+
+def _seen(axis: Vec3, x: Vec3, y: Vec3) -> Vec3:
+    return dot(axis, x), dot(axis, y), 0.0
+
+
+def _half(size: float, axis: Vec3) -> float:
+    """Half of what a square along the axes covers of another axis."""
+    return 0.5 * size * (abs(axis[0]) + abs(axis[1]))

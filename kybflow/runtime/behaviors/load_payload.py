@@ -1,0 +1,37 @@
+"""Wait on the ground, rotors at rest, until the payload is on board.
+
+The servo that holds it is asked to close. Done when the vehicle says that the payload is on board.
+One that can't tell closes the servo and goes on waiting: somebody who sees it says so, `next:
+[{event: operator.loaded, go: up}]`. From then on the payload may be released again. In simulation
+somebody stands by who puts it in as the servo closes.
+"""
+
+from __future__ import annotations
+
+from kybflow.parts import GROUND, Behavior, Footprint, params
+from kybflow.runtime.motion import IDLE
+from kybflow.signals import Done, Grip, PayloadState, SetpointKind, Tick
+from kybflow.units import Vec3
+
+
+@params
+class LoadPayloadParams:
+    """It has none."""
+
+
+class LoadPayload(
+    Behavior[LoadPayloadParams],
+    flight=GROUND >> GROUND,
+    emits=SetpointKind.IDLE,
+    needs_estimate=False,
+):
+    grips = True
+
+    def update(self, tick: Tick) -> Grip | Done:
+        if tick.payload is PayloadState.ABOARD:
+            return Done(IDLE)
+        return Grip(IDLE, False)
+
+    @classmethod
+    def footprint(cls, params: LoadPayloadParams, entry: Vec3 | None) -> Footprint | None:
+        return Footprint(() if entry is None else (entry,), 0.0, entry)

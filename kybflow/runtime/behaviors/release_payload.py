@@ -1,0 +1,81 @@
+"""Let the payload go, once, and hold the place meanwhile.
+
+In the air it first comes to rest where it was entered, as `hover` does. Then it asks for the servo
+that holds the payload to open, in every tick until the vehicle has acknowledged it, holds its place
+for `settle`, because the vehicle has just become lighter, and is done. On the ground the rotors
+rest.
+
+A payload that was released is not released again: whoever enters this behavior anew, after it was
+done or was interrupted, is told so with the event `payload_already_released`, and it is done at
+once. `load_payload` ends that. Where the vehicle has not acknowledged the release before an
+interruption, it is asked for again; a servo that is open stays open.
+
+Fails when it is not acknowledged within `patience`, when no payload is on board, or when the
+vehicle refuses.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+from kybflow.parts import AIR, GROUND, Behavior, Entry, Footprint, param, params
+from kybflow.runtime.motion import IDLE, Coast
+from kybflow.signals import Done, Failed, Grip, PayloadState, Setpoint, SetpointKind, Tick
+from kybflow.units import Duration, Vec3
+
+
+@params
+class ReleasePayloadParams:
+    patience: Duration = param(
+        "Time without an acknowledgement after which it has failed.", default=3.0, above=0.0
+    )
+    settle: Duration = param(
+        "How long it holds its place after that, in the air.", default=1.0, at_least=0.0
+    )
+
+
+class ReleasePayload(
+    Behavior[ReleasePayloadParams],
+    flight=(AIR >> AIR, GROUND >> GROUND),
+    emits=SetpointKind.POSITION,
+):
+    grips = True
+
+    def __init__(self, params: ReleasePayloadParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self._heading = entry.heading
+        self._coast = None if entry.flight is GROUND else Coast.entering(entry)
+        self._asked: float | None = None
+        self._released: float | None = None
+
+    def update(self, tick: Tick) -> Setpoint | Grip | Done | Failed:
+        time, setpoint = tick.elapsed, self._held(tick.elapsed)
+        if self._coast is not None and time < self._coast.duration:
+            return setpoint
+        first = self._asked is None
+        if self._asked is None:
+            self._asked = time
+        if tick.payload is PayloadState.ABSENT:
+            return Failed(setpoint, "no payload is on board")
+        if tick.payload is PayloadState.RELEASED:
+            if first:  # it was before: the vehicle is not asked again, and tells so
+                self._released = -inf
+                return Grip(setpoint, True)
+            return self._settled(setpoint, time)
+        if time - self._asked > self.params.patience:
+            limit = self.params.patience
+            return Failed(setpoint, f"the release was not acknowledged within {limit:g} s")
+        return Grip(setpoint, True)
+
+    def _held(self, time: float) -> Setpoint:
+        return IDLE if self._coast is None else self._coast.at(time).setpoint(self._heading)
+
+    def _settled(self, setpoint: Setpoint, time: float) -> Setpoint | Done:
+        if self._released is None:
+            self._released = time
+        settle = 0.0 if self._coast is None else self.params.settle
+        return Done(setpoint) if time - self._released >= settle else setpoint
+
+    @classmethod
+    def footprint(cls, params: ReleasePayloadParams, entry: Vec3 | None) -> Footprint | None:
+        return Footprint(() if entry is None else (entry,), 0.0, entry)

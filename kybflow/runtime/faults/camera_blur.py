@@ -1,0 +1,25 @@
+"""The vehicle's cameras are out of focus: their frames are blurred.
+
+A normally distributed blur, added to that of the lens: the squares of their deviations add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.parts import Effect, Fault, param, params
+from kybflow.units import Number
+from kybflow.vision.optics import Weakness
+
+
+@params
+class CameraBlurParams:
+    pixels: Number = param(
+        "Standard deviation of the blur, pixels.", default=3.0, above=0.0, at_most=100.0,
+        read_only=True,
+    )  # fmt: skip
+
+
+class CameraBlur(Fault[CameraBlurParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        return {vehicle: Effect(camera=Weakness(blur=self.params.pixels))}

@@ -1,0 +1,22 @@
+"""No light falls into the vehicle's cameras: their frames are dark.
+
+As in a blackout, or with something stuck to the lens. Frames arrive as ever, with nothing but the
+sensor's noise in them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.parts import Effect, Fault, params
+from kybflow.vision.optics import Weakness
+
+
+@params
+class CameraDarkParams:
+    pass
+
+
+class CameraDark(Fault[CameraDarkParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        return {vehicle: Effect(camera=Weakness(dark=True))}

@@ -1,0 +1,35 @@
+"""The cameras of the vehicle give the same image over and over, with fresh times.
+
+As when a driver hands out its last buffer again. Each camera keeps the first image that arrives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from kybflow.parts import Effect, Fault, params
+from kybflow.signals import Frame, Measurement
+
+if TYPE_CHECKING:
+    import random
+
+
+@params
+class CameraFrozenParams:
+    pass
+
+
+class CameraFrozen(Fault[CameraFrozenParams]):
+    def __init__(self, params: CameraFrozenParams, generator: random.Random) -> None:
+        super().__init__(params, generator)
+        self._kept: dict[str, Frame] = {}
+
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        return {vehicle: Effect(filter=self._keep)}
+
+    def _keep(self, measurement: Measurement) -> Measurement | None:
+        if not isinstance(measurement, Frame):
+            return measurement
+        kept = self._kept.setdefault(measurement.camera, measurement)
+        return kept._replace(time=measurement.time)

@@ -1,0 +1,25 @@
+"""The cameras of the vehicle give no frames any more.
+
+As with a cable that has come loose. Other measurements arrive as ever.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.parts import Effect, Fault, params
+from kybflow.signals import Frame, Measurement
+
+
+@params
+class CameraLostParams:
+    pass
+
+
+class CameraLost(Fault[CameraLostParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        return {vehicle: Effect(filter=_lose)}
+
+
+def _lose(measurement: Measurement) -> Measurement | None:
+    return None if isinstance(measurement, Frame) else measurement

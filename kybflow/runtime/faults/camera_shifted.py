@@ -1,0 +1,26 @@
+"""The cameras of the vehicle see as from elsewhere: where tags place it jumps.
+
+What they see is drawn `offset` away from where they are, as if the floor with its tags had been
+pushed the other way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.parts import Effect, Fault, param, params
+from kybflow.units import Position
+from kybflow.vision.optics import Weakness
+
+
+@params
+class CameraShiftedParams:
+    offset: Position = param(
+        "How far from its place it seems to be, world frame.", default=(1.0, 0.0, 0.0),
+        read_only=True,
+    )  # fmt: skip
+
+
+class CameraShifted(Fault[CameraShiftedParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        return {vehicle: Effect(camera=Weakness(offset=self.params.offset))}

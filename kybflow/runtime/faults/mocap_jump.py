@@ -1,0 +1,31 @@
+"""Motion capture sees the vehicle elsewhere: its poses are off by a vector from now on.
+
+As when the origin is set anew, or the system takes other markers for the body's. The attitude stays
+right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.geometry import add
+from kybflow.parts import Effect, Fault, param, params
+from kybflow.signals import Measurement, Pose
+from kybflow.units import Position
+
+
+@params
+class MocapJumpParams:
+    offset: Position = param(
+        "Added to the position, world frame.", default=(1.0, 0.0, 0.0), read_only=True
+    )
+
+
+class MocapJump(Fault[MocapJumpParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        return {vehicle: Effect(filter=self._move)}
+
+    def _move(self, measurement: Measurement) -> Measurement | None:
+        if not isinstance(measurement, Pose):
+            return measurement
+        return measurement._replace(position=add(measurement.position, self.params.offset))

@@ -1,0 +1,25 @@
+"""Something lies on some of the tags that the vehicle's cameras could see.
+
+Which ones is drawn once for the whole run: more of them are covered where `share` is larger.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.parts import Effect, Fault, param, params
+from kybflow.units import Ratio
+from kybflow.vision.optics import Weakness
+
+
+@params
+class TagsCoveredParams:
+    share: Ratio = param(
+        "How many of the tags, on top of those that the camera says.",
+        default=0.5, above=0.0, at_most=1.0, read_only=True,
+    )  # fmt: skip
+
+
+class TagsCovered(Fault[TagsCoveredParams]):
+    def effects(self, vehicle: str) -> Mapping[str, Effect]:
+        return {vehicle: Effect(camera=Weakness(covered=self.params.share))}
