@@ -53,7 +53,6 @@ def mission(lines: int) -> str:
         "  low:    {type: ratio, default: 30 %}",
         "world:",
         "  fence: {from: [-50, -50, 0], to: [50, 50, 5]}",
-        "  points: {dock: [1, 0, 1]}",
         "vehicles:",
     ]
     count = 0

@@ -147,7 +147,10 @@ def _sized(fault: str, plan: Plan, vehicle: str) -> PartPlan | None:
     given = dict(SIZES.get(fault, {}))
     for wanted in spec.fields:
         if wanted.required and wanted.name not in given:
-            others = [v.name for v in plan.vehicles if v.name != vehicle]
+            own = next(v for v in plan.vehicles if v.name == vehicle)
+            others = [v.name for v in plan.vehicles if v is not own]
+            if wanted.names == "estimator":
+                others = [use.part.label.rpartition(".")[2] for use in own.estimators]
             if not others:
                 return None
             given[wanted.name] = others[0]

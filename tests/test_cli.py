@@ -113,7 +113,53 @@ def test_parts_ends_where_its_reader_does() -> None:
         text=True,
         check=False,
     )
-    assert "Traceback" not in done.stderr
+    assert done.stderr == ""
+
+
+PRINTS = [
+    ["parts"],
+    ["library"],
+    ["explain"],
+    ["schema"],
+    ["graph", GOOD],
+    ["show", GOOD],
+    ["validate", GOOD],
+    ["validate", GOOD, "--format", "json"],
+    ["preflight", GOOD],
+    ["new", "mine"],
+    ["--version"],
+    ["--help"],
+]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+@pytest.mark.parametrize("words", PRINTS, ids=" ".join)
+def test_output_that_cannot_be_written_is_said_in_one_sentence(
+    words: list[str], tmp_path: Path
+) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "kybflow", *words],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            cwd=tmp_path,
+        )
+    assert done.returncode == 1
+    assert done.stderr == "kybflow: the output can't be written: No space left on device\n"
+
+
+@pytest.mark.parametrize("words", [["parts"], ["schema"]], ids=" ".join)
+def test_an_output_that_was_closed_is_nobodys_concern(words: list[str]) -> None:
+    done = subprocess.run(
+        f"{sys.executable} -m kybflow {' '.join(words)} >&-",
+        shell=True,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_the_plain_call_says_what_the_parsed_one_says(bad: str) -> None:

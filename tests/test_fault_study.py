@@ -51,6 +51,14 @@ def test_a_fault_now_and_then(state: str, fault: str) -> None:
     assert held(case, seen) == []
 
 
+def test_noise_where_the_thrust_has_just_collapsed() -> None:
+    """What shakes the tilt must not take the thrust that is left."""
+    case = Case("two_lives", "sick", "auto_land", "mocap_noise")
+    seen = study(case, range(7, 8))
+    assert seen.injected
+    assert held(case, seen) == []
+
+
 def test_two_bodies_that_are_exchanged_bring_neither_off_its_way() -> None:
     seen = study(Case("two_lives", "well", "eight", "mocap_swap"), range(1))
     assert seen.injected

@@ -27,7 +27,8 @@ def test_importing_the_part_loads_neither_mujoco_nor_numpy():
 def test_the_part_says_what_it_takes_gives_and_steps_at():
     assert Sim.simulated
     assert {CommandKind.ATTITUDE_THRUST} == Sim.accepts
-    assert Sim.provides == frozenset(MeasurementKind)
+    ours = (MeasurementKind.POSE, MeasurementKind.BATTERY, MeasurementKind.IMU)
+    assert Sim.provides == {*ours, MeasurementKind.POSITION}
     assert Sim.step_rate(SimParams(physics=400.0)) == 400.0
 
 

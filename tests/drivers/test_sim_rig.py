@@ -170,3 +170,14 @@ def test_quiet_vehicles_of_these_tests_have_nothing_broken():
     rig = world().links["a"].rig
     assert (rig.mass, rig.late, rig.sag, rig.body, rig.filters) == (1.0, 0.0, 0.0, "a", ())
     assert QUIET.watchdog
+
+
+def test_cameras_see_from_the_place_of_the_vehicle_that_the_rig_says():
+    session = world(seat("a"), seat("b", at=(1.0, 2.0, 0.0)))
+    one, two = session.links["a"], session.links["b"]
+    assert one.view() == one.truth() != two.truth()
+    swapped = Effect(view="b")
+    one.rig.begin(swapped, 0)
+    assert one.view() == two.truth() == two.view()
+    one.rig.end(swapped)
+    assert one.view() == one.truth()

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from sims import FRAME, PERIOD, QUIET, STOPPED, in_flight, push, thrust
+from sims import FRAME, PERIOD, QUIET, STOPPED, in_flight, lift, push, seat, thrust, world
 
 from kybflow.drivers.sim import Sim, SimParams
 from kybflow.geometry import tilt_of
+from kybflow.parts import Effect
 from kybflow.signals import NS
 
 
@@ -44,6 +45,18 @@ def test_the_watchdog_knows_how_fast_it_climbs(climb):
         now += PERIOD
         session.advance(now)
     assert left_alone(session, link, now)[0] <= 1.5
+
+
+@pytest.mark.parametrize("error", [-1.0, 1.0])
+def test_it_takes_an_error_of_its_accelerometer_at_rest_for_no_motion(error):
+    session = world(seat(params=SimParams()))
+    link = session.links["a"]
+    link.rig.begin(Effect(accelerometer_bias=(0.0, 0.0, error)), 0)
+    _, now = push(session, link, 0.5, STOPPED)
+    now = lift(session, link, 1.5, 4.0, now)
+    fastest, _ = left_alone(session, link, now, 8.0)
+    assert 0.1 < fastest <= 1.5
+    assert max(session.data.ctrl[:4]) == 0.0
 
 
 def test_it_waits_250_ms_and_then_heeds_only_who_stops_its_rotors():

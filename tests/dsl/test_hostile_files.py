@@ -1,4 +1,9 @@
-"""Files that mean harm or are broken: each gets a diagnostic, in bounded time and memory."""
+"""Files that mean harm or are broken: each gets a diagnostic, in bounded time and memory.
+
+What bounded means is measured beside it: so many times the work that a shipped mission of 70 lines
+is. The worst of these files is about 100 times that work; what grows with the square of a file's
+size is thousands.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +15,11 @@ from pathlib import Path
 import pytest
 
 from kybflow.catalog import load_catalog
-from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.compiler import Result, compile_mission
 
+ORDINARY = Path(__file__).parents[2] / "missions" / "formation.yaml"
+MOST = 300
+"""How many times the work of the ordinary mission a file may be."""
 HEAD = b"kybflow: 1\nmission: bad\n"
 CYCLE = b"vehicles:\n" + b"".join(b"  v%d: {like: v%d}\n" % (i, i + 1) for i in range(3000))
 BOMB = b"a: &a [x,x,x,x,x,x,x,x,x]\n" + b"".join(
@@ -108,17 +116,34 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize("name", HOSTILE)
-def test_it_is_answered_with_a_diagnostic_in_bounded_time(name: str, tmp_path: Path) -> None:
-    data, code = HOSTILE[name]
-    path = tmp_path / "mission.yaml"
-    path.write_bytes(data)
+def compiled(path: Path) -> tuple[Result, float]:
+    """What the compiler says of a file, and the processor's seconds for that."""
     catalog = load_catalog()
     begin = time.process_time()
     result = compile_mission(path, catalog=catalog)
+    return result, time.process_time() - begin
+
+
+@pytest.fixture(scope="module")
+def ordinary() -> float:
+    """The work of the ordinary mission in this process, processor's seconds: the least of three."""
+    compiled(ORDINARY)
+    return min(compiled(ORDINARY)[1] for _ in range(3))
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_it_is_answered_with_a_diagnostic_in_bounded_time(
+    name: str, tmp_path: Path, ordinary: float
+) -> None:
+    data, code = HOSTILE[name]
+    path = tmp_path / "mission.yaml"
+    path.write_bytes(data)
+    result, work = compiled(path)
     assert code in {d.code for d in result.diagnostics}
     assert result.plan is None
-    assert time.process_time() - begin < 2.0
+    if work > MOST * ordinary:  # another process may have been in the way: the least of three
+        work = min(compiled(path)[1] for _ in range(2))
+    assert work / ordinary < MOST
 
 
 def test_a_path_that_is_no_file_is_answered(tmp_path: Path) -> None:

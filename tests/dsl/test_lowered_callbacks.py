@@ -26,6 +26,7 @@ kybflow: 1
 mission: m
 import: {std: kybflow/airframes}
 groups: {both: [a, b]}
+expect: [finally all both in landed]
 world:
   fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}
 vehicles:
@@ -87,7 +88,7 @@ on:
     [callback] = meant(tmp_path, on)
     assert callback.fields == (("behavior", "hold"),)
     assert callback.when == InState("b", "hold")
-    assert callback.at.endswith("m.yaml:16")
+    assert callback.at.endswith("m.yaml:17")
     tilt = SetOption("a.tracker.tilt", pytest.approx(0.17453, abs=1e-5))
     assert callback.actions == (
         Switch("a", "down"),

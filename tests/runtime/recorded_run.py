@@ -11,6 +11,7 @@ from kybflow.dsl.plan import PartPlan, Plan, SourceFile, StatePlan, VehiclePlan
 from kybflow.geometry import Vec3, distance, from_heading
 from kybflow.parts import AIR, GROUND
 from kybflow.runtime.expectations import Verdict
+from kybflow.runtime.flight import Request
 from kybflow.runtime.outcome import Ending, Score, summarise
 from kybflow.runtime.recorder import Recorder
 from kybflow.runtime.run_folder import create_run_folder
@@ -66,7 +67,7 @@ def write_run(folder: Path, seconds: float = 28.0, seed: int = 0, rate: int = 25
     """Fill `folder` with a finished run and return it."""
     plan = make_plan("mk", "nano", rate=rate)
     run = create_run_folder(plan, folder, STARTED)
-    run.describe(plan, seed, STARTED)
+    run.describe(plan, Request(seed), STARTED)
     recorder, score = Recorder(run.log, plan), Score(plan)
     chance = random.Random(seed)
     starts = [0.0, 3.0, 5.0, seconds - 3.0]

@@ -227,3 +227,45 @@ def test_one_that_fails_is_reported_once_and_the_next_is_used(ages, broken):
     assert [(e.name, e.fields["previous"]) for e in told] == [
         ("estimator_changed", None), ("estimator_changed", "first"), ("estimate_lost", "second"),
     ]  # fmt: skip
+
+
+def test_a_behavior_brings_others_to_the_front_and_the_next_one_takes_them_back(ages):
+    told: list[Event] = []
+    three = (candidate("first"), candidate("second"), candidate("third"))
+    ages["third"] = 0.0
+    estimation = choice(*three, told=told)
+    assert run(estimation, 0.0, 1.0) == ["first"]
+    estimation.prefer(("third", "second"))
+    assert run(estimation, 1.0, 2.0) == ["third"]
+    ages["third"] = None
+    assert run(estimation, 2.0, 3.0) == ["second"]
+    ages["second"] = None
+    assert run(estimation, 3.0, 4.0) == ["first"], "the others come behind, in their own order"
+    ages["second"] = 0.0
+    assert run(estimation, 4.0, 6.0) == ["first", "second"]
+    estimation.prefer(())
+    assert run(estimation, 6.0, 7.0) == ["first"]
+    reasons = [event.fields["reason"] for event in told]
+    assert reasons[1] == "`third` comes first in this behavior"
+    assert reasons[-2:] == ["`second` is healthy again", "`first` comes first again"]
+
+
+def test_nothing_is_told_where_the_order_changes_nothing(ages):
+    told: list[Event] = []
+    estimation = choice(candidate("first"), candidate("second"), told=told)
+    run(estimation, 0.0, 1.0)
+    estimation.prefer(("first",))
+    run(estimation, 1.0, 2.0)
+    estimation.prefer(("first", "second"))
+    run(estimation, 2.0, 3.0)
+    assert [event.name for event in told] == ["estimator_changed"]
+
+
+def test_one_that_failed_is_not_brought_back_by_a_behavior(ages):
+    estimation = choice(candidate("first"), candidate("second"))
+    run(estimation, 0.0, 1.0)
+    del ages["second"]
+    run(estimation, 1.0, 1.1)
+    ages["second"] = 0.0
+    estimation.prefer(("second",))
+    assert run(estimation, 1.1, 2.0) == ["first"]

@@ -6,7 +6,7 @@ import pytest
 from flights import down, hold, named, path, up
 from plans import part, plan, vehicle
 
-from kybflow.dsl.plan import FaultPlan
+from kybflow.dsl.plan import EstimatorPlan, FaultPlan
 from kybflow.parts import Driver, Link
 from kybflow.runtime.events import Events
 from kybflow.runtime.flight import Request, fly
@@ -59,6 +59,22 @@ def test_a_swap_of_two_in_flight_ends_on_the_ground(run):
     two = (flier("a"), flier("b", start=(0.6, 0.0, 0.0)))
     _, told = run(*two, faults=(fault("mocap_swap", other="b", lasts=None),))
     assert {e.vehicle for e in named(told, "landed")} == {"a", "b"}
+
+
+def test_an_estimator_that_is_killed_is_told_and_the_vehicle_lands_on_the_next(run):
+    estimators = tuple(
+        EstimatorPlan(one, None, 1.0, None)
+        for one in (part("estimators", "mocap"), part("estimators", "fusion", source="mocap"))
+    )
+    killed = fault("estimator_killed", estimator="mocap")
+    _, told = run(flier(estimators=estimators), faults=(killed,))
+    [failed] = named(told, "part_failed")
+    assert failed.fields == {
+        "part": "estimators.mocap",
+        "reason": "RuntimeError: killed by a fault of the mission",
+    }
+    assert named(told, "estimator_changed")[-1].fields["estimator"] == "fusion"
+    assert path(told, "a") == ["up", "auto_land", "fault"]
 
 
 def test_a_fault_that_cannot_be_injected_fails_the_run(run):

@@ -140,3 +140,44 @@ def test_a_fault_that_no_world_can_have_is_told_and_the_flight_goes_on(run):
     assert path(told, "a") == ["up", "hold", "down", "landed"]
     assert len(named(told, "fault_failed")) == 1
     assert flown.summary["outcome"] == "failed"
+
+
+@pytest.mark.parametrize("what", ["filter", "wind"])
+def test_a_fault_that_raises_at_work_is_left_out_and_the_flight_goes_on(run, what):
+    gust = part("faults", "gust", velocity=(1.0, 0.0, 0.0))
+
+    class Bad(gust.cls):
+        def effects(self, vehicle):
+            return {vehicle: Effect(**{what: self.bad})}
+
+        def bad(self, _):
+            raise ZeroDivisionError("a lab's own bug")
+
+    bad = FaultPlan(replace(gust, cls=Bad), "a", time=5.0, duration=1.0)
+    one = vehicle("a", [up("hold"), hold(4.0, "down"), down()])
+    flown, told = run(one, faults=(bad,))
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    assert [e.name for e in told if e.name.startswith("fault_")] == [
+        "fault_injected", "fault_failed",
+    ]  # fmt: skip
+    assert flown.exit_code == 1
+    assert "the fault `gust` failed at work: ZeroDivisionError" in flown.summary["reason"]
+
+
+def test_a_battery_that_reports_no_more_is_told_and_the_flight_goes_on(run):
+    gust = part("faults", "gust", velocity=(1.0, 0.0, 0.0))
+
+    class Unread(gust.cls):
+        def effects(self, vehicle):
+            return {vehicle: Effect(filter=lambda m: None if isinstance(m, Battery) else m)}
+
+    unread = FaultPlan(replace(gust, cls=Unread), "a", time=4.0)
+    one = vehicle("a", [up("hold"), hold(8.0, "down"), down()])
+    flown, told = run(one, faults=(unread,))
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    assert flown.exit_code == 0
+    [lost] = named(told, "battery_lost")
+    assert lost.time / NS == pytest.approx(9.0, abs=0.15)
+    assert (lost.fields["reaction"], lost.fields["bound"]) == ("warn", 5.0)
+    assert lost.fields["value"] == pytest.approx(5.0, abs=0.05)
+    assert "last report" in str(lost.fields["reason"])

@@ -14,7 +14,7 @@ from kybflow.dsl.source import Span, Text
 from kybflow.parts import Effect, Fault, Rig
 from kybflow.runtime.events import Events
 from kybflow.runtime.injection import Injection
-from kybflow.signals import NS, Event
+from kybflow.signals import NS, Battery, Event
 
 TICK = NS // 250
 
@@ -141,3 +141,77 @@ def test_a_fault_that_cannot_be_injected_is_told_and_fails_the_run(fault: PartPl
     assert flight.injection.failure is not None
     assert fault.name in flight.injection.failure
     assert flight.rigs["a"].body == "a"
+
+
+class AtWork(Fault[None]):
+    """Works for `HEALTHY` measurements and blows for as many seconds; then both go wrong as `way`
+    says."""
+
+    HEALTHY = 2
+    way: ClassVar[str]
+
+    def effects(self, vehicle):
+        self.seen = 0
+        return {vehicle: Effect(filter=self.change, wind=self.blow, mass=2.0)}
+
+    def change(self, measurement):
+        self.seen += 1
+        if self.seen <= self.HEALTHY:
+            return measurement._replace(voltage=1.0)
+        if self.way == "raises":
+            raise ZeroDivisionError("no")
+        return "half charged"
+
+    def blow(self, seconds):
+        if seconds < self.HEALTHY:
+            return (1.0, 0.0, 0.0)
+        if self.way == "raises":
+            raise ZeroDivisionError("no")
+        return (float("nan"), 0.0, 0.0)
+
+
+def at_work(way: str) -> Flight:
+    cls = type(way, (AtWork,), {"way": way})
+    flight = Flight(FaultPlan(plan_of(cls), "a", 0.0, at="m.yaml:7"))
+    flight.tick(0.0)
+    return flight
+
+
+REASON = {"raises": "ZeroDivisionError: no", "odd": "TypeError: its filter made 'half charged' of"}
+
+
+@pytest.mark.parametrize("way", REASON)
+def test_a_filter_that_fails_at_work_is_left_out(way: str) -> None:
+    flight, report = at_work(way), Battery(0, 0.5, 14.0)
+    [change] = flight.rigs["a"].filters
+    assert [change(report).voltage for _ in range(4)] == [1.0, 1.0, 14.0, 14.0]
+    assert [entry[1] for entry in flight.path] == ["fault_injected", "fault_failed"]
+    assert f"the fault `{way}` failed at work: {REASON[way]}" in str(flight.injection.failure)
+    assert flight.rigs["a"].mass == 2.0
+    flight.tick(0.004)
+    assert (flight.rigs["a"].filters, flight.rigs["a"].mass) == ((), 1.0)
+    flight.tick(1.0)
+    assert len(flight.told) == 2
+
+
+@pytest.mark.parametrize(("way", "reason"), [("raises", "Zero"), ("odd", "its wind is not finite")])
+def test_a_wind_that_fails_at_work_is_left_out(way: str, reason: str) -> None:
+    flight = at_work(way)
+    winds = [flight.rigs["a"].wind(seconds * NS) for seconds in range(4)]
+    assert winds == [(1.0, 0.0, 0.0)] * 2 + [(0.0, 0.0, 0.0)] * 2
+    assert reason in str(flight.injection.failure)
+    flight.tick(4.0)
+    assert not flight.rigs["a"].blows
+    assert [entry[1] for entry in flight.path] == ["fault_injected", "fault_failed"]
+
+
+def test_of_a_fault_that_cannot_be_injected_nothing_stays() -> None:
+    def changed() -> None:
+        if flight.rigs["a"].mass == 2.0:
+            raise ZeroDivisionError("no world has that")
+
+    flight = Flight(FaultPlan(plan_of(Chancy), "a", 1.0))
+    flight.rigs["a"] = flight.injection._rigs["a"] = Rig("a", changed)
+    flight.tick(1.0)
+    assert [entry[1] for entry in flight.path] == ["fault_failed"]
+    assert flight.rigs["a"].mass == 1.0

@@ -6,18 +6,20 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import ClassVar
 
+import pytest
 from alarming import alarming
 from flights import down, named, path, up
 from plans import part, plan, state, then, vehicle
 
 from kybflow.drivers.sim import Sim
-from kybflow.dsl.plan import PartPlan, TransitionPlan
-from kybflow.parts import Link
+from kybflow.dsl.plan import PartPlan, SensorPlan, TransitionPlan
+from kybflow.parts import Link, Sensor, Stream
 from kybflow.runtime.inspection import inspect
 from kybflow.runtime.preflight import Line
 from kybflow.shapes import Box
-from kybflow.signals import NS, Battery, Pose, Reaction
+from kybflow.signals import NS, Battery, MeasurementKind, Pose, Reaction
 
 
 def checks(*vehicles, **facts) -> dict[tuple[str, str], Line]:
@@ -113,7 +115,7 @@ def test_a_stream_that_is_too_slow_is_red():
 
     line = checks(flight(driver=bent(every_third_of_a_second)))["a", "pose stream"]
     assert not line.green
-    assert line.reason.endswith(" Hz, 5 Hz needed")
+    assert line.reason.endswith(" Hz, 4 Hz needed")
 
 
 def test_a_stream_that_never_comes_is_red():
@@ -123,6 +125,47 @@ def test_a_stream_that_never_comes_is_red():
     found = checks(flight(driver=bent(no_poses)))
     assert found["a", "pose stream"].reason == "nothing arrives"
     assert found["a", "estimate"].reason == "no healthy estimate from mocap"
+
+
+class Mute(Sensor[None]):
+    """A sensor that gives nothing; `says` is why, or what it raises when it is asked."""
+
+    provides = frozenset({MeasurementKind.POSE})
+    says: ClassVar[str | Exception | None] = None
+
+    @classmethod
+    def open(cls, params, site, link, generator):
+        class Silence(Stream):
+            def read(self, now):
+                return ()
+
+            def trouble(self):
+                if isinstance(cls.says, Exception):
+                    raise cls.says
+                return cls.says
+
+            def close(self):
+                pass
+
+        return Silence()
+
+
+@pytest.mark.parametrize(
+    ("says", "reason"),
+    [
+        (None, "nothing arrives"),
+        ("no server at lab:3883", "nothing arrives: no server at lab:3883"),
+        (OSError("gone"), "nothing arrives: OSError: gone"),
+    ],
+)
+def test_why_a_sensor_gives_nothing_is_said(says, reason):
+    class Told(Mute):
+        pass
+
+    Told.says = says
+    sensor = SensorPlan(PartPlan("told", Told, None, "sensors.mocap", "m.yaml:7"), ("mocap",))
+    line = checks(flight(sensors=(sensor,)))["a", "pose stream"]
+    assert (line.green, line.reason) == (False, reason)
 
 
 def test_a_vehicle_without_a_battery_report_stays():

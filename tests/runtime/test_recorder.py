@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from kybflow.signals import (
     Estimate,
     Event,
     Imu,
+    Payload,
     Pose,
     Setpoint,
     SetpointKind,
@@ -95,7 +97,7 @@ def test_a_tick_holds_every_value(tmp_path):
     assert tuple(command["rates"]) == COMMAND.rates
     assert (command["thrust"], command["heading"]) == (10.25, 0.75)
     assert tick["truth"]["present"]
-    for name in Truth._fields:
+    for name in ("position", "velocity", "attitude", "angular_velocity"):
         assert tuple(tick["truth"][name]) == getattr(TRUTH, name)
 
 
@@ -165,6 +167,40 @@ def test_measurements_and_events_are_recorded_as_they_arrive(tmp_path):
         "at": "m.yaml:3",
         "fields": {"option": "speed", "value": 0.5},
     }
+
+
+@pytest.mark.parametrize(
+    ("aboard", "known", "there"), [(True, True, True), (False, True, False), (None, False, False)]
+)
+def test_what_a_vehicle_says_of_its_payload_is_recorded(tmp_path, aboard, known, there):
+    path = tmp_path / "log.mcap"
+    recorder = Recorder(path, make_plan("mk"))
+    recorder.vehicle("mk").measurement(30, Payload(25, True, aboard))
+    recorder.close()
+    (said,) = messages(path, "/mk/payload")
+    decoded = np.frombuffer(said.data, np.dtype(dtype_spec("Payload")))[0]
+    assert (said.log_time, *decoded.tolist()) == (30, 25, True, known, there)
+
+
+def test_each_estimator_is_recorded_fifty_times_a_second(tmp_path):
+    flown = SimpleNamespace(name="mocap", estimate=ESTIMATE, is_usable=True)
+    blind = SimpleNamespace(name="inertial", estimate=None, is_usable=False)
+    estimation = SimpleNamespace(candidates=[flown, blind], source="mocap")
+    recorder = Recorder(tmp_path / "log.mcap", make_plan("mk", rate=250))
+    for tick in range(11):
+        recorder.vehicle("mk").estimators(tick * 4_000_000, estimation)
+    recorder.close()
+
+    first, *others = messages(tmp_path / "log.mcap", "/mk/estimator/mocap")
+    assert [m.log_time for m in others] == [20_000_000, 40_000_000]
+    said = np.frombuffer(first.data, np.dtype(dtype_spec("Candidate")))[0]
+    assert (said["present"], said["usable"], said["used"]) == (True, True, True)
+    assert tuple(said["position"]) == ESTIMATE.position
+    assert tuple(said["attitude"]) == ESTIMATE.attitude
+    assert (said["age"], said["spread"]) == (0.01, 0.002)
+    none = messages(tmp_path / "log.mcap", "/mk/estimator/inertial")[0]
+    said = np.frombuffer(none.data, np.dtype(dtype_spec("Candidate")))[0]
+    assert (said["present"], said["usable"], said["used"]) == (False, False, False)
 
 
 def test_the_definition_in_the_file_is_the_layout():

@@ -114,3 +114,10 @@ def test_a_collision_is_marked_where_it_was(run):
     place = mk.position[(mk.time >= 6.0).argmax()]
     assert (cross["x"][0], cross["y"][0]) == pytest.approx(tuple(place[:2]), abs=0.02)
     assert cross["text"] == ["mk ran into nano"]
+
+
+def test_a_payload_is_marked_where_it_came_to_rest(run):
+    place = {"x": 0.4, "y": -0.2, "z": 0.0}
+    fell = {"t_s": 6.0, "event": "payload_rested", "vehicle": "mk", "at": "", "fields": place}
+    [square] = [t for t in path_map(replace(run, events=[fell])).traces if t["name"] == "payload"]
+    assert (square["x"], square["y"], square["text"]) == ([0.4], [-0.2], ["the payload of mk"])

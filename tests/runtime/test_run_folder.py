@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from recorded_run import STARTED, make_plan
 
+from kybflow.runtime.flight import Request
 from kybflow.runtime.run_folder import RunFolderError, create_run_folder
 from kybflow.signals import NS, Event
 
@@ -100,12 +101,17 @@ def test_a_summary_that_cannot_be_written_is_no_summary(tmp_path):
 
 def test_provenance_says_what_the_run_was_made_of(tmp_path):
     run = create_run_folder(PLAN, tmp_path, STARTED)
-    run.describe(PLAN, 7, STARTED)
+    changes = (("mk.processors.fence.margin", "30 cm"),)
+    request = Request(7, None, 2.0, changes, ((0.1, "operator.go"),), ("lap=8 s",))
+    run.describe(PLAN, request, STARTED)
     run.finish({"kybflow": 1})
 
     found = json.loads((tmp_path / "provenance.json").read_text(encoding="utf-8"))
     assert found["sources"] == [{"path": "missions/figure_eight.yaml", "sha256": "0" * 64}]
-    assert (found["seed"], found["target"]) == (7, "sim")
+    assert (found["seed"], found["target"], found["speed"]) == (7, "sim", 2.0)
+    assert found["set"] == ["lap=8 s"]
+    assert found["option"] == ["mk.processors.fence.margin=30 cm"]
+    assert found["emit"] == ["operator.go@0.1s"]
     assert found["started"] == "2026-01-02T03:04:05+00:00"
     assert {"python", "kybflow", "mujoco", "foxglove-sdk", "numpy"} <= set(found["versions"])
     assert found["machine"]["cores"] >= 1

@@ -134,6 +134,18 @@ def test_ctrl_c_lands(tmp_path: Path, phase: str):
     lands(signalled(tmp_path, [PHASES[phase]], [signal.SIGINT]), phase)
 
 
+@pytest.mark.parametrize("phase", phases(fast="up"))
+def test_ctrl_backslash_lands(tmp_path: Path, phase: str):
+    lands(signalled(tmp_path, [PHASES[phase]], [signal.SIGQUIT]), phase)
+
+
+def test_signals_without_a_meaning_change_nothing(tmp_path: Path):
+    left = signalled(tmp_path, [PHASES["up"], PHASES["hold"]], [signal.SIGUSR1, signal.SIGUSR2])
+    assert (left.code, left.summary["outcome"]) == (0, "succeeded")
+    assert left.path == [*PHASES, "landed"]
+    assert left.is_whole
+
+
 @pytest.mark.parametrize("phase", phases(fast="hold"))
 def test_a_second_ctrl_c_cuts_the_stream(tmp_path: Path, phase: str):
     first = PHASES[phase]

@@ -41,6 +41,7 @@ def driver(**more: Any) -> PartUse:
         "accepts": frozenset({ATTITUDE}),
         "provides": frozenset({MeasurementKind.POSE}),
         "step_rate": lambda _: 500.0,
+        "simulated": False,
     }
     return use("bench", **{**facts, **more})
 
@@ -51,6 +52,9 @@ class Parts:
     def get(self, kind: str, name: str) -> Any:
         assert name in BUILT_IN.values()
         return behavior(SetpointKind.IDLE, GROUND >> GROUND).spec
+
+    def names(self, kind: str) -> tuple[str, ...]:
+        return ()
 
 
 def case(flown: PartUse, control_rate: int = 250, **parts: Any) -> Case:
@@ -135,7 +139,7 @@ def test_a_driver_that_cannot_take_the_commands() -> None:
 
 def test_measurements_that_nobody_provides() -> None:
     needs = frozenset({MeasurementKind.POSE, MeasurementKind.BATTERY})
-    estimator = EstimatorUse(use("mocap", needs=needs), None, 1.0, None)
+    estimator = EstimatorUse(use("mocap", uses=lambda _: needs), None, 1.0, None)
     flown = case(behavior(POSITION), estimators=(estimator,))
     expected = ["KYB302 `mocap` needs battery measurements: `bench` provides `pose`"]
     assert expected == messages(missing_measurements(flown))

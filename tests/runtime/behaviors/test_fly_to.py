@@ -3,14 +3,25 @@
 import math
 
 import pytest
-from flying import AIRFRAME, DT, entry, fastest, fly, hardest, ideal, worst_mismatch
+from flying import (
+    AIRFRAME,
+    DT,
+    entry,
+    estimate,
+    fastest,
+    fly,
+    hardest,
+    ideal,
+    tick,
+    worst_mismatch,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kybflow.geometry import ZERO, Vec3, norm
+from kybflow.geometry import ZERO, Vec3, from_heading, norm
 from kybflow.parts import Footprint
 from kybflow.runtime.behaviors.fly_to import FlyTo, FlyToParams
-from kybflow.signals import Done, Failed
+from kybflow.signals import Done, Failed, Setpoint
 
 START = (0.0, 0.0, 1.0)
 numbers = st.floats(-3.0, 3.0)
@@ -77,3 +88,29 @@ def test_a_vehicle_that_does_not_arrive_fails_with_the_distance() -> None:
 def test_its_footprint_is_the_straight_line() -> None:
     print_ = FlyTo.footprint(FlyToParams(position=(1.0, 0.0, 1.0)), START)
     assert print_ == Footprint((START, (1.0, 0.0, 1.0)), 1.0, (1.0, 0.0, 1.0))
+
+
+def facing(degrees: float):
+    """A vehicle at the goal that looks there, whatever it is asked for."""
+    attitude = from_heading(math.radians(degrees))
+
+    def seen(behavior: FlyTo, seconds: float) -> Setpoint | Done | Failed:
+        output = None
+        for i in range(round(seconds / DT)):
+            known = estimate(START)._replace(attitude=attitude)
+            output = behavior.update(tick(i * DT, known))
+            if isinstance(output, Done | Failed):
+                break
+        return output
+
+    return seen
+
+
+def test_with_a_heading_tolerance_it_is_there_when_it_looks_there_too() -> None:
+    params = FlyToParams(position=START, heading=0.5, heading_tolerance=0.1, patience=1.0)
+    assert isinstance(facing(math.degrees(0.45))(FlyTo(params, entry(START)), 5.0), Done)
+    failed = facing(0.0)(FlyTo(params, entry(START)), 5.0)
+    assert isinstance(failed, Failed)
+    assert failed.reason == "still 0.000 m from the goal and 28.6 deg from the heading"
+    any_heading = FlyToParams(position=START, heading=0.5)
+    assert isinstance(facing(0.0)(FlyTo(any_heading, entry(START)), 5.0), Done)

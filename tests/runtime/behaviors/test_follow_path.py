@@ -40,3 +40,21 @@ def test_it_does_not_leave_a_corner_that_the_vehicle_has_not_reached() -> None:
 def test_an_empty_path_is_refused() -> None:
     with pytest.raises(Refused, match="no corner"):
         FollowPath(FollowPathParams(path=()), entry(START))
+
+
+def test_it_turns_on_the_first_leg_and_keeps_the_heading_on_the_others() -> None:
+    params = FollowPathParams(path=PATH, heading=-1.0, turn_rate=0.2)
+    flown = fly(FollowPath(params, entry(START)), ideal(START))
+    headings = [s.setpoint.heading for s in flown.samples]
+    turned = next(s.time for s in flown.samples if s.setpoint.heading == -1.0)
+    left = next(s.time for s in flown.samples if s.setpoint.position[1] > 0.0)
+    assert headings == sorted(headings, reverse=True)
+    assert 5.0 < turned < left
+    assert worst_mismatch(flown.samples, "position", "velocity") < 1e-3
+
+
+def test_a_corner_at_which_it_looks_elsewhere_is_not_reached() -> None:
+    params = FollowPathParams(path=PATH, heading=0.5, heading_tolerance=0.1, patience=1.0)
+    flown = fly(FollowPath(params, entry(START)), ideal(START))  # its attitude stays level, east
+    reason = "still 0.000 m from corner 1 and 28.6 deg from the heading"
+    assert flown.end == Failed(flown.end.setpoint, reason)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import replace
+from typing import ClassVar, NamedTuple
 
 import pytest
 from flights import down, hold, named, path, up
 from plans import part, vehicle
 
-from kybflow.dsl.plan import FaultPlan
-from kybflow.signals import Truth
+from kybflow.drivers.sim import Sim
+from kybflow.dsl.plan import EstimatorPlan, FaultPlan
+from kybflow.parts import Effect
+from kybflow.signals import MeasurementKind, Truth
 
 LOST = 9.0
+MOCAP = part("estimators", "mocap")
 KINDS = {
     "nothing": [],
     "heavy": [("mass_change", {"factor": 1.1})],
@@ -93,3 +97,51 @@ def test_lost_while_it_climbs_it_lands(run) -> None:
     landing = watch.landing()
     assert landing.speed <= 1.5
     assert landing.climbed <= 0.3
+
+
+class Feels(MOCAP.cls):
+    """Motion capture, by an estimator that has the IMU too, on the ground already."""
+
+    needs = MOCAP.cls.needs | {MeasurementKind.IMU}
+
+
+class Biased(Sim):
+    """Its accelerometers are wrong by `error` along body z from the beginning."""
+
+    error: ClassVar[float]
+
+    @classmethod
+    def open(cls, seats, generator):
+        session = super().open(seats, generator)
+        session.links["a"].rig.begin(Effect(accelerometer_bias=(0.0, 0.0, cls.error)), 0)
+        return session
+
+
+def biased(run, error: float, factor: float, estimator=Feels) -> Landing:
+    """From a metre, the thrust wrong by `factor`, the accelerometer by `error`."""
+    sim = type("Biased", (Biased,), {"error": error})
+    faults = (
+        FaultPlan(part("faults", "mass_change", factor=factor), "a", time=LOST + 0.2),
+        FaultPlan(part("faults", "mocap_dropout"), "a", time=LOST),
+    )
+    watch = Watch()
+    one = vehicle(
+        "a",
+        [up("hold", 1.0), hold(30.0, "down"), down()],
+        driver=replace(part("drivers", "sim"), cls=sim),
+        estimators=(EstimatorPlan(replace(MOCAP, cls=estimator), None, 1.0, None),),
+    )
+    _, told = run(one, faults=faults, observers=(watch,))
+    assert path(told, "a")[-2:] == ["land_blind", "fault"]
+    return watch.landing()
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+@pytest.mark.parametrize("error", [-1.0, -0.4, 0.4, 1.0])
+def test_what_the_imu_felt_at_rest_is_no_error_any_more(run, error: float, factor: float) -> None:
+    landing = biased(run, error, factor)
+    assert held(landing), landing
+
+
+def test_where_nothing_was_felt_at_rest_that_error_holds_it_up(run) -> None:
+    assert biased(run, -1.0, 0.9, MOCAP.cls).climbed > 0.3

@@ -10,7 +10,8 @@ import pytest
 from kybflow.catalog import load_catalog
 from kybflow.geometry import LEVEL, ZERO, distance, tilt_of
 from kybflow.parts import Effect, Rig
-from kybflow.signals import NS, Battery, Imu, Pose
+from kybflow.signals import NS, Battery, Frame, Imu, Pose
+from kybflow.vision.optics import Weakness
 
 POSE = Pose(0, (1.0, 2.0, 3.0), LEVEL)
 BATTERY = Battery(0, 0.5, 14.0)
@@ -26,6 +27,16 @@ SIMPLE = {
     "rotor_weak": {},
     "imu_bias_step": {"gyro": (0.1, 0.0, 0.0)},
     "clock_late": {},
+    "mocap_frozen": {},
+    "mocap_jump": {},
+    "camera_lost": {},
+    "camera_frozen": {},
+    "camera_shifted": {},
+    "camera_swapped": {"other": "b"},
+    "camera_dark": {},
+    "camera_blur": {},
+    "tags_covered": {},
+    "estimator_killed": {"estimator": "mocap"},
 }
 
 
@@ -43,6 +54,7 @@ def state(rig: Rig, now: int = 10 * NS):
     return (
         len(rig.filters), rig.blows, rig.wind(now), rig.mass, rig.payload, rig.rotors, rig.sag,
         rig.gyro_bias, rig.accelerometer_bias, rig.late, rig.body,
+        rig.camera, rig.view, rig.estimators,
     )  # fmt: skip
 
 
@@ -54,7 +66,7 @@ def passed(rig: Rig, measurement):
 
 def test_every_fault_of_the_catalog_is_here() -> None:
     assert set(SIMPLE) <= set(load_catalog().names("faults"))
-    assert len(SIMPLE) == 10
+    assert len(SIMPLE) == 20
 
 
 @pytest.mark.parametrize("name", SIMPLE)
@@ -128,6 +140,55 @@ def test_chance_comes_from_the_generator_that_is_given() -> None:
     assert shaken(1) == shaken(1)
     assert shaken(1) != shaken(2)
     assert distance(shaken(1)[0].position, POSE.position) < 0.2
+
+
+def test_mocap_frozen_keeps_the_first_pose_and_gives_it_the_times_of_the_others() -> None:
+    rig = Rig("a")
+    rig.begin(effect_of("mocap_frozen"), 0)
+    poses = [Pose(i, (0.1 * i, 0.0, 1.0), LEVEL) for i in range(3)]
+    assert [passed(rig, pose) for pose in poses] == [Pose(i, *poses[0][1:]) for i in range(3)]
+    assert passed(rig, BATTERY) is BATTERY
+
+
+def test_mocap_jump_moves_poses_by_its_offset() -> None:
+    rig = Rig("a")
+    rig.begin(effect_of("mocap_jump"), 0)
+    rig.begin(effect_of("mocap_jump", offset=(0.0, -2.0, 0.5)), 0)
+    assert passed(rig, POSE) == POSE._replace(position=(2.0, 0.0, 3.5))
+    assert passed(rig, IMU) is IMU
+
+
+def test_camera_lost_loses_frames_and_nothing_else() -> None:
+    rig = Rig("a")
+    rig.begin(effect_of("camera_lost"), 0)
+    assert [passed(rig, m) for m in (Frame(0, "down", None), POSE)] == [None, POSE]
+
+
+def test_camera_frozen_keeps_the_first_image_of_each_camera() -> None:
+    rig = Rig("a")
+    rig.begin(effect_of("camera_frozen"), 0)
+    frames = [Frame(i, "down" if i % 2 else "front", i) for i in range(4)]
+    kept = [passed(rig, frame) for frame in frames]
+    assert [(f.time, f.image) for f in kept] == [(0, 0), (1, 1), (2, 0), (3, 1)]
+    assert passed(rig, POSE) is POSE
+
+
+def test_what_is_wrong_with_cameras_adds_up() -> None:
+    rig = Rig("a")
+    for name, params in (
+        ("tags_covered", {"share": 0.25}), ("tags_covered", {"share": 0.5}),
+        ("camera_blur", {"pixels": 3.0}), ("camera_blur", {"pixels": 4.0}),
+        ("camera_shifted", {"offset": (0.0, 1.0, 0.0)}), ("camera_shifted", {}),
+    ):  # fmt: skip
+        rig.begin(effect_of(name, **params), 0)
+    assert rig.camera == Weakness(0.75, 5.0, False, (1.0, 1.0, 0.0))
+    rig.begin(effect_of("camera_dark"), 0)
+    assert rig.camera.dark
+
+
+def test_camera_swapped_exchanges_two() -> None:
+    effects = effects_of("camera_swapped", other="b")
+    assert {name: effect.view for name, effect in effects.items()} == {"a": "b", "b": "a"}
 
 
 def test_mocap_swap_exchanges_two() -> None:

@@ -2,8 +2,9 @@
 
 from flying import SITE, tick
 
+from kybflow.params import fields_of
 from kybflow.runtime.supervisors.battery import Battery, BatteryParams
-from kybflow.signals import Alarm, Reaction
+from kybflow.signals import NS, Alarm, Reaction
 from kybflow.signals import Battery as Report
 
 
@@ -40,3 +41,25 @@ def test_on_the_ground_it_only_warns() -> None:
 
 def test_without_a_report_it_is_silent() -> None:
     assert Battery(BatteryParams(), SITE).check(tick(), airborne=True) is None
+
+
+def test_a_report_that_grows_old_is_a_warning_until_the_next_one() -> None:
+    supervisor, report = Battery(BatteryParams(), SITE), Report(NS, 0.8, 14.0)
+    for airborne in (False, True):
+        assert supervisor.check(tick(6.0, battery=report), airborne) is None
+        assert supervisor.check(tick(6.5, battery=report), airborne) == Alarm(
+            "battery_lost", Reaction.WARN, "its last report is 5.5 s old, 5 s allowed", 5.5, 5.0
+        )
+    assert supervisor.check(tick(6.6, battery=report._replace(time=6 * NS)), True) is None
+
+
+def test_an_old_report_of_an_empty_battery_lands() -> None:
+    supervisor = Battery(BatteryParams(), SITE)
+    alarm = supervisor.check(tick(9.0, battery=Report(0, 0.1, 14.0)), airborne=True)
+    assert alarm is not None
+    assert (alarm.event, alarm.reaction) == ("battery_low", Reaction.LAND)
+
+
+def test_in_flight_it_may_only_become_younger() -> None:
+    [age] = [f for f in fields_of(BatteryParams) if f.name == "age"]
+    assert age.tightens == "down"

@@ -1,0 +1,80 @@
+"""A payload needs a driver that moves a servo, on the target that is flown."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from kybflow.catalog import Catalog, PartSpec, load_catalog
+from kybflow.drivers.sim import Sim
+from kybflow.dsl.compiler import compile_mission
+from kybflow.site import Parcel
+
+MISSION = """
+kybflow: 1
+mission: drop
+import: {std: kybflow/airframes}
+world: {fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}}
+vehicles:
+  a:
+    like: std.courier_quad
+    payload: {mass: 300 g, size: 12 cm}
+    behaviors:
+      up:   {do: take_off, height: 1 m, then: drop}
+      drop: {do: release_payload, then: down}
+      down: {do: land}
+targets:
+  lab: {a: {driver: bench}}
+"""
+
+
+class Bench(Sim):
+    simulated = False
+    grips = False
+
+
+class Parts(Catalog):
+    """The catalog, and the driver `bench`, whose vehicles have no servo."""
+
+    def __init__(self) -> None:
+        self._all = load_catalog()
+
+    def names(self, kind: str) -> tuple[str, ...]:
+        return (*self._all.names(kind), "bench") if kind == "drivers" else self._all.names(kind)
+
+    def get(self, kind: str, name: str) -> PartSpec:
+        if name == "bench":
+            return replace(self._all.get(kind, "sim"), name="bench", cls=Bench)
+        return self._all.get(kind, name)
+
+    def always(self, kind: str) -> tuple[PartSpec, ...]:
+        return self._all.always(kind)
+
+
+@pytest.mark.parametrize(
+    ("target", "found"),
+    [
+        ("sim", []),
+        ("lab", ["KYB396 `release_payload` needs a servo, and `bench` moves none"]),
+    ],
+)
+def test_a_driver_without_a_servo_refuses_the_release(tmp_path: Path, target, found) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(MISSION)
+    result = compile_mission(path, catalog=Parts(), target=target)
+    assert [f"{d.code} {d.message}" for d in result.diagnostics] == found
+
+
+def test_the_plan_has_it_in_si_and_the_resolved_mission_means_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(MISSION)
+    plan = compile_mission(path, catalog=Parts()).plan
+    assert plan is not None
+    assert plan.vehicles[0].payload == Parcel(mass=0.3, size=0.12, channel=1, aboard=True)
+    again = tmp_path / "again.yaml"
+    again.write_text(plan.resolved)
+    resolved = compile_mission(again, catalog=Parts()).plan
+    assert resolved is not None
+    assert resolved.vehicles[0].payload == plan.vehicles[0].payload

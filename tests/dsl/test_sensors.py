@@ -1,0 +1,162 @@
+"""Sensors of a target: who has which, what a driver brings, and what the plan has of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from kybflow.catalog import Catalog, PartSpec, load_catalog
+from kybflow.drivers.sim import Sim
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.plan import Plan
+from kybflow.signals import MeasurementKind
+
+MISSION = """\
+kybflow: 1
+mission: m
+import: {std: kybflow/airframes}
+world:
+  fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}
+  tags: {floor: {grid: {family: 36h11, count: [4, 4], size: 20 cm, spacing: 2 cm}}}
+vehicles:
+  a:
+    like: std.courier_quad
+    estimators:
+      - {use: tag_camera, healthy: age < 300 ms}
+      - {use: tag_camera, as: spare, healthy: age < 300 ms}
+      - {use: mocap, healthy: age < 300 ms}
+    behaviors: &hop {up: {do: take_off, height: 1 m, then: down}, down: {do: land}}
+  b: {like: std.nano_plus, start: {at: [0, 2, 0]}, behaviors: *hop}
+targets:
+"""
+SIMULATED = "{use: simulated_camera}"
+
+
+class Bench(Sim):
+    simulated = False
+    brings = ()
+
+
+class Parts(Catalog):
+    """The catalog, and the driver `bench`, which is no simulation."""
+
+    def __init__(self) -> None:
+        self._all = load_catalog()
+
+    def names(self, kind: str) -> tuple[str, ...]:
+        return (*self._all.names(kind), "bench") if kind == "drivers" else self._all.names(kind)
+
+    def get(self, kind: str, name: str) -> PartSpec:
+        if name == "bench":
+            return replace(self._all.get(kind, "sim"), name="bench", cls=Bench)
+        return self._all.get(kind, name)
+
+    def always(self, kind: str) -> tuple[PartSpec, ...]:
+        return self._all.always(kind)
+
+
+def compiled(folder: Path, target: str, name: str = "sim") -> tuple[Plan | None, list[str]]:
+    path = folder / "m.yaml"
+    path.write_text(f"{MISSION}  {name}: {target}\n")
+    result = compile_mission(path, catalog=Parts(), target=name)
+    return result.plan, [f"{d.code} {d.message}" for d in result.diagnostics]
+
+
+def sensors(plan: Plan | None) -> dict[str, list[tuple[str, tuple[str, ...], str]]]:
+    """Of each vehicle: the part, the estimators it is named for, its label."""
+    assert plan is not None
+    return {
+        v.name: [(s.part.name, s.estimators, s.part.label) for s in v.sensors]
+        for v in plan.vehicles
+    }
+
+
+def test_the_simulator_brings_a_camera_where_an_estimator_needs_one(tmp_path: Path) -> None:
+    plan, found = compiled(tmp_path, "{}")
+    assert found == []
+    brought = ("simulated_camera", (), "sensors.simulated_camera")
+    assert sensors(plan) == {"a": [brought], "b": []}
+    assert plan is not None
+    assert plan.vehicles[0].sensors[0].part.cls.provides == {MeasurementKind.FRAME}
+
+
+def test_a_named_one_comes_in_place_of_it(tmp_path: Path) -> None:
+    own = "{a: {sensors: {tag_camera: {use: simulated_camera, latency: 0.1 s}}}}"
+    plan, found = compiled(tmp_path, own)
+    assert found == []
+    assert sensors(plan)["a"] == [("simulated_camera", ("tag_camera",), "sensors.tag_camera")]
+    assert plan is not None
+    assert plan.vehicles[0].sensors[0].part.params.latency == 0.1
+
+
+def test_all_holds_for_those_who_have_the_estimator(tmp_path: Path) -> None:
+    both = f"{{all: {{sensors: {{tag_camera: {SIMULATED}, mocap: {{use: vrpn, host: mocap}}}}}}}}"
+    plan, _ = compiled(tmp_path, both)
+    names = {vehicle: [use[0] for use in of] for vehicle, of in sensors(plan).items()}
+    assert names == {"a": ["simulated_camera", "vrpn"], "b": ["vrpn"]}
+
+
+def test_the_vehicles_own_entry_comes_before_that_of_all(tmp_path: Path) -> None:
+    late = "{use: simulated_camera, latency: 0.2 s}"
+    both = f"{{all: {{sensors: {{spare: {SIMULATED}}}}}, a: {{sensors: {{spare: {late}}}}}}}"
+    plan, found = compiled(tmp_path, both)
+    assert found == []
+    assert plan is not None
+    (sensor,) = plan.vehicles[0].sensors
+    assert (sensor.estimators, sensor.part.params.latency) == (("spare",), 0.2)
+
+
+def test_one_that_two_estimators_share_is_opened_once(tmp_path: Path) -> None:
+    both = f"{{a: {{sensors: {{tag_camera: {SIMULATED}, spare: {SIMULATED}}}}}}}"
+    plan, found = compiled(tmp_path, both)
+    assert found == []
+    shared = ("simulated_camera", ("tag_camera", "spare"), "sensors.tag_camera")
+    assert sensors(plan)["a"] == [shared]
+
+
+def test_hardware_brings_nothing_and_takes_no_simulated_sensor(tmp_path: Path) -> None:
+    plan, found = compiled(tmp_path, "{all: {driver: bench}}", "lab")
+    assert plan is None
+    assert found == ["KYB302 `tag_camera` needs frame measurements"] * 2
+    given = f"{{all: {{driver: bench}}, a: {{sensors: {{tag_camera: {SIMULATED}}}}}}}"
+    plan, found = compiled(tmp_path, given, "lab")
+    assert plan is None
+    assert found == ["KYB392 `simulated_camera` watches simulated vehicles only"]
+
+
+def test_a_sensor_of_another_target_that_is_not_installed_is_a_warning(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(f"{MISSION}  lab: {{all: {{driver: sim, sensors: {{mocap: lidar}}}}}}\n")
+    result = compile_mission(path, catalog=Parts())
+    assert [(d.code, d.severity.value) for d in result.diagnostics] == [("KYB140", "warning")]
+    assert result.plan is not None
+
+
+def test_a_sensor_that_knows_its_own_lens_changes_that_of_the_vehicle(tmp_path: Path) -> None:
+    (tmp_path / "cam.yaml").write_text(
+        "image_width: 800\nimage_height: 600\n"
+        "camera_matrix: {data: [500, 0, 400, 0, 500, 300, 0, 0, 1]}\n"
+        "distortion_coefficients: {data: [0.1, 0, 0, 0]}\n"
+    )
+    own = "{a: {sensors: {tag_camera: {use: camera, calibration: cam.yaml}}}}"
+    plan, found = compiled(tmp_path, own)
+    assert found == []
+    assert plan is not None
+    camera = plan.vehicles[0].cameras["down"]
+    assert (camera.lens.width, camera.lens.distortion[0], camera.rate) == (800, 0.1, 30.0)
+    assert [s.path.rpartition("/")[2] for s in plan.sources].count("cam.yaml") == 1
+
+
+@pytest.mark.parametrize("target", ["{}", f"{{a: {{sensors: {{spare: {SIMULATED}}}}}}}"])
+def test_the_resolved_mission_has_the_same_sensors(tmp_path: Path, target: str) -> None:
+    first, _ = compiled(tmp_path, target)
+    assert first is not None
+    copy = tmp_path / "resolved.yaml"
+    copy.write_text(first.resolved)
+    second: Any = compile_mission(copy, catalog=Parts()).plan
+    assert sensors(second) == sensors(first)
+    assert second.tags == first.tags
+    assert [v.cameras for v in second.vehicles] == [v.cameras for v in first.vehicles]
