@@ -21,7 +21,7 @@ from kybflow.runtime.pictures import AT_CHANGES, EVENLY, Pictures  # noqa: E402
 from kybflow.runtime.report_pictures import pictures, read_pictures  # noqa: E402
 from kybflow.runtime.run_folder import RunFolderError, create_run_folder  # noqa: E402
 from kybflow.signals import NS, Frame  # noqa: E402
-from kybflow.vision.locate import Located  # noqa: E402
+from kybflow.vision.locate_fit import Located  # noqa: E402
 from kybflow.vision.locate_sight import View  # noqa: E402
 from kybflow.vision.locator import Sighting  # noqa: E402
 

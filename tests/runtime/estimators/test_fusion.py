@@ -213,6 +213,7 @@ class FakeLocator:
     """Locates by the truth; notes what it was given."""
 
     given: ClassVar[list[tuple[Sequence[Frame], Any]]]
+    sighting = None
 
     def __init__(self, tags: object, cameras: object) -> None:
         type(self).given = []
