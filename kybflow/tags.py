@@ -30,6 +30,10 @@ class Tag(NamedTuple):
     position: Vec3
     attitude: Quat
 
+    @property
+    def key(self) -> Key:
+        return self.family, self.id
+
     def corners(self) -> tuple[Vec3, Vec3, Vec3, Vec3]:
         """Of the black square, in the world: upper left, upper right, lower right, lower left, the
         order in which OpenCV gives them."""
@@ -51,9 +55,9 @@ class TagMap:
         self._tags: dict[Key, Tag] = {}
         self._cells: dict[tuple[int, int], list[Tag]] = {}
         for tag in tags:
-            if (tag.family, tag.id) in self._tags:
+            if tag.key in self._tags:
                 raise ValueError(f"the tag {tag.id} of {tag.family} is there twice")
-            self._tags[tag.family, tag.id] = tag
+            self._tags[tag.key] = tag
             self._cells.setdefault(_cell(tag.position[0], tag.position[1]), []).append(tag)
         self.families = tuple(sorted({tag.family for tag in self._tags.values()}))
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import IO, TYPE_CHECKING, Annotated, cast
 
 import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 INVALID = 2
 """The exit code of a mission or a command line that is invalid."""
@@ -19,6 +22,8 @@ Sets = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter of the mission."),
 ]
+Seed = Annotated[int, typer.Option(help="Seed of everything that is drawn by chance.")]
+RunOut = Annotated[Path | None, typer.Option(help="Run folder; runs/MISSION-TIME by default.")]
 
 
 def examples(*lines: str) -> str:
@@ -42,3 +47,12 @@ def echo(text: str, err: bool = False) -> None:
 
         text = coloured(text)
     stream.write(f"{text}\n")
+
+
+def console(stream: IO[str]) -> Console:
+    """A console that nothing can stop: a vehicle flies."""
+    from rich.console import Console
+
+    from kybflow.outlet import Outlet
+
+    return Console(file=cast(IO[str], Outlet(stream)), emoji=False)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kybflow.commands.common import Sets, Target, echo, examples
-from kybflow.commands.run import console
+from kybflow.commands.common import RunOut, Seed, Sets, Target, console, echo, examples
 
 if TYPE_CHECKING:
     from kybflow.geometry import Vec3
@@ -43,10 +42,8 @@ def mocap_server(
     ] = 3883,
     target: Target = None,
     sets: Sets = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything that is drawn by chance.")] = 0,
-    out: Annotated[
-        Path | None, typer.Option(help="Run folder; runs/MISSION-TIME by default.")
-    ] = None,
+    seed: Seed = 0,
+    out: RunOut = None,
 ) -> None:
     """Fly a mission in real time and publish its simulated vehicles over VRPN, as a motion-capture
     system would.
@@ -92,6 +89,7 @@ def _stand(places: dict[str, Vec3], server: Server, seed: int) -> None:
 
     from kybflow.catalog import load_catalog
     from kybflow.runtime.clock import WallClock
+    from kybflow.sensors.vrpn.codec import CodecError
     from kybflow.sensors.vrpn.publishing import Noise, still, to
 
     sim = load_catalog().get("drivers", "sim").params()
@@ -102,6 +100,8 @@ def _stand(places: dict[str, Vec3], server: Server, seed: int) -> None:
             publish(clock.step())
     except KeyboardInterrupt:
         return
+    except CodecError as error:
+        raise typer.BadParameter(str(error), param_hint="--still") from None
 
 
 def _place(text: str) -> tuple[str, Vec3]:

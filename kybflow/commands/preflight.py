@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kybflow.commands.common import INVALID, Sets, Target, echo, examples
+from kybflow.commands.common import INVALID, Seed, Sets, Target, echo, examples
 
 if TYPE_CHECKING:
     from kybflow.dsl.plan import Plan
@@ -25,7 +25,7 @@ def preflight(
     mission: Annotated[Path, typer.Argument(help="The mission that is to fly.")],
     target: Target = None,
     sets: Sets = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything that is drawn by chance.")] = 0,
+    seed: Seed = 0,
 ) -> None:
     """Look at everything that must be well before take-off; nothing arms.
 

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Annotated, cast
+from typing import Annotated
 
 import typer
 
-from kybflow.commands.common import Sets, Target, examples
+from kybflow.commands.common import RunOut, Seed, Sets, Target, console, examples
 from kybflow.errors import UnitError
 from kybflow.units import DURATION, parse_quantity
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 EXAMPLES = examples(
     "kybflow run missions/figure_eight.yaml",
@@ -26,10 +23,8 @@ def run(
     mission: Annotated[Path, typer.Argument(help="The mission to fly.")],
     target: Target = None,
     sets: Sets = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything that is drawn by chance.")] = 0,
-    out: Annotated[
-        Path | None, typer.Option(help="Run folder; runs/MISSION-TIME by default.")
-    ] = None,
+    seed: Seed = 0,
+    out: RunOut = None,
     speed: Annotated[
         float | None,
         typer.Option(
@@ -77,15 +72,6 @@ def run(
     asked = Asked(mission, target, request, live, plain, report)
     screen, errors = (console(stream) for stream in (sys.stdout, sys.stderr))
     raise typer.Exit(run_mission(asked, screen, errors))
-
-
-def console(stream: IO[str]) -> Console:
-    """A console that nothing can stop: a vehicle flies."""
-    from rich.console import Console
-
-    from kybflow.outlet import Outlet
-
-    return Console(file=cast(IO[str], Outlet(stream)), emoji=False)
 
 
 def _timed(emit: str) -> tuple[float, str]:

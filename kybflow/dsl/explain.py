@@ -26,6 +26,7 @@ CODES = {
     "KYB111": "A version of the language that this program doesn't read.",
 }
 LATER = frozenset({"inputs"})
+_NEVER = {("library", "kybflow"): "remove it; a library begins with `library:`"}
 _CONDITIONS = frozenset({"when", "healthy"})
 _MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
 _SURE = 0.75
@@ -79,7 +80,7 @@ def _explain_unknown(fault: Fault) -> Iterator[Diagnostic]:
             yield Diagnostic("KYB107", message, entry.key.span, help=hint)
         else:
             what = fault.schema["title"]
-            hint = did_you_mean(key, known)
+            hint = _NEVER.get((what, key)) or did_you_mean(key, known)
             if key in LATER:
                 hint = f"this version of kybflow has no `{key}` yet"
             yield Diagnostic(

@@ -49,10 +49,10 @@ def read_tags(file: File) -> tuple[Row, ...]:
     rows: list[Row] = []
     for line, numbers, words in table.rows:
         tag = _tag(line, numbers, words["family"])
-        if (tag.family, tag.id) in first:
-            message = f"tag {tag.id} of {tag.family} is in line {first[tag.family, tag.id]} already"
+        if tag.key in first:
+            message = f"tag {tag.id} of {tag.family} is in line {first[tag.key]} already"
             raise FileError(message, line)
-        first[tag.family, tag.id] = line
+        first[tag.key] = line
         rows.append(Row(tag, line))
     if not rows:
         raise FileError("it has no tags")

@@ -101,4 +101,3 @@ class Candidate:
 
     state = wanted = battery = behavior = estimator = elapsed = start = property(_never)
     payload = payload_place = releases = property(_never)
-    payload = payload_place = releases = property(_never)

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from math import hypot
 from typing import TYPE_CHECKING
 
-from kybflow.geometry import LEVEL
+from kybflow.geometry import LEVEL, Quat
 from kybflow.runtime.fusion_replay import Replay
 from kybflow.runtime.fusion_start import Standstill, Unknown, begun
 from kybflow.runtime.fusion_values import Belief, Fix, State
 from kybflow.runtime.kalman import Noise, Nominal
-from kybflow.runtime.pose_gate import CURRENT, PoseGate, Reference, seen_from
+from kybflow.runtime.pose_gate import PoseGate, Reference, seen_from
 from kybflow.signals import NS, Estimate, Imu, Pose, Time
 
 if TYPE_CHECKING:
@@ -74,14 +74,9 @@ class Filter:
         fixes, self._waiting = [*self._waiting, *fixes], []
         for fix in fixes:
             if self._replay.covers(fix.time):
-                self._fuse(fix, self._other(now))
+                self._fuse(fix, self._gate.current(now))
             elif self._replay.lacks(fix.time) and abs(fix.time - now) <= self._memory:
                 self._waiting.append(fix)
-
-    def _other(self, now: Time) -> Estimate | None:
-        """The other's estimate where the vehicle flies on it now."""
-        flown = self._gate.flown
-        return None if flown is None or abs(now - flown.time) > CURRENT else flown
 
     def _fuse(self, fix: Fix, flown: Estimate | None) -> None:
         if flown is not None and not self._is_possible(fix, seen_from(flown, fix.time)):
@@ -98,7 +93,7 @@ class Filter:
 
     def _refused(self, fix: Fix, state: State, missed: Nominal, flown: Estimate | None) -> None:
         """The newest measurement was; begin at it where the filter is to blame."""
-        has_settled = self._gate.settled(_as_pose(fix, missed), self._params.settled)
+        has_settled = self._gate.settled(_as_pose(fix, missed.attitude), self._params.settled)
         believed = Reference(state.fused, missed.position, missed.attitude, state.deviation, 0.0)
         may_be = flown is not None or self._is_possible(fix, believed)
         if not self._was_known or has_settled or (self._doubts(state) and may_be):
@@ -112,7 +107,7 @@ class Filter:
 
     def _is_possible(self, fix: Fix, where: Reference) -> bool:
         beside, widest = 4.0 * fix.deviation, self._params.widest_gate
-        pose = Pose(fix.time, fix.position, fix.attitude or where.attitude)
+        pose = _as_pose(fix, where.attitude)
         return self._gate.passes(pose, where, min(NEAR, widest) + beside, widest + beside)
 
     def _begin(self, fix: Fix, flown: Estimate | None) -> None:
@@ -120,8 +115,7 @@ class Filter:
         if flown is not None:
             state = begun(fix, self._unknown, flown.attitude, flown.velocity)
         elif fix.attitude is None and self._still.holds(fix.time):
-            heading = self._heading
-            state = self._still.begun(fix, self._unknown, self._noise, heading)
+            state = self._still.begun(fix, self._unknown, self._noise, self._heading)
         elif fix.attitude is not None or nominal is not None:
             attitude = LEVEL if nominal is None else nominal.attitude
             state = begun(fix, self._unknown, attitude, None)
@@ -130,5 +124,5 @@ class Filter:
         self._replay.begin(state)
 
 
-def _as_pose(fix: Fix, believed: Nominal) -> Pose:
-    return Pose(fix.time, fix.position, fix.attitude or believed.attitude)
+def _as_pose(fix: Fix, believed: Quat) -> Pose:
+    return Pose(fix.time, fix.position, fix.attitude or believed)

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from typing import Protocol
 
+from kybflow.dsl.diagnostics import did_you_mean
 from kybflow.dsl.plan import ActionPlan, Call, Emit, Plan
 from kybflow.errors import EventRefused
 from kybflow.runtime.events import Events
@@ -77,8 +77,8 @@ def check_emitted(plan: Plan, names: Iterable[str]) -> None:
     known = {*_awaited(plan), *COMMANDS}
     for name in names:
         if name not in known:
-            near = get_close_matches(name, sorted(known), n=1) or [COMMANDS[0]]
-            raise EventRefused(f"nothing here waits for `{name}`; did you mean `{near[0]}`?")
+            hint = did_you_mean(name, known)
+            raise EventRefused(f"nothing here waits for `{name}`; {hint}")
 
 
 def _awaited(plan: Plan) -> Iterator[str]:

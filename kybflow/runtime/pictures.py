@@ -21,7 +21,7 @@ from kybflow.signals import NS, Frame, Time
 if TYPE_CHECKING:
     from kybflow.runtime.engine import Engine
     from kybflow.runtime.vehicle import Vehicle
-    from kybflow.vision.locate import Located
+    from kybflow.vision.locate_fit import Located
     from kybflow.vision.locator import Sighting
 
 EVENLY, AT_CHANGES = 8, 4
@@ -101,7 +101,7 @@ def _name(time: Time, camera: str, located: Located | None) -> str:
     if located is None:
         return f"{stamp}-no-pose.jpg"
     tags = [tag for view in located.views if view.camera.name == camera for tag in view.tags]
-    used = sum((tag.family, tag.id) in located.used for tag in tags)
+    used = sum(tag.key in located.used for tag in tags)
     return f"{stamp}-{used}-used-{len(tags) - used}-rejected.jpg"
 
 

@@ -62,7 +62,10 @@ class Grabber:
             if capture is None:
                 capture = self._reopened()
                 continue
-            found, image = capture.read()
+            try:
+                found, image = capture.read()
+            except Exception:  # a foreign library's; the device is opened anew
+                found, image = False, None
             if found:
                 self._frames.append((image, time.monotonic_ns()))
                 self.error = None

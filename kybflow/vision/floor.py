@@ -109,9 +109,9 @@ class Floor:
         return [self._sheet(tag) for tag in self._tags.near(x, y, radius)]
 
     def _sheet(self, tag: Tag) -> Sheet:
-        sheet = self._sheets.get((tag.family, tag.id))
+        sheet = self._sheets.get(tag.key)
         if sheet is None:
-            sheet = self._sheets[tag.family, tag.id] = Sheet(tag, self._seed)
+            sheet = self._sheets[tag.key] = Sheet(tag, self._seed)
         return sheet
 
     def bare(self, places: Array, begin: Array) -> Array:

@@ -19,7 +19,8 @@ from kybflow.geometry import Quat, Vec3
 from kybflow.signals import Frame
 from kybflow.tags import Tag, TagMap
 from kybflow.vision.detect import Detector
-from kybflow.vision.locate import Located, locate
+from kybflow.vision.locate import locate
+from kybflow.vision.locate_fit import Located
 from kybflow.vision.locate_sight import AT_REST, Motion, Start, View
 from kybflow.vision.projection import optical_pose, rotation, undistort
 from kybflow.vision.search import Search

@@ -29,7 +29,7 @@ def marked(image: NDArray[Any], view: View | None, used: Collection[Key]) -> byt
     picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     if view is not None:
         for tag, corners in zip(view.tags, view.corners, strict=True):
-            colour = USED if (tag.family, tag.id) in used else REJECTED
+            colour = USED if tag.key in used else REJECTED
             _mark(picture, corners[numpy.isfinite(corners).all(axis=1)], str(tag.id), colour)
     height, width = image.shape
     if width > WIDEST:

@@ -61,7 +61,7 @@ class Shapes:
         return [near[i] for i in chosen], [shapes[i] for i in chosen]
 
     def _shape(self, tag: Tag) -> Shape:
-        key = (tag.family, tag.id)
+        key = tag.key
         shape = self._shapes.get(key)
         if shape is None:
             shape = self._shapes[key] = _shaped(tag)

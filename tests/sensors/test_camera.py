@@ -134,6 +134,8 @@ class Stick:
     def read(self) -> tuple[bool, Any]:
         image = self.images.get()
         self.images.task_done()
+        if isinstance(image, Exception):
+            raise image
         return image is not None, image
 
     def release(self) -> None:
@@ -147,7 +149,8 @@ def until(holds: Callable[[], bool], stick: Stick) -> None:
         pass
 
 
-def test_a_lost_device_is_told_and_opened_again() -> None:
+@pytest.mark.parametrize("end", [None, RuntimeError("unplugged")])
+def test_a_lost_device_is_told_and_opened_again(end: Exception | None) -> None:
     sticks = [Stick(), Stick()]
     waiting = iter(sticks)
 
@@ -157,7 +160,7 @@ def test_a_lost_device_is_told_and_opened_again() -> None:
     grabber = Grabber(plug, again=0.0)
     first, second = sticks
     first.images.put("a")
-    first.images.put(None)
+    first.images.put(end)
     until(lambda: grabber.error is not None, first)
     assert grabber.error == "the camera was lost"
     assert [one.image for one in grabber.taken()] == ["a"]

@@ -36,13 +36,13 @@ def same_tag_twice(case: Case) -> Iterator[Diagnostic]:
     which of them it sees."""
     first: dict[Key, tuple[TagsUse, int]] = {}
     for use in case.document.tags:
-        doubled = [i for i, tag in enumerate(use.tags) if (tag.family, tag.id) in first]
+        doubled = [i for i, tag in enumerate(use.tags) if tag.key in first]
         for index, tag in enumerate(use.tags):
-            first.setdefault((tag.family, tag.id), (use, index))
+            first.setdefault(tag.key, (use, index))
         if not doubled:
             continue
         tag = use.tags[doubled[0]]
-        other, index = first[tag.family, tag.id]
+        other, index = first[tag.key]
         more = f", and {len(doubled) - 1} more" if len(doubled) > 1 else ""
         yield Diagnostic(
             "KYB383",
@@ -86,8 +86,8 @@ def _floors(uses: tuple[TagsUse, ...]) -> Iterator[_Floor]:
     """Each entry with those of its tags that no entry above has."""
     known: set[Key] = set()
     for use in uses:
-        own = [tag for tag in use.tags if (tag.family, tag.id) not in known]
-        known |= {(tag.family, tag.id) for tag in own}
+        own = [tag for tag in use.tags if tag.key not in known]
+        known |= {tag.key for tag in own}
         if own:
             x, y, _ = zip(*(tag.position for tag in own), strict=True)
             size = max(tag.size for tag in own)

@@ -35,7 +35,7 @@ from kybflow.site import Site
 from kybflow.units import Length
 
 if TYPE_CHECKING:
-    from kybflow.vision.locate import Located
+    from kybflow.vision.locate_fit import Located
     from kybflow.vision.locator import Prediction
 
 ACCELERATION = 5.0

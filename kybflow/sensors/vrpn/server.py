@@ -21,10 +21,12 @@ from kybflow.sensors.vrpn.codec import (
     PING,
     PONG,
     POSE,
+    SENDER,
     TEXT,
     CodecError,
     PoseReport,
     decode_lob,
+    describe,
     encode_pose,
 )
 from kybflow.sensors.vrpn.link import CHUNK, PORT, Waker
@@ -73,6 +75,7 @@ class Server:
         payload = encode_pose(PoseReport(sensor, position, attitude))
         with self._lock:
             if body not in self._bodies:
+                describe(SENDER, len(self._bodies), body)  # refused here, not when a guest is told
                 self._bodies.append(body)
             for guest in list(self._guests.values()):
                 if guest.peer.greeted:
