@@ -143,7 +143,7 @@ class Estimation:
         self._was_used = True
         last, self._blend = self._flown, None
         if chosen is None or estimate is None:
-            self._events.tell("estimate_lost", self._vehicle, previous=before, reason=reason)
+            self._events.tell("estimator_lost", self._vehicle, previous=before, reason=reason)
             self._score.estimator("", now / NS)
             return
         offset = 0.0

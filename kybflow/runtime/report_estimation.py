@@ -99,9 +99,9 @@ def _changes(run: Run) -> str:
     rows = []
     for event in run.events:
         fields: dict[str, Any] = event["fields"]
-        is_change = event["event"] in ("estimator_changed", "estimate_lost")
-        if not is_change or "previous" not in fields or fields["reason"] == "the first estimate":
-            continue  # an alarm of the same name has no `previous`
+        is_change = event["event"] in ("estimator_changed", "estimator_lost")
+        if not is_change or fields["reason"] == "the first estimate":
+            continue
         apart = fields.get("offset") if fields.get("previous") else None
         rows.append(
             [

@@ -95,9 +95,7 @@ def _estimators(events: Iterator[dict[str, Any]], vehicle: str, end: float) -> I
     first: str | None = None
     now: tuple[str, float] | None = None
     for event in events:
-        if event["event"] not in ("estimator_changed", "estimate_lost"):
-            continue
-        if event["event"] == "estimate_lost" and "previous" not in event["fields"]:
+        if event["event"] not in ("estimator_changed", "estimator_lost"):
             continue
         name = event["fields"].get("estimator") or ""
         first = first or name

@@ -192,7 +192,7 @@ def test_a_change_is_told_with_its_reason_and_its_offset(ages):
     assert [(e.name, e.fields["reason"]) for e in told] == [
         ("estimator_changed", "the first estimate"),
         ("estimator_changed", "`first` is not healthy: age 0.400 s, spread 0.000 m"),
-        ("estimate_lost", "`second` may be used for 1 s"),
+        ("estimator_lost", "`second` may be used for 1 s"),
         ("estimator_changed", "there was none"),
     ]
     assert told[1].fields["offset"] == pytest.approx(0.1)
@@ -225,7 +225,7 @@ def test_one_that_fails_is_reported_once_and_the_next_is_used(ages, broken):
     ages["second"] = broken
     assert run(estimation, 9.0, 10.0) == [None]
     assert [(e.name, e.fields["previous"]) for e in told] == [
-        ("estimator_changed", None), ("estimator_changed", "first"), ("estimate_lost", "second"),
+        ("estimator_changed", None), ("estimator_changed", "first"), ("estimator_lost", "second"),
     ]  # fmt: skip
 
 

@@ -36,7 +36,7 @@ TOLD = [
     event(4.5, "fault_ended", fault="wind"),
     event(5.0, "failsafe_started", reaction="brake", reason="too close", value=1.0, bound=2.0),
     event(6.0, "failsafe_ended", reaction="brake", alarm="proximity_breached"),
-    event(7.0, "estimate_lost", previous="inertial", reason="3 s are over"),
+    event(7.0, "estimator_lost", previous="inertial", reason="3 s are over"),
     event(7.0, "estimate_lost", reaction="land_blind", reason="none", value=0.0, bound=0.3),
     event(7.0, "failsafe_started", reaction="land_blind", reason="none left", value=0.0, bound=0.0),
     event(8.0, "fault_injected", fault="sag"),

@@ -3,7 +3,7 @@
 Alarm `estimate_lost` in the air when no estimator has an estimate, when the newest measurement in
 it is older than `age`, or when its standard deviation is above `spread`. Its value is the age in
 seconds (where there is no estimate: since the last one's newest measurement, or since the check
-began) or the spread in metres.
+began, none allowed) or the spread in metres.
 
 The default reaction is `land_blind`, the only one that needs no position. An alarm that persists is
 returned in every tick; the engine makes one event of it.
@@ -47,7 +47,7 @@ class Estimate(Supervisor[EstimateParams]):
             return None
         if estimate is None:
             silence = (tick.now - self._newest) / NS
-            return self._alarm("no estimator has an estimate", silence, p.age)
+            return self._alarm("no estimator has an estimate", silence, 0.0)
         if estimate.age > p.age:
             reason = f"its newest measurement is {estimate.age:.2f} s old, {p.age:g} s allowed"
             return self._alarm(reason, estimate.age, p.age)

@@ -17,7 +17,7 @@ def test_without_an_estimate_it_asks_to_land_blind_and_tells_since_when() -> Non
     watch = supervisor()
     watch.check(tick(1.0, estimate(HERE, now=NS, age=0.1)), airborne=True)
     expected = Alarm(
-        "estimate_lost", Reaction.LAND_BLIND, "no estimator has an estimate", 0.35, 0.3
+        "estimate_lost", Reaction.LAND_BLIND, "no estimator has an estimate", 0.35, 0.0
     )
     alarm = watch.check(tick(1.25), airborne=True)
     assert alarm._replace(value=pytest.approx(alarm.value)) == expected
