@@ -6,24 +6,35 @@ from __future__ import annotations
 
 import contextlib
 import re
+import sys
 from pathlib import Path
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parents[1]))  # where this runs without pytest
+
+from benches import Benched
+
 from kybflow.catalog import Catalog, load_catalog
+from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import Result, compile_mission
 from kybflow.dsl.pages import Section, folder, sections, sections_of
 from kybflow.dsl.render import render
+from kybflow.signals import MeasurementKind
 
 CASES = {f"{case.family}: {case.heading}": case for case in sections()}
 
 
+class Autopilot(Sim):
+    simulated = False
+    grips = False
+    brings = ()
+    provides = frozenset({MeasurementKind.IMU, MeasurementKind.BATTERY})
+
+
 def catalog(family: str) -> Catalog:
-    """Everything installed; on hardware also a driver of it (`autopilot.py`, beside this)."""
-    if family != "On hardware":
-        return load_catalog()
-    modules = load_catalog()._modules
-    return Catalog({**modules, "drivers": {**modules["drivers"], "autopilot": "autopilot"}})
+    """Everything installed; on hardware also a driver of it."""
+    return Benched(Autopilot, "autopilot") if family == "On hardware" else load_catalog()
 
 
 def result_of(case: Section, files: dict[str, str], place: Path) -> Result:
@@ -69,7 +80,6 @@ def rewrite(path: Path, scratch: Path) -> None:
 
 
 if __name__ == "__main__":
-    import sys
     import tempfile
 
     for markdown in (folder() / name for name in sys.argv[1:]):

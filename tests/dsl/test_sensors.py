@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from benches import Benched
 
-from kybflow.catalog import Catalog, PartSpec, load_catalog
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
@@ -40,28 +39,10 @@ class Bench(Sim):
     brings = ()
 
 
-class Parts(Catalog):
-    """The catalog, and the driver `bench`, which is no simulation."""
-
-    def __init__(self) -> None:
-        self._all = load_catalog()
-
-    def names(self, kind: str) -> tuple[str, ...]:
-        return (*self._all.names(kind), "bench") if kind == "drivers" else self._all.names(kind)
-
-    def get(self, kind: str, name: str) -> PartSpec:
-        if name == "bench":
-            return replace(self._all.get(kind, "sim"), name="bench", cls=Bench)
-        return self._all.get(kind, name)
-
-    def always(self, kind: str) -> tuple[PartSpec, ...]:
-        return self._all.always(kind)
-
-
 def compiled(folder: Path, target: str, name: str = "sim") -> tuple[Plan | None, list[str]]:
     path = folder / "m.yaml"
     path.write_text(f"{MISSION}  {name}: {target}\n")
-    result = compile_mission(path, catalog=Parts(), target=name)
+    result = compile_mission(path, catalog=Benched(Bench), target=name)
     return result.plan, [f"{d.code} {d.message}" for d in result.diagnostics]
 
 
@@ -130,7 +111,7 @@ def test_hardware_brings_nothing_and_takes_no_simulated_sensor(tmp_path: Path) -
 def test_a_sensor_of_another_target_that_is_not_installed_is_a_warning(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(f"{MISSION}  lab: {{all: {{driver: sim, sensors: {{mocap: lidar}}}}}}\n")
-    result = compile_mission(path, catalog=Parts())
+    result = compile_mission(path, catalog=Benched(Bench))
     assert [(d.code, d.severity.value) for d in result.diagnostics] == [("KYB140", "warning")]
     assert result.plan is not None
 
@@ -156,7 +137,7 @@ def test_the_resolved_mission_has_the_same_sensors(tmp_path: Path, target: str) 
     assert first is not None
     copy = tmp_path / "resolved.yaml"
     copy.write_text(first.resolved)
-    second: Any = compile_mission(copy, catalog=Parts()).plan
+    second: Any = compile_mission(copy, catalog=Benched(Bench)).plan
     assert sensors(second) == sensors(first)
     assert second.tags == first.tags
     assert [v.cameras for v in second.vehicles] == [v.cameras for v in first.vehicles]

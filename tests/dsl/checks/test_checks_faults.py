@@ -6,7 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from kybflow.catalog import Catalog, PartSpec, load_catalog
+from benches import Benched
+
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import check_mission, compile_mission
 
@@ -32,28 +33,10 @@ class Bench(Sim):
     simulated = False
 
 
-class Parts(Catalog):
-    """The catalog, and the driver `bench`, which is no simulation."""
-
-    def __init__(self) -> None:
-        self._all = load_catalog()
-
-    def names(self, kind: str) -> tuple[str, ...]:
-        return (*self._all.names(kind), "bench") if kind == "drivers" else self._all.names(kind)
-
-    def get(self, kind: str, name: str) -> PartSpec:
-        if name == "bench":
-            return replace(self._all.get(kind, "sim"), name="bench", cls=Bench)
-        return self._all.get(kind, name)
-
-    def always(self, kind: str) -> tuple[PartSpec, ...]:
-        return self._all.always(kind)
-
-
 def checked(tmp_path: Path, target: str) -> list[str]:
     path = tmp_path / "two.yaml"
     path.write_text(MISSION, encoding="utf-8")
-    result = check_mission(path, catalog=Parts(), target=target)
+    result = check_mission(path, catalog=Benched(Bench), target=target)
     return [f"{d.span.line} {d.code} {d.message}: {d.label}" for d in result.diagnostics]
 
 
@@ -70,7 +53,7 @@ def test_a_fault_is_refused_where_nothing_is_simulated_and_the_target_is_named(t
 def test_the_plan_has_every_fault_in_si(tmp_path) -> None:
     path = tmp_path / "two.yaml"
     path.write_text(MISSION, encoding="utf-8")
-    compiled: Any = compile_mission(path, catalog=Parts()).plan
+    compiled: Any = compile_mission(path, catalog=Benched(Bench)).plan
     first, second, third = compiled.faults
     assert (first.vehicle, first.time, first.when, first.duration) == ("a", 1.0, None, 1.0)
     assert (first.part.name, first.part.params.velocity) == ("gust", (1.0, 0.0, 0.0))
@@ -83,9 +66,9 @@ def test_the_plan_has_every_fault_in_si(tmp_path) -> None:
 def test_the_resolved_mission_has_every_fault_and_reads_back(tmp_path) -> None:
     path = tmp_path / "two.yaml"
     path.write_text(MISSION, encoding="utf-8")
-    plan: Any = compile_mission(path, catalog=Parts()).plan
+    plan: Any = compile_mission(path, catalog=Benched(Bench)).plan
     (tmp_path / "again.yaml").write_text(plan.resolved, encoding="utf-8")
-    again: Any = compile_mission(tmp_path / "again.yaml", catalog=Parts()).plan
+    again: Any = compile_mission(tmp_path / "again.yaml", catalog=Benched(Bench)).plan
     assert [replace(f, at="", part=replace(f.part, at="")) for f in again.faults] == [
         replace(f, at="", part=replace(f.part, at="")) for f in plan.faults
     ]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from benches import Benched
 
-from kybflow.catalog import Catalog, PartSpec, load_catalog
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import compile_mission
 from kybflow.site import Parcel
@@ -35,24 +34,6 @@ class Bench(Sim):
     grips = False
 
 
-class Parts(Catalog):
-    """The catalog, and the driver `bench`, whose vehicles have no servo."""
-
-    def __init__(self) -> None:
-        self._all = load_catalog()
-
-    def names(self, kind: str) -> tuple[str, ...]:
-        return (*self._all.names(kind), "bench") if kind == "drivers" else self._all.names(kind)
-
-    def get(self, kind: str, name: str) -> PartSpec:
-        if name == "bench":
-            return replace(self._all.get(kind, "sim"), name="bench", cls=Bench)
-        return self._all.get(kind, name)
-
-    def always(self, kind: str) -> tuple[PartSpec, ...]:
-        return self._all.always(kind)
-
-
 @pytest.mark.parametrize(
     ("target", "found"),
     [
@@ -63,18 +44,18 @@ class Parts(Catalog):
 def test_a_driver_without_a_servo_refuses_the_release(tmp_path: Path, target, found) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(MISSION)
-    result = compile_mission(path, catalog=Parts(), target=target)
+    result = compile_mission(path, catalog=Benched(Bench), target=target)
     assert [f"{d.code} {d.message}" for d in result.diagnostics] == found
 
 
 def test_the_plan_has_it_in_si_and_the_resolved_mission_means_the_same(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(MISSION)
-    plan = compile_mission(path, catalog=Parts()).plan
+    plan = compile_mission(path, catalog=Benched(Bench)).plan
     assert plan is not None
     assert plan.vehicles[0].payload == Parcel(mass=0.3, size=0.12, channel=1, aboard=True)
     again = tmp_path / "again.yaml"
     again.write_text(plan.resolved)
-    resolved = compile_mission(again, catalog=Parts()).plan
+    resolved = compile_mission(again, catalog=Benched(Bench)).plan
     assert resolved is not None
     assert resolved.vehicles[0].payload == plan.vehicles[0].payload
