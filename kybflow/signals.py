@@ -7,13 +7,10 @@ signal that is true at some time carries it. World frame ENU, body frame FLU, SI
 from __future__ import annotations
 
 from enum import Enum, IntEnum
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from kybflow.errors import EstimateMissing
 from kybflow.geometry import Quat, Vec3
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 Time = int
 NS = 1_000_000_000
@@ -60,12 +57,12 @@ class Imu(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """What a camera saw: grey, (height, width) uint8. `time` is the middle of the exposure of the
-    image's middle row, not when it arrived."""
+    """What a camera saw. image: a grey array, (height, width) uint8. `time` is the middle of the
+    exposure of the image's middle row, not when it arrived."""
 
     time: Time
     camera: str
-    image: NDArray[Any]
+    image: Any
 
 
 class Position(NamedTuple):
@@ -202,13 +199,13 @@ ReactionName = Literal["warn", "brake", "go_home", "land", "land_blind", "cut"]
 
 class Alarm(NamedTuple):
     """A bound that was crossed: an event's name (past tense), what to do, why, the measured value
-    and the bound."""
+    and the bound; None where there is no number."""
 
     event: str
     reaction: Reaction
     reason: str
-    value: float
-    bound: float
+    value: float | None = None
+    bound: float | None = None
 
 
 class Done(NamedTuple):

@@ -24,7 +24,7 @@ _STAYS = frozenset({"auto_land", "landed", "fault"})
 
 
 class Commanding:
-    """The half of a vehicle that listens."""
+    """The part of a vehicle that listens."""
 
     name: str
     now: Time

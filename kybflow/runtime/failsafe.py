@@ -114,7 +114,7 @@ class Failsafe:
         """Tell that a part failed; the alarm for it."""
         reason, at = str(failure), at or self._lines.get(failure.part, "")
         self._events.tell("part_failed", self._vehicle, at, part=failure.part, reason=reason)
-        alarm = Alarm("part_failed", reaction, f"`{failure.part}` failed: {reason}", 0.0, 0.0)
+        alarm = Alarm("part_failed", reaction, f"`{failure.part}` failed: {reason}")
         return Heard(alarm, at)
 
     def tell(self, label: str, alarm: Alarm, now: Time) -> Heard:
@@ -130,15 +130,10 @@ class Failsafe:
 
     def _tell(self, event: str, heard: Heard, reaction: Reaction) -> None:
         alarm, at = heard
-        self._events.tell(
-            event,
-            self._vehicle,
-            at,
-            reaction=reaction.name.lower(),
-            reason=alarm.reason,
-            value=alarm.value,
-            bound=alarm.bound,
-        )
+        numbers = {"value": alarm.value, "bound": alarm.bound}
+        fields = {name: number for name, number in numbers.items() if number is not None}
+        name = reaction.name.lower()
+        self._events.tell(event, self._vehicle, at, reaction=name, reason=alarm.reason, **fields)
 
     def decide(self, heard: Heard, tick: Tick, airborne: bool, state: str) -> Reaction | None:
         """What to do about an alarm, None when the vehicle may stay as it is. On the ground every
