@@ -1,4 +1,4 @@
-"""A file that a parameter names, read once, when the mission is compiled."""
+"""A file that a parameter names: read once, when the mission is compiled, or only found then."""
 
 from __future__ import annotations
 
@@ -20,3 +20,11 @@ class File:
 
     def __str__(self) -> str:
         return self.name
+
+
+class FilePath(str):
+    """The type of a parameter that names a file which is too large to be read before it is needed:
+    its absolute path. The mission writes it as seen from the file that it is written in; that it
+    is there is checked when the mission is compiled."""
+
+    __slots__ = ()

@@ -48,7 +48,7 @@ class Shipped:
 def libraries() -> list[Shipped]:
     """The libraries of every package."""
     return [
-        _read(f"{package}/{path.stem}", path)
+        read_file(f"{package}/{path.stem}", path)
         for package, folder in _homes()
         for path in sorted(folder.glob("*.yaml"))
     ]
@@ -57,7 +57,7 @@ def libraries() -> list[Shipped]:
 def missions() -> list[Shipped]:
     """The missions of every package; those of others than kybflow with its name before theirs."""
     return [
-        _read(path.stem if package == OWN else f"{package}/{path.stem}", path)
+        read_file(path.stem if package == OWN else f"{package}/{path.stem}", path)
         for package, folder in _homes()
         for path in sorted(folder.parent.glob("*.yaml"))
     ]
@@ -71,20 +71,22 @@ def _homes() -> Iterator[tuple[str, Path]]:
             yield name, home
 
 
-def _read(name: str, path: Path) -> Shipped:
+def read_file(name: str, path: Path) -> Shipped:
+    """The file at `path`, called `name`."""
     return Shipped(name, read(path, str(path)), path)
 
 
 def list_shipped() -> str:
     """Everything at hand, by file."""
-    blocks = ["\n".join(_library(one)) for one in libraries()]
+    blocks = ["\n".join(contents(one)) for one in libraries()]
     shipped = missions()
     width = max((len(one.name) for one in shipped), default=0)
     rows = [f"  {one.name:<{width}}  {one.summary}".rstrip() for one in shipped]
     return "\n\n".join([*blocks, "\n".join(["missions, for `kybflow new NAME --from`", *rows])])
 
 
-def _library(one: Shipped) -> Iterator[str]:
+def contents(one: Shipped) -> Iterator[str]:
+    """The name of a file and what it offers, a line each."""
     yield f"{one.name}  {one.summary}".rstrip()
     by_section: dict[str, list[str]] = {}
     for section, name, entry in one.entries():
@@ -118,7 +120,7 @@ def show_shipped(name: str) -> str | None:
         if name in (one.name, one.name.removeprefix(f"{OWN}/")):
             return f"# {one.path}\n{one.source.text}".rstrip()
     found = [
-        _entry(one, section, entry)
+        entry_text(one, section, entry)
         for one in libraries()
         for section, own, entry in one.entries()
         if name in (own, f"{one.name}.{own}")
@@ -126,7 +128,7 @@ def show_shipped(name: str) -> str | None:
     return "\n\n".join(found) or None
 
 
-def _entry(one: Shipped, section: str, entry: Entry) -> str:
+def entry_text(one: Shipped, section: str, entry: Entry) -> str:
     """The lines of an entry; a block of YAML ends before what is indented as its key is."""
     key = entry.key.span
     first, *rest = one.source.text.split("\n")[key.line - 1 : entry.value.span.end_line]

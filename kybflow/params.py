@@ -25,7 +25,7 @@ from typing import (
 )
 
 from kybflow.errors import PartError
-from kybflow.files import File
+from kybflow.files import File, FilePath
 from kybflow.units import Dimension, Vec3
 
 T = TypeVar("T")
@@ -100,7 +100,7 @@ class Field:
     """One parameter, as the compiler, the schema and the options see it.
 
     shape is one of: scalar, vector, path (of vectors), integer, integers (a list of them), boolean,
-    text, file, choice.
+    text, file, file path, choice.
     `dimension` is set for the first three; `choices` for the last.
     """
 
@@ -192,6 +192,7 @@ def _strip_optional(hint: Any) -> tuple[Any, bool]:
 def _shape(where: str, hint: Any) -> tuple[str, Dimension | None, tuple[str, ...]]:
     simple = {
         int: "integer", tuple[int, ...]: "integers", bool: "boolean", str: "text", File: "file",
+        FilePath: "file path",
     }  # fmt: skip
     if hint in simple:
         return simple[hint], None, ()

@@ -98,7 +98,7 @@ def _row(field: Field) -> tuple[str, ...]:
 
 
 def _in_flight(field: Field) -> str:
-    if field.read_only or field.shape in ("path", "file", "integers"):
+    if field.read_only or field.shape in ("path", "file", "file path", "integers"):
         return "never"
     if field.tightens is None:
         return ""

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from kybflow.dsl.document import Parameter
 from kybflow.dsl.graph import cause_of
 from kybflow.dsl.parameters import shown_parameter
-from kybflow.dsl.plan import Plan, StatePlan, VehiclePlan
+from kybflow.dsl.plan import PartPlan, Plan, StatePlan, VehiclePlan
+from kybflow.dsl.values import shown_value
 from kybflow.findings import Answer, answer
+from kybflow.params import fields_of
 from kybflow.showing_sections import sections
 from kybflow.units import LENGTH, MASS, format_quantity
 
@@ -40,19 +43,39 @@ def _summary(plan: Plan, parameters: Mapping[str, Parameter]) -> Iterator[str]:
         yield from (f"  {line}" for line in lines)
 
 
+def _sensors(vehicle: VehiclePlan) -> Iterator[str]:
+    """Each sensor; of several of one kind also the name."""
+    kinds = [sensor.part.name for sensor in vehicle.sensors]
+    for sensor, kind in zip(vehicle.sensors, kinds, strict=True):
+        own = sensor.part.label.partition(".")[2]
+        yield f"{kind} ({own})" if kinds.count(kind) > 1 else kind
+
+
 def _vehicle(vehicle: VehiclePlan) -> Iterator[str]:
     mass = format_quantity(vehicle.airframe.mass, MASS)
     size = format_quantity(vehicle.airframe.diameter, LENGTH)
     yield f"{vehicle.name} ({mass}, {size} across)"
     yield f"  trusts     {', '.join(e.part.name for e in vehicle.estimators) or 'nothing'}"
     if vehicle.sensors:
-        yield f"  senses by  {', '.join(sensor.part.name for sensor in vehicle.sensors)}"
+        yield f"  senses by  {', '.join(_sensors(vehicle))}"
     yield f"  processed  {', '.join(p.name for p in vehicle.processors) or 'by nothing'}"
     yield f"  watched    {', '.join(s.name for s in vehicle.supervisors)}"
+    for part in (*vehicle.processors, *vehicle.supervisors):
+        yield from (f"  loosened   {line}" for line in _loosened(part))
     own = [state for state in vehicle.states.values() if not state.built_in]
     width = max(len(state.name) for state in own)
     for state in own:
         yield f"  {state.name:<{width}}  {state.behavior.name}{_ways(state)}"
+
+
+def _loosened(part: PartPlan) -> Iterator[str]:
+    """Each safety parameter of a part that is less strict than its default."""
+    declaration: Any = type(part.params)
+    for field in fields_of(declaration):
+        own = getattr(part.params, field.name)
+        if not field.required and field.loosens(field.default, own):
+            before, after = shown_value(field.default, field), shown_value(own, field)
+            yield f"{part.label}.{field.name} from {before} to {after} ({part.at})"
 
 
 def _ways(state: StatePlan) -> str:

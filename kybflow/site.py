@@ -14,6 +14,8 @@ from kybflow.tags import TagMap
 from kybflow.units import Angle, Damping, Duration, Force, Inertias, Length, Mass, Ratio, Speed
 
 NO_TAGS = TagMap(())
+LEGS = 0.05
+"""Height of a simulated vehicle's rotor plane above the floor when it stands, metres."""
 
 
 @params

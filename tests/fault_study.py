@@ -31,8 +31,15 @@ from kybflow.runtime.engine import Engine
 from kybflow.runtime.flight import Request, fly
 from kybflow.units import DURATION
 
-MISSIONS = Path(__file__).parent.parent / "missions"
+TESTS = Path(__file__).parent
+MISSIONS = TESTS.parent / "missions"
 STUDIED = ("fallback", "two_lives")
+COURIERS = "two_couriers"
+"""The courier beside a neighbour whose camera it may be given: for what takes an estimator away."""
+BLINDING = (
+    "estimator_killed", "camera_lost", "camera_frozen", "camera_shifted", "camera_swapped",
+    "camera_dark", "tags_covered",
+)  # fmt: skip
 DELAY, LASTS = 0.5, 2.0
 FLOOR = 0.05
 SIZES: dict[str, dict[str, Any]] = {
@@ -108,7 +115,8 @@ class Watch:
 
 
 def plan_of(mission: str) -> Plan:
-    result = compile_mission(MISSIONS / f"{mission}.yaml", catalog=load_catalog())
+    folder = TESTS if mission == COURIERS else MISSIONS
+    result = compile_mission(folder / f"{mission}.yaml", catalog=load_catalog())
     assert result.plan is not None, result.diagnostics
     return result.plan
 
@@ -133,10 +141,11 @@ def cases(mission: str) -> Iterator[Case]:
     """Every fault in every state that the mission reaches by itself."""
     plan = plan_of(mission)
     _, summary = flown(plan, plan.vehicles[0].name, 0)
-    for vehicle in plan.vehicles:
+    broken = plan.vehicles[:1] if mission == COURIERS else plan.vehicles
+    for vehicle in broken:
         entered = [b["name"] for b in summary["vehicles"][vehicle.name]["behaviors"]]
         for state in dict.fromkeys(entered):
-            for fault in load_catalog().names("faults"):
+            for fault in BLINDING if mission == COURIERS else load_catalog().names("faults"):
                 if _sized(fault, plan, vehicle.name) is not None:
                     yield Case(mission, vehicle.name, state, fault)
 
@@ -181,7 +190,7 @@ def say(what: str, seen: Seen) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("missions", nargs="*", default=STUDIED)
+    parser.add_argument("missions", nargs="*", default=(*STUDIED, COURIERS))
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--only", help="one fault")
     options = parser.parse_args()

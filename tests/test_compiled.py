@@ -1,4 +1,4 @@
-"""The wheel that `HATCH_BUILD_HOOK_ENABLE_MYPYC=true pip install .` makes flies as the plain one."""
+"""A wheel built with `HATCH_BUILD_HOOK_ENABLE_MYPYC=true` flies as the plain one."""
 
 from __future__ import annotations
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 import functools
 
 import pytest
-from fault_study import STUDIED, Case, Seen, cases, flown, plan_of, study
+from fault_study import BLINDING, COURIERS, STUDIED, Case, Seen, cases, flown, plan_of, study
 
 from kybflow.catalog import load_catalog
 
 FARTHEST, FASTEST, NOISE = 0.3, 1.5, 0.02
 """Off the setpoint with an estimator in use, m; down blindly, m/s; what one vehicle's fault may
 change for another, m."""
-TOUCHES_BOTH = frozenset({"mocap_swap"})
+TOUCHES_BOTH = frozenset({"mocap_swap", "camera_swapped"})
 
 
 @functools.cache
@@ -67,9 +67,24 @@ def test_two_bodies_that_are_exchanged_bring_neither_off_its_way() -> None:
     assert seen.restless == []
 
 
+def test_two_couriers_whose_cameras_are_exchanged_come_down() -> None:
+    case = Case(COURIERS, "courier", "out", "camera_swapped")
+    seen = study(case, range(1))
+    assert seen.injected
+    assert held(case, seen) == []
+
+
 def test_the_study_has_every_fault_of_the_catalog() -> None:
     studied = {case.fault for mission in STUDIED for case in cases(mission)}
     assert studied == set(load_catalog().names("faults"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", BLINDING)
+def test_whatever_takes_the_couriers_estimate_away_in_any_state(fault: str) -> None:
+    wrong = {str(c): held(c, study(c, range(2))) for c in cases(COURIERS) if c.fault == fault}
+    assert wrong
+    assert {case: found for case, found in wrong.items() if found} == {}
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kybflow.commands.common import RunOut, Seed, Sets, Target, console, echo, examples
+from kybflow.commands.common import INVALID, RunOut, Seed, Sets, Target, console, echo, examples
 
 if TYPE_CHECKING:
     from kybflow.geometry import Vec3
@@ -55,15 +55,31 @@ def mocap_server(
     places = dict(_place(text) for text in still or ())
     from kybflow.sensors.vrpn.server import Server
 
+    settings = tuple(sets or ())
+    if mission is not None:
+        _check(mission, target, settings)
     server = Server(host, port)
     try:
         echo(f"VRPN server on {host}:{server.port} (HOST:PORT or tcp://HOST:PORT); Ctrl-C ends it")
         if mission is None:
             _stand(places, server, seed)
         else:
-            raise typer.Exit(_fly(mission, server, target, tuple(sets or ()), seed, out))
+            raise typer.Exit(_fly(mission, server, target, settings, seed, out))
     finally:
         server.close()
+
+
+def _check(mission: Path, target: str | None, sets: tuple[str, ...]) -> None:
+    """End with what is wrong with the mission, before anything is said to listen."""
+    from kybflow.catalog import load_catalog
+    from kybflow.dsl.compiler import compile_mission
+    from kybflow.findings import findings
+
+    result = compile_mission(mission, catalog=load_catalog(), target=target, sets=sets)
+    if result.plan is None:
+        for text in findings(result, mission):
+            echo(text, err=True)
+        raise typer.Exit(INVALID)
 
 
 def _fly(

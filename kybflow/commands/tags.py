@@ -22,6 +22,7 @@ EXAMPLES = examples(
     "kybflow tags --family 36h11 --ids 0-99 --size 19.5cm --paper a3 --out floor.pdf",
     "kybflow tags --family 36h11 --ids 100,101,102 --size 4cm --out pad.png",
 )
+_BARE = re.compile(r"\s*[\d.]+\s*\Z")
 _RANGE = re.compile(r"\s*(\d{1,6})\s*(?:-\s*(\d{1,6})\s*)?\Z")
 
 
@@ -56,9 +57,8 @@ def tags(
         try:
             pages += lay_out(sort, numbers, side, paper.value)
         except ValueError as error:
-            larger = ", or take --paper a3" if paper is Paper.A4 else ""
-            message = f"{error}; make it smaller{larger}"
-            raise typer.BadParameter(message, param_hint="--size") from None
+            option, way = _way_out(sort, side, paper, mission, size)
+            raise typer.BadParameter(f"{error}; {way}", param_hint=option) from None
     for path, data in _files(out, pages, paper.value):
         try:
             path.write_bytes(data)
@@ -67,6 +67,26 @@ def tags(
             raise typer.BadParameter(message, param_hint="--out") from None
         echo(f"wrote {path}")
     echo("print at 100 %, not fitted to the page; the bar must measure 100 mm")
+
+
+def _way_out(
+    family: str, side: float, paper: Paper, mission: Path | None, size: str | None
+) -> tuple[str, str]:
+    """What to change where a tag is too large for the paper: the option or argument, and how."""
+    from kybflow.vision.sheets import lay_out
+
+    if size is not None and _BARE.match(size):
+        return "--size", f"a number alone is metres: write the unit, such as {size.strip()}cm"
+    if paper is not Paper.A3:
+        try:
+            lay_out(family, [0], side, Paper.A3.value)
+        except ValueError:
+            pass
+        else:
+            return "--paper", "take --paper a3" + ("" if mission else ", or a smaller --size")
+    if mission is None:
+        return "--size", "make it smaller"
+    return "MISSION", "make the tags of its world smaller"
 
 
 def _asked(
@@ -130,7 +150,7 @@ def _size(text: str) -> float:
     try:
         size = parse_quantity(text, LENGTH)
     except UnitError as error:
-        message = f"{error}; {error.hint}"
+        message = f"{error}; {error.hint}" if error.hint else str(error)
         raise typer.BadParameter(message, param_hint="--size") from None
     if size <= 0.0:
         raise typer.BadParameter(f"`{text}` must be above 0", param_hint="--size")

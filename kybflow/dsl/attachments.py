@@ -14,7 +14,7 @@ from kybflow.dsl.nodes import Scalar
 from kybflow.dsl.plan import SourceFile
 from kybflow.dsl.tag_params import TagFile
 from kybflow.errors import FileError
-from kybflow.files import File
+from kybflow.files import File, FilePath
 from kybflow.params import Field
 
 CODES = {
@@ -40,6 +40,22 @@ def attached(node: Scalar, field: Field, found: list[Diagnostic]) -> File | None
         found.append(_unusable(node, file, error))
         return None
     return file
+
+
+def file_of(node: Scalar, field: Field, found: list[Diagnostic]) -> File | FilePath | None:
+    """The file that `node` names; None, and a finding, where it can't be had."""
+    return attached(node, field, found) if field.shape == "file" else _path_of(node, found)
+
+
+def _path_of(node: Scalar, found: list[Diagnostic]) -> FilePath | None:
+    """Where the file is that `node` names, as seen from the file in which it stands; None, and a
+    finding, when there is none."""
+    path = os.path.abspath(os.path.join(os.path.dirname(node.span.file), node.text))
+    if "\0" not in path and os.path.isfile(path):
+        return FilePath(path)
+    hint = "name a file that is there, as seen from the folder of the one that names it"
+    found.append(Diagnostic("KYB370", f"`{node.text}` is no file", node.span, help=hint))
+    return None
 
 
 def attachments_of(document: Document) -> tuple[SourceFile, ...]:

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.document import ActionUse, Callback, PartUse
+from kybflow.dsl.explain_commas import cut_by_yaml
 from kybflow.dsl.nodes import (
     Entry,
     Mapping,
     Node,
     Scalar,
     describe,
+    entries_of,
     head_of,
     is_null,
     items_of,
@@ -59,6 +61,11 @@ def _callback(node: Mapping, uses: Uses) -> Callback:
 def _actions(node: Node, uses: Uses) -> Iterator[ActionUse]:
     """The actions of one item: `switch` and `set` may name several things."""
     if not isinstance(node, Mapping) or len(node.entries) != 1:
+        last = next(reversed(entries_of(node)), "")
+        cut = cut_by_yaml(node, last, BUILT_IN) if isinstance(node, Mapping) and last else None
+        if cut is not None:
+            uses.found.append(cut)
+            return
         hint = "write each as an item of its own: `do: [{log: hello}, {emit: ready}]`"
         message = "an action is one key with its value"
         uses.found.append(Diagnostic("KYB171", message, head_of(node), help=hint))

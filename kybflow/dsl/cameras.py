@@ -15,8 +15,8 @@ from kybflow.dsl.uses import params_of
 from kybflow.geometry import from_euler, multiply
 
 CODES = {
-    "KYB385": "A camera whose lens is not described, or twice: it has `calibration`, or `width`, "
-    "`height` and `field_of_view`.",
+    "KYB385": "A camera whose lens is not described, or twice in one place: it has `calibration`, "
+    "or `width`, `height` and `field_of_view`. Of what came through `like`, the nearer one counts.",
 }
 _LENS = ("width", "height", "field_of_view")
 
@@ -38,7 +38,7 @@ def cameras_of(airframe: Node | None, found: list[Diagnostic]) -> Iterator[Camer
 
 
 def _camera(entry: Entry, body: Mapping, found: list[Diagnostic]) -> CameraUse | None:
-    name = entry.key
+    name, body = entry.key, _with_nearest_lens(body)
     params: CameraParams | None = params_of(CameraParams, body, "camera", name.span, found)
     if params is None:
         return None
@@ -52,12 +52,25 @@ def _camera(entry: Entry, body: Mapping, found: list[Diagnostic]) -> CameraUse |
     return CameraUse(name.as_text, params, camera, name.span, spans)
 
 
+def _with_nearest_lens(body: Mapping) -> Mapping:
+    """A calibration takes the place of the lens that the camera was `like`, and the other way
+    round."""
+    lens = [body.entries[key] for key in _LENS if body.get(key) is not None]
+    if not lens or body.get("calibration") is None:
+        return body
+    own, other = body.entries["calibration"].depth, min(entry.depth for entry in lens)
+    passed = _LENS if own < other else ("calibration",) if own > other else ()
+    return Mapping({k: e for k, e in body.entries.items() if k not in passed}, body.span)
+
+
 def _lens(
     params: CameraParams, entry: Entry, body: Mapping, found: list[Diagnostic]
 ) -> Lens | None:
     written = [key for key in _LENS if getattr(params, key) is not None]
     missing = [key for key in _LENS if key not in written]
     if params.calibration is not None and written:
+        depth = body.entries["calibration"].depth
+        written = [key for key in written if body.entries[key].depth == depth]
         message = f"the calibration of `{entry.key.text}` says its {' and '.join(written)} already"
         span, hint = body.entries[written[0]].key.span, "write one of both"
         found.append(Diagnostic("KYB385", message.replace("_", " "), span, help=hint))

@@ -51,6 +51,8 @@ _FAMILIES = {
     "KYB370": "Files that parts read",
     "KYB380": "Printed tags",
     "KYB385": "Cameras",
+    "KYB386": "Printed tags",
+    "KYB387": "Cameras",
     "KYB390": "Sensors",
     "KYB395": "Payloads",
 }

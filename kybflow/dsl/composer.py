@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from kybflow.dsl.broken_yaml import not_yaml
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.nodes import NO_COMMAS, Entry, Mapping, Node, Scalar, Sequence, is_cut
 from kybflow.dsl.source import Span
@@ -29,6 +30,8 @@ CODES = {
 }
 MAX_NODES = 100_000
 MAX_DEPTH = 40
+LONG = "a long path belongs in a table of its own, which `do: follow_trajectory` flies"
+"""The way out of a file that is too large."""
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -46,7 +49,7 @@ def compose(text: str, file: str) -> tuple[Node | None, list[Diagnostic]]:
     except _Unreadable as stop:
         return None, [*composer.found, stop.diagnostic]
     except (yaml.YAMLError, UnicodeError) as error:
-        return None, [*composer.found, _not_yaml(error, text, file)]
+        return None, [*composer.found, not_yaml(error, text, file)]
 
 
 class _Composer:
@@ -76,7 +79,8 @@ class _Composer:
             return self._alias(event)
         self.total += 1
         if depth > MAX_DEPTH:
-            raise self._stop("KYB011", f"nested deeper than {MAX_DEPTH} levels", event)
+            hint = "close the brackets that were opened before"
+            raise self._stop("KYB011", f"nested deeper than {MAX_DEPTH} levels", event, hint)
         self._bound(event)
         if event.tag is not None and event.tag != "!":
             self._refuse(
@@ -154,32 +158,14 @@ class _Composer:
 
     def _bound(self, event: Any) -> None:
         if self.total > MAX_NODES:
-            raise self._stop("KYB012", f"more than {MAX_NODES} values", event)
+            raise self._stop("KYB012", f"more than {MAX_NODES} values", event, LONG)
 
     def _refuse(self, code: str, message: str, event: Any, help: str) -> None:
         self.found.append(Diagnostic(code, message, self._span(event), help=help))
 
-    def _stop(self, code: str, message: str, event: Any) -> _Unreadable:
-        return _Unreadable(Diagnostic(code, message, self._span(event)))
+    def _stop(self, code: str, message: str, event: Any, help: str = "") -> _Unreadable:
+        return _Unreadable(Diagnostic(code, message, self._span(event), help=help))
 
     def _span(self, event: Any, last: Any = None) -> Span:
         start, end = event.start_mark, (last or event).end_mark
         return Span(self.file, start.line + 1, start.column + 1, end.line + 1, end.column + 1)
-
-
-def _not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
-    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-    if mark is None:
-        reason = getattr(error, "reason", None) or "a character that no text file has"
-        position = getattr(error, "position", 0)
-        line = text.count("\n", 0, position) + 1 if isinstance(position, int) else 1
-        return Diagnostic("KYB004", f"this is not YAML: {reason}", Span(file, line, 1, line, 2))
-    span = Span(file, mark.line + 1, mark.column + 1, mark.line + 1, mark.column + 2)
-    lines = text.splitlines()
-    line_text = lines[mark.line] if mark.line < len(lines) else ""
-    if "\t" in line_text[: mark.column + 1]:
-        return Diagnostic("KYB004", "a tab can't indent YAML", span, help="indent with spaces")
-    problem = getattr(error, "problem", None) or "it can't be understood"
-    context = getattr(error, "context", None)
-    notes = (context,) if context else ()
-    return Diagnostic("KYB004", f"this is not YAML: {problem}", span, notes=notes)

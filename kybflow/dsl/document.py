@@ -103,10 +103,17 @@ class CameraUse:
 @dataclass(frozen=True, slots=True)
 class SensorUse:
     """One sensor of a vehicle on the target: the estimator that it is named for, empty for one that
-    the driver brings."""
+    the driver brings; its place in the list of those, 0 for the first."""
 
     estimator: Text
     part: PartUse
+    index: int = 0
+
+    @property
+    def label(self) -> str:
+        """Its name: `fusion`, then `fusion.1`."""
+        name = self.estimator.text or self.part.label
+        return f"{name}.{self.index}" if self.index else name
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.explain_commas import cut_by_yaml
+from kybflow.dsl.explain_parts import how_to_write, meant
 from kybflow.dsl.nodes import Mapping, Node, Scalar, describe, head_of
 from kybflow.dsl.parameters import TYPES
 from kybflow.dsl.values import decode, quantity_field
@@ -29,7 +30,6 @@ LATER = frozenset({"inputs"})
 _NEVER = {("library", "kybflow"): "remove it; a library begins with `library:`"}
 _CONDITIONS = frozenset({"when", "healthy"})
 _MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
-_SURE = 0.75
 _SHAPES = {
     "object": "a mapping",
     "array": "a list",
@@ -71,12 +71,12 @@ def _explain_unknown(fault: Fault) -> Iterator[Diagnostic]:
     for key, entry in node.entries.items():
         if key in known:
             continue
-        cut = cut_by_yaml(node, key)
+        cut = cut_by_yaml(node, key, known)
         if cut is not None:
             yield cut
         elif fault.part:
             message = f"`{key}` is no parameter of `{fault.part}`"
-            hint = _meant(key, set(known), fault.beside) or f"`{fault.part}` has no parameters"
+            hint = meant(fault.part, key, node, known, fault.beside)
             yield Diagnostic("KYB107", message, entry.key.span, help=hint)
         else:
             what = fault.schema["title"]
@@ -88,12 +88,6 @@ def _explain_unknown(fault: Fault) -> Iterator[Diagnostic]:
             )
 
 
-def _meant(key: str, known: set[str], beside: frozenset[str]) -> str:
-    """A parameter of the part before a key beside it."""
-    near = get_close_matches(key, known) or get_close_matches(key, beside, cutoff=_SURE)
-    return did_you_mean(near[0] if near else key, known | beside)
-
-
 def _explain_missing(fault: Fault) -> Iterator[Diagnostic]:
     node = fault.node
     assert isinstance(node, Mapping)
@@ -103,7 +97,9 @@ def _explain_missing(fault: Fault) -> Iterator[Diagnostic]:
         if node.get(key) is not None or get_close_matches(key, unknown, n=1):
             continue  # the misspelt key is reported already
         if fault.part:
-            yield Diagnostic("KYB108", f"`{fault.part}` needs `{key}`", node.span)
+            hint = how_to_write(key, fault.schema["properties"][key])
+            message = f"`{fault.part}` needs `{key}`"
+            yield Diagnostic("KYB108", message, node.span, help=hint)
         else:
             what, hint = fault.schema["title"], _MISSING.get(key, "")
             others = [k for k in node.entries if k not in fault.schema["properties"]]
@@ -194,6 +190,15 @@ def _explain_empty(fault: Fault) -> Iterator[Diagnostic]:
     yield Diagnostic("KYB106", f"`{fault.name}` is empty", fault.node.span)
 
 
+def _explain_few(fault: Fault) -> Iterator[Diagnostic]:
+    """A list of the language, that is; those of parts have a decoder."""
+    if fault.part or fault.wanted != 1:
+        yield from _explain_value(fault)
+    else:
+        hint = f"name one at least, or leave out `{fault.name}`"
+        yield Diagnostic("KYB106", f"`{fault.name}` is empty", fault.node.span, help=hint)
+
+
 def _explain_name(fault: Fault) -> Iterator[Diagnostic]:
     node = fault.node
     assert isinstance(node, Mapping)
@@ -222,4 +227,5 @@ _EXPLAINERS = {
     "required": _explain_missing,
     "const": _explain_version,
     "minProperties": _explain_empty,
+    "minItems": _explain_few,
 }

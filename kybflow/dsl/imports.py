@@ -150,6 +150,22 @@ def installed(name: str) -> Path | None:
     return None
 
 
+def without_homes(text: str) -> str:
+    """`text` with the files of installed libraries called by their package, not by the folder where
+    that is installed: `kybflow/missions/library/airframes.yaml`."""
+    for home, name in _homes().items():
+        text = text.replace(home, name)
+    return text
+
+
+@functools.cache
+def _homes() -> dict[str, str]:
+    """The folder of each installed library, and how a reader knows it."""
+    packages = ("kybflow", *(entry.name for entry in entry_points(group=GROUP)))
+    folders = {name: installed(name) for name in dict.fromkeys(packages)}
+    return {f"{f}/": f"{name}/missions/library/" for name, f in folders.items() if f is not None}
+
+
 class Library(NamedTuple):
     """A library file as read, and what is wrong with its shape."""
 

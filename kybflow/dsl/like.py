@@ -24,7 +24,7 @@ def merge(base: Mapping, own: Mapping, used: Places = ()) -> Mapping:
     """`own` over `base`. What comes from `base` alone is marked inherited, and `used` there; the
     order is that of `base`, then what `own` adds."""
     entries = {
-        key: entry._replace(inherited=True, used=(*used, *entry.used))
+        key: entry._replace(inherited=True, used=(*used, *entry.used), depth=entry.depth + 1)
         for key, entry in base.entries.items()
     }
     for key, entry in own.entries.items():
@@ -84,7 +84,7 @@ class UsedAt:
     def _entry(self, entry: Entry, used: Places) -> Entry:
         places = (*used, *entry.used)
         value = self.marked(entry.value, places)
-        return Entry(_scalar(entry.key, places), value, entry.inherited)
+        return Entry(_scalar(entry.key, places), value, entry.inherited, depth=entry.depth)
 
 
 def _scalar(node: Scalar, used: Places) -> Scalar:

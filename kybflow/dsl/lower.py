@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 from kybflow.cameras import Camera
 from kybflow.dsl.attachments import files_of
 from kybflow.dsl.built_in import BUILT_IN, end_of, failure_of
-from kybflow.dsl.document import Document, FaultUse, PartUse, State, Transition, Vehicle
+from kybflow.dsl.document import (
+    Document,
+    FaultUse,
+    PartUse,
+    SensorUse,
+    State,
+    Transition,
+    Vehicle,
+)
 from kybflow.dsl.expressions import Expression, Scope, parse
 from kybflow.dsl.lower_flows import flow_plans
 from kybflow.dsl.lower_on import callback_plans
@@ -130,13 +138,12 @@ def _cameras(vehicle: Vehicle) -> dict[str, Camera]:
 
 def _sensors(vehicle: Vehicle) -> Iterator[SensorPlan]:
     """Each sensor once, however many estimators it is named for."""
-    named: dict[tuple[str, Any], tuple[PartUse, list[str]]] = {}
+    named: dict[tuple[str, Any], tuple[SensorUse, list[str]]] = {}
     for use in vehicle.sensors:
-        _, names = named.setdefault((use.part.spec.name, use.part.params), (use.part, []))
+        _, names = named.setdefault((use.part.spec.name, use.part.params), (use, []))
         names += [use.estimator.text] if use.estimator.text else []
-    for part, names in named.values():
-        label = names[0] if names else part.label
-        yield SensorPlan(_part(part, f"sensors.{label}"), tuple(names))
+    for first, names in named.values():
+        yield SensorPlan(_part(first.part, f"sensors.{first.label}"), tuple(names))
 
 
 def _part(use: PartUse, label: str) -> PartPlan:

@@ -55,12 +55,14 @@ class Scalar(NamedTuple):
 
 class Entry(NamedTuple):
     """One key of a mapping with its value. `inherited`: it came through `like` or the defaults;
-    `used`: the places of the `like` through which a flow has it, outermost first."""
+    `used`: the places of the `like` through which a flow has it, outermost first; `depth`: how
+    many mappings stand over the one that it is from."""
 
     key: Scalar
     value: Node
     inherited: bool = False
     used: tuple[Span, ...] = ()
+    depth: int = 0
 
 
 class Mapping(NamedTuple):

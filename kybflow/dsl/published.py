@@ -27,8 +27,11 @@ def mission_schema(catalog: Catalog) -> Schema:
     target = root["properties"]["targets"]["additionalProperties"]["additionalProperties"]
     target["properties"]["driver"] = _chosen(catalog, "drivers", target["properties"]["driver"])
     sensors = target["properties"]["sensors"]
-    one = _chosen(catalog, "sensors", sensors["additionalProperties"])
-    sensors["additionalProperties"] = one
+    several = sensors["additionalProperties"]
+    one = _chosen(catalog, "sensors", several["items"])
+    either = [*one["anyOf"], {"type": "array"}]
+    several = {**several, "items": one, "anyOf": either, "allOf": one["allOf"]}
+    sensors["additionalProperties"] = several | {"properties": one["properties"]}
     _reused(root["properties"])
     faults = root["properties"]["faults"]
     faults["items"] = _chosen(catalog, "faults", faults["items"], "inject")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import stat
 from pathlib import Path
 from typing import NamedTuple
 
-from kybflow.dsl.composer import compose
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.composer import LONG, compose
+from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.nodes import Node
 from kybflow.dsl.source import Span
 
@@ -18,6 +19,8 @@ CODES = {
     "KYB003": "The file is not UTF-8 text.",
 }
 MAX_BYTES = 2_000_000
+_MOST = 200
+"""Files that are compared with a name that is none."""
 
 
 class Source(NamedTuple):
@@ -52,19 +55,36 @@ def _bytes_of(path: Path, file: str) -> bytes:
     start = Span(file, 1, 1, 1, 1)
     try:
         if not stat.S_ISREG(path.stat().st_mode):
-            raise _Unreadable(Diagnostic("KYB001", f"`{file}` is no file", start))
+            raise _Unreadable(Diagnostic("KYB001", f"`{file}` is no file", start, help=_near(path)))
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise _Unreadable(
-            Diagnostic("KYB001", f"`{file}` can't be read: {reason.lower()}", start)
+            Diagnostic(
+                "KYB001", f"`{file}` can't be read: {reason.lower()}", start, help=_near(path)
+            )
         ) from None
     if len(data) > MAX_BYTES:
         raise _Unreadable(
-            Diagnostic("KYB002", f"`{file}` is larger than {MAX_BYTES // 1_000_000} MB", start)
+            Diagnostic(
+                "KYB002",
+                f"`{file}` is larger than {MAX_BYTES // 1_000_000} MB",
+                start,
+                help=LONG,
+            )
         )
     return data
+
+
+def _near(path: Path) -> str:
+    """The file that could be meant: one in the folder that was named, or beside."""
+    try:
+        folder = path if path.is_dir() else path.parent
+        names = [str(folder / f.name) for f in itertools.islice(folder.glob("*.yaml"), _MOST)]
+    except (OSError, ValueError):
+        return ""
+    return did_you_mean(str(path), names)
 
 
 def _decode(data: bytes, file: str) -> str:

@@ -91,7 +91,8 @@ def _left(room: int, whole: Mapping, entry: Entry, found: list[Diagnostic]) -> i
     left = room - count(whole, room)
     if left <= 0:
         message = f"more than {MAX_AFTER_LIKE} values after `like`"
-        found.append(Diagnostic("KYB126", message, entry.key.span))
+        hint = "share what is long as a file: `do: follow_trajectory` flies a table"
+        found.append(Diagnostic("KYB126", message, entry.key.span, help=hint))
     return left
 
 

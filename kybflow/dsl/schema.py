@@ -93,7 +93,7 @@ def field_schema(field: Field) -> Schema:
     if field.shape == "choice":
         choices = [{"enum": list(field.choices)}, {"pattern": f"^{_PARAMETER}$"}]
         return {"description": text, "type": "string", "anyOf": choices}
-    if field.shape in ("text", "file"):
+    if field.shape in ("text", "file", "file path"):
         return {"description": text, "type": "string"}
     if field.shape == "integers":
         one = replace(field, shape="integer", help="One of them.", required=True)

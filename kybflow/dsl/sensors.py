@@ -30,7 +30,8 @@ def with_sensors(
     for name, vehicle in vehicles.items():
         labels = set(_estimators(written[name].value))
         named = {k: v for k, v in decoded.get("all", {}).items() if k in labels}
-        sensors = tuple({**named, **decoded.get(name, {})}.values())
+        lists = {**named, **decoded.get(name, {})}.values()
+        sensors = tuple(use for several in lists for use in several)
         brought = tuple(_brought(replace(vehicle, sensors=sensors), target, uses))
         whole[name] = replace(vehicle, sensors=(*sensors, *brought))
     return whole
@@ -44,9 +45,9 @@ def provided(vehicle: Vehicle) -> frozenset[MeasurementKind]:
 
 def sensors_of(
     target: dict[str, Entry], vehicles: dict[str, Entry], uses: Uses
-) -> dict[str, dict[str, SensorUse]]:
+) -> dict[str, dict[str, list[SensorUse]]]:
     """The sensors of each entry of a target, by estimator."""
-    decoded: dict[str, dict[str, SensorUse]] = {}
+    decoded: dict[str, dict[str, list[SensorUse]]] = {}
     for name, entry in target.items():
         if name == "all":
             known = [label for other in vehicles.values() for label in _estimators(other.value)]
@@ -60,7 +61,7 @@ def sensors_of(
 
 def _decoded(
     name: str, target: Node, known: list[str], uses: Uses
-) -> Iterator[tuple[str, SensorUse]]:
+) -> Iterator[tuple[str, list[SensorUse]]]:
     sensors = target.get("sensors") if isinstance(target, Mapping) else None
     for label, entry in entries_of(sensors).items():
         if is_null(entry.value):
@@ -70,9 +71,11 @@ def _decoded(
             message = f"{whose} {'an ' if name == 'all' else ''}estimator `{label}`"
             hint = did_you_mean(label, known) or "name one under `estimators` of the vehicle"
             uses.found.append(Diagnostic("KYB390", message, entry.key.span, help=hint))
-        part = uses.one("sensors", entry.value)
-        if part is not None and label in known:
-            yield label, SensorUse(entry.key.as_text, part)
+        nodes = items_of(entry.value) or (entry.value,)
+        parts = [uses.one("sensors", node) for node in nodes]
+        if label in known:
+            estimator = entry.key.as_text
+            yield label, [SensorUse(estimator, p, i) for i, p in enumerate(parts) if p is not None]
 
 
 def _estimators(vehicle: Node) -> Iterator[str]:
@@ -86,12 +89,13 @@ def _estimators(vehicle: Node) -> Iterator[str]:
 
 
 def _brought(vehicle: Vehicle, target: Text, uses: Uses) -> Iterator[SensorUse]:
-    """The sensors that the driver brings for what nothing else gives an estimator."""
+    """The sensors that the driver brings for what nothing else gives an estimator; they stand where
+    the first of those does."""
     given = provided(vehicle)
-    parts = (use.part for use in vehicle.estimators)
-    needed = {kind for part in parts for kind in part.spec.cls.uses(part.params)}
-    for name in vehicle.driver.spec.cls.brings if needed - given else ():
-        part = uses.one("sensors", Scalar(name, target.span))
-        if part is not None and part.spec.cls.provides & (needed - given):
-            given |= part.spec.cls.provides
+    parts = [use.part for use in vehicle.estimators]
+    lacking = [(p, kinds) for p in parts if (kinds := p.spec.cls.uses(p.params) - given)]
+    for name in vehicle.driver.spec.cls.brings if lacking else ():
+        part = uses.one("sensors", Scalar(name, lacking[0][0].span))
+        if part is not None and part.spec.cls.provides & {k for _, kinds in lacking for k in kinds}:
+            lacking = [(p, kinds - part.spec.cls.provides) for p, kinds in lacking]
             yield SensorUse(Text("", target.span, verbatim=False), part)

@@ -32,6 +32,7 @@ STATE: Schema = {
             "description": "Estimators of the vehicle that come first here, in this order.",
             "type": "array",
             "items": text("Name of an estimator."),
+            "minItems": 1,
             "examples": [["mocap"]],
         },
     },
@@ -238,8 +239,9 @@ def _rates() -> Schema:
 
 def _targets() -> Schema:
     driver = use("driver", "What flies it.")
-    sensor = use("sensor", "Where the estimator's measurements come from.")
-    sensors = named("Sensors beside the driver, each under the name of an estimator.", sensor)
+    sensor = use("sensor", "Where the estimator's measurements come from: one, or a list of them.")
+    several = {**sensor, "type": [*sensor["type"], "array"], "items": sensor, "minItems": 1}
+    sensors = named("Sensors beside the driver, under the names of estimators.", several)
     place = mapping(
         "vehicle's target", "How a vehicle is reached.", {"driver": driver, "sensors": sensors}
     )

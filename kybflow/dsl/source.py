@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 PREFIX = "world.points."
@@ -14,7 +14,8 @@ class Span:
     """A piece of a file. Lines and columns count from 1; `end` is just behind the last character.
 
     `via` says how the file was reached: the spans of the imports, outermost first; `used` how the
-    chain was that the text stands in: the spans of the uses, outermost first.
+    chain was that the text stands in: the spans of the uses, outermost first; `given` where the
+    value was written that took the place of a `$name` there.
     """
 
     file: str
@@ -24,6 +25,7 @@ class Span:
     end_column: int
     via: tuple[Span, ...] = ()
     used: tuple[Span, ...] = ()
+    given: Span | None = field(default=None, compare=False, repr=False)
 
     @property
     def at(self) -> str:

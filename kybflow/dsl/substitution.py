@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 from kybflow.dsl.diagnostics import Diagnostic, Severity, did_you_mean
 from kybflow.dsl.nodes import Mapping, Node, Scalar, Sequence
@@ -60,7 +61,11 @@ class Substitution:
             return self._between(node)
         whole = _WHOLE.match(node.text)
         declared = self._lookup(whole[1], node) if whole else None
-        return node if declared is None else _placed(declared.node, node.span, node.text[1:])
+        if declared is None:
+            return node
+        written = declared.node.span
+        span = replace(node.span, given=written.given or written)
+        return _placed(declared.node, span, node.text[1:])
 
     def _between(self, node: Scalar) -> Scalar:
         """A condition with every value in its place; it remembers how it was written."""

@@ -68,7 +68,8 @@ def _tag(line: int, numbers: dict[str, float], family: str) -> Tag:
         message = f"{family} has no tag {number:g}"
         raise FileError(message, line, f"its tags are 0 to {most}")
     if not 0.0 < numbers["size"] <= LARGEST:
-        raise FileError(f"`size` must be above 0 m and at most {LARGEST:g} m", line)
+        hint = "name the unit in the first line if it is no metres, like `size [cm]`"
+        raise FileError(f"`size` must be above 0 m and at most {LARGEST:g} m", line, hint)
     turn = from_euler(numbers.get("roll", 0.0), numbers.get("pitch", 0.0), numbers["heading"])
     at = numbers["x"], numbers["y"], numbers["z"]
     return Tag(family, int(number), numbers["size"], at, turn)

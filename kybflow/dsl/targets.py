@@ -77,8 +77,8 @@ def _decoded(
 
 
 def other_targets(root: Mapping, chosen: Text, catalog: Catalog) -> list[Diagnostic]:
-    """What is wrong with the targets that are not flown on; what is not installed here
-    is only a warning then."""
+    """What is wrong with the targets that are not flown on; what is not installed here, and a file
+    that is not there, is only a warning then."""
     found: list[Diagnostic] = []
     for name, entry in entries_of(root.get("targets")).items():
         if name != chosen.text:
@@ -86,5 +86,5 @@ def other_targets(root: Mapping, chosen: Text, catalog: Catalog) -> list[Diagnos
             uses = Uses(catalog, found)
             _decoded(entries, vehicles, uses)
             sensors_of(entries, vehicles, uses)
-    missing = ("KYB140", "KYB141")
+    missing = ("KYB140", "KYB141", "KYB370")
     return [replace(d, severity=Severity.WARNING) if d.code in missing else d for d in found]

@@ -24,6 +24,8 @@ CODES = {
     "KYB142": "Two parts under one name in one list.",
 }
 
+_BROKEN = "mend or update the package that offers it"
+
 
 class Uses:
     """Decodes the uses of parts of one mission; one and the same node is decoded once. `chains` are
@@ -100,7 +102,7 @@ class Uses:
             return self.catalog.get(kind, name.text)
         except (KybflowError, ImportError) as error:
             message = f"the {kind[:-1]} `{name.text}` can't be loaded: {error}"
-            self.found.append(Diagnostic("KYB141", message, name.span))
+            self.found.append(Diagnostic("KYB141", message, name.span, help=_BROKEN))
             return None
 
     def params(

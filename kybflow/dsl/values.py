@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 from typing import Any
 
-from kybflow.dsl.attachments import attached
+from kybflow.dsl.attachments import file_of
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.nodes import Mapping, Node, Scalar, Sequence, describe
 from kybflow.dsl.source import PREFIX
@@ -21,6 +21,7 @@ CODES = {
 }
 _LONGEST = 100
 _POINT = re.compile(r"(?:world\.)?points?\.([A-Za-z_]\w*)\Z", re.ASCII)
+_BARE = re.compile(r"[-+.\deE]+\Z", re.ASCII)
 _INTEGER = re.compile(r"[+-]?\d+\Z", re.ASCII)
 _TRUTHS = {"true": True, "True": True, "false": False, "False": False}
 _SHAPES = {
@@ -30,6 +31,7 @@ _SHAPES = {
     "integers": "a list of whole numbers, `[1, 2]`",
     "boolean": "`true` or `false`",
     "file": "the name of a file",
+    "file path": "the name of a file",
 }
 
 
@@ -54,15 +56,15 @@ def decode(node: Node, field: Field, found: list[Diagnostic]) -> Any:
     if not isinstance(node, Scalar):
         found.append(_wrong(node, field))
         return None
-    if len(node.text) > _LONGEST and field.shape not in ("text", "file"):
+    if len(node.text) > _LONGEST and field.shape not in ("text", "file", "file path"):
         found.append(
             Diagnostic("KYB104", f"`{node.text[:20]}...` is too long to be a value", node.span)
         )
         return None
     if field.shape == "scalar":
         return _quantity(node, field, found)
-    if field.shape == "file":
-        return attached(node, field, found)
+    if field.shape in ("file", "file path"):
+        return file_of(node, field, found)
     return _plain(node, field, found)
 
 
@@ -81,9 +83,22 @@ def _quantity(node: Scalar, field: Field, found: list[Diagnostic]) -> float | No
 def _inside(value: float, node: Scalar, field: Field, found: list[Diagnostic]) -> bool:
     if field.outside(value) is None:
         return True
-    message = f"`{field.name}` must be {bounds_of(field)}"
-    found.append(Diagnostic("KYB105", message, node.span, f"`{node.text}`", origin(node)))
+    message, hint = f"`{field.name}` must be {bounds_of(field)}", _way_inside(value, node, field)
+    found.append(Diagnostic("KYB105", message, node.span, f"`{node.text}`", origin(node), hint))
     return False
+
+
+def _way_inside(value: float, node: Scalar, field: Field) -> str:
+    """The hint for a bare number that is inside of the bounds in a smaller unit, and for nothing,
+    or less, where there must be something."""
+    dimension, bare = field.dimension, node.text.strip()
+    if dimension is None or not dimension.units:
+        return ""
+    for unit, factor in sorted(dimension.units.items(), key=lambda item: -item[1]):
+        if _BARE.match(bare) and factor < 1.0 and field.outside(value * factor) is None:
+            return f"did you mean `{bare} {unit}`?"
+    fits = field.outside(parse_quantity(dimension.example, dimension)) is None
+    return f"write it like `{dimension.example}`" if value <= 0.0 and fits else ""
 
 
 def bounds_of(field: Field) -> str:

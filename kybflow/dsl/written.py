@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.dsl.document import Document
+from kybflow.dsl.document import Document, SensorUse
+from kybflow.dsl.imports import without_homes
 from kybflow.dsl.written_faults import fault_lines
 from kybflow.dsl.written_flows import flow_lines
 from kybflow.dsl.written_on import callback_lines
-from kybflow.dsl.written_values import Line, part, place, quantity, quoted
+from kybflow.dsl.written_values import Line, origin, part, place, quantity, quoted
 from kybflow.dsl.written_vehicle import vehicle_lines
 from kybflow.dsl.written_world import world_lines
 from kybflow.units import DURATION, FREQUENCY
@@ -20,8 +21,8 @@ def written(document: Document) -> str:
     lines = list(_mission(document))
     width = min(max(len(line) for line, _ in lines), 76)
     return "".join(
-        f"{line:<{width}}  # {origin or 'default'}\n" if line.strip() else "\n"
-        for line, origin in lines
+        f"{line:<{width}}  # {without_homes(came_from) or 'default'}\n" if line.strip() else "\n"
+        for line, came_from in lines
     )
 
 
@@ -55,13 +56,25 @@ def _target(document: Document) -> Iterator[Line]:
     yield f"  {document.target.text}:", document.target.span.at if is_written else ""
     for name, vehicle in document.vehicles.items():
         driver = vehicle.driver
-        origin = "" if driver.span == document.target.span and not is_written else driver.span.at
+        is_implied = driver.span == document.target.span and not is_written
+        came_from = "" if is_implied else origin(driver)
         named = [use for use in vehicle.sensors if use.estimator.text]
         if not named:
-            yield f"    {name}: {{driver: {part(driver)}}}", origin
+            yield f"    {name}: {{driver: {part(driver)}}}", came_from
             continue
-        yield f"    {name}:", origin
-        yield f"      driver: {part(driver)}", origin
+        yield f"    {name}:", came_from
+        yield f"      driver: {part(driver)}", came_from
         yield "      sensors:", named[0].estimator.span.at
-        for use in named:
-            yield f"        {use.estimator.text}: {part(use.part)}", use.part.span.at
+        for estimator in dict.fromkeys(use.estimator.text for use in named):
+            yield from _sensors([use for use in named if use.estimator.text == estimator])
+
+
+def _sensors(uses: list[SensorUse]) -> Iterator[Line]:
+    """Those of one estimator, as a list where they are several."""
+    first = uses[0]
+    if len(uses) == 1:
+        yield f"        {first.estimator.text}: {part(first.part)}", origin(first.part)
+        return
+    yield f"        {first.estimator.text}:", first.estimator.span.at
+    for use in uses:
+        yield f"          - {part(use.part)}", origin(use.part)

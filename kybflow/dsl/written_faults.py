@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kybflow.dsl.document import Document, FaultUse
-from kybflow.dsl.written_values import Line, parameters, place, quantity, quoted
+from kybflow.dsl.written_values import Line, origin, parameters, place, quantity, quoted
 from kybflow.units import DURATION
 
 
@@ -14,7 +14,8 @@ def fault_lines(document: Document) -> Iterator[Line]:
     if document.faults:
         yield "faults:", place(document.spans.get("faults"))
     for fault in document.faults:
-        yield f"  - {_fault(fault)}", fault.span.at
+        values = origin(fault.part).removeprefix(fault.part.span.at)
+        yield f"  - {_fault(fault)}", fault.span.at + values
 
 
 def _fault(fault: FaultUse) -> str:

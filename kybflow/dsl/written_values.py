@@ -8,16 +8,31 @@ from typing import Any
 from kybflow.dsl.document import PartUse, Transition
 from kybflow.dsl.source import Span, Text
 from kybflow.params import Field
-from kybflow.units import DURATION, Dimension
+from kybflow.units import ANGLE, ANGULAR_RATE, DEG, DURATION, RATIO, Dimension, parse_quantity
 
 Line = tuple[str, str]
 """A line of YAML, and where it came from; empty for a default."""
+_WRITTEN = {ANGLE: (DEG, "deg"), ANGULAR_RATE: (DEG, "deg/s"), RATIO: (0.01, "%")}
 _PLAIN_FIRST = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ")
 
 
 def place(span: Span | None) -> str:
     """Where a line came from; empty for a default."""
-    return "" if span is None else span.at
+    return "" if span is None else span.at + given("", span)
+
+
+def origin(use: PartUse, *more: tuple[str, Span | None]) -> str:
+    """Where a part came from, and each of its values, and of `more`, that took the place of a
+    `$name`."""
+    values = (*use.spans.items(), *more)
+    return use.span.at + "".join(given(name, span) for name, span in values if span is not None)
+
+
+def given(name: str, span: Span) -> str:
+    """Where the value stands that took the place of a `$name`; empty where none did."""
+    if span.given is None:
+        return ""
+    return f", {name} from {span.given.at}" if name else f", from {span.given.at}"
 
 
 def part(use: PartUse, word: str = "use", more: tuple[str, ...] = ()) -> str:
@@ -81,7 +96,11 @@ def vector(value: tuple[float, ...], dimension: Dimension) -> str:
 
 
 def quantity(value: float, dimension: Dimension) -> str:
-    """The exact value in SI, with its unit."""
+    """The exact value with its unit: in SI, or as an author writes it where that is as exact."""
+    factor, unit = _WRITTEN.get(dimension, (1.0, ""))
+    text = f"{value / factor:g} {unit}"
+    if unit and parse_quantity(text, dimension) == value:
+        return text
     number = f"{value:g}" if float(f"{value:g}") == value else repr(value)
     return f"{number} {dimension.si}".rstrip()
 

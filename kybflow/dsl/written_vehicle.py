@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 
 from kybflow.dsl.camera_params import CameraParams
 from kybflow.dsl.document import ChainUse, EstimatorUse, State, Transition, Vehicle
-from kybflow.dsl.source import Span
 from kybflow.dsl.written_values import (
     Line,
+    given,
     goal,
+    origin,
     part,
     place,
     quantity,
@@ -38,18 +39,19 @@ def vehicle_lines(vehicle: Vehicle) -> Iterator[Line]:
         fields = ", ".join(written_fields(camera.params, fields_of(CameraParams)))
         yield f"        {camera.name.text}: {{{fields}}}", camera.span.at
     start, heading = vector(vehicle.start, LENGTH), quantity(vehicle.heading, ANGLE)
-    yield f"    start: {{at: {start}, heading: {heading}}}", at.get("start", "")
+    came_from = at["start"] + given("at", vehicle.start_span) if "start" in at else ""
+    yield f"    start: {{at: {start}, heading: {heading}}}", came_from
     if vehicle.home is not None:
-        yield f"    home: {vector(vehicle.home, LENGTH)}", at.get("home", "")
+        yield f"    home: {vector(vehicle.home, LENGTH)}", place(vehicle.home_span)
     if vehicle.payload is not None:
         carried = ", ".join(written_fields(vehicle.payload, fields_of(Parcel)))
         yield f"    payload: {{{carried}}}", at.get("payload", "")
-    estimators = [(_estimator(e), e.part.span) for e in vehicle.estimators]
+    estimators = [(_estimator(e), origin(e.part)) for e in vehicle.estimators]
     yield from _list("estimators", estimators, at)
-    yield from _list("processors", [(part(p), p.span) for p in vehicle.processors], at)
-    yield f"    tracker: {part(vehicle.tracker)}", vehicle.tracker.span.at
-    watched = [(s, None if s.span == vehicle.span else s.span) for s in vehicle.supervisors]
-    yield from _list("supervisors", [(part(s), span) for s, span in watched], at)
+    yield from _list("processors", [(part(p), origin(p)) for p in vehicle.processors], at)
+    yield f"    tracker: {part(vehicle.tracker)}", origin(vehicle.tracker)
+    watched = [(part(s), "" if s.span == vehicle.span else origin(s)) for s in vehicle.supervisors]
+    yield from _list("supervisors", watched, at)
     begin = vehicle.begin.span.at if "begin" in at else ""
     yield f"    begin: {vehicle.begin.text}", begin
     yield "    behaviors:", at.get("behaviors", "")
@@ -57,15 +59,18 @@ def vehicle_lines(vehicle: Vehicle) -> Iterator[Line]:
         for chain in vehicle.chains.values():
             if chain.transitions and vehicle.goal(chain.name.text) == state.name.text:
                 yield f"      {chain.name.text}: {_chain(chain)}", chain.span.at
-        yield f"      {state.name.text}: {_state(state)}", state.span.at
+        yield f"      {state.name.text}: {_state(state)}", _origin(state)
 
 
-def _list(
-    key: str, items: Sequence[tuple[str, Span | None]], origins: dict[str, str]
-) -> Iterator[Line]:
+def _list(key: str, items: Sequence[Line], origins: dict[str, str]) -> Iterator[Line]:
     yield f"    {key}:{'' if items else ' []'}", origins.get(key, "")
-    for text, span in items:
-        yield f"      - {text}", place(span)
+    for text, came_from in items:
+        yield f"      - {text}", came_from
+
+
+def _origin(state: State) -> str:
+    limits = (("within", a.span) for a in state.transitions if a.cause == "within" and not a.since)
+    return place(state.span) + origin(state.part, *limits).removeprefix(state.part.span.at)
 
 
 def _estimator(estimator: EstimatorUse) -> str:

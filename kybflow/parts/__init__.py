@@ -23,11 +23,11 @@ from kybflow.parts.behavior import (
 from kybflow.parts.chain import Estimator, Processor, Supervisor, Tracker
 from kybflow.parts.devices import Driver, Link, Seat, Session
 from kybflow.parts.fault import Effect, Fault, Filter, Rig
-from kybflow.parts.sensor import Sensor, Stream
+from kybflow.parts.sensor import Objection, Sensor, Stream
 
 __all__ = [
     "AIR", "GROUND", "MOVING", "Action", "Behavior", "Deck", "Driver", "Effect", "Entry",
-    "Estimator", "Fault", "Field", "Filter", "Flight", "Footprint", "Leg", "Link", "Origin", "Part",
-    "Processor", "Rig", "Seat", "Sensor", "Session", "Stream", "Supervisor", "Tracker", "fields_of",
-    "param", "params",
+    "Estimator", "Fault", "Field", "Filter", "Flight", "Footprint", "Leg", "Link", "Objection",
+    "Origin", "Part", "Processor", "Rig", "Seat", "Sensor", "Session", "Stream", "Supervisor",
+    "Tracker", "fields_of", "param", "params",
 ]  # fmt: skip

@@ -32,7 +32,8 @@ class Link(ABC):
 
     @abstractmethod
     def read(self, now: Time) -> Sequence[Measurement]:
-        """The measurements that arrived since the last call, oldest first. Raises DriverError."""
+        """The measurements that arrived since the last call, oldest first. One that is later than
+        `now` by more than 5 ms is left out, and told. Raises DriverError."""
 
     @abstractmethod
     def send(self, command: Command, now: Time) -> None:

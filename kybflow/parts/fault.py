@@ -6,11 +6,11 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import hypot, prod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.geometry import ZERO, Vec3, add
 from kybflow.parts.base import P, Part
-from kybflow.signals import NS, Measurement, Time
+from kybflow.signals import NS, Measurement, MeasurementKind, Time
 from kybflow.vision.optics import SOUND, Weakness
 
 if TYPE_CHECKING:
@@ -153,9 +153,11 @@ def _sum(vectors: Iterable[Vec3]) -> Vec3:
 class Fault(Part[P]):
     """Breaks simulated vehicles. Made when it is injected; `generator` is its only source of
     chance. `effects` is asked once, then; what it gives is at work until the fault's time is over.
-    One that raises is told and left out."""
+    One that raises is told and left out. `spoils` is the one kind of measurement that it is about:
+    a vehicle none of whose estimators needs that can't be broken by it."""
 
     kind = "faults"
+    spoils: ClassVar[MeasurementKind | None] = None
 
     def __init__(self, params: P, generator: random.Random) -> None:
         self.params = params

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from kybflow.cameras import Camera
 from kybflow.parts.base import P, Part
@@ -21,7 +21,8 @@ class Stream(ABC):
 
     @abstractmethod
     def read(self, now: Time) -> Sequence[Measurement]:
-        """The measurements that arrived since the last call, oldest first. Raises DriverError."""
+        """The measurements that arrived since the last call, oldest first. One that is later than
+        `now` by more than 5 ms is left out, and told. Raises DriverError."""
 
     def trouble(self) -> str | None:
         """Why nothing can come, in words for a person; None where nothing is known to be wrong."""
@@ -29,6 +30,14 @@ class Stream(ABC):
 
     @abstractmethod
     def close(self) -> None: ...
+
+
+class Objection(NamedTuple):
+    """Why a sensor can't work as it is told, the parameter that says it, and the way out."""
+
+    parameter: str
+    reason: str
+    hint: str = ""
 
 
 class Sensor(Part[P]):
@@ -46,12 +55,28 @@ class Sensor(Part[P]):
         return cameras
 
     @classmethod
-    def objection(cls, params: P, cameras: Mapping[str, Camera]) -> str | None:
-        """Why it can't work with the vehicle's cameras, None when it can."""
+    def objection(cls, params: P, cameras: Mapping[str, Camera]) -> Objection | None:
+        """Why it can't work as it is told on a vehicle with these cameras, None when it can."""
         return None
+
+    @classmethod
+    def gives(cls, params: P, cameras: Mapping[str, Camera]) -> Sequence[str]:
+        """What no other sensor of the vehicle may give, in words, because nobody could tell the two
+        apart."""
+        return [f"`{kind.value}` measurements" for kind in cls.provides]
+
+    @classmethod
+    def real_time(cls, params: P) -> bool:
+        """Whether it goes by the wall's clock, so that a simulation beside it must too."""
+        return False
 
     @classmethod
     @abstractmethod
     def open(cls, params: P, site: Site, link: Link, generator: random.Random) -> Stream:
         """Open it for the vehicle of `site`, whose driver's link is `link`; `generator` is the only
         source of chance. Raises DriverError."""
+
+
+def frames_of(cameras: Iterable[str]) -> Sequence[str]:
+    """What a sensor gives that takes their frames."""
+    return [f"frames of `{camera}`" for camera in cameras]

@@ -12,6 +12,7 @@ from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.errors import PartFailed, Refused
 from kybflow.geometry import Vec3, distance
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Leg
+from kybflow.runtime import standing
 from kybflow.runtime.events import Events
 from kybflow.runtime.hold import Blend, Hold, Holder
 from kybflow.runtime.land_mode import LandMode
@@ -22,10 +23,6 @@ from kybflow.signals import NS, Command, Done, Estimate, Failed, Grip, Setpoint,
 _SAFE = frozenset({"brake", "landed"})
 """Where a vehicle goes when nothing else will start."""
 
-START_TOLERANCE = 0.25
-"""Metres between the estimate and where the vehicle should stand before it takes off; two swapped
-motion capture bodies are further apart."""
-
 Situation = Callable[[], Entry]
 """Gives what a behavior is entered with, when one is entered."""
 
@@ -33,8 +30,9 @@ Situation = Callable[[], Entry]
 class Activity:
     """`flight` is GROUND, AIR, or MOVING while a take-off or a landing is under way or was left.
 
-    `changed` is true from the entry into a state until the vehicle has taken note of it. `hold` is
-    the overlay under which the state, its behavior and its timers are frozen, None without one.
+    `begun` is false until the preflight lets the vehicle enter its first state. `changed` is true
+    from the entry into a state until the vehicle has taken note of it. `hold` is the overlay under
+    which the state, its behavior and its timers are frozen, None without one.
     `land_mode` is the vehicle's own landing in place of the behavior's, None without one.
     `grip` is what the behavior asks of the payload's servo in this tick, None for nothing.
     `objection` says what else speaks against a take-off, None when nothing does.
@@ -56,7 +54,7 @@ class Activity:
     ) -> None:
         self.plan, self.flight = plan, GROUND
         self.entered: Time = 0
-        self.changed = False
+        self.begun = self.changed = False
         self._params, self._events, self._score = params, events, score
         self._objection = objection
         self.hold: Hold | None = None
@@ -74,6 +72,7 @@ class Activity:
     ) -> None:
         """Enter the first state."""
         self.machine = VehicleMachine(self.plan, conditions)
+        self.begun = True
         self._enter(situation)
 
     @property
@@ -234,9 +233,9 @@ class Activity:
         if self.flight is not GROUND or not leaves or estimate is None:
             return None
         away = 0.0 if self.stands is None else distance(estimate.position, self.stands)
-        if away <= START_TOLERANCE:
+        if away <= standing.allowed(estimate):
             return self._objection()
-        return f"the estimate is {away:.2f} m from where it stood ({START_TOLERANCE} m allowed)"
+        return f"the estimate is {away:.2f} m from where it stood ({standing.said(estimate)})"
 
     def _adopt(self, state: StatePlan, behavior: Behavior[Any]) -> None:
         self.behavior = behavior

@@ -32,6 +32,7 @@ class Candidate:
         self.label = plan.part.label
         self.name = self.label.rpartition(".")[2]
         self.part: Estimator[Any] = make(plan.part, plan.part.params, site)
+        self.uses = plan.part.cls.uses(plan.part.params)
         self.estimate: Estimate | None = None
         self.age = self.spread = inf
         self.has_failed = False
@@ -80,6 +81,11 @@ class Candidate:
         assert self._at_most is not None
         self._used = self._used + passed if used is self else max(self._used - passed, 0)
         self._is_spent = self._used >= self._at_most or (self._is_spent and self._used > 0)
+
+    @property
+    def is_starved(self) -> bool:
+        """Whether what came to it is why it can't be used now."""
+        return not self.has_failed and self._healthy_since is None
 
     @property
     def trouble(self) -> str:

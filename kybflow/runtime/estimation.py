@@ -18,12 +18,15 @@ from kybflow.runtime.blending import Blend
 from kybflow.runtime.candidate import Candidate
 from kybflow.runtime.events import Events
 from kybflow.runtime.outcome import VehicleScore
-from kybflow.signals import NS, Estimate, Measurement, Time
+from kybflow.signals import NS, Estimate, Measurement, MeasurementKind, Time
 from kybflow.site import Site
+
+Known = Callable[[frozenset[MeasurementKind]], str]
 
 
 class Estimation:
-    """The list of a vehicle's estimators. `report` is told of one that has failed."""
+    """The list of a vehicle's estimators. `report` is told of one that has failed. `known` says
+    what is known to be wrong with measurements of these kinds, in words; nothing for nothing."""
 
     def __init__(
         self,
@@ -32,6 +35,7 @@ class Estimation:
         events: Events,
         score: VehicleScore,
         report: Callable[[PartFailed], None],
+        known: Known = lambda _: "",
     ) -> None:
         self._listed = [Candidate(estimator, site) for estimator in plan.estimators]
         self._candidates = self._listed
@@ -44,6 +48,7 @@ class Estimation:
         self._was_used = False
         self._time: Time = 0
         self._vehicle, self._events, self._score, self._report = plan.name, events, score, report
+        self._known = known
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
         """The estimate of the first healthy estimator, None when none is healthy."""
@@ -135,11 +140,16 @@ class Estimation:
             return estimate
         return self._blend.applied(estimate)
 
+    def _why(self, previous: Candidate) -> str:
+        """Why it can't be used any more, and what is known of that; empty where it can."""
+        known = self._known(previous.uses) if previous.is_starved else ""
+        return f"{previous.trouble}; {known}" if known else previous.trouble
+
     def _change(self, chosen: Candidate | None, estimate: Estimate | None, now: Time) -> None:
         previous, self._in_use = self._in_use, chosen
         before, reason = None, "there was none" if self._was_used else "the first estimate"
         if previous is not None:
-            before, reason = previous.name, previous.trouble
+            before, reason = previous.name, self._why(previous)
         self._was_used = True
         last, self._blend = self._flown, None
         if chosen is None or estimate is None:

@@ -11,12 +11,13 @@ from typing import Any
 
 from kybflow.dsl.plan import Plan
 from kybflow.errors import DriverError, PartFailed
+from kybflow.geometry import norm
 from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
 from kybflow.runtime.foreseen import foreseen_faults
 from kybflow.runtime.interrupts import Interrupts
-from kybflow.runtime.opening import Devices, build_vehicles, clock_for, open_devices
+from kybflow.runtime.opening import Devices, build_vehicles, check_pace, clock_for, open_devices
 from kybflow.runtime.operator import check_emitted
 from kybflow.runtime.options import check_options
 from kybflow.runtime.outcome import EXIT_CODES, Ending, summarise
@@ -24,7 +25,12 @@ from kybflow.runtime.pictures import Pictures
 from kybflow.runtime.recorder import Recorder
 from kybflow.runtime.run_folder import RunFolder, create_run_folder
 from kybflow.runtime.score import Score
+from kybflow.runtime.vehicle import Vehicle
 from kybflow.signals import Event
+
+_AT_REST, _MISTAKEN = 0.3, 0.3
+"""At the end a simulated vehicle on the ground is no faster (m/s), and no higher above where it
+believes itself to be (m)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +98,19 @@ def _pictures(plan: Plan, folder: RunFolder) -> list[Observer]:
     return [Pictures(folder)] if any(vehicle.cameras for vehicle in plan.vehicles) else []
 
 
+def in_the_air(vehicle: Vehicle) -> bool:
+    """Whether it is, as it believes or as the simulator knows: one that believes itself on the
+    ground may be mistaken."""
+    truth, estimate = vehicle.truth, vehicle.estimate
+    if vehicle.activity.airborne or truth is None:
+        return vehicle.activity.airborne
+    height = truth.position[2]
+    if height - vehicle.site.start[2] < _MISTAKEN:
+        return False
+    mistaken = estimate is not None and height - estimate.position[2] > _MISTAKEN
+    return mistaken or norm(truth.velocity) > _AT_REST
+
+
 class _Run:
     """A run under way: what is open, and how it ended."""
 
@@ -108,6 +127,7 @@ class _Run:
         """Open the drivers, fly to the end, close them."""
         devices: Devices | None = None
         try:
+            check_pace(self._plan, self._request.speed)
             devices = open_devices(self._plan, self._request.seed)
             self._reason = self._flown(devices, observers)
         except DriverError as error:
@@ -154,7 +174,7 @@ class _Run:
             interrupted=engine is not None and engine.interrupts > 0,
             driver=self._driver_failed,
             recording=recording,
-            airborne=[v.name for v in engine.vehicles if v.activity.airborne] if engine else (),
+            airborne=[v.name for v in engine.vehicles if in_the_air(v)] if engine else (),
             foreseen=foreseen_faults(self._plan.expectations),
         )
         return summarise(

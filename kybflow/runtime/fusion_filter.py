@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot
+from math import hypot, sqrt
 from typing import TYPE_CHECKING
 
 from kybflow.geometry import LEVEL, Quat
@@ -35,6 +35,7 @@ class Filter:
         self._gate = PoseGate()
         self._waiting: list[Fix] = []
         self._was_known = False
+        self._wander = 0.0
 
     @property
     def nominal(self) -> Nominal | None:
@@ -51,10 +52,10 @@ class Filter:
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the position, metres, with doubts."""
+        """Standard deviation of the position, metres, with what wanders, and with doubts."""
         state = self._replay.state
         assert state is not None
-        return hypot(state.deviation, state.off if self._doubts(state) else 0.0)
+        return hypot(state.deviation, self._wander, state.off if self._doubts(state) else 0.0)
 
     def at(self, time: Time) -> Belief | None:
         """What is believed of `time`; None where nothing is."""
@@ -81,6 +82,8 @@ class Filter:
     def _fuse(self, fix: Fix, flown: Estimate | None) -> None:
         if flown is not None and not self._is_possible(fix, seen_from(flown, fix.time)):
             return
+        if fix.attitude is None:
+            self._wander = sqrt(self._params.position_wander) * fix.deviation
         state = self._replay.state
         if state is None:
             self._begin(fix, flown)

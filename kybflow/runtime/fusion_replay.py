@@ -20,6 +20,7 @@ from math import sqrt
 from typing import NamedTuple
 
 from kybflow.geometry import ZERO, Vec3, add, distance, integrate, scale, sub
+from kybflow.runtime.estimators.inertial import SILENT
 from kybflow.runtime.fusion_values import Belief, Fix, State
 from kybflow.runtime.kalman import (
     Noise,
@@ -34,8 +35,6 @@ from kybflow.runtime.pose_gate import is_same
 from kybflow.signals import NS, Imu, Time
 
 STEP = NS // 25
-SILENT = NS // 10
-"""An IMU that was not heard for so long tells nothing about the motion since."""
 UNKNOWN_ACCELERATION, UNKNOWN_TURN = 3.0, 1.0
 """Standard deviations of what the vehicle did meanwhile, m/s^2 and rad/s."""
 

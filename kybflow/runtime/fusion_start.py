@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy
 
 from kybflow.geometry import GRAVITY, ZERO, Quat, Vec3, from_euler, norm
-from kybflow.runtime.fusion_replay import SILENT
+from kybflow.runtime.estimators.inertial import SILENT
 from kybflow.runtime.fusion_values import Fix, State
 from kybflow.runtime.kalman import (
     ACCELEROMETER,

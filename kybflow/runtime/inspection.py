@@ -8,7 +8,12 @@ from tempfile import TemporaryDirectory
 from kybflow.dsl.plan import Plan
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.events import Events
-from kybflow.runtime.opening import build_vehicles, clock_for, open_devices
+from kybflow.runtime.opening import (
+    build_vehicles,
+    clock_for,
+    goes_by_the_wall,
+    open_devices,
+)
 from kybflow.runtime.preflight import Line
 from kybflow.runtime.recorder import Recorder
 from kybflow.runtime.score import Score
@@ -23,7 +28,8 @@ def inspect(plan: Plan, seed: int = 0) -> list[Line]:
             recorder = Recorder(Path(folder) / "log.mcap", plan)
             try:
                 vehicles = build_vehicles(plan, devices, events, recorder, Score(plan))
-                engine = Engine(plan, clock_for(plan, None), devices.sessions, vehicles, events)
+                clock = clock_for(plan, 1.0 if goes_by_the_wall(plan) else None)
+                engine = Engine(plan, clock, devices.sessions, vehicles, events)
                 return engine.inspect()
             finally:
                 recorder.close()

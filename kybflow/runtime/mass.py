@@ -50,9 +50,12 @@ class MassEstimator:
         return 1.0 / self._inverse if self._inverse is not None else self._spool
 
     def spool_up(self, dt: float) -> None:
-        """On the ground, asked to rise."""
+        """On the ground, asked to rise. Where a height that wavers has passed for flight, what was
+        the first estimate is raised."""
         if self._inverse is None:
             self._spool = min(HIGHEST, self._spool + SPOOL_RATE * dt)
+        else:
+            self._inverse = 1.0 / min(HIGHEST, 1.0 / self._inverse + SPOOL_RATE * dt)
 
     def update(self, lift: float, speed: float, dt: float) -> None:
         """In the air. lift: newtons commanded along world z. speed: upward, m/s. dt: seconds."""

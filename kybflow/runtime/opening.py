@@ -6,9 +6,9 @@ from __future__ import annotations
 import random
 from typing import Any, NamedTuple
 
-from kybflow.dsl.plan import Plan, VehiclePlan
+from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
 from kybflow.errors import DriverError
-from kybflow.parts import Driver, Link, Seat, Session
+from kybflow.parts import Driver, Link, Seat, Session, Stream
 from kybflow.runtime.body_health import Bodies
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.events import Events
@@ -16,6 +16,7 @@ from kybflow.runtime.recorder import Recorder
 from kybflow.runtime.score import Score
 from kybflow.runtime.sensing import Opened
 from kybflow.runtime.vehicle import Vehicle
+from kybflow.runtime.whereabouts import Whereabouts
 from kybflow.site import Site
 
 
@@ -33,6 +34,20 @@ class Devices(NamedTuple):
             session.close()
 
 
+def goes_by_the_wall(plan: Plan) -> PartPlan | None:
+    """A sensor that measures in real time beside vehicles that are all simulated."""
+    sensors = (s.part for v in plan.vehicles for s in v.sensors) if plan.simulated else ()
+    return next((part for part in sensors if part.cls.real_time(part.params)), None)
+
+
+def check_pace(plan: Plan, speed: float | None) -> None:
+    """Raises DriverError for a pace of the simulated clock that a sensor can't keep."""
+    part = goes_by_the_wall(plan)
+    if part is not None and speed != 1.0:
+        reason = f"`{part.name}` ({part.at}) measures in real time, so the simulation must go at"
+        raise DriverError(f"{reason} its pace: fly with `--speed 1`")
+
+
 def open_devices(plan: Plan, seed: int) -> Devices:
     """Open everything that the plan names. Raises DriverError, and nothing is open then."""
     devices = Devices(_open_sessions(plan, seed), {})
@@ -42,13 +57,20 @@ def open_devices(plan: Plan, seed: int) -> Devices:
             opened = devices.sensors[vehicle.name] = []
             site, link = _site(plan, vehicle), links[vehicle.name]
             for sensor in vehicle.sensors:
-                part = sensor.part
-                own = random.Random(f"{seed} {vehicle.name} {part.label}")
-                opened.append(Opened(sensor, part.cls.open(part.params, site, link, own)))
+                own = random.Random(f"{seed} {vehicle.name} {sensor.part.label}")
+                opened.append(Opened(sensor, _stream(sensor.part, site, link, own)))
     except BaseException:
         devices.close()
         raise
     return devices
+
+
+def _stream(part: PartPlan, site: Site, link: Link, own: random.Random) -> Stream:
+    try:
+        stream: Stream = part.cls.open(part.params, site, link, own)
+    except DriverError as error:
+        raise DriverError(f"`{part.name}` ({part.at}): {error}") from error
+    return stream
 
 
 def _links(devices: Devices) -> dict[str, Link]:
@@ -93,7 +115,7 @@ def _site(plan: Plan, vehicle: VehiclePlan) -> Site:
 def build_vehicles(
     plan: Plan, devices: Devices, events: Events, recorder: Recorder, score: Score
 ) -> list[Vehicle]:
-    links, bodies = _links(devices), Bodies()
+    links, bodies, fleet = _links(devices), Bodies(), Whereabouts()
     return [
         Vehicle(
             vehicle,
@@ -104,6 +126,7 @@ def build_vehicles(
             score.vehicle(vehicle.name),
             devices.sensors[vehicle.name],
             bodies,
+            fleet,
         )
         for vehicle in plan.vehicles
     ]

@@ -171,7 +171,7 @@ def _decoded(name: str, value: Any, field: Field) -> Any:
         if str(value).lower() not in ("true", "false"):
             raise OptionRefused(f"`{name}` is true or false, not `{value}`")
         value, numbers = str(value).lower() == "true", ()
-    elif field.shape in ("path", "file", "integers"):
+    elif field.shape in ("path", "file", "file path", "integers"):
         raise OptionRefused(f"`{name}` is a {type_of(field)} and can't be changed in flight")
     else:
         numbers = ()

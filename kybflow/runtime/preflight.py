@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from kybflow.geometry import Vec3, distance
-from kybflow.runtime.activity import START_TOLERANCE
+from kybflow.runtime import standing
 from kybflow.runtime.rest import LONG
 from kybflow.runtime.vehicle import Vehicle
 from kybflow.shapes import Box
@@ -80,9 +80,11 @@ def _streams(vehicle: Vehicle) -> Iterator[Line]:
             reason += f", {LEAST_RATE:.0f} Hz needed"
         if green and kind is MeasurementKind.IMU and not senses.rest.is_known:
             green, reason = False, f"{reason}, not yet {LONG} s at rest"
-        trouble = senses.sensing.trouble(kind)
+        trouble, left_out = senses.sensing.trouble(kind), senses.sensing.left_out(kind)
         if trouble is not None:
             green, reason = False, f"{reason}: {trouble}"
+        if left_out and not green:
+            reason = f"{reason}; {left_out} were left out, because they can't be true"
         yield Line(vehicle.name, f"{kind.value} stream", green, reason, at[kind])
 
 
@@ -95,6 +97,8 @@ def _battery(vehicle: Vehicle) -> Line:
 def _no_estimate(vehicle: Vehicle) -> Line:
     estimators = vehicle.plan.estimators
     reason = f"no healthy estimate from {', '.join(e.part.name for e in estimators)}"
+    if vehicle.senses.cameras.is_blind:
+        reason += ": frames arrive, but no tag of the map is found in them"
     return Line(vehicle.name, "estimate", False, reason, estimators[0].part.at)
 
 
@@ -107,10 +111,10 @@ def _estimate(vehicle: Vehicle, estimate: Estimate) -> Line:
 def _start(vehicle: Vehicle, estimate: Estimate, others: Sequence[Vehicle]) -> Line:
     """Two motion capture bodies that are swapped stand where the other should start."""
     away = distance(estimate.position, vehicle.site.start)
-    green = away <= START_TOLERANCE
-    reason = f"{away:.2f} m from the declared start ({START_TOLERANCE:.2f} m allowed)"
+    green = away <= standing.allowed(estimate)
+    reason = f"{away:.2f} m from the declared start ({standing.said(estimate)})"
     for other in others if not green else ():
-        there = distance(estimate.position, other.site.start) <= START_TOLERANCE
+        there = distance(estimate.position, other.site.start) <= standing.LEAST
         if there and other is not vehicle:
             reason += f"; the body of `{vehicle.name}` stands where `{other.name}` should start"
     return Line(vehicle.name, "start pose", green, reason, vehicle.plan.at)

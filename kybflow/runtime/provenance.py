@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
-from kybflow.dsl.plan import Plan
+from kybflow.dsl.plan import EstimatorPlan, Plan, SensorPlan
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -37,7 +37,7 @@ def provenance(
         "started": started.isoformat(timespec="seconds"),
         "sources": [{"path": source.path, "sha256": source.sha256} for source in plan.sources],
         FLOWN_FROM: [*files],
-        "versions": {"python": platform.python_version(), **_versions()},
+        "versions": {"python": platform.python_version(), **_versions(_packages(plan))},
         "machine": {
             "system": platform.platform(),
             "processor": platform.machine(),
@@ -46,9 +46,19 @@ def provenance(
     }
 
 
-def _versions() -> dict[str, str]:
+def _packages(plan: Plan) -> Iterator[str]:
+    """Those that every run uses, then those that its sensors and estimators need."""
+    yield from _PACKAGES
+    for vehicle in plan.vehicles:
+        asked: list[SensorPlan | EstimatorPlan] = [*vehicle.sensors, *vehicle.estimators]
+        for one in asked:
+            yield from one.part.cls.packages
+
+
+def _versions(packages: Iterable[str]) -> dict[str, str]:
+    """Of those that are installed."""
     found = {}
-    for package in _PACKAGES:
+    for package in dict.fromkeys(packages):
         try:
             found[package] = version(package)
         except PackageNotFoundError:

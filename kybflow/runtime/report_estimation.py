@@ -8,18 +8,24 @@ from html import escape
 from typing import Any
 
 from kybflow.runtime.report_data import Run
-from kybflow.runtime.report_estimator_figures import age_figure, error_figure, is_simulated
+from kybflow.runtime.report_estimator_figures import (
+    age_figure,
+    attitude_figure,
+    error_figure,
+    is_simulated,
+)
 from kybflow.runtime.report_estimators import SURE, Estimated, figures_of
 from kybflow.runtime.report_pictures import Picture, pictures
 from kybflow.runtime.report_plot import Figure
 from kybflow.runtime.report_tables import table
+from kybflow.units import DEG
 
 _FEW = 6
 """Pages that are open at once."""
 _DASH = "\N{EN DASH}"
 _HEADS = (
     "Vehicle", "Estimator", "In use", "Off mean", "99 %", "max (cm)",
-    f"Within {SURE:.1f} spreads", "Age mean", "max (ms)",
+    f"Within {SURE:.1f} spreads", "Yaw 99 % (deg)", "Age mean", "max (ms)",
 )  # fmt: skip
 _CHANGES = ("Time (s)", "Vehicle", "From", "To", "Why", "Apart (cm)")
 
@@ -41,6 +47,7 @@ def pages(run: Run) -> list[Page]:
             estimated,
             (
                 error_figure(run, estimated, f"estimator_{n}"),
+                attitude_figure(run, estimated, f"estimator_{n}"),
                 age_figure(run, estimated, f"estimator_{n}"),
             ),
             tuple(
@@ -65,10 +72,11 @@ def estimators(run: Run, shown: Sequence[Page]) -> str:
     )
     note = (
         f'<p class="note">While it was in use: how far it was off, from {what}; how many of these '
-        f"errors were within {SURE:.1f} spreads, 95 % if the spread is honest; how old its newest "
-        "measurement was.</p>"
+        f"errors were within {SURE:.1f} spreads, 95 % if the spread is honest (what was flown on "
+        "counts only where no offset was being taken away, which no spread tells); what 99 % of "
+        "its errors in yaw were below; how old its newest measurement was.</p>"
     )
-    body = table(_HEADS, rows, numbers=range(2, 9))
+    body = table(_HEADS, rows, numbers=range(2, 10))
     folded = "".join(_page(page, len(shown)) for page in shown)
     return f"<section><h2>Estimators</h2>{note}{body}{_changes(run)}</section>{folded}"
 
@@ -90,6 +98,7 @@ def _row(run: Run, estimated: Estimated) -> list[str]:
         *(_scaled(value if known else None, 100.0) for value in (found.mean, found.high)),
         _scaled(found.worst if known else None, 100.0),
         _DASH if found.within is None or not known else f"{found.within * 100.0:.1f} %",
+        _scaled(found.yaw if known else None, 1.0 / DEG),
         *(_scaled(value, 1000.0, 0) for value in (found.age, found.oldest)),
     ]
 

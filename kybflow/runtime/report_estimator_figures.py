@@ -9,6 +9,7 @@ import numpy as np
 from kybflow.runtime.report_data import Run
 from kybflow.runtime.report_estimators import SURE, Array, Estimated
 from kybflow.runtime.report_plot import Figure, dashed, line, over_time
+from kybflow.units import DEG
 
 MOST = 3000
 """The most points of a curve here."""
@@ -41,6 +42,23 @@ def error_figure(run: Run, estimated: Estimated, name: str) -> Figure:
         layout["yaxis"]["range"] = [0.0, 1.15 * highest]
         note += " Click x, y or z for one axis; double-click for all of it."
     return Figure(f"{name}_error", "Error and spread", note, traces, layout | _shade(estimated))
+
+
+def attitude_figure(run: Run, estimated: Estimated, name: str) -> Figure:
+    """How far its attitude was off, in all and about the world's z axis."""
+    kept = slice(None, None, max(1, -(-len(estimated.time) // MOST)))
+    time, turn, yaw = (
+        values[kept]
+        for values in (estimated.time, estimated.turn / DEG, np.abs(estimated.yaw) / DEG)
+    )
+    traces = [
+        line("attitude", time, turn, "#d1495b", 1.4, hover="%{y:.2f} deg"),
+        line("yaw", time, yaw, "#2f7ed8", 1.4, hover="%{y:.2f} deg"),
+    ]
+    layout = over_time(run, "off (deg)", "tozero") | {"height": 240}
+    truth = "the truth" if is_simulated(run) else "what the vehicle flew on"
+    note = f"From {truth}: the angle between the two attitudes, and between their headings."
+    return Figure(f"{name}_attitude", "Attitude", note, traces, layout | _shade(estimated))
 
 
 def age_figure(run: Run, estimated: Estimated, name: str) -> Figure:

@@ -17,6 +17,8 @@ from kybflow.runtime.recorder import VehicleChannel
 from kybflow.runtime.rest import Rest
 from kybflow.runtime.sensing import Opened, Sensing
 from kybflow.runtime.watched_body import WatchedBody
+from kybflow.runtime.watched_cameras import WatchedCameras
+from kybflow.runtime.whereabouts import Whereabouts
 from kybflow.signals import (
     CLASSES,
     NS,
@@ -52,6 +54,7 @@ class Senses:
         report: Callable[[PartFailed], None],
         sensors: Sequence[Opened] = (),
         bodies: Bodies | None = None,
+        fleet: Whereabouts | None = None,
     ) -> None:
         self.estimate: Estimate | None = None
         self.battery: Battery | None = None
@@ -63,11 +66,13 @@ class Senses:
         self.cargo = Cargo(plan.name, events)
         self._armed = False
         self._streams: dict[type, tuple[Time, int]] = {}
-        self.estimation = Estimation(plan, site, events, score, report)
+        self.estimation = Estimation(plan, site, events, score, report, self._known)
         self._link, self._channel, self._score, self._report = link, channel, score, report
         self._driver, self._lands = plan.driver.label, plan.driver.cls.lands
-        self.sensing = Sensing(plan.name, sensors, events)
+        self.sensing = Sensing(plan, sensors, events)
         self._body = WatchedBody(plan, bodies or Bodies(), events)
+        self._name, self._fleet = plan.name, fleet or Whereabouts()
+        self.cameras = WatchedCameras(plan, self._fleet, events)
         self._heard: Time | None = None
         self._subscribed: frozenset[MeasurementKind] = frozenset()
         needs = [e.part.cls.uses(e.part.params) for e in plan.estimators]
@@ -93,7 +98,7 @@ class Senses:
             self.truth = self._link.truth()
             if measurements or self._heard is None:
                 self._heard = now
-                measurements = self.sensing.left_of(measurements)
+                measurements = self.sensing.left_of(measurements, now)
                 self._note(measurements, now)
         except Exception as error:  # see subscribe
             self.truth, measurements = None, ()
@@ -103,9 +108,15 @@ class Senses:
         if self.sensing.streams:
             measurements = self.sensing.joined(measurements, now, self._note)
         measurements = self._body.measured(measurements, now, in_air)
+        if self.cameras.is_asked:
+            measurements = self.cameras.measured(measurements, now, in_air)
         if self._link.rig is not None and self._link.rig.estimators:
             self.estimation.kill(self._link.rig.estimators)
         self.estimate = self.estimation.update(measurements, now)
+        if self.cameras.is_asked:
+            self.cameras.see(self.estimation.candidates, in_air)
+        if self.estimate is not None:
+            self._fleet.note(self._name, self.estimate)
 
     def send(self, command: Command, now: Time) -> None:
         """Hand the command to the link."""
@@ -156,6 +167,13 @@ class Senses:
     def parts(self) -> dict[str, Any]:
         """The living estimators by label."""
         return self.estimation.parts()
+
+    def _known(self, kinds: frozenset[MeasurementKind]) -> str:
+        """What is known to be wrong with the measurements of these kinds, in words."""
+        said = [self.sensing.trouble(kind) for kind in sorted(kinds, key=lambda kind: kind.value)]
+        if MeasurementKind.FRAME in kinds:
+            said.append(self.cameras.trouble)
+        return "; ".join(dict.fromkeys(words for words in said if words))
 
     def _note(self, measurements: Sequence[Measurement], now: Time) -> None:
         streams = self._streams

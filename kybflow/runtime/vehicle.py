@@ -23,6 +23,7 @@ from kybflow.runtime.outcome import VehicleScore
 from kybflow.runtime.recorder import VehicleChannel
 from kybflow.runtime.senses import Senses
 from kybflow.runtime.sensing import Opened
+from kybflow.runtime.whereabouts import Whereabouts
 from kybflow.signals import (
     NS,
     Alarm,
@@ -52,6 +53,7 @@ class Vehicle(Acting):
         score: VehicleScore,
         sensors: Sequence[Opened] = (),
         bodies: Bodies | None = None,
+        fleet: Whereabouts | None = None,
     ) -> None:
         self.plan, self.name, self.site = plan, plan.name, site
         self.now: Time = 0
@@ -63,7 +65,9 @@ class Vehicle(Acting):
         lines = {part.label: part.at for part in parts_of(plan)}
         self.failsafe = Failsafe(plan.name, self._supervisors, lines, events)
         report = self.failsafe.report
-        self.senses = Senses(plan, site, link, events, channel, score, report, sensors, bodies)
+        self.senses = Senses(
+            plan, site, link, events, channel, score, report, sensors, bodies, fleet
+        )
         self.activity = Activity(plan, self._params, events, score, self._objection)
         super().__init__()
 

@@ -38,7 +38,8 @@ class Believed:
 
     @property
     def behavior(self) -> str:
-        return self._vehicle.activity.machine.state
+        activity = self._vehicle.activity
+        return activity.machine.state if activity.begun else ""
 
     @property
     def estimator(self) -> str:

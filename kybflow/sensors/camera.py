@@ -13,15 +13,17 @@ from typing import TYPE_CHECKING, Any
 
 from kybflow.cameras import Camera as Mounted
 from kybflow.dsl.calibration import read_calibration
+from kybflow.dsl.diagnostics import did_you_mean
 from kybflow.errors import DriverError
-from kybflow.files import File
+from kybflow.files import File, FilePath
 from kybflow.params import param, params
-from kybflow.parts import Link, Sensor, Stream
+from kybflow.parts import Link, Objection, Sensor, Stream
+from kybflow.parts.sensor import frames_of
 from kybflow.sensors._capture import Captured, Grabber
 from kybflow.signals import NS, Frame, Measurement, MeasurementKind, Time
 from kybflow.site import Site
 from kybflow.units import Duration
-from kybflow.vision import WAY_OUT
+from kybflow.vision import OPENCV, WAY_OUT
 
 if TYPE_CHECKING:
     import random
@@ -33,9 +35,7 @@ SILENT = 1.0
 @params
 class CameraParams:
     device: int = param("Number of the device.", default=0, at_least=0)
-    video: str | None = param(
-        "A recorded video instead, its path from where kybflow is started.", default=None
-    )
+    video: FilePath | None = param("A file with a recorded video instead.", default=None)
     camera: str | None = param(
         "Which of the airframe's cameras it is; needed where that has several.", default=None
     )
@@ -51,6 +51,7 @@ class CameraParams:
 
 class Camera(Sensor[CameraParams]):
     provides = frozenset({MeasurementKind.FRAME})
+    packages = OPENCV
 
     @classmethod
     def seen_by(cls, params: CameraParams, cameras: Mapping[str, Mounted]) -> Mapping[str, Mounted]:
@@ -60,13 +61,23 @@ class Camera(Sensor[CameraParams]):
         return {n: c._replace(lens=lens) if n == name else c for n, c in cameras.items()}
 
     @classmethod
-    def objection(cls, params: CameraParams, cameras: Mapping[str, Mounted]) -> str | None:
-        known = ", ".join(f"`{name}`" for name in cameras) or "none"
-        if params.camera is not None and params.camera not in cameras:
-            return f"the airframe has no camera `{params.camera}`; it has {known}"
-        if _name_of(params, cameras) not in cameras:
-            return f"`camera` must say which it is; the airframe has {known}"
-        return None
+    def objection(cls, params: CameraParams, cameras: Mapping[str, Mounted]) -> Objection | None:
+        known = ", ".join(f"`{name}`" for name in cameras)
+        if not cameras or _name_of(params, cameras) in cameras:
+            return None
+        if params.camera is not None:
+            reason = f"the airframe has no camera `{params.camera}`; it has {known}"
+            return Objection("camera", reason, did_you_mean(params.camera, cameras))
+        reason = f"`camera` must say which it is; the airframe has {known}"
+        return Objection("camera", reason, f"write `camera: {next(iter(cameras))}`")
+
+    @classmethod
+    def gives(cls, params: CameraParams, cameras: Mapping[str, Mounted]) -> Sequence[str]:
+        return frames_of([_name_of(params, cameras)])
+
+    @classmethod
+    def real_time(cls, params: CameraParams) -> bool:
+        return params.video is None
 
     @classmethod
     def open(
@@ -74,12 +85,14 @@ class Camera(Sensor[CameraParams]):
     ) -> Video | Device:
         objection, latency = cls.objection(params, site.cameras), round(params.latency * NS)
         if objection is not None:
-            raise DriverError(objection)
+            raise DriverError(objection.reason)
+        if not site.cameras:
+            raise DriverError(f"the vehicle `{site.vehicle}` has no camera")
         camera = site.cameras[_name_of(params, site.cameras)]
         if params.video is None:
             return Device(Grabber(lambda: _device(params.device, camera)), camera, latency)
         if not os.path.isfile(params.video):
-            raise DriverError(f"the video `{params.video}` is no file")
+            raise DriverError(f"the video `{params.video}` is no file any more")
         return Video(_opened(params.video, f"the video `{params.video}`"), camera, latency)
 
 

@@ -3,31 +3,36 @@
 Each camera of the vehicle takes frames at its own rate; what it sees is drawn when the frame
 arrives, `latency` after the middle of its exposure: the tags through the calibrated lens, blurred
 by motion and by a lens out of focus, row by row where a rolling shutter finds the camera, with the
-noise of the sensor. Which tags are covered or missing comes with the seed.
+noise of the sensor. The world's obstacles, and the vehicle's payload once it is released, hide what
+is behind them. Which tags are covered, missing or misplaced comes with the seed.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import ceil
 from typing import TYPE_CHECKING, NamedTuple
 
 from kybflow.cameras import Camera
 from kybflow.errors import DriverError
-from kybflow.geometry import ZERO, add, integrate, scale
+from kybflow.geometry import ZERO, add, distance, integrate, rotate, scale
 from kybflow.params import param, params
 from kybflow.parts import Link, Sensor, Stream
+from kybflow.parts.sensor import frames_of
 from kybflow.signals import NS, Frame, Measurement, MeasurementKind, Time, Truth
-from kybflow.site import Site
+from kybflow.site import LEGS, Site
 from kybflow.units import Duration
-from kybflow.vision import WAY_OUT
+from kybflow.vision import OPENCV, WAY_OUT
 from kybflow.vision.optics import SOUND, Optics, Weakness
 
 if TYPE_CHECKING:
     import random
 
     from kybflow.vision.drawing import Room
+
+_ABOARD = 0.02
+"""A payload that is nearer to its place on board is there, metres."""
 
 
 @params
@@ -40,7 +45,12 @@ class SimulatedCameraParams(Optics):
 
 class SimulatedCamera(Sensor[SimulatedCameraParams]):
     provides = frozenset({MeasurementKind.FRAME})
+    packages = OPENCV
     simulated = True
+
+    @classmethod
+    def gives(cls, params: SimulatedCameraParams, cameras: Mapping[str, Camera]) -> Sequence[str]:
+        return frames_of(cameras)
 
     @classmethod
     def open(
@@ -52,8 +62,10 @@ class SimulatedCamera(Sensor[SimulatedCameraParams]):
             from kybflow.vision.drawing import Room
         except ImportError as error:
             raise DriverError(f"a simulated camera needs OpenCV ({error}); {WAY_OUT}") from None
-        room = Room(site.tags, params, generator.getrandbits(64))
-        return Frames(room, tuple(site.cameras.values()), link, round(params.latency * NS))
+        side = 0.0 if site.payload is None else site.payload.size
+        room = Room(site.tags, params, generator.getrandbits(64), site.obstacles, side)
+        latency = round(params.latency * NS)
+        return Frames(room, tuple(site.cameras.values()), link, latency, side)
 
 
 class _Taken(NamedTuple):
@@ -68,13 +80,17 @@ class _Taken(NamedTuple):
 
 class Frames(Stream):
     """The frames of a vehicle's cameras. What is wrong with them stands in the link's rig when they
-    are taken. A frame is drawn when it arrives, and never, where nobody reads."""
+    are taken. A frame is drawn when it arrives, and never, where nobody reads. parcel: its side,
+    metres."""
 
-    def __init__(self, room: Room, cameras: Sequence[Camera], link: Link, latency: Time) -> None:
+    def __init__(
+        self, room: Room, cameras: Sequence[Camera], link: Link, latency: Time, parcel: float = 0.0
+    ) -> None:
         self._room = room
         self._cameras = cameras
         self._link = link
         self._latency = latency
+        self._parcel = parcel
         self._counts = [0] * len(cameras)
         self._last: tuple[Time, Truth] | None = None
         self._taken: deque[_Taken] = deque()
@@ -102,7 +118,7 @@ class Frames(Stream):
         for i, camera in enumerate(self._cameras):
             while (at := round(self._counts[i] * NS / camera.rate)) <= now:
                 nearer = (now, truth) if now - at <= at - before else (before, known)
-                body = _moved(nearer[1], (at - nearer[0]) / NS)
+                body = _moved(_unladen(nearer[1], self._parcel), (at - nearer[0]) / NS)
                 rig = self._link.rig
                 weakness = SOUND if rig is None else rig.camera
                 taken.append(_Taken(at + self._latency, at, camera, body, weakness))
@@ -128,3 +144,14 @@ def _moved(body: Truth, t: float) -> Truth:
         position=add(body.position, scale(body.velocity, t)),
         attitude=integrate(body.attitude, body.angular_velocity, t),
     )
+
+
+def _unladen(body: Truth, side: float) -> Truth:
+    """The body with its payload where a camera sees it: nowhere while on board, where it is no part
+    of the room; else above the room's floor, which is level with the legs of what stands on it."""
+    if body.payload is None:
+        return body
+    aboard = add(body.position, rotate(body.attitude, (0.0, 0.0, 0.5 * side - LEGS)))
+    if distance(body.payload, aboard) < _ABOARD:
+        return body._replace(payload=None)
+    return body._replace(payload=add(body.payload, (0.0, 0.0, LEGS)))

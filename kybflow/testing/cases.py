@@ -35,7 +35,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        return f"{self.path}[{self.seed}]"
+        return f"{self.path}, seed {self.seed}"
 
 
 @dataclass(frozen=True, slots=True)

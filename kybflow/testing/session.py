@@ -43,10 +43,10 @@ def exit_code(tried: Sequence[Tried], asked: int) -> int:
 
 
 def coverage_of(tried: Sequence[Tried]) -> dict[Path, Coverage]:
-    """What all flights of each mission took together."""
+    """What all flights of each mission took together; nothing of one that never flew."""
     coverage: dict[Path, Coverage] = {}
     for path in dict.fromkeys(one.case.path for one in tried):
-        flights = [one for one in tried if one.case.path == path and one.written]
+        flights = [one for one in tried if one.case.path == path and one.taken]
         if flights:
             taken = frozenset[object]().union(*(one.taken for one in flights))
             coverage[path] = covered(flights[0].written, taken)  # type: ignore[arg-type]

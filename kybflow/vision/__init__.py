@@ -3,3 +3,10 @@ OpenCV, with `kybflow.sensors`; nothing here is imported before a mission needs 
 
 WAY_OUT = "install it: pip install 'kybflow[vision]'"
 """For who has no OpenCV."""
+OPENCV = (
+    "opencv-contrib-python-headless",
+    "opencv-contrib-python",
+    "opencv-python-headless",
+    "opencv-python",
+)
+"""The packages that it comes in."""

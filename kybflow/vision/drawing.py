@@ -2,12 +2,13 @@
 
 The ray of each pixel (undistorted) meets the floor, or a tag's plane, where the camera is while the
 pixel's row is exposed; there the print is looked up, with texels a little larger than a pixel so
-that edges are smooth. Then come motion blur, defocus, exposure and noise. Nothing here costs more
-with more tags out of view.
+that edges are smooth. Obstacles and a parcel that lies about hide what is behind them. Then come
+motion blur, defocus, exposure and noise. Nothing here costs more with more tags out of view.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from math import hypot, inf
 from typing import NamedTuple
 
@@ -16,14 +17,16 @@ import numpy
 
 from kybflow.cameras import Camera
 from kybflow.geometry import Vec3
+from kybflow.shapes import Shape
 from kybflow.signals import Truth
 from kybflow.tags import TagMap
 from kybflow.vision.exposure import Noise, blur_lens, blur_motion
-from kybflow.vision.floor import QUIET, Floor, Sheet
+from kybflow.vision.floor import QUIET, Floor, Sheet, mixed_up
 from kybflow.vision.grid import NO_MAP, Grid, Region, grid
 from kybflow.vision.optics import SOUND, Optics, Weakness
 from kybflow.vision.projection import Array
 from kybflow.vision.shutter import FLOOR, Shot
+from kybflow.vision.solids import NONE, Solid, Solids, cover, hides
 
 _FINE, _COARSE = 8, 80
 """Pixels between the nodes of what is seen, and of how it moves."""
@@ -38,17 +41,29 @@ _PATCH_GREY = 90
 
 
 class Room:
-    """Draws what cameras see of a floor with tags. The same seed and calls give the same images."""
+    """Draws what cameras see of a floor with tags, of obstacles and of a parcel whose side is
+    `parcel`, metres. The same seed and calls give the same images."""
 
-    def __init__(self, tags: TagMap, optics: Optics, seed: int) -> None:
+    def __init__(
+        self,
+        tags: TagMap,
+        optics: Optics,
+        seed: int,
+        obstacles: Mapping[str, Shape] = NONE,
+        parcel: float = 0.0,
+    ) -> None:
         self._optics = optics
+        if optics.misplaced > 0.0:
+            tags = mixed_up(tags, optics.misplaced, seed)
         self._floor = Floor(tags, seed, 255.0 * optics.floor, optics.pattern)
+        self._solids = Solids(obstacles, parcel, seed)
         self._generator = numpy.random.default_rng(seed)
         self._noises: dict[str, Noise] = {}
 
     def draw(self, camera: Camera, body: Truth, weakness: Weakness = SOUND) -> Array:
         """What a camera on a body sees: (height, width) uint8. body: true in the middle of the
-        exposure of the image's middle row; it moves on with constant velocity and body rates."""
+        exposure of the image's middle row; it moves on with constant velocity and body rates, and
+        its payload lies where it is, None for none that is to be seen."""
         lens, optics = camera.lens, self._optics
         noise = self._noises.get(camera.name)
         if noise is None:
@@ -58,7 +73,8 @@ class Room:
         depth = shot.depth()
         if weakness.dark or depth is None:
             return noise.expose(numpy.zeros((lens.height, lens.width), numpy.uint8), optics)
-        image = _light(self._floor, shot, optics, optics.covered + weakness.covered)
+        solids = self._solids.in_view(shot, body.payload)
+        image = _light(self._floor, solids, shot, optics, optics.covered + weakness.covered)
         nodes = grid(lens, _COARSE)
         image = blur_motion(image, motion(shot, nodes, optics.exposure), nodes)
         image = blur_lens(image, optics, lens.fx, depth, weakness.blur)
@@ -75,7 +91,9 @@ def motion(shot: Shot, nodes: Grid, exposure: float) -> Array:
     return (last - first).reshape(nodes.pixels.shape)
 
 
-def _light(floor: Floor, shot: Shot, optics: Optics, covered: float) -> Array:
+def _light(
+    floor: Floor, solids: Sequence[Solid], shot: Shot, optics: Optics, covered: float
+) -> Array:
     """The sharp image, white paper being 255."""
     nodes = grid(shot.camera.lens, _FINE)
     met = shot.meet(nodes, FLOOR)[..., :2]
@@ -92,8 +110,12 @@ def _light(floor: Floor, shot: Shot, optics: Optics, covered: float) -> Array:
     for view, texels in flush:
         _lay_ink(image, view, texels, covered)
     _lay_patches(image, shot, optics.patches)
-    for view in views:
-        if not view.sheet.flush:
+    for solid in solids:
+        cover(image, shot, solid)
+    eye: Vec3 = tuple(shot.place.tolist())
+    for view in views:  # those that are on a solid, or before it
+        place = view.sheet.tag.position
+        if not (view.sheet.flush or any(hides(solid, eye, place) for solid in solids)):
             met = shot.meet(nodes, view.sheet.plane, nodes.around(view.region))[..., :2]
             texels = cv2.transform(nodes.fill(met, view.region), _to_texels(view))
             _lay_paper(image, view, texels)

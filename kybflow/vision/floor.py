@@ -92,6 +92,19 @@ def _picture(family: str, id: int, texels: int, cover: Cover | None) -> Array:
     return numpy.pad(drawn, 1, constant_values=PAPER)
 
 
+def mixed_up(tags: TagMap, share: float, seed: int) -> TagMap:
+    """The tags as they lie on a floor where a share of each size lies in each other's places: of
+    those, drawn by the seed, each is where the map has the next one."""
+    chance = random.Random(f"{seed}/misplaced")
+    laid = {tag.key: tag for tag in tags}
+    for size in sorted({tag.size for tag in tags}):
+        same = [tag for tag in tags if tag.size == size]
+        wrong = chance.sample(same, round(share * len(same)))
+        for tag, other in zip(wrong, wrong[1:] + wrong[:1], strict=True):
+            laid[tag.key] = tag._replace(position=other.position, attitude=other.attitude)
+    return TagMap(laid.values())
+
+
 class Floor:
     """The tags of a map and the floor that they lie on. The same seed gives the same floor. What is
     kept grows with the tags that were ever in view, not with those in the map."""

@@ -57,6 +57,10 @@ class Optics:
         "How many of the tags of the map are not on the floor.",
         default=0.0, at_least=0.0, at_most=1.0,
     )  # fmt: skip
+    misplaced: Ratio = param(
+        "How many of the tags of each size lie in each other's places, not where the map has them.",
+        default=0.0, at_least=0.0, at_most=1.0,
+    )  # fmt: skip
     patches: Path = param("Round things that lie on the floor: x, y, radius of each.", default=())
 
 

@@ -1,8 +1,10 @@
 """Sheets of tags to print, true to scale: a PDF of plain vector operators, or PNG pages.
 
-Each tag stands in its quiet zone of one cell, with a fine line to cut along, its family, number and
-side below it, and an arrow at its upper edge. Each page has a bar of 100 mm to hold a ruler to.
-Lengths here are millimetres, from the lower left corner of the page, y up.
+Each tag stands in its quiet zone of one cell, with a fine line to cut along, and its family, number
+and side below that. What stays when it is cut, even between neighbours: an arrow above it and its
+number below, as far from the black square as the least gap allows that the floor's page advises,
+and away from its corners, which a detector refines. Each page has a bar of 100 mm to hold a ruler
+to. Lengths here are millimetres, from the lower left corner of the page, y up.
 """
 
 from __future__ import annotations
@@ -25,6 +27,13 @@ _LINE = 0.15
 _LETTERS = 3.0
 """Height of letters."""
 _BAR = 100.0
+_LEFT = 5.0
+"""What is left of the quiet zone at the least when it is cut between neighbours."""
+_MARK, _RIM, _ALONG = 0.4, 0.08, 0.25
+"""Height of a number or an arrow in the quiet zone, and how far it is from the cut, of what is
+left; where it begins, of the side."""
+_DIGIT = 0.72
+"""Height of a digit, of the letters'."""
 
 
 class Box(NamedTuple):
@@ -46,9 +55,25 @@ class Words(NamedTuple):
     text: str
 
 
+class Arrow(NamedTuple):
+    """A black arrow that points up, the middle of its tail's end at (x, y)."""
+
+    x: float
+    y: float
+    height: float
+
+    def outline(self) -> list[tuple[float, float]]:
+        """Its corners: a tail of a fifth, a head of four fifths of its height across."""
+        tail = ((0.1, 0.0), (0.1, 0.45), (0.4, 0.45))
+        right = [(self.x + a * self.height, self.y + b * self.height) for a, b in tail]
+        left = [(2.0 * self.x - x, y) for x, y in reversed(right)]
+        return [*right, (self.x, self.y + self.height), *left]
+
+
 class Page(NamedTuple):
     boxes: tuple[Box, ...]
     words: tuple[Words, ...]
+    arrows: tuple[Arrow, ...]
 
 
 def lay_out(family: str, ids: Sequence[int], size: float, paper: str) -> list[Page]:
@@ -61,21 +86,40 @@ def lay_out(family: str, ids: Sequence[int], size: float, paper: str) -> list[Pa
     rows = int((height - 2.0 * _MARGIN - _FOOT + _GAP) / (whole + _LABEL + _GAP))
     if columns < 1 or rows < 1:
         raise ValueError(
-            f"a tag of {side:g} mm takes {whole:g} mm with its quiet zone, and {paper.upper()} has"
-            f" {width - 2.0 * _MARGIN:g} mm to print on"
+            f"a tag of {spoken(size)} takes {spoken(whole / 1000.0)} with its quiet zone, and"
+            f" {paper.upper()} has {width - 2.0 * _MARGIN:g} mm to print on"
         )
     tall = min(_LETTERS, whole / 15.0)
     pages = []
     for first in range(0, len(ids), columns * rows):
-        boxes, words = list(_bar()), [_caption(paper)]
+        boxes, words, arrows = list(_bar()), [_caption(paper)], []
         for place, number in enumerate(ids[first : first + columns * rows]):
             x = _MARGIN + (place % columns) * (whole + _GAP)
             y = height - _MARGIN - whole - (place // columns) * (whole + _LABEL + _GAP)
             boxes += _tag(family, number, x, y, side, whole)
-            text = f"{family}  id {number}  {side:g} mm  ^ top"
+            text = f"{family}  id {number}  {side:g} mm"
             words.append(Words(x, y - tall - 0.5, tall, text))
-        pages.append(Page(tuple(boxes), tuple(words)))
+            mark, arrow = _marks(number, x, y, side, whole)
+            words.append(mark)
+            arrows.append(arrow)
+        pages.append(Page(tuple(boxes), tuple(words), tuple(arrows)))
     return pages
+
+
+def spoken(metres: float) -> str:
+    """A length in words: metres from one on, else millimetres."""
+    return f"{metres:g} m" if metres >= 1.0 else f"{1000.0 * metres:g} mm"
+
+
+def _marks(number: int, x: float, y: float, side: float, whole: float) -> tuple[Words, Arrow]:
+    """A tag's number below its black square and an arrow above, in the quiet zone, which begins at
+    (x, y)."""
+    rim = 0.5 * (whole - side)
+    left = min(_LEFT, rim - _LINE)
+    low, tall = (1.0 - _MARK - _RIM) * left, _MARK * left
+    along = x + rim + _ALONG * side
+    mark = Words(along, y + rim - low - tall, tall / _DIGIT, str(number))
+    return mark, Arrow(along, y + rim + side + low, tall)
 
 
 def _tag(family: str, number: int, x: float, y: float, side: float, whole: float) -> list[Box]:
@@ -140,6 +184,9 @@ def _operators(page: Page) -> bytes:
             lines.append(f"{box.grey:g} g")
         lines.append(f"{box.x:.6f} {box.y:.6f} {box.width:.6f} {box.height:.6f} re")
     lines += ["f", "0 g"]
+    for arrow in page.arrows:
+        (x, y), *others = arrow.outline()
+        lines += [f"{x:.4f} {y:.4f} m", *(f"{x:.4f} {y:.4f} l" for x, y in others), "h f"]
     for words in page.words:
         text = words.text.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
         lines.append(f"BT /F {words.height:.4f} Tf {words.x:.4f} {words.y:.4f} Td ({text}) Tj ET")
@@ -179,6 +226,9 @@ def raster(page: Page, paper: str, dpi: int) -> Array:
         left, right = round(box.x * scale), round((box.x + box.width) * scale)
         top, bottom = (round((height - y) * scale) for y in (box.y + box.height, box.y))
         drawn[top:bottom, left:right] = round(255.0 * box.grey)
+    for arrow in page.arrows:
+        corners = numpy.array([(x * scale, (height - y) * scale) for x, y in arrow.outline()])
+        cv2.fillPoly(drawn, [(16.0 * corners).round().astype(numpy.int32)], 0, cv2.LINE_AA, 4)
     for words in page.words:
         at = (round(words.x * scale), round((height - words.y) * scale))
         tall = words.height * scale / 30.0

@@ -113,8 +113,32 @@ def test_the_time_of_a_row_is_the_cameras(tmp_path) -> None:
 
 def test_a_calibration_replaces_what_like_brings(tmp_path) -> None:
     (tmp_path / "cam.yaml").write_text(ROS)
+    assert camera(tmp_path, "{calibration: cam.yaml}").lens == LENS
     none = "width: null, height: null, field_of_view: null"
     assert camera(tmp_path, f"{{calibration: cam.yaml, {none}}}").lens == LENS
+
+
+NESTED = """\
+airframes:
+  known: {like: std.courier_quad, cameras: {down: {calibration: cam.yaml}}}
+  wide: {like: known, cameras: {down: {field_of_view: 90 deg}}}
+  again: {like: wide, cameras: {down: {calibration: cam.yaml}}}
+  faster: {like: again, cameras: {down: {rate: 60 Hz}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "lens"),
+    [("known", LENS), ("wide", pinhole(640, 480, pi / 2)), ("again", LENS), ("faster", LENS)],
+)
+def test_the_lens_that_is_nearer_counts(name: str, lens: Lens, tmp_path) -> None:
+    (tmp_path / "cam.yaml").write_text(ROS)
+    path = tmp_path / "m.yaml"
+    airframe = "airframe: {like: std.courier_quad, cameras: {down: CAMERA}}"
+    path.write_text(NESTED + MISSION.replace(airframe, f"airframe: {name}"))
+    result = compile_mission(path, catalog=load_catalog())
+    assert result.plan is not None, result.diagnostics
+    assert result.plan.vehicles[0].cameras["down"].lens == lens
 
 
 @pytest.mark.parametrize("text", [ROS, OPENCV])
@@ -127,7 +151,7 @@ def test_a_calibration_of_ros_or_opencv(text: str) -> None:
     [
         (ROS, "", 1, "`cam.yaml` is empty"),
         (ROS, "- 1\n", 0, "a calibration is a mapping, but this is a list"),
-        (ROS, "a: [1\n", 2, "this is not YAML: did not find expected ',' or ']'"),
+        (ROS, "a: [1\n", 1, "this `[` is never closed"),
         ("image_width: 640\n", "", 0, "`image_width` is missing"),
         ("640", "6.4e2x", 1, "`6.4e2x` in `image_width` is no number"),
         ("640", "-1", 1, "`image_width` must be a number of pixels"),

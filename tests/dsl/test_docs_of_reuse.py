@@ -19,6 +19,8 @@ VEHICLES = """vehicles:
     home: world.points.dock
     behaviors: {up: {do: take_off, height: 1 m}}
 """
+FENCE = "fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}"
+"""The room of the examples that show something else."""
 IMPORTS = {
     "The world": "import: {std: kybflow/airframes, rooms: kybflow/worlds}\n",
     "Chains": "import: {std: kybflow/airframes}\n",
@@ -53,9 +55,11 @@ def test_what_is_seen_and_by_what_is_valid_together(target: str, tmp_path: Path)
     (tmp_path / "lab").mkdir()
     (tmp_path / "lab" / "front.yaml").write_text(CALIBRATION)
     (tmp_path / "lab" / "tags.csv").write_text(TABLE)
+    (tmp_path / "standing.avi").write_text("frames")
     mission = tmp_path / "mission.yaml"
     texts = "".join(map(example, SEEN))
     head = "kybflow: 1\nmission: example\nimport: {std: kybflow/airframes}\n"
+    texts = texts.replace("world:\n", f"world:\n  {FENCE}\n", 1)
     mission.write_text(head + texts + COURIER)
     result = compile_mission(mission, catalog=load_catalog(), target=target)
     assert [d.message for d in result.diagnostics] == []
@@ -73,6 +77,8 @@ def test_the_example_is_valid(title: str, tmp_path: Path) -> None:
         text = text.replace("safety}]}\n", f"safety}}]{flies}").replace("0]}}\n", f"0]}}{flies}")
     elif "vehicles:" not in text:
         text += VEHICLES
+    if "world:" not in text:
+        text += f"world: {{{FENCE}}}\n"
     (tmp_path / "library").mkdir()
     (tmp_path / "library" / "lab.yaml").write_text(LAB)
     mission = tmp_path / "mission.yaml"

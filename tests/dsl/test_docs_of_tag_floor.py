@@ -1,4 +1,5 @@
-"""The page on tag floors: its mission is valid, and its commands do what it says they do."""
+"""The page on tag floors: followed in its order, in an empty folder, its mission is valid and its
+commands do what it says they do."""
 
 from __future__ import annotations
 
@@ -21,6 +22,7 @@ from kybflow.vision.drawing import Room  # noqa: E402
 from kybflow.vision.optics import Optics  # noqa: E402
 
 PAGE = (Path(__file__).parents[2] / "docs" / "tag-floor.md").read_text(encoding="utf-8")
+MISSION, CAMERA, TARGETS = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
 COMMANDS = re.findall(r"^    kybflow (.+)$", PAGE, re.MULTILINE)
 CALIBRATION = """image_width: 640
 image_height: 480
@@ -33,15 +35,22 @@ SECONDS, RATE = 4, 15
 
 @pytest.fixture
 def floor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The page's mission in a folder of its own, in which commands are given."""
-    found = re.search(r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
-    assert found is not None
-    (tmp_path / "lab").mkdir()
-    (tmp_path / "lab" / "down.yaml").write_text(CALIBRATION)
+    """The page's mission after step 2, in a folder of its own in which commands are given."""
     mission = tmp_path / "floor.yaml"
-    mission.write_text(found[1], encoding="utf-8")
+    mission.write_text(MISSION, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     return mission
+
+
+def calibrated(mission: Path) -> None:
+    """Step 5."""
+    folder = mission.with_name("lab")
+    folder.mkdir()
+    (folder / "down.yaml").write_text(CALIBRATION)
+    text = mission.read_text(encoding="utf-8")
+    changed, count = re.subn(r"(?m)^      down: \{at: .*\n", CAMERA, text)
+    assert count == 1
+    mission.write_text(changed, encoding="utf-8")
 
 
 def given(command: str) -> Any:
@@ -70,9 +79,21 @@ def recorded(mission: Path, east: float) -> None:
     writer.release()
 
 
-@pytest.mark.parametrize("target", ["sim", "bench"])
-def test_its_mission_is_valid(target: str, floor: Path) -> None:
-    assert len(compiled(floor, target).tags) == 36 - 4 + 36
+def filmed(mission: Path, east: float) -> None:
+    """Steps 5 and 6, with the vehicle so far east of its start."""
+    calibrated(mission)
+    recorded(mission, east)
+    with mission.open("a", encoding="utf-8") as text:
+        text.write(f"\n{TARGETS}")
+
+
+def test_its_mission_is_valid_after_every_step(floor: Path) -> None:
+    (camera,) = compiled(floor).vehicles[0].cameras.values()
+    assert (camera.lens.distortion[0], camera.rate) == (0.0, 15.0)
+    calibrated(floor)
+    (camera,) = compiled(floor).vehicles[0].cameras.values()
+    assert (camera.lens.distortion[0], camera.rate) == (-0.1, 15.0)
+    assert len(compiled(floor).tags) == 36 - 4 + 36
 
 
 def test_every_tag_of_the_mission_is_printed(floor: Path) -> None:
@@ -87,14 +108,15 @@ def test_every_tag_of_the_mission_is_printed(floor: Path) -> None:
 
 
 def test_a_video_shows_where_the_vehicle_stands(floor: Path) -> None:
-    recorded(floor, 0.03)
+    filmed(floor, 0.03)
+    assert len(compiled(floor, "bench").tags) == 36 - 4 + 36
     result = given("preflight floor.yaml --target bench")
     assert "0.03 m from the declared start" in result.output
     assert result.exit_code == 0, result.output
 
 
 def test_a_video_shows_that_floor_and_mission_differ(floor: Path) -> None:
-    recorded(floor, 0.0)
+    filmed(floor, 0.0)
     text = floor.read_text(encoding="utf-8")
     floor.write_text(text.replace("at: world.points.pad}", "at: [0.3, 0, 0]}"), encoding="utf-8")
     result = given("preflight floor.yaml --target bench")
@@ -104,5 +126,6 @@ def test_a_video_shows_that_floor_and_mission_differ(floor: Path) -> None:
 
 @pytest.mark.slow
 def test_it_flies(floor: Path) -> None:
+    filmed(floor, 0.0)
     result = given("run floor.yaml")
     assert result.exit_code == 0, result.output

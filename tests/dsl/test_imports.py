@@ -15,6 +15,7 @@ MISSION = """
 kybflow: 1
 mission: m
 import: {{lab: {name}/quads}}
+world: {{fence: {{from: [-2, -2, 0], to: [2, 2, 2.5]}}}}
 vehicles:
   a: {{like: lab.quad, behaviors: {{up: {{do: take_off, height: 1 m}}}}}}
 """

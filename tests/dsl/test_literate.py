@@ -15,10 +15,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # where this runs without py
 
 from benches import Benched
 
-from kybflow.catalog import Catalog, load_catalog
+from kybflow.catalog import Catalog, PartSpec, load_catalog
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import Result, compile_mission
-from kybflow.dsl.pages import Section, folder, sections, sections_of
+from kybflow.dsl.pages import Section, folder, sections, sections_of, write
 from kybflow.dsl.render import render
 from kybflow.signals import MeasurementKind
 
@@ -32,21 +32,47 @@ class Autopilot(Sim):
     provides = frozenset({MeasurementKind.IMU, MeasurementKind.BATTERY})
 
 
-def catalog(family: str) -> Catalog:
-    """Everything installed; on hardware also a driver of it."""
-    return Benched(Autopilot, "autopilot") if family == "On hardware" else load_catalog()
+class Lab(Catalog):
+    """Everything installed, and the parts that a page has as `lab/KIND/NAME.py`."""
+
+    def __init__(self, place: Path) -> None:
+        self._all, self._place = load_catalog(), place
+        own: dict[str, dict[str, str]] = {}
+        for file in (place / "lab").glob("*/*.py"):
+            kind, name = file.parent.name, file.stem
+            own.setdefault(kind, {})[name] = f"lab.{kind}.{name}"
+        super().__init__(own)
+
+    def names(self, kind: str) -> tuple[str, ...]:
+        return (*self._all.names(kind), *super().names(kind))
+
+    def get(self, kind: str, name: str) -> PartSpec:
+        if name not in super().names(kind):
+            return self._all.get(kind, name)
+        sys.path.insert(0, str(self._place))
+        try:
+            return super().get(kind, name)
+        finally:
+            sys.path.remove(str(self._place))
+            for module in [m for m in sys.modules if m.partition(".")[0] == "lab"]:
+                del sys.modules[module]
+
+    def always(self, kind: str) -> tuple[PartSpec, ...]:
+        return self._all.always(kind)
+
+
+def catalog(family: str, place: Path) -> Catalog:
+    """Everything installed and the page's own; on hardware also a driver of it."""
+    return Benched(Autopilot, "autopilot") if family == "On hardware" else Lab(place)
 
 
 def result_of(case: Section, files: dict[str, str], place: Path) -> Result:
-    for name, text in files.items():
-        (place / name).parent.mkdir(parents=True, exist_ok=True)
-        (place / name).write_text(text, encoding="utf-8")
+    write(files, place)
     options = dict(a.removeprefix("--").split(" ", 1) for a in case.arguments if "--set" not in a)
     sets = [a.removeprefix("--set ") for a in case.arguments if "--set" in a]
     with contextlib.chdir(place):
-        return compile_mission(
-            "mission.yaml", catalog=catalog(case.family), target=options.get("target"), sets=sets
-        )
+        own = catalog(case.family, place)
+        return compile_mission("mission.yaml", catalog=own, target=options.get("target"), sets=sets)
 
 
 def report_of(case: Section, place: Path) -> str:

@@ -16,6 +16,7 @@ MISSION = f"""
 kybflow: 1
 mission: m
 import: {{std: kybflow/airframes}}
+world: {{fence: {{from: [-9, -9, 0], to: [9, 9, 9]}}}}
 parameters:
   height: {{type: length, default: 1 m, at_most: 2 m}}
 vehicles:
@@ -96,7 +97,7 @@ def test_mappings_merge_lists_are_replaced_null_removes(tmp_path: Path) -> None:
   b:
     like: a
     start: {at: [0, 2, 0]}
-    processors: []
+    processors: [fence]
     airframe: {mass: 2 kg}
     behaviors:
       up: {then: null, height: 50 cm}
@@ -105,7 +106,7 @@ def test_mappings_merge_lists_are_replaced_null_removes(tmp_path: Path) -> None:
     )
     plan = plan_of(tmp_path, text)
     a, b = vehicle(plan, "a"), vehicle(plan, "b")
-    assert b.processors == ()
+    assert [p.name for p in b.processors] == ["fence"]
     assert (b.airframe.mass, b.airframe.thrust) == (2.0, a.airframe.thrust)
     assert b.states["up"].behavior.params.height == 0.5
     assert [(t.target, t.implied) for t in b.states["up"].transitions if t.cause == "then"] == [

@@ -98,6 +98,71 @@ def test_one_that_two_estimators_share_is_opened_once(tmp_path: Path) -> None:
     assert sensors(plan)["a"] == [shared]
 
 
+FRONT = "{front: {at: [0, 0, 0], width: 640, height: 480, field_of_view: 90 deg}}"
+
+
+def two_videos(folder: Path, target: str) -> tuple[Plan | None, list[str]]:
+    """A vehicle with the cameras `down` and `front`, and two files."""
+    for name in ("down.avi", "front.avi"):
+        (folder / name).write_text("frames")
+    like = "    like: std.courier_quad\n"
+    carried = f"    airframe: {{like: std.courier_quad, cameras: {FRONT}}}\n"
+    path = folder / "m.yaml"
+    path.write_text(MISSION.replace(like, like + carried, 1) + f"  sim: {target}\n")
+    result = compile_mission(path, catalog=Benched(Bench))
+    return result.plan, [f"{d.code} {d.message}" for d in result.diagnostics]
+
+
+DOWN = "{use: camera, video: down.avi, camera: down}"
+OTHER = "{use: camera, video: front.avi, camera: front}"
+
+
+def test_an_estimator_may_have_several(tmp_path: Path) -> None:
+    plan, found = two_videos(tmp_path, f"{{a: {{sensors: {{tag_camera: [{DOWN}, {OTHER}]}}}}}}")
+    assert found == []
+    assert sensors(plan)["a"] == [
+        ("camera", ("tag_camera",), "sensors.tag_camera"),
+        ("camera", ("tag_camera",), "sensors.tag_camera.1"),
+    ]
+
+
+def test_a_list_comes_in_place_of_that_of_all(tmp_path: Path) -> None:
+    both = f"all: {{sensors: {{tag_camera: [{DOWN}, {OTHER}]}}}}"
+    plan, found = two_videos(tmp_path, f"{{{both}, a: {{sensors: {{tag_camera: [{OTHER}]}}}}}}")
+    assert found == []
+    (one,) = sensors(plan)["a"]
+    assert one == ("camera", ("tag_camera",), "sensors.tag_camera")
+
+
+def test_a_video_is_beside_the_file_that_names_it(tmp_path: Path) -> None:
+    plan, _ = two_videos(tmp_path, f"{{a: {{sensors: {{tag_camera: {DOWN}}}}}}}")
+    assert plan is not None
+    assert plan.vehicles[0].sensors[0].part.params.video == str(tmp_path / "down.avi")
+
+
+def test_the_resolved_mission_finds_its_videos_from_anywhere(tmp_path: Path) -> None:
+    first, _ = two_videos(tmp_path, f"{{a: {{sensors: {{tag_camera: [{DOWN}, {OTHER}]}}}}}}")
+    assert first is not None
+    copy = tmp_path / "run" / "resolved.yaml"
+    copy.parent.mkdir()
+    copy.write_text(first.resolved)
+    second = compile_mission(copy, catalog=Benched(Bench)).plan
+    assert second is not None
+    assert [s.part.params for s in second.vehicles[0].sensors] == [
+        s.part.params for s in first.vehicles[0].sensors
+    ]
+    assert sensors(second) == sensors(first)
+
+
+def test_a_video_of_another_target_may_be_missing(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    lab = "{a: {driver: sim, sensors: {tag_camera: {use: camera, video: none.avi}}}}"
+    path.write_text(f"{MISSION}  lab: {lab}\n")
+    result = compile_mission(path, catalog=Benched(Bench))
+    assert [(d.code, d.severity.value) for d in result.diagnostics] == [("KYB370", "warning")]
+    assert result.plan is not None
+
+
 def test_hardware_brings_nothing_and_takes_no_simulated_sensor(tmp_path: Path) -> None:
     plan, found = compiled(tmp_path, "{all: {driver: bench}}", "lab")
     assert plan is None

@@ -173,7 +173,8 @@ def test_kybflow_library_lists_and_shows_flows() -> None:
 def test_the_example_of_the_page_is_valid(tmp_path: Path) -> None:
     (text,) = (t for t in re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.S | re.M) if "shared." in t)
     path = tmp_path / "mission.yaml"
-    path.write_text(f"kybflow: 1\nmission: example\n{text}")
+    room = "world: {fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}}\n"
+    path.write_text(f"kybflow: 1\nmission: example\n{room}{text}")
     result = compile_mission(path, catalog=load_catalog())
     assert [d.message for d in result.diagnostics] == []
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import shutil
 from pathlib import Path
 
@@ -11,6 +12,8 @@ import pytest
 from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import ExpectationPlan, Plan
+from kybflow.dsl.written_values import quantity
+from kybflow.units import ANGLE, ANGULAR_RATE
 
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 
@@ -51,3 +54,69 @@ def test_each_line_says_where_it_came_from() -> None:
     for line in filter(None, plan.resolved.splitlines()):
         origin = line.rsplit("  # ", 1)[1]
         assert origin == "default" or ".yaml:" in origin
+
+
+LAB = """library: lab
+import: {std: kybflow/airframes}
+parameters: {slow: {type: speed}, lean: {type: angle, default: 15 deg}}
+vehicles:
+  bee:
+    like: std.mk_quadro
+    processors: [{use: limit_speed, speed: $slow}, fence]
+    tracker: {use: geometric, tilt: $lean}
+"""
+BEE = """kybflow: 1
+mission: bee
+import: {lab: {from: lab.yaml, with: {slow: $cruise}}}
+parameters: {wait: {type: duration, default: 20 s}, pad: {type: position, default: [1, 0, 0]},
+  cruise: {type: speed, default: 40 cm/s}}
+world: {fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}}
+vehicles:
+  bee:
+    like: lab.bee
+    start: {at: $pad}
+    behaviors:
+      up: {do: take_off, height: 1 m, within: $wait}
+"""
+
+
+def lines_of(place: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[str, str]]:
+    """Each line of the resolved mission and its origin, by what it begins with."""
+    (place / "lab.yaml").write_text(LAB)
+    (place / "bee.yaml").write_text(BEE)
+    monkeypatch.chdir(place)
+    plan = compile_mission("bee.yaml", catalog=load_catalog(), sets=["wait=9s"]).plan
+    assert plan is not None
+    pairs = [line.rsplit("  # ", 1) for line in plan.resolved.splitlines() if line]
+    return {text.strip().partition(",")[0]: (text.strip(), origin) for text, origin in pairs}
+
+
+def test_a_value_that_took_the_place_of_a_parameter_says_where_it_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = lines_of(tmp_path, monkeypatch)
+    assert lines["- {use: limit_speed"][1] == "lab.yaml:7, speed from bee.yaml:5"
+    assert lines["tracker: {use: geometric"][1] == "lab.yaml:8, tilt from lab.yaml:3"
+    assert lines["start: {at: [1 m"][1] == "bee.yaml:10, at from bee.yaml:4"
+    assert lines["up: {do: take_off"][1] == "bee.yaml:12, within from --set:1"
+
+
+def test_angles_and_shares_are_written_as_an_author_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = lines_of(tmp_path, monkeypatch)
+    assert ", tilt: 15 deg, " in lines["tracker: {use: geometric"][0]
+    assert "warn_below: 30 %" in lines["- {use: battery"][0]
+
+
+def test_the_standard_library_is_called_by_its_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    origin = lines_of(tmp_path, monkeypatch)["mass: 1.05 kg"][1]
+    assert origin.startswith("kybflow/missions/library/airframes.yaml:")
+
+
+def test_a_value_that_no_degree_is_exact_for_stays_in_radians() -> None:
+    assert quantity(0.349, ANGLE) == "0.349 rad"
+    assert quantity(math.radians(20), ANGLE) == "20 deg"
+    assert quantity(0.0, ANGULAR_RATE) == "0 deg/s"

@@ -6,16 +6,20 @@ import json
 import signal
 from dataclasses import replace
 from math import nan
+from types import SimpleNamespace
 
 import pytest
 from flights import NoParams, Still, down, hold, named, path, up
 from plans import part, state, then, vehicle
 
 from kybflow.drivers.sim import Sim
-from kybflow.dsl.plan import EstimatorPlan, TransitionPlan
+from kybflow.dsl.expressions import Finally, InState
+from kybflow.dsl.plan import EstimatorPlan, ExpectationPlan, TransitionPlan
 from kybflow.errors import Refused
+from kybflow.geometry import LEVEL, ZERO
 from kybflow.parts import AIR, Entry, Link
-from kybflow.signals import NS, Failed, Setpoint, SetpointKind, Tick
+from kybflow.runtime.flight import in_the_air
+from kybflow.signals import NS, Estimate, Failed, Setpoint, SetpointKind, Tick, Truth
 
 
 class Exploding(Still, flight=AIR >> AIR, emits=SetpointKind.POSITION):
@@ -228,6 +232,25 @@ def test_preflight_keeps_a_vehicle_without_poses_on_the_ground(run):
     assert named(told, "behavior_started") == []
     assert flown.exit_code == 1
     assert "a: estimate: no healthy estimate from mocap" in flown.summary["reason"]
+
+
+def test_after_a_failed_preflight_no_vehicle_is_in_a_state(run):
+    silent = replace(part("drivers", "sim"), cls=DeafSim)
+    landed = ExpectationPlan("finally a in landed", Finally(InState("a", "landed")), "m.yaml:9")
+    flown, _ = run(vehicle("a", [up("down"), down()], driver=silent), expectations=(landed,))
+    assert [e["held"] for e in flown.summary["expectations"]] == [False]
+
+
+@pytest.mark.parametrize(
+    ("height", "believed", "speed", "mistaken"),
+    [(0.0, 0.0, 1.0, False), (1.0, 0.0, 0.0, True), (1.0, 1.0, 5.0, True), (1.0, 1.0, 0.0, False)],
+)
+def test_who_believes_itself_on_the_ground_may_be_in_the_air(height, believed, speed, mistaken):
+    truth = Truth((0.0, 0.0, height), (0.0, 0.0, speed), LEVEL, ZERO)
+    estimate = Estimate(0, (0.0, 0.0, believed), ZERO, LEVEL, ZERO, "mocap", 0.0, 0.0)
+    site, activity = SimpleNamespace(start=ZERO), SimpleNamespace(airborne=False)
+    landed = SimpleNamespace(truth=truth, estimate=estimate, site=site, activity=activity)
+    assert in_the_air(landed) is mistaken
 
 
 def test_preflight_keeps_a_vehicle_on_the_ground_that_would_land_at_once(run):

@@ -68,12 +68,13 @@ def choice(
     *candidates: EstimatorPlan,
     failed: list[PartFailed] | None = None,
     told: list[Event] | None = None,
+    known=lambda kinds: "",
 ) -> Estimation:
     states = [state("wait", part("behaviors", "wait_on_ground"))]
     events = Events(() if told is None else (told.append,))
     report = [].append if failed is None else failed.append
     plan = vehicle("a", states, estimators=candidates)
-    return Estimation(plan, SITE, events, VehicleScore("a"), report)
+    return Estimation(plan, SITE, events, VehicleScore("a"), report, known)
 
 
 def run(estimation: Estimation, begin: float, end: float) -> list[str | None]:
@@ -269,3 +270,35 @@ def test_one_that_failed_is_not_brought_back_by_a_behavior(ages):
     ages["second"] = 0.0
     estimation.prefer(("second",))
     assert run(estimation, 1.1, 2.0) == ["first"]
+
+
+def test_the_reason_says_what_is_known_of_what_it_lives_on(ages):
+    told: list[Event] = []
+    asked = []
+
+    def known(kinds):
+        asked.append(kinds)
+        return "the camera `down` froze"
+
+    estimation = choice(candidate("first"), candidate("second"), told=told, known=known)
+    run(estimation, 0.0, 1.0)
+    assert asked == [], "nothing was wrong"
+    ages["first"] = 0.4
+    run(estimation, 1.0, 2.0)
+    why = "`first` is not healthy: age 0.400 s, spread 0.000 m; the camera `down` froze"
+    assert told[-1].fields["reason"] == why
+    assert asked == [Scripted.needs]
+    ages["first"] = 0.0
+    run(estimation, 2.0, 4.0)
+    assert told[-1].fields["reason"] == "`first` is healthy again"
+
+
+def test_one_that_failed_needs_no_other_reason(ages):
+    told: list[Event] = []
+    estimation = choice(
+        candidate("first"), candidate("second"), told=told, known=lambda kinds: "it rained"
+    )
+    run(estimation, 0.0, 1.0)
+    estimation.kill(frozenset({"first"}))
+    run(estimation, 1.0, 2.0)
+    assert told[-1].fields["reason"] == "`first` failed"

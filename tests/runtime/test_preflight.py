@@ -6,20 +6,26 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import ClassVar
 
+import numpy
 import pytest
 from alarming import alarming
 from flights import down, named, path, up
 from plans import part, plan, state, then, vehicle
 
+from kybflow.cameras import Camera, Lens
 from kybflow.drivers.sim import Sim
-from kybflow.dsl.plan import PartPlan, SensorPlan, TransitionPlan
-from kybflow.parts import Link, Sensor, Stream
+from kybflow.dsl.plan import EstimatorPlan, PartPlan, SensorPlan, TransitionPlan
+from kybflow.errors import DriverError
+from kybflow.geometry import LEVEL
+from kybflow.parts import Estimator, Link, Sensor, Stream
+from kybflow.runtime import standing
 from kybflow.runtime.inspection import inspect
 from kybflow.runtime.preflight import Line
 from kybflow.shapes import Box
-from kybflow.signals import NS, Battery, MeasurementKind, Pose, Reaction
+from kybflow.signals import NS, Battery, Estimate, Frame, MeasurementKind, Pose, Reaction
 
 
 def checks(*vehicles, **facts) -> dict[tuple[str, str], Line]:
@@ -166,6 +172,109 @@ def test_why_a_sensor_gives_nothing_is_said(says, reason):
     sensor = SensorPlan(PartPlan("told", Told, None, "sensors.mocap", "m.yaml:7"), ("mocap",))
     line = checks(flight(sensors=(sensor,)))["a", "pose stream"]
     assert (line.green, line.reason) == (False, reason)
+
+
+def test_why_a_sensor_fails_is_said():
+    class Failing(Mute):
+        @classmethod
+        def open(cls, params, site, link, generator):
+            class Broken(Stream):
+                def read(self, now):
+                    raise DriverError("the frames are 4 x 3, but the lens is for 8 x 6")
+
+                def close(self):
+                    pass
+
+            return Broken()
+
+    sensor = SensorPlan(PartPlan("told", Failing, None, "sensors.mocap", "m.yaml:7"), ("mocap",))
+    line = checks(flight(sensors=(sensor,)))["a", "pose stream"]
+    reason = "nothing arrives: the frames are 4 x 3, but the lens is for 8 x 6"
+    assert (line.green, line.reason) == (False, reason)
+
+
+@pytest.mark.parametrize(
+    ("located", "reason"),
+    [
+        (False, "no healthy estimate from seeing: frames arrive, but no tag of the map is found"),
+        (True, "no healthy estimate from seeing"),
+    ],
+)
+def test_frames_without_a_tag_are_told_from_no_frames(located, reason):
+    class Seeing(Estimator[None]):
+        needs = frozenset({MeasurementKind.FRAME})
+
+        def update(self, measurements, now):
+            frames = [m for m in measurements if isinstance(m, Frame)]
+            if frames:
+                where = SimpleNamespace(position=(0, 0, 0), views=(), covariance=numpy.eye(6))
+                self.sighting = SimpleNamespace(frames=frames, located=where if located else None)
+
+    class Filming(Mute):
+        provides = frozenset({MeasurementKind.FRAME})
+
+        @classmethod
+        def open(cls, params, site, link, generator):
+            class Film(Stream):
+                def read(self, now):
+                    return [Frame(now, "down", numpy.zeros((4, 4), numpy.uint8))]
+
+                def close(self):
+                    pass
+
+            return Film()
+
+    sensor = SensorPlan(PartPlan("film", Filming, None, "sensors.film", "m.yaml:7"), ("seeing",))
+    seeing = EstimatorPlan(PartPlan("seeing", Seeing, None, "estimators.seeing"), None, 1.0, None)
+    lens = Lens(4, 4, 4.0, 4.0, 2.0, 2.0)
+    one = flight(
+        sensors=(sensor,), estimators=(seeing,), cameras={"down": Camera("down", lens, (0, 0, 0))}
+    )
+    found = checks(one)
+    assert found["a", "frame stream"].green
+    line = found["a", "estimate"]
+    assert not line.green
+    assert line.reason.removesuffix(" in them") == reason
+
+
+def test_what_was_left_out_of_a_stream_is_said():
+    def ahead(measurement, now):
+        if isinstance(measurement, Pose):
+            return measurement._replace(time=now + NS)
+        return measurement
+
+    line = checks(flight(driver=bent(ahead)))["a", "pose stream"]
+    assert not line.green
+    reason, _, left_out = line.reason.partition("; ")
+    assert reason == "nothing arrives"
+    count, _, why = left_out.partition(" ")
+    assert int(count) > 100
+    assert why == "were left out, because they can't be true"
+
+
+def positions(up: float):
+    """The start of a vehicle on positions alone, whose height is good for so many metres."""
+    vague = part("estimators", "fusion", source="position", samples=15)
+    driver = part("drivers", "sim", position_noise=0.3, position_noise_up=up)
+    estimators = (EstimatorPlan(vague, None, 1.0, None),)
+    found = checks(flight(driver=driver, estimators=estimators))
+    return found["a", "start pose"]
+
+
+def test_a_vague_estimate_may_be_further_from_the_start():
+    line = positions(0.5)
+    assert line.green
+    away = float(line.reason.split()[0])
+    assert 0.25 < away < 1.2
+    assert line.reason.endswith("m from the declared start (1.13 m allowed, 3 times its spread)")
+
+
+def test_but_not_as_far_as_it_likes():
+    estimate = Estimate(0, (0.0, 0.0, 0.0), (0.0,) * 3, LEVEL, (0.0,) * 3, "fusion", 0.0, 1.0)
+    assert [standing.said(estimate._replace(spread=s)) for s in (0.002, 0.083, 0.1, 5.0)] == [
+        "0.25 m allowed", "0.25 m allowed", "0.30 m allowed, 3 times its spread",
+        "2.00 m allowed, the most",
+    ]  # fmt: skip
 
 
 def test_a_vehicle_without_a_battery_report_stays():

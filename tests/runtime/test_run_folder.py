@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import pytest
+from plans import part
 from recorded_run import STARTED, make_plan
 
+from kybflow.dsl.plan import EstimatorPlan, SensorPlan
 from kybflow.runtime.flight import Request
+from kybflow.runtime.provenance import provenance
 from kybflow.runtime.run_folder import RunFolderError, create_run_folder
 from kybflow.signals import NS, Event
 
@@ -97,6 +102,31 @@ def test_a_summary_that_cannot_be_written_is_no_summary(tmp_path):
     assert not run.finish({"outcome": "succeeded"})
     assert run.failed == f"`{tmp_path}/summary.json` can't be written: No space left on device"
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["events.jsonl"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "params", "package"),
+    [
+        ("sensors", "simulated_camera", {}, "opencv-contrib-python-headless"),
+        ("estimators", "tag_camera", {}, "opencv-contrib-python-headless"),
+        ("sensors", "motion_capture", {"system": "vicon", "host": "lab"}, "motioncapture"),
+    ],
+)
+def test_provenance_tells_the_versions_that_the_parts_need(tmp_path, kind, name, params, package):
+    try:
+        installed = version(package)
+    except PackageNotFoundError:
+        pytest.skip(f"{package} is not installed")
+    used = part(kind, name, **params)
+    if kind == "sensors":
+        asked = {"sensors": (SensorPlan(used, ("tags",)),)}
+    else:
+        asked = {"estimators": (EstimatorPlan(used, None, 1.0, None),)}
+    vehicles = tuple(replace(vehicle, **asked) for vehicle in PLAN.vehicles)
+    plan = replace(PLAN, vehicles=vehicles)
+    found = provenance(plan, Request(0), STARTED, ())["versions"]
+    assert found[package] == installed
+    assert package not in provenance(PLAN, Request(0), STARTED, ())["versions"]
 
 
 def test_provenance_says_what_the_run_was_made_of(tmp_path):

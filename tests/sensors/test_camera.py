@@ -14,7 +14,7 @@ from flying import SITE
 from kybflow.cameras import Camera as Mounted
 from kybflow.cameras import Lens
 from kybflow.errors import DriverError
-from kybflow.files import File
+from kybflow.files import File, FilePath
 from kybflow.parts import Link
 from kybflow.sensors._capture import Captured, Grabber
 from kybflow.sensors.camera import Camera, CameraParams, Device
@@ -104,11 +104,26 @@ def test_it_says_which_camera_it_can_not_be() -> None:
     two = {"down": DOWN, "front": DOWN._replace(name="front")}
     assert Camera.objection(CameraParams(camera="front"), two) is None
     assert Camera.objection(CameraParams(), two) == (
-        "`camera` must say which it is; the airframe has `down`, `front`"
+        "camera",
+        "`camera` must say which it is; the airframe has `down`, `front`",
+        "write `camera: down`",
     )
     assert Camera.objection(CameraParams(camera="dwon"), two) == (
-        "the airframe has no camera `dwon`; it has `down`, `front`"
+        "camera",
+        "the airframe has no camera `dwon`; it has `down`, `front`",
+        "did you mean `down`?",
     )
+
+
+def test_what_it_gives_is_the_frames_of_its_camera() -> None:
+    two = {"down": DOWN, "front": DOWN._replace(name="front")}
+    assert Camera.gives(CameraParams(camera="front"), two) == ["frames of `front`"]
+    assert Camera.gives(CameraParams(), {"down": DOWN}) == ["frames of `down`"]
+
+
+def test_a_device_goes_by_the_wall_clock_and_a_video_does_not() -> None:
+    assert Camera.real_time(CameraParams())
+    assert not Camera.real_time(CameraParams(video=FilePath("a.avi")))
 
 
 def test_its_own_calibration_replaces_the_airframes_lens() -> None:

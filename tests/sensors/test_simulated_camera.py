@@ -18,8 +18,9 @@ from kybflow.errors import DriverError
 from kybflow.geometry import LEVEL, ZERO, add
 from kybflow.parts import Effect, Link, Rig
 from kybflow.sensors.simulated_camera import SimulatedCamera, SimulatedCameraParams
+from kybflow.shapes import Sphere
 from kybflow.signals import NS, Frame, MeasurementKind, Truth
-from kybflow.site import Site
+from kybflow.site import LEGS, Parcel, Site
 from kybflow.tags import Tag, TagMap
 from kybflow.vision.drawing import Room
 from kybflow.vision.optics import SOUND, Weakness
@@ -203,3 +204,51 @@ def test_it_says_what_it_lacks() -> None:
         opened(Hardware(), DOWN).read(0)
     assert SimulatedCamera.provides == {MeasurementKind.FRAME}
     assert SimulatedCamera.simulated
+
+
+PARCEL = Parcel(mass=0.2, size=0.2)
+
+
+class Carrying(Passing):
+    """The link of a vehicle with a parcel, which it lets go at `released`: from then on it lies on
+    the floor at the origin."""
+
+    def __init__(self, released: float = 9.0) -> None:
+        super().__init__()
+        self.released = released
+
+    def truth(self) -> Truth:
+        body = super().truth()
+        centre = 0.5 * PARCEL.size - LEGS
+        x, y, z = body.position
+        aboard = (x, y, z + centre)
+        lies = self.now / NS >= self.released
+        return body._replace(payload=(0.0, 0.0, centre) if lies else aboard)
+
+
+def test_a_parcel_is_seen_once_it_is_released_and_hides_the_tag_that_it_lies_on() -> None:
+    def images(link: Passing, **more: Any) -> list[Frame]:
+        place = site(DOWN)._replace(**more)
+        stream = SimulatedCamera.open(CLEAN, place, link, random.Random(1))
+        return [frame for _, frame in fly(stream, link, NS // 2)]
+
+    without, aboard = images(Passing()), images(Carrying(), payload=PARCEL)
+    released = images(Carrying(released=0.2), payload=PARCEL)
+    assert all((a.image == b.image).all() for a, b in zip(without, aboard, strict=True))
+    changed = [(a.image != b.image).sum() for a, b in zip(aboard, released, strict=True)]
+    assert changed[:6] == [0] * 6
+    # its upper face is 80 cm below the lens of 120 pixels, and has a rim of 3 blurred pixels
+    side = 120 * PARCEL.size / 0.8
+    assert all(side**2 < count < (side + 6) ** 2 for count in changed[6:])
+
+
+def test_the_worlds_obstacles_are_drawn() -> None:
+    ball = site(DOWN)._replace(obstacles={"ball": Sphere((0.0, 0.0, 0.1), 0.1)})
+    streams = [
+        SimulatedCamera.open(CLEAN, place, Passing(), random.Random(1))
+        for place in (ball, site(DOWN))
+    ]
+    seen, free = (
+        stream._room.draw(DOWN, Truth((0.0, 0.0, 1.0), ZERO, LEVEL, ZERO)) for stream in streams
+    )
+    assert 0.01 < (seen != free).mean() < 0.05

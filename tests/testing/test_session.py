@@ -11,13 +11,16 @@ from xml.etree import ElementTree
 import pytest
 from typer.testing import CliRunner
 
+from kybflow.catalog import load_catalog
 from kybflow.cli import app
+from kybflow.dsl.compiler import compile_mission
 from kybflow.runtime.interrupts import Interrupts
 from kybflow.testing.cases import Case, Tried, try_case
+from kybflow.testing.coverage import State, written
 from kybflow.testing.finding import missions_under
 from kybflow.testing.junit import write_junit
 from kybflow.testing.pool import Pool
-from kybflow.testing.session import exit_code, run_cases
+from kybflow.testing.session import coverage_of, exit_code, run_cases
 
 GOOD = """kybflow: 1
 mission: hop
@@ -198,7 +201,7 @@ def test_a_terminal_that_interrupts_ends_the_command(folder: Path, number: int):
         os.killpg(child.pid, number)
         rest = child.stdout.read()
     (suite,) = ElementTree.parse(folder / "junit.xml").getroot()
-    assert first.startswith("FAILED  broken.yaml[")
+    assert first.startswith("FAILED  broken.yaml, seed ")
     assert f"stopped after {suite.get('tests')} of 100000 flights" in rest
     assert "Traceback" not in rest
     assert "INTERRUPTED" not in rest
@@ -264,6 +267,17 @@ def test_the_command_tells_what_was_not_taken(folder: Path):
     assert done.exit_code == 0
     assert "1 of 1" in done.output
     assert f"{folder / 'good.yaml'}:9: not taken: nano: still" in done.output
+
+
+def test_what_never_flew_has_nothing_to_tell_of_its_states(folder: Path):
+    path = folder / "good.yaml"
+    mission = compile_mission(path, catalog=load_catalog()).plan
+    assert mission is not None
+    stuck = Tried(Case(path, 0, folder), "driver_failed", written=tuple(written(mission)))
+    assert coverage_of([stuck]) == {}
+    taken = frozenset({State("nano", "up")})
+    flew = Tried(Case(path, 1, folder), "failed", written=stuck.written, taken=taken)
+    assert len(coverage_of([stuck, flew])[path].missed) == len(stuck.written) - 1
 
 
 def test_full_fails_when_something_was_not_taken(folder: Path):

@@ -16,6 +16,7 @@ from kybflow.signals import Truth  # noqa: E402
 from kybflow.tags import Tag, TagMap  # noqa: E402
 from kybflow.vision.drawing import Room, motion  # noqa: E402
 from kybflow.vision.families import dictionary, pattern  # noqa: E402
+from kybflow.vision.floor import mixed_up  # noqa: E402
 from kybflow.vision.grid import grid  # noqa: E402
 from kybflow.vision.optics import Optics, Weakness  # noqa: E402
 from kybflow.vision.projection import project  # noqa: E402
@@ -228,6 +229,28 @@ def test_covered_and_missing_tags_are_as_many_as_asked_and_stay_the_same() -> No
     missing = find(draw(tags, Optics(**CLEAN, missing=0.5), at)).keys()
     assert 0.25 * len(whole) < len(missing) < 0.75 * len(whole)
     assert find(draw(tags, Optics(**CLEAN, missing=1.0), at)) == {}
+
+
+def test_misplaced_tags_lie_in_each_others_places_as_many_as_asked() -> None:
+    small = [Tag("36h11", 100, 0.1, (2.0, 0.0, 0.0), LEVEL)]
+    tags = TagMap([*floor(), *small])
+    laid = mixed_up(tags, 0.25, 3)
+    wrong = {tag.id for tag in tags if laid.get(*tag.key) != tag}
+    assert len(wrong) == 9
+    assert 100 not in wrong
+    assert sorted(t.position for t in laid) == sorted(t.position for t in tags)
+    assert laid == mixed_up(tags, 0.25, 3) != mixed_up(tags, 0.25, 4)
+
+    at = body(x=0.5, z=1.8)
+    shot = Shot(CAMERA, at, 0.0)
+    found = find(draw(tags, Optics(**CLEAN, row_time=0.0, misplaced=0.25), at, seed=3))
+    assert len(found) >= 25
+    off = set()
+    for number, corners in found.items():
+        expected, _ = shot.project(numpy.array(tags.get("36h11", number).corners()))
+        if numpy.abs(expected - corners).max() > 20.0:
+            off.add(number)
+    assert off == wrong & found.keys() != set()
 
 
 def test_a_patch_hides_what_it_lies_on() -> None:

@@ -130,6 +130,28 @@ def test_tags_that_are_wrong_in_the_map_are_left_out():
         assert not wrong & {key[1] for key in located.used}
 
 
+def test_tags_that_lie_in_each_others_places_are_left_out():
+    clean, mixed, generator = room(TAGS), room(TAGS, misplaced=0.3), numpy.random.default_rng(3)
+    locators = [Locator(TagMap(TAGS), {"down": CAMERA}) for _ in range(2)]
+    errors, used = ([], []), ([], [])
+    for t in numpy.arange(0.0, 7.0, 0.5).tolist():
+        body = truth_at(lively(), t)
+        guess = predicted(body, generator.normal(0.0, 0.006, 3).tolist())
+        for i, drawn in enumerate((clean, mixed)):
+            located = locators[i].locate([frame(drawn, body, t)], guess)
+            errors[i].append(off(*located[:2], body)[0])
+            used[i].append(len(located.used))
+    assert 0.55 < numpy.sum(used[1]) / numpy.sum(used[0]) < 0.85
+    assert numpy.mean(errors[1]) <= 2.0 * numpy.mean(errors[0])
+
+
+def test_tags_in_each_others_places_are_left_out_without_a_prediction():
+    for seed in range(6):
+        locator = Locator(TagMap(TAGS), {"down": CAMERA})
+        located = locator.locate([frame(room(TAGS, seed, misplaced=0.3), BODY)], None)
+        assert off(*located[:2], BODY)[0] < 0.001
+
+
 def test_in_the_dark_there_is_no_pose_and_the_whole_image_is_searched_ever_more_rarely():
     locator, drawn = Locator(TagMap(TAGS), {"down": CAMERA}), room(TAGS)
     searched = []

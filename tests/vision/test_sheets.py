@@ -39,6 +39,50 @@ def test_every_family_is_found_on_the_page_at_its_size(family: str) -> None:
         assert corners[0][0] == corners[:, 0].min()
 
 
+@pytest.mark.parametrize("family", ["36h11", "16h5", "aruco_7x7"])
+@pytest.mark.parametrize("size", [0.02, 0.05, 0.195])
+def test_what_is_cut_out_at_half_the_gap_has_its_number_and_an_arrow(
+    family: str, size: float
+) -> None:
+    (page,) = lay_out(family, [27], size, "a3")
+    whole = page.boxes[3]
+    black = next(b for b in page.boxes if b.width == pytest.approx(1000.0 * size))
+    (arrow,) = page.arrows
+    mark = page.words[-1]
+    assert mark.text == "27"
+    low = max(black.y - 5.0, whole.y)
+    high = min(black.y + black.height + 5.0, whole.y + whole.height)
+    assert low < mark.y < mark.y + 0.72 * mark.height < black.y
+    xs, ys = zip(*arrow.outline(), strict=True)
+    assert black.y + black.height < min(ys) < max(ys) < high
+    apart = 0.2 * black.width  # from the corners
+    assert black.x + apart < min(mark.x, *xs)
+    assert max(mark.x + 2 * 0.667 * mark.height, *xs) < black.x + black.width - apart
+    tip = max(arrow.outline(), key=lambda corner: corner[1])
+    assert tip == (arrow.x, arrow.y + arrow.height)
+
+
+@pytest.mark.parametrize("dpi", [25, 50, 100, 254])
+def test_what_is_printed_beside_a_tag_moves_no_corner(dpi: int) -> None:
+    """Cut at half the least gap: white of 5 mm all around, dark floor beyond."""
+    (page,) = lay_out("36h11", [123], 0.05, "a4")
+    scale, corners = dpi / 25.4, []
+    black = next(b for b in page.boxes if b.width == pytest.approx(50.0))
+    left, low = black.x - 5.0, PAPERS["a4"][1] - black.y + 5.0
+    side = round(60.0 * scale)
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    for shown in (page, page._replace(words=(), arrows=())):
+        drawn = raster(shown, "a4", dpi)
+        cut = drawn[round(low * scale) - side : round(low * scale), round(left * scale) :][:, :side]
+        floor = numpy.pad(cut, 100, constant_values=90)
+        floor = cv2.GaussianBlur(floor, (0, 0), 0.8)
+        seen, ids, _ = cv2.aruco.ArucoDetector(dictionary("36h11"), parameters).detectMarkers(floor)
+        assert ids.ravel().tolist() == [123]
+        corners.append(seen[0])
+    assert numpy.abs(corners[0] - corners[1]).max() < 0.02
+
+
 def rectangles(page: bytes) -> list[tuple[float, ...]]:
     """Left, low, width, height in millimetres and grey of each, as a PDF reader takes them."""
     scale, grey, out = 0.0, 0.0, []
@@ -92,7 +136,8 @@ def test_the_pdf_is_well_formed() -> None:
     for match in re.finditer(rb"/Length (\d+) >>\nstream\n", data):
         assert data[match.end() + int(match[1]) :].startswith(b"\nendstream")
     assert len(streams(data)) == 9
-    assert b"(36h11  id 8  150 mm  ^ top) Tj" in data
+    assert b"(36h11  id 8  150 mm) Tj" in data
+    assert b"(8) Tj" in data
 
 
 def test_a_png_says_its_resolution_and_is_the_page() -> None:
@@ -133,10 +178,25 @@ def test_the_command_writes_a_pdf_and_pages_of_png(tmp_path: Path) -> None:
         ),
         (("--ids", "5-2", "--size", "4cm"), "`5-2` is no range of 36h11"),
         (("--ids", "x", "--size", "4cm"), "`x` is no number and no range; write it like 0-9,12"),
-        (("--ids", "0", "--size", "19.5cm"), "make it smaller, or take --paper a3"),
         (
-            ("--ids", "0", "--size", "1m", "--paper", "a3"),
-            "A3 has 281 mm to print on; make it smaller",
+            ("--ids", "0", "--size", "19.5cm"),
+            "Invalid value for --paper: a tag of 195 mm takes 243.75 mm with its quiet zone, and A4"
+            " has 194 mm to print on; take --paper a3, or a smaller --size",
+        ),
+        (
+            ("--ids", "0", "--size", "1m"),
+            "Invalid value for --size: a tag of 1 m takes 1.25 m with its quiet zone, and A4 has"
+            " 194 mm to print on; make it smaller",
+        ),
+        (
+            ("--ids", "0", "--size", "5", "--paper", "a3"),
+            "Invalid value for --size: a tag of 5 m takes 6.25 m with its quiet zone, and A3 has"
+            " 281 mm to print on; a number alone is metres: write the unit, such as 5cm",
+        ),
+        (
+            (f"{MISSIONS}/courier.yaml",),
+            "Invalid value for --paper: a tag of 195 mm takes 243.75 mm with its quiet zone, and A4"
+            " has 194 mm to print on; take --paper a3",
         ),
         (("--ids", "0", "--size", "4deg"), "`4deg` is an angle, but a length is needed"),
         (("--ids", "0", "--size", "0"), "`0` must be above 0"),

@@ -21,10 +21,7 @@ from xml.sax.saxutils import quoteattr
 
 from kybflow.geometry import Vec3
 from kybflow.shapes import Box, Cylinder, Plane, Shape, Sphere
-from kybflow.site import Parcel, Site
-
-LEGS = 0.05
-"""Height of the rotor plane above the floor when a vehicle stands, metres."""
+from kybflow.site import LEGS, Parcel, Site
 
 ROTORS = ((1.0, 1.0, 1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0), (1.0, -1.0, -1.0))
 """Each rotor's side along body x and y, and the sign of its drag torque about body z."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.told import ANY, Told
+from kybflow.dsl.checks.told import ANY, OPERATOR, Told
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.document import Transition
 from kybflow.dsl.source import Text
@@ -46,11 +46,19 @@ def _unheard_by(
 
 
 def _unheard(event: Text, told: Told, own: str | None, groups: Iterable[str]) -> Diagnostic:
-    hint = did_you_mean(event.text, told.names(own, groups))
+    hint, notes = did_you_mean(event.text, told.names(own, groups)), list[str]()
     if "." not in event.text and any(event.text in events for events in told.of.values()):
         hint = f"it is a vehicle's: write `{ANY}.{event.text}` or `VEHICLE.{event.text}`"
+    elif not hint.startswith("did"):
+        notes = [_of_a_person(event.text.rpartition(".")[2])]
     message = f"nothing here tells the event `{event.text}`"
-    return Diagnostic("KYB208", message, event.span, label="never heard", help=hint)
+    return Diagnostic("KYB208", message, event.span, "never heard", tuple(notes), hint)
+
+
+def _of_a_person(name: str) -> str:
+    """How an event is given that no part tells."""
+    given = f"{OPERATOR}{name}"
+    return f"a person gives `{given}`: `run --emit {given}@2s`; a callback gives `{{emit: {name}}}`"
 
 
 def _too_late(event: Text, told: Told) -> Iterator[Diagnostic]:

@@ -1,4 +1,4 @@
-"""Faults: whom they break, when, and where that can be done: KYB330 to KYB335."""
+"""Faults: whom they break, when, and where that can be done: KYB330 to KYB336."""
 
 from __future__ import annotations
 
@@ -92,6 +92,27 @@ def unknown_estimators(case: Case) -> Iterator[Diagnostic]:
                 message = f"`{fault.vehicle.text}` has no estimator `{name.text}`"
                 hint = did_you_mean(name.text, known) or f"it has {', '.join(known)}"
                 yield Diagnostic("KYB335", message, name.span, help=hint)
+
+
+def of_no_effect(case: Case) -> Iterator[Diagnostic]:
+    """KYB336: a fault of the camera, the tags or motion capture on a vehicle that flies on nothing
+    of the kind."""
+    for fault in case.document.faults:
+        vehicle, kind = case.document.vehicles.get(fault.vehicle.text), fault.part.spec.cls.spoils
+        if vehicle is None or kind is None:
+            continue
+        parts = [use.part for use in vehicle.estimators]
+        if any(kind in part.spec.cls.uses(part.params) for part in parts):
+            continue
+        known = ", ".join(f"`{part.label}`" for part in parts) or "nothing"
+        yield Diagnostic(
+            "KYB336",
+            f"`{fault.part.name.text}` can't break `{vehicle.name.text}`: no estimator of it needs "
+            f"{kind.value}s",
+            fault.part.name.span,
+            label=f"it flies on {known}",
+            help="break another vehicle, or remove the fault",
+        )
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:

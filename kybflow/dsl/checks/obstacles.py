@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from math import hypot, inf
 
+from kybflow.dsl.checks.aims import aim_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import extent, footprints, shown_point
 from kybflow.dsl.diagnostics import Diagnostic, Severity
@@ -60,7 +61,7 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "KYB341",
                 f"`{state.name.text}` ({state.part.name.text}) flies into `{obstacle.name.text}`",
-                state.part.name.span,
+                aim_of(state, footprint),
                 label=f"at {shown_point(point)}, {_near(vehicle, room)}",
                 notes=(_stands(obstacle), *footprint.line_of(point)),
                 help="lead it round with `follow_path`, or further away",

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import floor
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import State, Vehicle
 from kybflow.geometry import GRAVITY
-from kybflow.units import FORCE, format_quantity
+from kybflow.site import Parcel
+from kybflow.units import FORCE, MASS, format_quantity
 
 _SPARE = 1.1
+_GRAMS = 10.0
+"""From so many kilograms on, a mass is one of grams without its unit."""
 
 
 def nothing_to_hold(case: Case) -> Iterator[Diagnostic]:
@@ -55,7 +59,20 @@ def too_heavy_to_lift(case: Case) -> Iterator[Diagnostic]:
                 vehicle.spans.get("payload", vehicle.span),
                 label=f"together they weigh {format_quantity(weight, FORCE)}",
                 notes=("a tenth more than the weight is needed to steer",),
+                help=_lighter(vehicle, vehicle.payload),
             )
+
+
+def _lighter(vehicle: Vehicle, payload: Parcel) -> str:
+    """What it can carry: the same number of grams, where that could be meant, or how much at
+    most."""
+    most = vehicle.airframe.max_thrust / (_SPARE * GRAVITY) - vehicle.airframe.mass
+    if _GRAMS <= payload.mass <= 1000.0 * most:
+        return f"did you mean `mass: {payload.mass:g} g`?"
+    if most <= 0.0:
+        return "fly another airframe: this one has nothing to spare"
+    grams = floor(most * 1000.0)
+    return f"carry {format_quantity(grams / 1000.0, MASS)} at most, or fly a stronger airframe"
 
 
 def _gripping(case: Case) -> Iterator[tuple[Vehicle, State]]:

@@ -1,10 +1,10 @@
-"""Sensors beside the driver, and what they look at: KYB387, KYB388, KYB391 to
-KYB393."""
+"""Sensors beside the driver, and what they look at: KYB387, KYB388, KYB391 to KYB394."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from kybflow.cameras import Camera
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import SensorUse, Vehicle
@@ -48,13 +48,44 @@ def not_simulated(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def not_with_these_cameras(case: Case) -> Iterator[Diagnostic]:
-    """KYB393: a sensor can't work with the cameras that the airframe carries."""
+def not_as_told(case: Case) -> Iterator[Diagnostic]:
+    """KYB393: a sensor can't work as it is told: the airframe carries no such camera, or the
+    address of its server is none."""
     for vehicle, use in _written(case):
-        cameras = {camera.name.text: camera.camera for camera in vehicle.cameras}
-        objection = use.part.spec.cls.objection(use.part.params, cameras) if cameras else None
+        objection = use.part.spec.cls.objection(use.part.params, _cameras(vehicle))
         if objection is not None:
-            yield Diagnostic("KYB393", objection, use.part.spans.get("camera", use.part.name.span))
+            span = use.part.spans.get(objection.parameter, use.part.name.span)
+            yield Diagnostic("KYB393", objection.reason, span, help=objection.hint)
+
+
+def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
+    """KYB394: two sensors give a vehicle the same measurements. Every estimator that needs them
+    hears every sensor of the vehicle, whatever name a sensor stands under, so they would be
+    mixed."""
+    given: dict[tuple[str, str], SensorUse] = {}
+    for vehicle, use in _written(case):
+        for what in use.part.spec.cls.gives(use.part.params, _cameras(vehicle)):
+            first = given.setdefault((vehicle.name.text, what), use)
+            if first is use or (_is_same(first, use) and first.estimator != use.estimator):
+                continue
+            beside = f"for `{use.estimator.text}`, and one for `{first.estimator.text}` as well"
+            yield Diagnostic(
+                "KYB394",
+                f"`{vehicle.name.text}` gets {what} from two sensors",
+                use.part.name.span,
+                label="" if first.estimator == use.estimator else beside,
+                notes=(f"the other is at {first.part.span.at}",),
+                help="leave one out: its measurements are for all estimators of the vehicle",
+            )
+            break
+
+
+def _is_same(one: SensorUse, other: SensorUse) -> bool:
+    return (one.part.spec.name, one.part.params) == (other.part.spec.name, other.part.params)
+
+
+def _cameras(vehicle: Vehicle) -> dict[str, Camera]:
+    return {camera.name.text: camera.camera for camera in vehicle.cameras}
 
 
 def _written(case: Case) -> Iterator[tuple[Vehicle, SensorUse]]:

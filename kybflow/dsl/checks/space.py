@@ -1,10 +1,11 @@
-"""Where it goes and how fast: KYB311 to KYB315, KYB320, KYB321 and KYB372."""
+"""Where it goes and how fast: KYB311 to KYB315, KYB320 and KYB372."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from math import inf
 
+from kybflow.dsl.checks.aims import aim_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entries import Entries, entries_of
 from kybflow.dsl.diagnostics import Diagnostic, Severity
@@ -67,7 +68,7 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "KYB313",
                 f"`{state.name.text}` ({state.part.name.text}) leaves the fence",
-                state.part.name.span,
+                aim_of(state, footprint),
                 label=_beyond(fence, far),
                 notes=(extent(fence), *footprint.line_of(far)),
             )
@@ -90,7 +91,7 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "KYB320",
                 f"`{part.label}` keeps `{vehicle.name.text}` from where `{state.name.text}` goes",
-                state.part.name.span,
+                aim_of(state, footprint),
                 label=_beyond(room, far),
                 notes=(
                     f"`{part.label}` lets it go from {shown_point(room.low)} to "
@@ -99,24 +100,6 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
                 ),
                 help="stay further from the fence, or make the margin smaller",
             )
-
-
-def unfenced(case: Case) -> Iterator[Diagnostic]:
-    """KYB321: there is a fence, but no processor of a vehicle keeps its setpoints inside; the
-    supervisor lands it only when it is outside."""
-    fence = case.document.fence
-    for vehicle in case.vehicles() if fence is not None else ():
-        boxes = (p.spec.cls.keeps_inside(p.params, fence) for p in vehicle.processors)
-        if any(box is not None for box in boxes):
-            continue
-        yield Diagnostic(
-            "KYB321",
-            f"no processor keeps `{vehicle.name.text}` inside the fence",
-            vehicle.name.span,
-            label="lands only when it is outside",
-            help="add `fence` to its processors",
-            severity=Severity.WARNING,
-        )
 
 
 def too_fast(case: Case) -> Iterator[Diagnostic]:

@@ -20,9 +20,10 @@ that passed), or when measurements elsewhere have been consistent for `settled` 
 nothing else was flown on.
 
 age: of the newest measurement that was not refused. spread, metres: standard deviation of the
-position along its worst axis; with all refused for longer than `doubt`, also as much as the last of
-them was off. No estimate while no IMU comes for 0.1 s; motion is unknown over such a gap (standard
-deviations 3 m/s^2, 1 rad/s).
+position along its worst axis, and beside it what a share `position_wander` of the variance of
+positions alone comes to, which errs the same way for many of them (GPS: minutes); with all refused
+for longer than `doubt`, also as much as the last of them was off. No estimate while no IMU comes
+for 0.1 s; motion is unknown over such a gap (standard deviations 3 m/s^2, 1 rad/s).
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from typing import TYPE_CHECKING, Literal
 
 from kybflow.geometry import ZERO, Vec3
 from kybflow.parts import Estimator, param, params
+from kybflow.runtime.estimators.inertial import SILENT
 from kybflow.signals import NS, Estimate, Imu, Measurement, MeasurementKind, Time
 from kybflow.site import Site
 from kybflow.units import DEG, Acceleration, Angle, AngularRate, Duration, Length, Ratio, Speed
@@ -47,8 +49,6 @@ _KINDS = {
 }
 MOST_FORCE, MOST_TURN = 500.0, 100.0
 """What an IMU on a vehicle can feel, m/s^2 and rad/s."""
-SILENT = 0.1
-"""Seconds without an IMU sample after which nothing is known of the motion since."""
 
 
 @params
@@ -87,6 +87,11 @@ class FusionParams:
     heading_error: Angle = param(
         "Standard deviation of the declared heading, where only positions come.",
         default=15.0 * DEG, above=0.0, at_most=0.8,
+    )  # fmt: skip
+    position_wander: Ratio = param(
+        "Share of the variance of positions alone that wanders slowly, so that no average takes it "
+        "away; as much stays in the spread.",
+        default=0.5, at_least=0.0, at_most=1.0,
     )  # fmt: skip
     memory: Duration = param(
         "How late a measurement may come.", default=0.5, above=0.0, at_most=5.0, read_only=True
@@ -150,7 +155,7 @@ class Fusion(Estimator[FusionParams]):
         if nominal is None or state is None or not self.filter.is_known:
             return None
         ahead = (now - nominal.time) / NS
-        if ahead > SILENT:
+        if now - nominal.time > SILENT:
             return None
         (px, py, pz), (vx, vy, vz) = nominal.position, nominal.velocity
         (wx, wy, wz), (bx, by, bz) = self._turn, nominal.gyro_bias
@@ -170,4 +175,4 @@ def _is_sound(imu: Imu) -> bool:
     """Not for a number that is none, nor for one that no vehicle survives."""
     (fx, fy, fz), (wx, wy, wz) = imu.specific_force, imu.angular_velocity
     force, turn = fx * fx + fy * fy + fz * fz, wx * wx + wy * wy + wz * wz
-    return force < MOST_FORCE**2 and turn < MOST_TURN**2 and 0.0 < imu.dt <= SILENT
+    return force < MOST_FORCE**2 and turn < MOST_TURN**2 and 0.0 < imu.dt * NS <= SILENT

@@ -33,6 +33,7 @@ from kybflow.runtime.tracked_pose import TrackedParams, TrackedPose
 from kybflow.signals import NS, Estimate, Frame, Measurement, MeasurementKind, Pose, Time
 from kybflow.site import Site
 from kybflow.units import Length
+from kybflow.vision import OPENCV
 
 if TYPE_CHECKING:
     from kybflow.vision.locate_fit import Located
@@ -62,6 +63,7 @@ class TagCamera(Estimator[TagCameraParams]):
 
     needs = frozenset({MeasurementKind.FRAME})
     needs_tags = True
+    packages = OPENCV
 
     def __init__(self, params: TagCameraParams, site: Site) -> None:
         super().__init__(params, site)

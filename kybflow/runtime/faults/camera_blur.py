@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.parts import Effect, Fault, param, params
+from kybflow.signals import MeasurementKind
 from kybflow.units import Number
 from kybflow.vision.optics import Weakness
 
@@ -21,5 +22,7 @@ class CameraBlurParams:
 
 
 class CameraBlur(Fault[CameraBlurParams]):
+    spoils = MeasurementKind.FRAME
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(camera=Weakness(blur=self.params.pixels))}

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.parts import Effect, Fault, params
+from kybflow.signals import MeasurementKind
 from kybflow.vision.optics import Weakness
 
 
@@ -18,5 +19,7 @@ class CameraDarkParams:
 
 
 class CameraDark(Fault[CameraDarkParams]):
+    spoils = MeasurementKind.FRAME
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(camera=Weakness(dark=True))}

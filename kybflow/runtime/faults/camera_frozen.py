@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from kybflow.parts import Effect, Fault, params
-from kybflow.signals import Frame, Measurement
+from kybflow.signals import Frame, Measurement, MeasurementKind
 
 if TYPE_CHECKING:
     import random
@@ -21,6 +21,8 @@ class CameraFrozenParams:
 
 
 class CameraFrozen(Fault[CameraFrozenParams]):
+    spoils = MeasurementKind.FRAME
+
     def __init__(self, params: CameraFrozenParams, generator: random.Random) -> None:
         super().__init__(params, generator)
         self._kept: dict[str, Frame] = {}

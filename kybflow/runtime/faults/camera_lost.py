@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.parts import Effect, Fault, params
-from kybflow.signals import Frame, Measurement
+from kybflow.signals import Frame, Measurement, MeasurementKind
 
 
 @params
@@ -17,6 +17,8 @@ class CameraLostParams:
 
 
 class CameraLost(Fault[CameraLostParams]):
+    spoils = MeasurementKind.FRAME
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=_lose)}
 

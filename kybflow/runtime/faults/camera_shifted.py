@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.parts import Effect, Fault, param, params
+from kybflow.signals import MeasurementKind
 from kybflow.units import Position
 from kybflow.vision.optics import Weakness
 
@@ -22,5 +23,7 @@ class CameraShiftedParams:
 
 
 class CameraShifted(Fault[CameraShiftedParams]):
+    spoils = MeasurementKind.FRAME
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(camera=Weakness(offset=self.params.offset))}

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.parts import Effect, Fault, param, params
+from kybflow.signals import MeasurementKind
 
 
 @params
@@ -17,6 +18,8 @@ class CameraSwappedParams:
 
 
 class CameraSwapped(Fault[CameraSwappedParams]):
+    spoils = MeasurementKind.FRAME
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         other = self.params.other
         return {vehicle: Effect(view=other), other: Effect(view=vehicle)}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.signals import Measurement, Pose
+from kybflow.signals import Measurement, MeasurementKind, Pose
 from kybflow.units import Ratio
 
 
@@ -21,6 +21,8 @@ class MocapDropoutParams:
 
 
 class MocapDropout(Fault[MocapDropoutParams]):
+    spoils = MeasurementKind.POSE
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=self._lose)}
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from kybflow.parts import Effect, Fault, params
-from kybflow.signals import Measurement, Pose
+from kybflow.signals import Measurement, MeasurementKind, Pose
 
 if TYPE_CHECKING:
     import random
@@ -22,6 +22,8 @@ class MocapFrozenParams:
 
 
 class MocapFrozen(Fault[MocapFrozenParams]):
+    spoils = MeasurementKind.POSE
+
     def __init__(self, params: MocapFrozenParams, generator: random.Random) -> None:
         super().__init__(params, generator)
         self._kept: Pose | None = None

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from kybflow.geometry import add
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.signals import Measurement, Pose
+from kybflow.signals import Measurement, MeasurementKind, Pose
 from kybflow.units import Position
 
 
@@ -22,6 +22,8 @@ class MocapJumpParams:
 
 
 class MocapJump(Fault[MocapJumpParams]):
+    spoils = MeasurementKind.POSE
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=self._move)}
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from kybflow.geometry import Vec3, add, integrate
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.signals import Measurement, Pose
+from kybflow.signals import Measurement, MeasurementKind, Pose
 from kybflow.units import DEG, Angle, Length
 
 
@@ -25,6 +25,8 @@ class MocapNoiseParams:
 
 
 class MocapNoise(Fault[MocapNoiseParams]):
+    spoils = MeasurementKind.POSE
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=self._shake)}
 

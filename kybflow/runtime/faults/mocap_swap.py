@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.parts import Effect, Fault, param, params
+from kybflow.signals import MeasurementKind
 
 
 @params
@@ -17,6 +18,8 @@ class MocapSwapParams:
 
 
 class MocapSwap(Fault[MocapSwapParams]):
+    spoils = MeasurementKind.POSE
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         other = self.params.other
         return {vehicle: Effect(body=other), other: Effect(body=vehicle)}

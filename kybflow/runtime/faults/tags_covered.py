@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.parts import Effect, Fault, param, params
+from kybflow.signals import MeasurementKind
 from kybflow.units import Ratio
 from kybflow.vision.optics import Weakness
 
@@ -21,5 +22,7 @@ class TagsCoveredParams:
 
 
 class TagsCovered(Fault[TagsCoveredParams]):
+    spoils = MeasurementKind.FRAME
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(camera=Weakness(covered=self.params.share))}

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from kybflow.params import param, params
 from kybflow.parts.devices import Link
 from kybflow.parts.sensor import Sensor, Stream
-from kybflow.sensors.vrpn.axes import Axes, Units
-from kybflow.sensors.vrpn.stream import Poses
+from kybflow.sensors._axes import Axes, Units
+from kybflow.sensors._stream import Poses
 from kybflow.signals import MeasurementKind
 from kybflow.site import Site
 from kybflow.units import Duration
@@ -49,6 +49,11 @@ class MotionCapture(Sensor[MotionCaptureParams]):
     """See the module."""
 
     provides: ClassVar[frozenset[MeasurementKind]] = frozenset({MeasurementKind.POSE})
+    packages = ("motioncapture",)
+
+    @classmethod
+    def real_time(cls, params: MotionCaptureParams) -> bool:
+        return True
 
     @classmethod
     def open(

@@ -12,14 +12,15 @@ from collections import deque
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from kybflow.errors import described
 from kybflow.geometry import Quat, Vec3
-from kybflow.sensors.vrpn.link import CHUNK, Waker
+from kybflow.sensors._waker import CHUNK, Waker
 from kybflow.signals import Time
 
 SILENT = 10.0
 """Seconds without a frame after which the program is begun again."""
-PAUSE = 1.0
-"""Seconds between one program and the next."""
+FIRST_PAUSE, LONGEST_PAUSE = 1.0, 8.0
+"""Seconds between one program and the next; doubled while none gives a frame."""
 WAITING = 2000
 """Poses that are kept for a reader who does not come."""
 
@@ -66,6 +67,7 @@ class Feed:
         self._wanted: tuple[Subscription, ...] = ()
         self._bodies: frozenset[str] = frozenset()
         self._reason: str | None = "no frame has come yet"
+        self._has_come = False
         self._waker = Waker()
         self._thread = threading.Thread(target=self._run, name=f"mocap {key[0]}", daemon=True)
 
@@ -95,19 +97,29 @@ class Feed:
         return f"{self.key[0]} sends no `{body}`, but {others}"
 
     def _run(self) -> None:
+        pause = FIRST_PAUSE
         while not self._waker.ended.is_set():
-            program = [sys.executable, "-m", "kybflow.sensors.motion_capture.child", *self.key]
-            process = subprocess.Popen(
-                program,
-                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            )  # fmt: skip
+            self._has_come = False
             try:
-                self._read(process)
-            finally:
-                process.kill()
-                process.communicate()
-            self._waker.ended.wait(PAUSE)
+                self._ask()
+            except Exception as error:  # no program could be begun, or it said what is no frame
+                self._reason = described(error)
+            self._waker.ended.wait(pause)
+            pause = FIRST_PAUSE if self._has_come else min(2.0 * pause, LONGEST_PAUSE)
         self._waker.close()
+
+    def _ask(self) -> None:
+        """Begin the program and pass on what it says. Raises what goes wrong."""
+        program = [sys.executable, "-m", "kybflow.sensors.motion_capture.child", *self.key]
+        process = subprocess.Popen(
+            program,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        try:
+            self._read(process)
+        finally:
+            process.kill()
+            process.communicate()
 
     def _read(self, process: subprocess.Popen[bytes]) -> None:
         """Pass on what the program says, until it ends, falls silent or nobody listens."""
@@ -137,7 +149,7 @@ class Feed:
             self._reason = said
             return
         arrival, frame = said
-        self._reason = None
+        self._reason, self._has_come = None, True
         self._bodies |= frame.keys()
         for subscription in self._wanted:
             pose = frame.get(subscription.body)

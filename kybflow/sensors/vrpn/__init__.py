@@ -3,7 +3,7 @@
 Vicon Tracker, OptiTrack Motive and VRPN's own server speak it. Every vehicle takes the body that
 has its name unless `body` says otherwise; all share one link to a server, which opens itself again
 when it was lost. Poses carry the server's stamps, put on the run's clock by the least delay seen
-(`kybflow.sensors.vrpn.offset`), so the two clocks need not agree, only go on. What no pose is, as
+(`kybflow.sensors._offset`), so the two clocks need not agree, only go on. What no pose is, as
 written for a body that is lost, is left out.
 """
 
@@ -11,17 +11,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+from kybflow.errors import DriverError
 from kybflow.params import param, params
 from kybflow.parts.devices import Link
-from kybflow.parts.sensor import Sensor, Stream
-from kybflow.sensors.vrpn.axes import Axes, Units
-from kybflow.sensors.vrpn.stream import Poses
+from kybflow.parts.sensor import Objection, Sensor, Stream
+from kybflow.sensors._axes import Axes, Units
+from kybflow.sensors._stream import Poses
 from kybflow.signals import MeasurementKind
 from kybflow.site import Site
 from kybflow.units import Duration
 
 if TYPE_CHECKING:
     import random
+    from collections.abc import Mapping
+
+    from kybflow.cameras import Camera
 
 
 @params
@@ -47,6 +51,20 @@ class Vrpn(Sensor[VrpnParams]):
     """See the module."""
 
     provides: ClassVar[frozenset[MeasurementKind]] = frozenset({MeasurementKind.POSE})
+
+    @classmethod
+    def objection(cls, params: VrpnParams, cameras: Mapping[str, Camera]) -> Objection | None:
+        from kybflow.sensors.vrpn.link import read_address
+
+        try:
+            read_address(params.host, params.opening == "direct")
+        except DriverError as error:
+            return Objection("host", str(error))
+        return None
+
+    @classmethod
+    def real_time(cls, params: VrpnParams) -> bool:
+        return True
 
     @classmethod
     def open(cls, params: VrpnParams, site: Site, link: Link, generator: random.Random) -> Stream:

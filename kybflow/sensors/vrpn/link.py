@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 import selectors
 import socket
 import struct
-import threading
 import time
 from typing import NamedTuple
 
 from kybflow.errors import DriverError
+from kybflow.sensors._waker import CHUNK, Waker
 from kybflow.sensors.vrpn.codec import COOKIE, encode_lob
 
 PORT = 3883
 ANSWER = 2.0
 """Seconds that a server has to answer; a request by datagram may not come more often."""
-CHUNK = 1 << 16
 _AT_ONCE = struct.pack("ii", 1, 0)
 """Close by a reset: after a server that has gone, so that its port is free for its successor. Else
 it waits for a minute, and the C++ server does not ask for it regardless."""
@@ -46,33 +44,6 @@ def read_address(text: str, direct: bool) -> Address:
     if match[1] and not direct:
         raise DriverError(f"`{text}` asks for TCP alone: leave out `tcp://` or `opening: lob`")
     return Address(match[2].strip("[]"), port, direct)
-
-
-class Waker:
-    """Ends another thread's wait, and its work once `ended` is set."""
-
-    def __init__(self) -> None:
-        self.ended = threading.Event()
-        self.ear, self._mouth = socket.socketpair()
-        self.ear.setblocking(False)
-        self._mouth.setblocking(False)
-
-    def wake(self) -> None:
-        with contextlib.suppress(OSError):  # full: it is awake already; closed: so is it
-            self._mouth.send(b"\0")
-
-    def end(self) -> None:
-        self.ended.set()
-        self.wake()
-
-    def hush(self) -> None:
-        """Forget every call so far."""
-        with contextlib.suppress(OSError):
-            self.ear.recv(CHUNK)
-
-    def close(self) -> None:
-        self.ear.close()
-        self._mouth.close()
 
 
 class Connection:

@@ -16,6 +16,7 @@ from functools import partial
 
 from kybflow.errors import DriverError
 from kybflow.geometry import Quat, Vec3
+from kybflow.sensors._waker import CHUNK, Waker
 from kybflow.sensors.vrpn.codec import (
     COOKIE,
     PING,
@@ -29,7 +30,7 @@ from kybflow.sensors.vrpn.codec import (
     describe,
     encode_pose,
 )
-from kybflow.sensors.vrpn.link import CHUNK, PORT, Waker
+from kybflow.sensors.vrpn.link import PORT
 from kybflow.sensors.vrpn.peer import Peer, Said
 from kybflow.signals import Time
 
@@ -125,7 +126,11 @@ class Server:
             if len(self._guests) >= MOST_CLIENTS:
                 stream.close()
                 return
-            guest = _Guest(stream, self._selector, address)
+            try:
+                guest = _Guest(stream, self._selector, address)
+            except OSError:  # gone again already, or there are no more sockets
+                stream.close()
+                return
             self._guests[stream] = guest
             self._selector.register(stream, selectors.EVENT_READ, guest)
             self._attempt(guest, lambda: guest.send(COOKIE))

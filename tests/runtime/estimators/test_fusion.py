@@ -43,14 +43,14 @@ class Flight:
                 assert estimate is not None
                 self.errors.append(distance(estimate.position, truth.position))
                 if truth.time % NS == 0:
-                    self.nees[truth.time // NS] = _nees(part, truth)
+                    self.nees[truth.time // NS] = nees(part, truth)
         nominal = part.filter.nominal
         assert nominal is not None
         self.force_bias = distance(nominal.accelerometer_bias, world.force_bias)
         self.turn_bias = distance(nominal.gyro_bias, world.turn_bias)
 
 
-def _nees(part: Fusion, truth: Instant) -> tuple[float, float]:
+def nees(part: Fusion, truth: Instant) -> tuple[float, float]:
     state = part.filter.state
     assert state is not None
     nominal = state.nominal

@@ -114,8 +114,17 @@ def test_where_the_vehicle_is_carried_off_there_is_no_estimate_and_then_the_righ
     assert max(error[0] for error in errors[missing[-1] + 20 :]) < 0.01
 
 
+HEIGHTS, LIGHTS = (0.1, 0.13, 0.17, 0.2, 0.25), (0.8, 0.15, 0.4, 1.0, 1.5)
+FAST = set(zip(HEIGHTS, LIGHTS, strict=True))
+
+
 @pytest.mark.parametrize(
-    ("height", "brightness"), [(0.1, 0.8), (0.13, 0.15), (0.17, 0.4), (0.2, 1.0), (0.25, 1.5)]
+    ("height", "brightness"),
+    [
+        pytest.param(h, b, marks=[] if (h, b) in FAST else [pytest.mark.slow])
+        for h in HEIGHTS
+        for b in LIGHTS
+    ],
 )
 def test_it_takes_off_from_a_pad_of_small_tags(height, brightness):
     """The lowest ones see no tag as a whole."""

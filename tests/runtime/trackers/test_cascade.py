@@ -201,6 +201,17 @@ def test_on_the_ground_thrust_rises_until_it_lifts_and_that_is_the_first_estimat
     assert tracker.hover_thrust == pytest.approx(FRAME.hover_thrust, rel=0.01)
 
 
+def test_a_height_that_wavers_on_the_ground_does_not_end_the_spool_up():
+    tracker = cascade()
+    a_little_up = at((0.0, 0.0, 0.3))
+    tracker.update(a_little_up, tick(ZERO))
+    tracker.update(a_little_up, tick((0.0, 0.0, 0.03)))
+    assert tracker.hover_thrust < 0.7 * FRAME.hover_thrust
+    for _ in range(250):
+        last = tracker.update(a_little_up, tick(ZERO)).thrust
+    assert last > FRAME.hover_thrust
+
+
 def test_it_does_not_spool_up_unless_it_is_asked_to_rise():
     tracker = cascade()
     first = tracker.update(at(ZERO), tick(ZERO)).thrust

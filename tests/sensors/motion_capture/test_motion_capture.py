@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import random
+import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 from flying import SITE
 
 from kybflow.geometry import LEVEL
-from kybflow.sensors.motion_capture import MotionCapture, MotionCaptureParams
+from kybflow.sensors._stream import Poses
+from kybflow.sensors.motion_capture import MotionCapture, MotionCaptureParams, feed
 from kybflow.sensors.motion_capture.feed import Arrived, subscribe
-from kybflow.sensors.vrpn.stream import Poses
 from kybflow.signals import NS, Measurement, MeasurementKind, Pose
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "vrpn"))
@@ -77,3 +80,35 @@ def test_poses_are_in_the_world_on_the_clock_of_the_run() -> None:
     expected: list[Measurement] = [Pose(3 * NS - NS // 50, (1.0, -3.0, 2.0), LEVEL)]
     assert stream.read(3 * NS) == expected
     assert MotionCapture.provides == {MeasurementKind.POSE}
+
+
+def test_a_program_that_can_not_be_begun_or_talks_nonsense_is_begun_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The first can't be begun, the next ones say what is no JSON, no frame, no pose; the last is
+    the mock."""
+    real, begun = subprocess.Popen, []
+    said = ["no JSON", "[1]", '[1, {"a": [0.0]}]']
+
+    def popen(program: list[str], **more: Any) -> Any:
+        begun.append(system.trouble("a"))
+        if len(begun) == 1:
+            raise OSError(12, "Cannot allocate memory")
+        if len(begun) - 2 < len(said):
+            program = [sys.executable, "-c", f"print({said[len(begun) - 2]!r})"]
+        return real(program, **more)
+
+    monkeypatch.setattr(feed, "FIRST_PAUSE", 0.001)
+    monkeypatch.setattr(feed, "LONGEST_PAUSE", 0.002)
+    monkeypatch.setattr(feed.subprocess, "Popen", popen)
+    system = feed.Feed(("mock", json.dumps(MOCK)))
+    reader = system.add("a")
+    system.start()
+    until(lambda: bool(reader.take()), "poses of the mock")
+    assert reader.trouble() is None
+    assert system.drop(reader)
+    system.end()
+    reasons = [str(reason).removeprefix("mock: ").partition(":")[0] for reason in begun]
+    assert reasons == [
+        "no frame has come yet", "OSError", "JSONDecodeError", "ValueError", "ValueError",
+    ]  # fmt: skip

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
-import shutil
 from pathlib import Path
 
+import pytest
 import typer
+from typer.testing import CliRunner
 
 from kybflow.catalog import load_catalog
 from kybflow.cli import app
@@ -18,11 +20,25 @@ REPO = Path(__file__).parents[3]
 PAGE = (REPO / "docs" / "motion-capture.md").read_text(encoding="utf-8")
 
 
-def test_its_mission_compiles_and_takes_poses_from_the_network(tmp_path: Path) -> None:
+def written(folder: Path) -> Path:
     (text,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
-    shutil.copytree(REPO / "missions" / "library", tmp_path / "library")
-    mission = tmp_path / "in_the_lab.yaml"
+    mission = folder / "in_the_lab.yaml"
     mission.write_text(text, encoding="utf-8")
+    return mission
+
+
+@pytest.mark.slow
+def test_its_mission_flies_on_its_own_poses_from_the_network(tmp_path: Path) -> None:
+    asked = ["mocap-server", str(written(tmp_path)), "--target", "network", "--out"]
+    result = CliRunner().invoke(app, [*asked, str(tmp_path / "run")])
+    assert result.exit_code == 0, result.output
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["outcome"] == "succeeded"
+    assert summary["vehicles"]["nano"]["position_error_m"]["max"] < 0.3
+
+
+def test_its_mission_compiles_and_takes_poses_from_the_network(tmp_path: Path) -> None:
+    mission = written(tmp_path)
     result = compile_mission(mission, catalog=load_catalog(), target="network")
     assert result.plan is not None
     (sensor,) = result.plan.vehicles[0].sensors
@@ -33,7 +49,7 @@ def test_its_mission_compiles_and_takes_poses_from_the_network(tmp_path: Path) -
 def test_its_commands_exist() -> None:
     command = typer.main.get_command(app)
     lines = re.findall(r"^    kybflow (mocap-server [^#\n]*)", PAGE, re.MULTILINE)
-    assert len(lines) == 2
+    assert len(lines) == 3
     for line in lines:
         name, *arguments = shlex.split(line)
         server = command.commands[name]  # type: ignore[attr-defined]

@@ -89,4 +89,9 @@ def test_a_server_that_is_restarted_in_flight(opening: str, tmp_path: Path) -> N
     assert [event.fields["estimator"] for event in changes] == ["mocap", "inertial", "mocap"]
     _, lost, back = (event.time / NS for event in changes)
     assert LOST + 0.25 - 0.02 < lost < LOST + 0.25 + 0.1  # 100 ms after the health's bound
+    told = [event for event in events if event.name.startswith("sensor_")]
+    assert [event.name for event in told] == ["sensor_failed", "sensor_recovered"]
+    assert LOST < told[0].time / NS < lost
+    assert str(told[0].fields["reason"]).startswith(f"no VRPN server at 127.0.0.1:{port}: ")
+    assert "; no VRPN server at " in str(changes[1].fields["reason"])
     assert back > BACK + 1.0  # what was lost counts again after `recover_after`

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import socket
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -117,6 +119,40 @@ def test_a_server_of_another_time_is_on_our_clock(server: Server, direct: bool) 
     assert offsets[-1] <= min(r.arrival - round(r.position[0] * NS) for r in came) + 1000
 
 
+def test_one_stamp_far_ahead_misdates_and_silences_nobody(server: Server) -> None:
+    """Of two bodies; one has a stamp that is 0.6 s ahead, as a server can have it that was asked to
+    set its clock."""
+    address = Address("127.0.0.1", server.port)
+    readers = [subscribe(address, body, 0) for body in ("a", "b")]
+    came: list[list[Report]] = [[], []]
+    counter = itertools.count()
+
+    def publish(body: str, x: float, ahead: int = 0) -> None:
+        stamp = time.monotonic_ns() + 1_000 * NS
+        server.publish(body, (x, stamp / NS, 0.0), LEVEL, stamp + ahead)
+
+    def enough(count: int) -> bool:
+        x = float(next(counter))
+        for body, mine, reader in zip(("a", "b"), came, readers, strict=True):
+            publish(body, x)
+            mine.extend(reader.take())
+        return all(len(mine) > count for mine in came)
+
+    until(lambda: enough(50), "poses")
+    publish("a", -1.0, 600 * NS // 1000)
+    until(lambda: enough(150), "poses after it")
+    for reader in readers:
+        reader.close()
+    (wrong,) = [report for report in came[0] if report.position[0] == -1.0]
+    assert wrong.time == wrong.arrival
+    for mine in came:
+        true = [report for report in mine[3:] if report is not wrong]
+        counts = [int(report.position[0]) for report in true]
+        assert counts == list(range(counts[0], counts[0] + len(true))), "none is left out"
+        offsets = [report.time / NS - report.position[1] for report in true]
+        assert max(offsets) - min(offsets) < 0.3
+
+
 def test_what_is_wrong_is_said(server: Server) -> None:
     port = free_port()
     readers = [
@@ -206,6 +242,31 @@ def test_our_server_bears_hostile_clients(server: Server) -> None:
     with socket.create_connection(place) as stream:
         stream.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
     until(lambda: server.clients == 1, "the bad ones being sent away")
+    assert taken(reader, server)
+    reader.close()
+
+
+def test_a_client_that_can_not_be_let_in_stops_nobody(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where the program has no more sockets, both for who connects and for who is called."""
+    place = ("127.0.0.1", server.port)
+    reader = subscribe(Address(*place), "a", 0)
+    taken(reader, server)
+
+    def none(*_: object) -> None:
+        raise OSError("Too many open files")
+
+    monkeypatch.setattr("kybflow.sensors.vrpn.server._Guest", none)
+    with socket.create_connection(place) as stream:
+        stream.settimeout(60)
+        assert stream.recv(1) == b""
+    with socket.create_server(("127.0.0.1", 0)) as door, socket.socket(type=socket.SOCK_DGRAM) as s:
+        s.sendto(encode_lob("127.0.0.1", door.getsockname()[1]), place)
+        called, _ = door.accept()
+        with called:
+            called.settimeout(60)
+            assert called.recv(1) == b""
     assert taken(reader, server)
     reader.close()
 

@@ -11,10 +11,10 @@ from servers import until
 
 from kybflow.errors import DriverError
 from kybflow.geometry import LEVEL
+from kybflow.sensors._stream import Poses
 from kybflow.sensors.vrpn import Vrpn, VrpnParams
 from kybflow.sensors.vrpn.client import Report
 from kybflow.sensors.vrpn.server import Server
-from kybflow.sensors.vrpn.stream import Poses
 from kybflow.signals import NS, Measurement, MeasurementKind, Pose
 
 MS = NS // 1000
@@ -64,7 +64,9 @@ def test_poses_are_on_the_clock_of_the_run() -> None:
 def test_no_pose_is_newer_than_now_and_the_latency_is_taken_off() -> None:
     monotonic = [100 * NS]
     script, stream = opened(VrpnParams(host="h", latency=0.005), monotonic)
-    assert stream.read(0) == []
+    for tick in range(3):
+        monotonic[0] = 100 * NS + tick * MS
+        assert stream.read(tick * MS) == []
     monotonic[0] = 100 * NS + 50 * MS + 30_000
     script.next = [Report(monotonic[0] - 10_000, monotonic[0], (0.0, 0.0, 0.0), LEVEL)]
     assert [pose.time for pose in stream.read(50 * MS)] == [45 * MS]
@@ -84,6 +86,16 @@ def test_what_is_wrong_and_the_end_are_passed_on() -> None:
     assert stream.trouble() == "no server"
     stream.close()
     assert script.closed
+
+
+def test_a_host_that_is_none_is_objected_to_when_the_mission_is_compiled() -> None:
+    assert Vrpn.objection(VrpnParams(host="vicon:3883"), {}) is None
+    found = Vrpn.objection(VrpnParams(host="uav1@vicon"), {})
+    assert found is not None
+    reason = "`uav1@vicon` is no VRPN server: write `HOST` or `HOST:3883`"
+    assert (found.parameter, found.reason) == ("host", reason)
+    assert Vrpn.objection(VrpnParams(host="tcp://vicon"), {}) is None
+    assert Vrpn.objection(VrpnParams(host="tcp://vicon", opening="lob"), {}) is not None
 
 
 def test_a_host_that_is_none_is_refused() -> None:

@@ -127,3 +127,10 @@ def test_what_it_can_not_do_is_said(arguments: list[str], says: str) -> None:
     result = CliRunner().invoke(app, ["mocap-server", *arguments])
     assert result.exit_code == 2
     assert says in result.output
+
+
+def test_a_mission_with_errors_is_told_before_anything_listens() -> None:
+    result = CliRunner().invoke(app, ["mocap-server", "nosuch.yaml"])
+    assert result.exit_code == 2
+    assert "error[KYB001]: `nosuch.yaml` can't be read" in result.output
+    assert "VRPN server on" not in result.output

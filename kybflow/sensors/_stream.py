@@ -8,8 +8,8 @@ from typing import Protocol
 
 from kybflow.geometry import Quat, Vec3
 from kybflow.parts.sensor import Stream
-from kybflow.sensors.vrpn.axes import Axes, Units, to_world
-from kybflow.sensors.vrpn.offset import Offset
+from kybflow.sensors._axes import Axes, Units, to_world
+from kybflow.sensors._offset import Offset
 from kybflow.signals import NS, Measurement, Pose, Time
 
 

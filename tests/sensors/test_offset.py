@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.sensors.vrpn.offset import Offset
+from kybflow.sensors._offset import Offset
 from kybflow.signals import NS
 
 MS = NS // 1000
@@ -78,3 +78,52 @@ def test_what_was_long_ago_is_forgotten() -> None:
     offset = Offset()
     offset.of(0, 0)
     assert offset.of(60 * NS + 5 * MS, 60 * NS) == 5 * MS
+
+
+def known(offset: Offset, seconds: float = 5) -> int:
+    """Readings of two clocks that agree; when the last one is."""
+    times = readings(seconds)
+    for there in times:
+        offset.of(there + MS, there)
+    assert offset.of(times[-1] + MS, times[-1]) == MS
+    return times[-1]
+
+
+@pytest.mark.parametrize("ahead", [60 * MS, 200 * MS, 2 * NS, 3600 * NS])
+def test_one_stamp_that_is_ahead_changes_nothing(ahead: int) -> None:
+    """It counts as sent when it came; the next ones as before."""
+    offset = Offset()
+    now = known(offset) + 10 * MS
+    wrong = now + ahead
+    assert wrong + offset.of(now + MS, wrong) == now + MS
+    assert offset.is_doubted
+    assert offset.of(now + 11 * MS, now + 10 * MS) == MS
+    assert not offset.is_doubted
+
+
+def test_nor_do_many_that_are_all_the_same_or_all_different() -> None:
+    """As a frame with many bodies has it, and a server that is out of its mind now and then."""
+    offset, generator = Offset(), random.Random(4)
+    begin = known(offset)
+    for there in readings(3):
+        here = begin + there + MS
+        assert offset.of(here, begin + there) == MS
+        if there // (10 * MS) % 20 == 0:
+            wrong = begin + there + round(generator.uniform(0.1, 100.0) * NS)
+            assert [offset.of(here, wrong) for _ in range(10)] == [here - wrong] * 10
+
+
+def test_a_first_stamp_that_is_ahead_is_no_standard() -> None:
+    offset = Offset()
+    offset.of(0, 2 * NS)
+    found = [offset.of(there + MS, there) for there in readings(3)]
+    assert set(found) == {MS}
+
+
+def test_a_link_that_was_slow_at_first_is_noticed() -> None:
+    offset = Offset()
+    for there in readings(1):
+        offset.of(there + 400 * MS, there)
+    found = [offset.of(t + NS + 400 * MS + MS, t + NS + 400 * MS) for t in readings(1)]
+    assert set(found) == {MS}
+    assert not offset.is_doubted

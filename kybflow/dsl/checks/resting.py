@@ -1,0 +1,96 @@
+"""Where vehicles come to rest: KYB344."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from typing import NamedTuple
+
+from kybflow.dsl.built_in import BUILT_IN
+from kybflow.dsl.checks.aims import aim_of
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.entries import endless_states, entries_of
+from kybflow.dsl.checks.flights import may_end
+from kybflow.dsl.checks.space import shown_point
+from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.document import State, Vehicle
+from kybflow.dsl.source import Span
+from kybflow.geometry import Vec3, distance
+from kybflow.parts import GROUND
+from kybflow.units import LENGTH, format_quantity
+
+_BELOW = frozenset({"landed", "brake", "hover", "auto_land"})
+"""Built-in states that lead to the ground below."""
+
+
+class Rest(NamedTuple):
+    """A place where a vehicle stays, and what in the mission says so."""
+
+    at: Vec3
+    span: Span
+
+
+def rest_in_one_place(case: Case) -> Iterator[Diagnostic]:
+    """KYB344: two vehicles come to rest so close to each other that they touch, whenever they come.
+
+    A vehicle that never flies rests where it starts; another one where its last landing ends. Where
+    a mission leaves that open in any way, by a place that is not known or by landings in several
+    places of which one is free, nothing is said.
+    """
+    resting = [(v, rests) for v in case.vehicles() if (rests := _rests(v))]
+    for index, (b, own) in enumerate(resting):
+        for a, others in resting[:index]:
+            apart = (a.airframe.diameter + b.airframe.diameter) / 2
+            if all(distance(p.at, q.at) < apart for p, q in product(own, others)):
+                yield _together(a, others[0], b, own[0], apart)
+                break
+
+
+def _together(a: Vehicle, first: Rest, b: Vehicle, second: Rest, apart: float) -> Diagnostic:
+    return Diagnostic(
+        "KYB344",
+        f"`{b.name.text}` comes to rest where `{a.name.text}` does",
+        second.span,
+        label=f"{format_quantity(distance(first.at, second.at), LENGTH)} away",
+        notes=(f"`{a.name.text}` rests at {shown_point(first.at)} ({first.span.at})",),
+        help=f"let them rest at least {format_quantity(apart, LENGTH)} apart",
+        severity=Severity.WARNING,
+    )
+
+
+def _rests(vehicle: Vehicle) -> list[Rest]:
+    """Every place where the vehicle may rest for good when nothing fails; none where one of them is
+    not known."""
+    found: list[Rest] = []
+    endless = endless_states(vehicle)
+    for name, entries in entries_of(vehicle).items():
+        state = vehicle.states[name]
+        arrows = [a for a in state.transitions if may_end(a, name in endless)]
+        by_default = [a for a in arrows if a.target.text in BUILT_IN]
+        if any(a.cause != "then" or a.target.text not in _BELOW for a in by_default):
+            return []
+        goes_on = name in endless or any(a.cause == "then" for a in arrows if a not in by_default)
+        if goes_on and not (_is_on_ground(state) and not arrows):
+            continue
+        rests = [_rest(vehicle, state, entry) for entry in entries.asked()]
+        if None in rests:
+            return []
+        found += (rest for rest in rests if rest is not None)
+    return found
+
+
+def _rest(vehicle: Vehicle, state: State, entry: Vec3 | None) -> Rest | None:
+    """Where the vehicle rests after a behavior that nothing follows: below the end of its way."""
+    footprint = state.footprint(entry)
+    if footprint is None or footprint.exit is None:
+        return None
+    x, y, z = footprint.exit
+    if _is_on_ground(state):
+        is_start = entry == vehicle.start
+        return Rest(footprint.exit, vehicle.start_span if is_start else state.part.name.span)
+    lands = any(leg.end is GROUND for leg in state.part.spec.cls.flight)
+    return Rest(footprint.exit if lands else (x, y, min(z, 0.0)), aim_of(state, footprint))
+
+
+def _is_on_ground(state: State) -> bool:
+    return all(leg == (GROUND, GROUND) for leg in state.part.spec.cls.flight)

@@ -1,0 +1,38 @@
+"""A mission without a fence is told so once, and flies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from kybflow.catalog import load_catalog
+from kybflow.cli import app
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.diagnostics import Severity
+
+MISSION = """kybflow: 1
+mission: free
+import: {std: kybflow/airframes}
+vehicles:
+  station: {like: std.mk_quadro, start: {at: [3, 3, 0]}, behaviors: {rest: {do: wait_on_ground}}}
+  a: {like: std.mk_quadro, behaviors: {up: {do: take_off, height: 1 m}}}
+  b: {like: a, start: {at: [1, 0, 0]}}
+"""
+
+
+def test_the_warning_is_told_once_and_keeps_nothing_on_the_ground(tmp_path: Path) -> None:
+    mission = tmp_path / "free.yaml"
+    mission.write_text(MISSION)
+    result = compile_mission(mission, catalog=load_catalog())
+    [warning] = result.diagnostics
+    assert (warning.code, warning.severity, warning.span.line) == ("KYB322", Severity.WARNING, 6)
+    assert warning.notes == ("nor `b`",)
+    assert result.plan is not None
+    assert CliRunner().invoke(app, ["validate", str(mission)]).exit_code == 0
+
+
+def test_what_never_flies_needs_no_fence(tmp_path: Path) -> None:
+    mission = tmp_path / "free.yaml"
+    mission.write_text("".join(line + "\n" for line in MISSION.splitlines()[:5]))
+    assert compile_mission(mission, catalog=load_catalog()).diagnostics == ()
