@@ -25,7 +25,8 @@ def not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
     span = _span(file, mark)
     lines = text.splitlines()
     line_text = lines[mark.line] if mark.line < len(lines) else ""
-    if "\t" in line_text[: mark.column + 1]:
+    at_fault = line_text[: _indent(line_text)] + line_text[mark.column : mark.column + 1]
+    if "\t" in at_fault:  # elsewhere it is a space like any other
         return Diagnostic("KYB004", "a tab can't indent YAML", span, help="indent with spaces")
     context, began = getattr(error, "context", None), getattr(error, "context_mark", None)
     if context in _OPEN and began is not None:

@@ -1,13 +1,14 @@
 """Which of the measurements that arrive can be true; the others are left out, whoever gives them.
 
 Left out is what is stamped more than `AHEAD` after now: an estimator that took it would take
-nothing else until then. So is a frame of a camera that the vehicle doesn't have. The first of each
-is told.
+nothing else until then. So is a frame of a camera that the vehicle doesn't have, and one whose
+image is none. The first of each is told.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from typing import Any
 
 from kybflow.runtime.events import Events
 from kybflow.signals import CLASSES, NS, Frame, Measurement, MeasurementKind, Time
@@ -60,6 +61,8 @@ class Admission:
                 measurement.camera,
                 f"of the camera `{measurement.camera}`; the vehicle has {known}",
             )
+        if isinstance(measurement, Frame) and not _is_grey(measurement.image):
+            return "image", f"with an image of `{measurement.camera}` that is no grey one"
         return None
 
     def _refuse(self, kind: MeasurementKind, wrong: tuple[str, str], source: str, at: str) -> None:
@@ -75,3 +78,9 @@ class Admission:
                 kind=kind.value,
                 reason=reason,
             )
+
+
+def _is_grey(image: Any) -> bool:
+    """Whether it has rows and columns, and at least one of each."""
+    shape = getattr(image, "shape", ())
+    return len(shape) == 2 and 0 not in shape

@@ -136,7 +136,8 @@ class _Run:
             self._reason = f"`{failure.part}` can't be made: {failure}"
         finally:
             if devices is not None:
-                devices.close()
+                reasons = devices.close()
+                self._driver_failed = self._driver_failed or "; ".join(reasons) or None
         self._judge()
         self._events.tell("run_ended", reason=self._reason or self._driver_failed)
 

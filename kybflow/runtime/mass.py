@@ -23,6 +23,8 @@ LOWEST, HIGHEST = 0.5, 2.0
 SPOOL_START = 0.6
 SPOOL_RATE = 1.0
 """Airframe weights per second."""
+WAVERING = 0.5
+"""Seconds above the ground after which it flies for sure, however low it comes later."""
 
 
 class MassEstimator:
@@ -34,6 +36,7 @@ class MassEstimator:
         self._guess = guess
         self._spool = SPOOL_START * guess
         self._inverse: float | None = None
+        self._flown = 0.0
         self._gain = LARGEST_GAIN / 2.0
         self._lift = 1.0
         self._speed = 0.0
@@ -50,16 +53,17 @@ class MassEstimator:
         return 1.0 / self._inverse if self._inverse is not None else self._spool
 
     def spool_up(self, dt: float) -> None:
-        """On the ground, asked to rise. Where a height that wavers has passed for flight, what was
-        the first estimate is raised."""
+        """On the ground, asked to rise. Where a height that wavers has passed for a moment of
+        flight, what was the first estimate is raised."""
         if self._inverse is None:
             self._spool = min(HIGHEST, self._spool + SPOOL_RATE * dt)
-        else:
+        elif self._flown < WAVERING:
             self._inverse = 1.0 / min(HIGHEST, 1.0 / self._inverse + SPOOL_RATE * dt)
 
     def update(self, lift: float, speed: float, dt: float) -> None:
         """In the air. lift: newtons commanded along world z. speed: upward, m/s. dt: seconds."""
         lift *= self._per_weight
+        self._flown += dt
         if self._inverse is None:
             self._inverse = min(1.0 / LOWEST, max(1.0 / HIGHEST, 1.0 / self._spool))
             self._lift, self._speed = lift, speed

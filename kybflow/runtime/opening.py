@@ -7,7 +7,7 @@ import random
 from typing import Any, NamedTuple
 
 from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
-from kybflow.errors import DriverError
+from kybflow.errors import DriverError, described
 from kybflow.parts import Driver, Link, Seat, Session, Stream
 from kybflow.runtime.body_health import Bodies
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
@@ -26,12 +26,17 @@ class Devices(NamedTuple):
     sessions: list[Session]
     sensors: dict[str, list[Opened]]
 
-    def close(self) -> None:
-        for opened in self.sensors.values():
-            for sensor in opened:
-                sensor.stream.close()
-        for session in self.sessions:
-            session.close()
+    def close(self) -> list[str]:
+        """Close everything; what would not be closed, and why."""
+        streams = [sensor.stream for opened in self.sensors.values() for sensor in opened]
+        devices: list[Stream | Session] = [*streams, *self.sessions]
+        reasons = []
+        for device in devices:
+            try:
+                device.close()
+            except Exception as error:  # a part may raise anything; the others are closed too
+                reasons.append(f"{type(device).__name__} can't be closed: {described(error)}")
+        return reasons
 
 
 def goes_by_the_wall(plan: Plan) -> PartPlan | None:
@@ -88,9 +93,8 @@ def _open_sessions(plan: Plan, seed: int) -> list[Session]:
         for driver, vehicles in by_driver.items():
             seats = [Seat(_site(plan, v), v.driver.params) for v in vehicles]
             sessions.append(driver.open(seats, generator))
-    except DriverError:
-        for session in sessions:
-            session.close()
+    except BaseException:
+        Devices(sessions, {}).close()
         raise
     return sessions
 

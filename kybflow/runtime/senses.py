@@ -107,7 +107,8 @@ class Senses:
         self.link_age = (now - self._heard) / NS
         if self.sensing.streams:
             measurements = self.sensing.joined(measurements, now, self._note)
-        measurements = self._body.measured(measurements, now, in_air)
+        if measurements or now >= self._body.due:
+            measurements = self._body.measured(measurements, now, in_air)
         if self.cameras.is_asked:
             measurements = self.cameras.measured(measurements, now, in_air)
         if self._link.rig is not None and self._link.rig.estimators:
@@ -115,7 +116,7 @@ class Senses:
         self.estimate = self.estimation.update(measurements, now)
         if self.cameras.is_asked:
             self.cameras.see(self.estimation.candidates, in_air)
-        if self.estimate is not None:
+        if self._fleet.is_asked and self.estimate is not None:
             self._fleet.note(self._name, self.estimate)
 
     def send(self, command: Command, now: Time) -> None:

@@ -40,6 +40,7 @@ JUMPED, SWAPPED = "camera_jumped", "camera_swapped"
 BLIND, NEAR = 0.15, 0.2
 CONFIRMED = 3
 """Poses that follow one another and make a jump, or its end."""
+_AND = ", "
 STEP, PACE, MEMORY = 0.15, 4.0, 0.25
 """Two poses follow one another that are as near as metres plus m/s, for so many seconds at most."""
 
@@ -93,7 +94,15 @@ class Sights:
             camera = _names(located)
             track = self._tracks.setdefault(camera, _Track(self._endurance))
             findings += track.follow(place, camera, self._whose)
+            if place.value <= place.bound:
+                findings += self._agreed(camera)
         return findings
+
+    def _agreed(self, cameras: str) -> Iterator[Finding]:
+        """Cameras that told a good pose together: what each did wrong alone is over."""
+        for name, track in self._tracks.items():
+            if name != cameras and name in cameras.split(_AND) and track.agrees():
+                yield Finding(RECOVERED, name)
 
     def _blind(self, time: Time, in_air: bool) -> list[Finding]:
         if self._posed is None or not in_air:
@@ -135,6 +144,14 @@ class _Track:
         self._elsewhere: list[Place] = []
         self._good = 0
 
+    def agrees(self) -> bool:
+        """Whether another good pose that it had a part in ends what was wrong."""
+        self._good += 1
+        if self.wrong is None or self._good < CONFIRMED:
+            return False
+        self.wrong = None
+        return True
+
     def follow(self, place: Place, camera: str, whose: Callable[[Place], str]) -> Iterator[Finding]:
         """What is found with the next one. whose: the vehicle that is there."""
         last, self._last = self._last, place
@@ -165,4 +182,4 @@ class _Track:
 def _names(located: Located) -> str:
     """The cameras whose frames told it."""
     names = (view.camera.name for view in located.views if len(view.tags))
-    return ", ".join(dict.fromkeys(names))
+    return _AND.join(dict.fromkeys(names))

@@ -15,7 +15,7 @@ _NEVER: Time = 1 << 62
 
 class WatchedBody:
     """The body of one vehicle; `bodies` is the judge of them all. Poses that no estimator asks for
-    are judged where they come, and nobody misses them."""
+    are judged where they come, and nobody misses them. due: when to be asked without any."""
 
     def __init__(self, plan: VehiclePlan, bodies: Bodies, events: Events) -> None:
         self._name, self._bodies, self._events = plan.name, bodies, events
@@ -23,18 +23,18 @@ class WatchedBody:
         asking = [p.at for p in parts if MeasurementKind.POSE in p.cls.uses(p.params)]
         self._at = asking[0] if asking else plan.at
         self._is_needed = bool(asking)
-        self._due: Time = 0 if asking else _NEVER
+        self.due: Time = 0 if asking else _NEVER
 
     def measured(
         self, measurements: Sequence[Measurement], now: Time, in_air: bool
     ) -> Sequence[Measurement]:
         """The measurements without the poses that are none. in_air: whether the vehicle is."""
         poses = [m for m in measurements if type(m) is Pose] if measurements else ()
-        if not poses and now < self._due:
+        if not poses and now < self.due:
             return measurements
         passed, findings = self._bodies.judge(self._name, poses, now, in_air)
         if self._is_needed:
-            self._due = self._bodies.due(self._name)
+            self.due = self._bodies.due(self._name)
         for finding in findings:
             self._tell(finding)
         if len(passed) == len(poses):

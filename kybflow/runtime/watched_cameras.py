@@ -24,6 +24,7 @@ class WatchedCameras:
         asking = [p.at for p in parts if MeasurementKind.FRAME in p.cls.uses(p.params)]
         self._at = asking[0] if asking else ""
         self.is_asked = bool(asking)
+        fleet.is_asked = fleet.is_asked or self.is_asked
         self._cameras = Cameras(plan.cameras)
         self._sights = Sights(plan.name, plan.cameras, fleet)
         self._seen: dict[str, object] = {}

@@ -14,9 +14,11 @@ CURRENT = NS // 20
 
 
 class Whereabouts:
-    """Of those vehicles that tell it, each with its estimate flown on."""
+    """Of those vehicles that tell it, each with its estimate flown on. is_asked: whether anybody
+    will ask; kept for nobody they would only fill the processor's caches."""
 
     def __init__(self) -> None:
+        self.is_asked = False
         self._kept: dict[str, deque[Estimate]] = {}
 
     def note(self, vehicle: str, estimate: Estimate) -> None:

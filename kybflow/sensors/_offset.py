@@ -61,7 +61,8 @@ class Offset:
         doubted = self._doubted
         while doubted and here - doubted[0][0] > BUCKET:
             doubted.popleft()
-        doubted.append((here, there, reading))
+        if not doubted or doubted[-1][1] != there:  # of a frame with many bodies one says it all
+            doubted.append((here, there, reading))
         near = {stamp: other for _, stamp, other in doubted if abs(other - reading) <= NEAR}
         if len(near) < AGREED:
             return None

@@ -103,6 +103,8 @@ def hides(solid: Solid, eye: Vec3, goal: Vec3) -> bool:
     way = sub(goal, eye)
     length = norm(way)
     gone = 0.0
+    if length <= _TOUCHING:
+        return False
     for _ in range(_STEPS):
         free = solid.shape.distance(add(eye, scale(way, gone / length)))
         if free < 0.1 * _TOUCHING:

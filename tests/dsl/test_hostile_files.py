@@ -16,6 +16,7 @@ import pytest
 
 from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import Result, compile_mission
+from kybflow.dsl.composer import compose
 
 ORDINARY = Path(__file__).parents[2] / "missions" / "formation.yaml"
 MOST = 300
@@ -178,3 +179,10 @@ def test_a_file_outside_reached_by_a_link_is_refused(tmp_path: Path) -> None:
     mission.write_bytes(HEAD + b"import: {a: link.yaml}\nvehicles: {a: {}}\n")
     codes = {d.code for d in compile_mission(mission, catalog=load_catalog()).diagnostics}
     assert "KYB121" in codes
+
+
+def test_a_tab_that_indents_nothing_is_not_blamed() -> None:
+    _, found = compose("a:\t{b: [1, 2}\n", "m.yaml")
+    assert [d.message for d in found] == [
+        "the `[` is still open: a `,` or `]` is missing before this"
+    ]

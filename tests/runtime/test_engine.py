@@ -241,6 +241,28 @@ def test_after_a_failed_preflight_no_vehicle_is_in_a_state(run):
     assert [e["held"] for e in flown.summary["expectations"]] == [False]
 
 
+class Clinging(Sim):
+    """What it opens can't be closed."""
+
+    @classmethod
+    def open(cls, seats, generator):
+        session = super().open(seats, generator)
+
+        def close():
+            raise OSError("the port is gone")
+
+        session.close = close
+        return session
+
+
+def test_what_cannot_be_closed_is_told_in_the_summary(run):
+    driver = replace(part("drivers", "sim"), cls=Clinging)
+    flown, told = run(vehicle("a", [up("down"), down()], driver=driver))
+    assert flown.exit_code == 3
+    assert "can't be closed: OSError: the port is gone" in flown.summary["reason"]
+    assert named(told, "run_ended") != []
+
+
 @pytest.mark.parametrize(
     ("height", "believed", "speed", "mistaken"),
     [(0.0, 0.0, 1.0, False), (1.0, 0.0, 0.0, True), (1.0, 1.0, 5.0, True), (1.0, 1.0, 0.0, False)],

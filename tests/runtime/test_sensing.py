@@ -235,6 +235,17 @@ def test_frames_of_a_camera_that_the_vehicle_does_not_have_are_left_out() -> Non
     assert refused.fields["reason"] == "of the camera `up`; the vehicle has `down`"
 
 
+@pytest.mark.parametrize(
+    "image", [None, numpy.zeros((0, 0)), numpy.zeros(4), numpy.zeros((4, 4, 3))]
+)
+def test_so_are_frames_whose_image_is_none(image: Any) -> None:
+    """Whoever compares or shows images would raise."""
+    sense, told = sensing(lambda now: [Frame(now, "down", image)], Positions)
+    assert [joined(sense, [], now) for now in (1, 2)] == [[], []]
+    (refused,) = told
+    assert refused.fields["reason"] == "with an image of `down` that is no grey one"
+
+
 def test_a_stamp_far_ahead_does_not_silence_a_body(run) -> None:
     """One pose of the flight is stamped an hour ahead; nothing comes of it but its event."""
 

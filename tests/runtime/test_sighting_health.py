@@ -177,3 +177,15 @@ def test_what_was_believed_is_known_for_a_moment() -> None:
     assert fleet.at("a", 0) is None
     assert fleet.at("a", now + NS) is None
     assert fleet.at("b", now) is None
+
+
+def test_a_camera_that_jumped_recovers_with_another_one() -> None:
+    flight = Flight()
+    flight.fly(lambda k: shifted(k, 5, 12), steps=range(14))
+    assert set(flight.sights.wrong) == {"down"}
+    found = []
+    for k in range(14, 20):
+        believe(flight.fleet, "a", at(k), k * STEP)
+        found += flight.sights.judge(sighting(k * STEP, at(k), "down, front"), True)
+    assert [(f.event, f.camera) for f in found] == [("camera_recovered", "down")]
+    assert flight.sights.wrong == {}

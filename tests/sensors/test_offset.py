@@ -127,3 +127,15 @@ def test_a_link_that_was_slow_at_first_is_noticed() -> None:
     found = [offset.of(t + NS + 400 * MS + MS, t + NS + 400 * MS) for t in readings(1)]
     assert set(found) == {MS}
     assert not offset.is_doubted
+
+
+@pytest.mark.parametrize("bodies", [1, 60])
+def test_however_many_bodies_a_frame_has_the_clocks_agree(bodies: int) -> None:
+    """One stamp for all; before anything is known, and after the clock was set ahead."""
+    offset = Offset()
+    for ahead in (0, 60 * NS):
+        for there in readings(2):
+            late = 3 * MS if there // (10 * MS) % 2 else 0
+            for _ in range(bodies):
+                found = offset.of(2 * bool(ahead) * NS + there + MS + late, there + ahead)
+        assert found == 2 * bool(ahead) * NS + MS - ahead

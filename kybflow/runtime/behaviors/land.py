@@ -12,8 +12,10 @@ of the setpoint follows v(z) = min(speed, sqrt(slow_speed^2 + 2 a (z - z_slow)))
 acceleration a. It has no lowest height: the ground is where the vehicle stops although the setpoint
 runs on below it. That is noticed when the height stays within 3 cm for `dwell` with the setpoint at
 least 5 cm below (after TeleKyb's ViconFreeLand, which judged the vertical speed; the height is less
-noisy, and the setpoint's depth is a second witness against gusts). The setpoint never runs more
-than 0.3 m ahead, so that no position error builds up on the ground.
+noisy, and the setpoint's depth is a second witness against gusts). Where the estimate is too noisy
+for that, the height averaged over a second stays within 5 cm for four times as long. The setpoint
+never runs more than 0.3 m ahead, so that no position error builds up on the ground. A descent that
+comes no lower for `patience` has failed: what follows needs no height.
 
 On the ground it is done at once. Its last setpoint is IDLE. A velocity at entry is shed on the
 way. World frame, metres; the heading is kept.
@@ -38,6 +40,11 @@ from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.units import Acceleration, Duration, Length, Position, Speed, Vec3
 
 _STILL = 0.03
+_AVERAGED, _LEVEL, _LONGER = 1.0, 0.05, 4.0
+"""Where the height is too noisy: its average over so many seconds, how far that may move, and the
+part of `dwell` for which."""
+_LOWER = 0.1
+"""An average that is so much lower is progress."""
 _DEPTH = 0.05
 _LEASH = 0.3
 _ABOVE = 0.5
@@ -61,7 +68,7 @@ class LandParams:
     )
     patience: Duration = param(
         "Time past the planned arrival above the position after which it has failed; the longest "
-        "that the descent waits.",
+        "that the descent waits, and that it comes no lower.",
         default=10.0,
         above=0.0,
     )
@@ -91,7 +98,9 @@ class Land(
         self._coast = Coast(start, (east, north, 0.0), COAST_ACCELERATION)
         self._height, self._climb = entry.position[2], climb
         self._resting = entry.position[2]
-        self._stopped, self._above = Dwell(), Dwell()
+        self._average = self._level = self._lowest = entry.position[2]
+        self._stopped, self._settled, self._above = Dwell(), Dwell(), Dwell()
+        self._stalled = 0.0
         x, y, _ = self._point or self._coast.end
         goal = (x, y, self._coast.end[2])
         self._way = Straight(
@@ -111,8 +120,12 @@ class Land(
         if not self._descends and tick.elapsed >= self._arrival:
             close = gap <= self.params.tolerance
             self._descends = self._above.reached(close, _ABOVE, tick.dt)
-        pull = self._descend(tick.dt, own[2], self._waits(gap, tick.dt))
+        waits = self._waits(gap, tick.dt)
+        pull = self._descend(tick.dt, own[2], waits)
         setpoint = self._setpoint(tick.elapsed, pull)
+        self._stalled += 0.0 if waits else tick.dt
+        if self._stalled > self.params.patience:
+            return Failed(setpoint, f"no lower for {self.params.patience:g} s, and no ground")
         if not self._descends and tick.elapsed > self._arrival + self.params.patience:
             return Failed(setpoint, f"still {gap:.2f} m from above the point")
         return setpoint
@@ -144,7 +157,19 @@ class Land(
         stays = abs(own - self._resting) <= _STILL and own - self._height >= _DEPTH
         if not stays:
             self._resting = own
-        return self._stopped.reached(stays, self.params.dwell, dt)
+        settled = self._has_settled(own, dt)
+        return self._stopped.reached(stays, self.params.dwell, dt) or settled
+
+    def _has_settled(self, own: float, dt: float) -> bool:
+        """The same by the average of the height; also whether it came lower."""
+        self._average += (own - self._average) * dt / (_AVERAGED + dt)
+        if self._average < self._lowest - _LOWER:
+            self._lowest, self._stalled = self._average, 0.0
+        deep = self._average - self._height >= _DEPTH
+        stays = abs(self._average - self._level) <= _LEVEL and deep
+        if not stays:
+            self._level = self._average
+        return self._settled.reached(stays, _LONGER * self.params.dwell, dt)
 
     def _descend(self, dt: float, own: float, waits: bool) -> float:
         """Take the setpoint down by one tick, or to a stop; returns its vertical acceleration."""

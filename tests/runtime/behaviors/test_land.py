@@ -49,6 +49,35 @@ def test_it_notices_the_ground_soon_and_asks_for_little_more() -> None:
     assert min(s.setpoint.position[2] for s in flown.moving) >= -0.3
 
 
+@pytest.mark.parametrize("noise", [0.05, 0.1])
+def test_it_notices_the_ground_by_a_noisy_height_and_nothing_else(noise: float) -> None:
+    body, chance, wander = point_mass(START, ground=0.0), random.Random(4), [0.0]
+    heights: list[float] = []
+
+    def noisy(setpoint: Setpoint | None):
+        (x, y, z), velocity = body(setpoint)
+        heights.append(z)
+        wander[0] += DT / 0.05 * (chance.gauss(0.0, noise * (2 * 0.05 / DT) ** 0.5) - wander[0])
+        return (x, y, z + wander[0]), velocity
+
+    flown = fly(Land(LandParams(), entry(START)), noisy)
+    assert flown.end == Done(IDLE)
+    assert heights[-1] == 0.0
+    assert flown.duration < 15.0
+
+
+def test_one_that_comes_no_lower_fails() -> None:
+    """Held up by a hand, and shaken."""
+    chance = random.Random(4)
+
+    def held(setpoint: Setpoint | None):
+        return (0.3, 0.4, 1.5 + chance.choice((-0.3, 0.3))), ZERO
+
+    flown = fly(Land(LandParams(), entry(START)), held)
+    assert isinstance(flown.end, Failed)
+    assert "no lower for 10 s" in flown.end.reason
+
+
 @pytest.mark.parametrize("push", [1.0, 3.0])
 def test_an_updraught_is_no_ground(push: float) -> None:
     body = point_mass(START, ground=0.0, push=(0.0, 0.0, push))

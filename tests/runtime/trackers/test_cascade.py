@@ -212,6 +212,16 @@ def test_a_height_that_wavers_on_the_ground_does_not_end_the_spool_up():
     assert last > FRAME.hover_thrust
 
 
+def test_in_flight_below_its_start_it_does_not_spool_up():
+    tracker = cascade()
+    tracker.update(at((0.0, 0.0, 1.5)), tick((0.0, 0.0, 1.0)))
+    hover(tracker, FRAME.hover_thrust, seconds=8.0)
+    believed = tracker.hover_thrust
+    for _ in range(250):
+        tracker.update(at((0.0, 0.0, 0.8)), tick((0.0, 0.0, -0.5)))
+    assert tracker.hover_thrust == pytest.approx(believed, rel=0.01)
+
+
 def test_it_does_not_spool_up_unless_it_is_asked_to_rise():
     tracker = cascade()
     first = tracker.update(at(ZERO), tick(ZERO)).thrust
