@@ -94,6 +94,9 @@ def _tell(flown: Flown, out: Console) -> None:
         out.print(
             f"{mark}  {expectation['text']}{_value(expectation)}", markup=False, soft_wrap=True
         )
+    for seconds, name in flown.never_given:
+        line = f"`{name}` at {seconds:g} s was never given: the run had ended"
+        out.print(line, markup=False, soft_wrap=True)
     reason = f": {summary['reason']}" if summary["reason"] else ""
     out.print(
         f"{summary['mission']} {summary['outcome']}{reason}\n"

@@ -11,6 +11,7 @@ from typing import Any
 
 from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import Result, check_mission
+from kybflow.dsl.folders import mission_files
 from kybflow.dsl.render import render_all, to_json
 
 
@@ -54,7 +55,8 @@ class Checked:
 def validate_paths(
     paths: Iterable[Path], target: str | None, sets: Sequence[str]
 ) -> Iterator[Checked]:
-    """Each mission of `paths`; a folder stands for the YAML files in it and below."""
+    """Each mission of `paths`; a folder stands for the missions and libraries in it and
+    below."""
     catalog = load_catalog()
     for path in _missions(paths):
         begin = time.perf_counter()
@@ -66,7 +68,7 @@ def validate_paths(
 def _missions(paths: Iterable[Path]) -> Iterator[Path]:
     for path in paths:
         if path.is_dir():
-            yield from sorted(p for p in path.rglob("*") if p.suffix in (".yaml", ".yml"))
+            yield from mission_files(path)
         else:
             yield path
 

@@ -225,6 +225,13 @@ def test_events_are_given_while_it_flies(tmp_path: Path) -> None:
     assert result.exit_code in (0, 1)
 
 
+def test_an_event_whose_time_never_came_is_told(tmp_path: Path) -> None:
+    words = ("--emit", "operator.land@1s", "--emit", "operator.pause@9000s", "--no-report")
+    result = run("run", FIRST, "--out", str(tmp_path), *words)
+    assert "`operator.pause` at 9000 s was never given: the run had ended" in result.output
+    assert "`operator.land` at" not in result.output
+
+
 def test_graph_draws_both_ways(tmp_path: Path) -> None:
     assert "stateDiagram-v2" in run("graph", FIRST).output
     drawing = tmp_path / "first.svg"

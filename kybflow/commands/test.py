@@ -27,7 +27,7 @@ _MOST = 100_000
 
 
 def fly_tests(
-    paths: Annotated[list[Path], typer.Argument(help="Missions, or folders of missions.")],
+    paths: Annotated[list[Path], typer.Argument(help="Missions, or folders with missions below.")],
     seeds: Annotated[
         str, typer.Option(help="Seeds to fly each mission with: `0..99`, `3`, or `0,7,20..29`.")
     ] = "0",

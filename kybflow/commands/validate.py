@@ -25,7 +25,7 @@ class Format(StrEnum):
 
 
 def validate(
-    paths: Annotated[list[Path], typer.Argument(help="Missions, or folders of missions.")],
+    paths: Annotated[list[Path], typer.Argument(help="Missions, or folders with missions below.")],
     format: Annotated[
         Format, typer.Option(help="For people, programs, code scanning or GitHub Actions.")
     ] = Format.TEXT,
@@ -33,6 +33,9 @@ def validate(
     sets: Sets = None,
 ) -> None:
     """Prove all of a mission that can be proven before take-off.
+
+    A folder stands for the missions and libraries in it and below: the YAML files with `kybflow`,
+    `mission` or `library` at the top level. Hidden folders and those of runs are left out.
 
     Exit codes:
 

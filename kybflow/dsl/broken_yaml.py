@@ -31,6 +31,12 @@ def not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
     context, began = getattr(error, "context", None), getattr(error, "context_mark", None)
     if context in _OPEN and began is not None:
         return _left_open(_OPEN[context], _span(file, began), span, lines)
+    is_entry = line_text.lstrip().startswith("- ")
+    if context == "while parsing a block mapping" and is_entry and began is not None:
+        where = f"a list entry inside of the mapping that begins in line {began.line + 1}"
+        return Diagnostic(
+            "KYB004", where, span, help="write `key: value`, or indent it under a key"
+        )
     problem = getattr(error, "problem", None) or "it can't be understood"
     notes = (context,) if context else ()
     return Diagnostic("KYB004", f"this is not YAML: {problem}", span, notes=notes)

@@ -7,13 +7,14 @@ second documents are refused; every node has its place.
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import yaml
 
 from kybflow.dsl.broken_yaml import not_yaml
 from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.dsl.nodes import NO_COMMAS, Entry, Mapping, Node, Scalar, Sequence, is_cut
+from kybflow.dsl.nodes import NO_COMMAS, Entry, Mapping, Node, Scalar, Sequence, is_cut, is_null
 from kybflow.dsl.source import Span
 
 CODES = {
@@ -32,6 +33,8 @@ MAX_NODES = 100_000
 MAX_DEPTH = 40
 LONG = "a long path belongs in a table of its own, which `do: follow_trajectory` flies"
 """The way out of a file that is too large."""
+_JOINED = re.compile(r"([A-Za-z_]\w*):(\S.*)\Z", re.ASCII)
+"""What YAML takes for one word: a key and its value without a space between."""
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -135,6 +138,10 @@ class _Composer:
                     help="start from another entry with `like: NAME`",
                 )
             )
+        elif is_null(value) and not key.quoted and (joined := _JOINED.match(key.text)):
+            message = f"a space is missing after `{joined[1]}:`"
+            hint = f"write `{joined[1]}: {joined[2]}`"
+            self.found.append(Diagnostic("KYB010", message, key.span, help=hint))
         elif key.text in entries:
             first = entries[key.text].key.span
             message = f"`{key.text}` is written twice"

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.dsl.nodes import NAME, NO_COMMAS, Entry, Mapping, Scalar, is_cut, is_null
+from kybflow.dsl.nodes import NAME, Entry, Mapping, Scalar, is_cut, is_null, no_commas
 
 _COMPARED = re.compile(r"[<>=]|\w in \w")
 _CONDITIONS = frozenset({"when", "healthy"})
@@ -24,7 +24,8 @@ def cut_by_yaml(node: Mapping, key: str, known: Iterable[str]) -> Diagnostic | N
     before = node.entries[keys[keys.index(key) - 1]] if key != keys[0] else None
     name, is_name = before.key.text if before else "", NAME.match(key) is not None
     if before and not is_name and isinstance(before.value, Scalar) and is_cut(before.value):
-        return _cut(name, entry, (f"`{name}` is `{before.value.text}`",), NO_COMMAS)
+        hint = no_commas(f"{before.value.text}, {key}")
+        return _cut(name, entry, (f"`{name}` is `{before.value.text}`",), hint)
     if not is_null(entry.value) or get_close_matches(key.split(" ", maxsplit=1)[0], known):
         return None
     if name in _CONDITIONS or (not is_name and _COMPARED.search(key)):

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.expressions_tokens import Token
+from kybflow.dsl.nodes import no_commas
 from kybflow.dsl.source import Text
 
 _HABITS = {
@@ -53,7 +54,7 @@ def _way_out(text: str, token: Token) -> str:
     if token.text == "," and before.count("(") <= before.count(")"):
         return "the language has no comma: write `and` where both must hold"
     if token.text == ",":
-        return "the language has no comma: write `distance(a to b)`, `separation(a and b)`"
+        return no_commas(text[max(0, before.rfind("(") - len("separation")) :])
     if not token.text and text.count("(") > text.count(")"):
         return "inside {...} YAML ends a value at a comma: write `distance(a to b)` without one"
     return _HABITS.get(token.text, "")

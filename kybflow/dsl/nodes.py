@@ -22,6 +22,16 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z", re.ASCII)
 
 
 NO_COMMAS = "the language has no commas: write `distance(a to b)`, `separation(a and b)`"
+_TWO = re.compile(r"(distance|separation)\(\s*([\w.$]+)\s*,\s*([\w.$]+)\s*\)")
+
+
+def no_commas(text: str) -> str:
+    """How the first call in `text` is written without its comma; examples where none is clear."""
+    call = _TWO.search(text)
+    if call is None:
+        return NO_COMMAS
+    word = "to" if call[1] == "distance" else "and"
+    return f"the language has no commas: write `{call[1]}({call[2]} {word} {call[3]})`"
 
 
 class Scalar(NamedTuple):

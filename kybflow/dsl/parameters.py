@@ -28,11 +28,13 @@ _BOUNDS = ("above", "at_least", "below", "at_most")
 
 
 class Declared(NamedTuple):
-    """A parameter with its value, as typed and as the node that takes the place of `$name`."""
+    """A parameter with its value, as typed and as the node that takes the place of `$name`;
+    `is_set` when it is not the default."""
 
     parameter: Parameter
     node: Node
     span: Span
+    is_set: bool = False
 
 
 class Parameters(NamedTuple):
@@ -111,7 +113,7 @@ def _declare(
     if value is None:
         return None
     shown = _typed(node, field)
-    return Declared(Parameter(name, kind.text, value), shown, entry.key.span)
+    return Declared(Parameter(name, kind.text, value), shown, entry.key.span, setting is not None)
 
 
 def _valueless(name: str, declared: Span, use: Scalar | None, set_by: str) -> Diagnostic:

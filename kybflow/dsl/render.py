@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.placed import ways_to
 from kybflow.dsl.source import Span
 
 _WIDEST = 160
@@ -32,11 +33,7 @@ def _lines(diagnostic: Diagnostic, texts: dict[str, str]) -> Iterator[str]:
         f"{diagnostic.severity.value}[{diagnostic.code}]: {diagnostic.message}"
     )
     yield from _source(span, diagnostic.label, texts)
-    for reached in reversed(span.via):
-        yield f"      = imported from {reached.at}"
-    for use in reversed(span.used):
-        yield f"      = used at {use.at}"
-    for note in diagnostic.notes:
+    for note in (*ways_to(span), *diagnostic.notes):
         yield f"      = {note}"
     if diagnostic.help:
         yield f"      = help: {diagnostic.help}"

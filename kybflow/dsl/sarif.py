@@ -12,6 +12,7 @@ from urllib.parse import quote
 from kybflow import __version__
 from kybflow.dsl.codes import codes
 from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.placed import primary
 from kybflow.dsl.render import clipped, printable
 from kybflow.dsl.source import Span
 
@@ -43,15 +44,17 @@ def _rule(code: str) -> dict[str, Any]:
 
 
 def _result(diagnostic: Diagnostic, rule: int) -> dict[str, Any]:
-    span = diagnostic.span
+    span, shown = diagnostic.span, primary(diagnostic.span)
     found: dict[str, Any] = {
         "ruleId": diagnostic.code,
         "ruleIndex": rule,
         "level": diagnostic.severity.value,
         "message": {"text": message_of(diagnostic)},
-        "locations": [_location(span)],
+        "locations": [_location(shown)],
     }
-    related = [(use, "used here") for use in span.used] + [(s, "imported here") for s in span.via]
+    related = [(span, "found here")] if shown is not span else []
+    related += [(use, "used here") for use in span.used]
+    related += [(reached, "imported here") for reached in span.via]
     if related:
         found["relatedLocations"] = [
             {**_location(place), "message": {"text": why}} for place, why in related

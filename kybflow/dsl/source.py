@@ -15,7 +15,8 @@ class Span:
 
     `via` says how the file was reached: the spans of the imports, outermost first; `used` how the
     chain was that the text stands in: the spans of the uses, outermost first; `given` where the
-    value was written that took the place of a `$name` there.
+    value was written that took the place of a `$name` there, `is_set` whether by a user: not as
+    the default.
     """
 
     file: str
@@ -26,6 +27,7 @@ class Span:
     via: tuple[Span, ...] = ()
     used: tuple[Span, ...] = ()
     given: Span | None = field(default=None, compare=False, repr=False)
+    is_set: bool = field(default=False, compare=False, repr=False)
 
     @property
     def at(self) -> str:

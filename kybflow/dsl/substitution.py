@@ -64,7 +64,8 @@ class Substitution:
         if declared is None:
             return node
         written = declared.node.span
-        span = replace(node.span, given=written.given or written)
+        is_set = written.is_set if written.given else declared.is_set
+        span = replace(node.span, given=written.given or written, is_set=is_set)
         return _placed(declared.node, span, node.text[1:])
 
     def _between(self, node: Scalar) -> Scalar:

@@ -3,13 +3,12 @@ and decoded into its parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.document import PartUse
 from kybflow.dsl.judge import judge_params
-from kybflow.dsl.nodes import Mapping, Node, Scalar, describe
+from kybflow.dsl.nodes import Mapping, Node, Scalar, describe, items_of
 from kybflow.dsl.source import Span
 from kybflow.dsl.values import decode
 from kybflow.errors import KybflowError
@@ -112,28 +111,43 @@ class Uses:
         return params_of(cls, body, part, head, self.found, beside)
 
     def many(
-        self, kind: str, nodes: Iterable[Node], own: frozenset[str] = frozenset()
+        self, kind: str, written: Node | None, own: frozenset[str] = frozenset()
     ) -> tuple[tuple[PartUse, Node], ...]:
         """The parts of a list, each with its node; their labels differ."""
         uses: list[tuple[PartUse, Node]] = []
-        for node in nodes:
+        for node in items_of(written):
             use = self.one(kind, node, own)
             if use is None:
                 continue
             twin = next((u for u, _ in uses if u.label == use.label), None)
             if twin is not None:
-                self.found.append(
-                    Diagnostic(
-                        "KYB142",
-                        f"`{use.label}` is in this list twice",
-                        use.span,
-                        notes=(f"first at {twin.span.at}",),
-                        help="give one of them a name of its own with `as: NAME`",
-                    )
-                )
+                assert written is not None
+                self.found.append(_twice(twin, use, written.span))
                 continue
             uses.append((use, node))
         return tuple(uses)
+
+
+def _twice(first: PartUse, second: PartUse, written: Span) -> Diagnostic:
+    """KYB142 for two parts of the list `written`; at the one of the list where the other is from a
+    stack."""
+    message = f"`{second.label}` is in this list twice"
+    is_first, is_second = (_is_in(use.span, written) for use in (first, second))
+    if is_first == is_second:
+        notes, hint = (f"first at {first.span.at}",), "give one of them a name of its own"
+        return Diagnostic(
+            "KYB142", message, second.span, notes=notes, help=f"{hint} with `as: NAME`"
+        )
+    own, other = (first, second) if is_first else (second, first)
+    notes = (f"the stack has it at {other.span.at}",)
+    hint = "leave out yours: the stack has it"
+    return Diagnostic("KYB142", message, own.span, notes=notes, help=hint)
+
+
+def _is_in(span: Span, around: Span) -> bool:
+    begins = (around.line, around.column) <= (span.line, span.column)
+    ends = (span.end_line, span.end_column) <= (around.end_line, around.end_column)
+    return span.file == around.file and begins and ends
 
 
 def params_of(

@@ -8,7 +8,7 @@ from kybflow.dsl.arrows import duration
 from kybflow.dsl.cameras import cameras_of, without_cameras
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
-from kybflow.dsl.nodes import Entry, Mapping, Scalar, entries_of, items_of
+from kybflow.dsl.nodes import Entry, Mapping, Scalar, entries_of
 from kybflow.dsl.skeleton import ESTIMATOR_KEYS
 from kybflow.dsl.source import Span, Text
 from kybflow.dsl.states import States
@@ -33,7 +33,7 @@ class Vehicles:
         airframe = self._airframe(name, body)
         start, heading, start_span = self._start(name, body)
         estimators = self._estimators(body)
-        processors = self._uses.many("processors", items_of(body.get("processors")))
+        processors = self._uses.many("processors", body.get("processors"))
         tracker = self._tracker(name, body)
         states = self._states(name, body)
         supervisors = self._supervisors(body, name.span)
@@ -108,9 +108,8 @@ class Vehicles:
         return self._uses.one("trackers", node)
 
     def _estimators(self, body: Mapping) -> tuple[EstimatorUse, ...]:
-        uses = self._uses.many(
-            "estimators", items_of(body.get("estimators")), frozenset(ESTIMATOR_KEYS)
-        )
+        keys_of = frozenset(ESTIMATOR_KEYS)
+        uses = self._uses.many("estimators", body.get("estimators"), keys_of)
         decoded = []
         for use, node in uses:
             keys = node if isinstance(node, Mapping) else Mapping({}, node.span)
@@ -123,8 +122,8 @@ class Vehicles:
 
     def _supervisors(self, body: Mapping, span: Span) -> tuple[PartUse, ...]:
         """Those written, then those that every vehicle has."""
-        nodes = items_of(body.get("supervisors"))
-        written = [use for use, _ in self._uses.many("supervisors", nodes)]
+        uses = self._uses.many("supervisors", body.get("supervisors"))
+        written = [use for use, _ in uses]
         names = {use.name.text for use in written}
         always = [
             self._uses.one("supervisors", Scalar(spec.name, span))

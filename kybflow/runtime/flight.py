@@ -53,10 +53,11 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """What a run left."""
+    """What a run left. never_given: the operator's events whose time came after its end."""
 
     folder: Path
     summary: dict[str, Any]
+    never_given: tuple[tuple[float, str], ...] = ()
 
     @property
     def exit_code(self) -> int:
@@ -91,7 +92,7 @@ def fly(
     finally:
         recorder.close()
         folder.close()
-    return Flown(folder.path, summary)
+    return Flown(folder.path, summary, run.never_given)
 
 
 def _pictures(plan: Plan, folder: RunFolder) -> list[Observer]:
@@ -166,6 +167,11 @@ class _Run:
             engine.flows.close(engine.clock.now)
         ended_well = self._reason is None and self._driver_failed is None
         self._verdicts = engine.judge.verdicts(engine.seconds() if ended_well else None)
+
+    @property
+    def never_given(self) -> tuple[tuple[float, str], ...]:
+        """The operator's events whose time did not come."""
+        return self._engine.operator.waiting if self._engine is not None else ()
 
     def summary(self, wall_time_s: float, recording: str | None) -> dict[str, Any]:
         """The content of `summary.json`."""

@@ -61,6 +61,11 @@ class Operator:
         while self._waiting and self._waiting[0][0] <= now:
             self.give(self._waiting.popleft()[1])
 
+    @property
+    def waiting(self) -> tuple[tuple[float, str], ...]:
+        """What has not been given yet, each with its seconds of the run."""
+        return tuple((due / NS, name) for due, name in self._waiting)
+
     def give(self, name: str) -> None:
         """Tell the event `name`, and do what it commands."""
         self._events.tell(name)

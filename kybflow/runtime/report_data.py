@@ -16,19 +16,13 @@ import numpy as np
 from mcap.exceptions import McapError
 from numpy.typing import NDArray
 
+from kybflow.dsl.folders import PROVENANCE, RESOLVED
 from kybflow.runtime.record_layout import HAS_POSITION, HAS_VELOCITY, dtype_spec
 from kybflow.runtime.report_estimators import Estimated, read_estimators
 from kybflow.runtime.report_log import Log, read_log
 from kybflow.runtime.report_pictures import Picture, read_pictures
 from kybflow.runtime.report_world import World, read_world
-from kybflow.runtime.run_folder import (
-    EVENTS,
-    LOG,
-    PROVENANCE,
-    RESOLVED,
-    SUMMARY,
-    RunFolderError,
-)
+from kybflow.runtime.run_folder import EVENTS, LOG, SUMMARY, RunFolderError
 from kybflow.signals import NS
 
 Array = NDArray[np.float64]

@@ -14,6 +14,7 @@ from io import FileIO
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
+from kybflow.dsl.folders import PROVENANCE, RESOLVED
 from kybflow.dsl.plan import Plan
 from kybflow.errors import KybflowError
 from kybflow.runtime.provenance import FLOWN_FROM, provenance
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from kybflow.runtime.flight import Request
 
 SUMMARY, EVENTS, LOG, REPORT = "summary.json", "events.jsonl", "log.mcap", "report.html"
-RESOLVED, PROVENANCE = "mission.resolved.yaml", "provenance.json"
 FRAMES = "frames"
 """The folder of what cameras saw."""
 FILES = frozenset({SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES})

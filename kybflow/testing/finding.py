@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from kybflow.dsl.folders import RESOLVED, mission_files
 from kybflow.dsl.judge import is_library
 from kybflow.dsl.reader import read
-from kybflow.runtime.run_folder import RESOLVED
 
 
 def missions_under(paths: Iterable[Path]) -> Iterator[Path]:
@@ -15,8 +15,7 @@ def missions_under(paths: Iterable[Path]) -> Iterator[Path]:
     what runs have left."""
     for path in paths:
         if path.is_dir():
-            files = sorted(p for p in path.rglob("*") if p.suffix in (".yaml", ".yml"))
-            yield from (p for p in files if p.name != RESOLVED and not _is_library(p))
+            yield from (p for p in mission_files(path) if p.name != RESOLVED and not _is_library(p))
         else:
             yield path
 

@@ -17,8 +17,18 @@ from kybflow.dsl.source import Span
 IMPORTED = Span("m.yaml", 3, 9, 3, 20)
 
 
-def finding(file: str = "m.yaml", severity: Severity = Severity.ERROR, end: int = 2) -> Diagnostic:
-    span = Span(file, 2, 3, end, 5, via=(IMPORTED,))
+LIBRARY = ".venv/lib/python3.12/site-packages/bees/bees.yaml"
+USE = Span("m.yaml", 7, 5, 7, 9)
+
+
+def finding(
+    file: str = "m.yaml",
+    severity: Severity = Severity.ERROR,
+    end: int = 2,
+    via: tuple[Span, ...] = (IMPORTED,),
+    used: tuple[Span, ...] = (),
+) -> Diagnostic:
+    span = Span(file, 2, 3, end, 5, via, used)
     return Diagnostic("KYB203", "50 % off: a, b", span, "here", ("why",), "do", severity)
 
 
@@ -64,7 +74,7 @@ def test_sarif_has_places_that_count_from_1() -> None:
     ],
 )
 def test_sarif_names_files_by_a_uri_reference(file: str, uri: str) -> None:
-    (result,) = run_of(finding(file))["results"]
+    (result,) = run_of(finding(file, via=()))["results"]
     location = result["locations"][0]["physicalLocation"]["artifactLocation"]
     assert location["uri"] == uri
 
@@ -76,8 +86,30 @@ def test_sarif_of_nothing_is_a_run_without_results() -> None:
 def test_a_github_annotation_escapes_text_and_properties() -> None:
     assert to_annotation(finding("a,b:c.yaml")) == (
         "::error file=a%2Cb%3Ac.yaml,line=2,endLine=2,col=3,endColumn=5,title=kybflow KYB203"
-        "::50 %25 off: a, b: here%0Awhy%0Ahelp: do"
+        "::50 %25 off: a, b: here%0Awhy%0Ahelp: do%0Aimported from m.yaml:3"
     )
+
+
+def test_a_finding_inside_of_a_library_is_annotated_where_the_mission_uses_it() -> None:
+    text = to_annotation(finding(LIBRARY, used=(USE, Span(LIBRARY, 9, 1, 9, 4))))
+    assert text.startswith("::error file=m.yaml,line=7,endLine=7,col=5,endColumn=9,")
+    ways = ("m.yaml:3", f"{LIBRARY}:9", "m.yaml:7")
+    verbs = ("imported from", "used at", "used at")
+    lines = [f"{verb} {way}" for verb, way in zip(verbs, ways, strict=True)]
+    assert text.endswith("%0A".join(("", f"in {LIBRARY}:2:3", *lines)))
+
+
+def test_a_finding_inside_of_a_library_that_no_chain_uses_is_annotated_at_the_import() -> None:
+    assert to_annotation(finding("../bees.yaml")).startswith("::error file=m.yaml,line=3,")
+    assert to_annotation(finding("lab/bees.yaml")).startswith("::error file=lab/bees.yaml,line=2,")
+
+
+def test_sarif_of_a_finding_inside_of_a_library_relates_its_place() -> None:
+    (result,) = run_of(finding(LIBRARY, used=(USE,)))["results"]
+    assert result["locations"][0]["physicalLocation"]["region"]["startLine"] == 7
+    related = [(r["message"]["text"], r["physicalLocation"]) for r in result["relatedLocations"]]
+    assert [why for why, _ in related] == ["found here", "used here", "imported here"]
+    assert related[0][1]["artifactLocation"]["uri"] == LIBRARY
 
 
 def test_a_github_annotation_of_several_lines_has_no_columns() -> None:

@@ -120,6 +120,7 @@ CHECKS: tuple[Callable[[Case], Iterator[Diagnostic]], ...] = (
     space.refuses,
     space.undecided,
     obstacles.starts_inside,
+    obstacles.starts_in_the_air,
     obstacles.flies_into,
     obstacles.may_fly_into,
     obstacles.homes,

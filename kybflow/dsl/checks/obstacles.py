@@ -1,4 +1,4 @@
-"""Obstacles and where the vehicles stand, fly and return to: KYB340 to KYB343."""
+"""Obstacles and where the vehicles stand, fly and return to: KYB340 to KYB343 and KYB345."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from kybflow.shapes import Box, Cylinder, Plane, Shape
 from kybflow.units import LENGTH, format_quantity
 
 _ROUNDING = 1e-6
+_STANDS = 0.05
+"""How far above its ground a start may be told: where its frame is, is not where its legs are."""
 _STEPS = 60
 _RATIO = 0.6180339887498949  # of the golden section
 
@@ -25,11 +27,9 @@ def starts_inside(case: Case) -> Iterator[Diagnostic]:
     """KYB340: a vehicle starts inside an obstacle or touches it. It may stand on one."""
     for vehicle in case.vehicles():
         for obstacle in case.document.obstacles:
-            room = obstacle.shape.distance(vehicle.start)
-            if room >= vehicle.airframe.arm - _ROUNDING or _carries(
-                obstacle, vehicle.start, vehicle
-            ):
+            if not _starts_in(obstacle, vehicle):
                 continue
+            room = obstacle.shape.distance(vehicle.start)
             yield Diagnostic(
                 "KYB340",
                 f"`{vehicle.name.text}` starts in the obstacle `{obstacle.name.text}`",
@@ -39,6 +39,30 @@ def starts_inside(case: Case) -> Iterator[Diagnostic]:
                 help="start further away",
             )
             break
+
+
+def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
+    """KYB345: a vehicle starts neither on the ground nor on an obstacle. In the simulator it
+    falls until its take-off catches it; a real one can't be put there."""
+    for vehicle in case.vehicles():
+        if any(_starts_in(obstacle, vehicle) for obstacle in case.document.obstacles):
+            continue
+        below, what = 0.0, "the ground"
+        for obstacle in case.document.obstacles:
+            top, inside = _top(obstacle, vehicle.start)
+            if inside >= 0.0 and below < top <= vehicle.start[2] + _ROUNDING:
+                below, what = top, f"`{obstacle.name.text}`"
+        above = vehicle.start[2] - below
+        if abs(above) > _STANDS + _ROUNDING:
+            side = "above" if above > 0 else "below"
+            yield Diagnostic(
+                "KYB345",
+                f"`{vehicle.name.text}` starts with nothing under it",
+                vehicle.start_span,
+                label=f"{format_quantity(abs(above), LENGTH)} {side} {what}",
+                help=f"start at a height of {format_quantity(below, LENGTH)}; `take_off` climbs",
+                severity=Severity.WARNING,
+            )
 
 
 def flies_into(case: Case) -> Iterator[Diagnostic]:
@@ -152,9 +176,22 @@ def _is_vertical(state: State) -> bool:
     return any(GROUND in leg and leg.start is not leg.end for leg in state.part.spec.cls.flight)
 
 
+def _starts_in(obstacle: ObstacleUse, vehicle: Vehicle) -> bool:
+    room = obstacle.shape.distance(vehicle.start)
+    too_close = room < vehicle.airframe.arm - _ROUNDING
+    return too_close and not _carries(obstacle, vehicle.start, vehicle)
+
+
 def _carries(obstacle: ObstacleUse, point: Vec3, vehicle: Vehicle) -> bool:
     """Whether the vehicle, at or above the top of the obstacle, has all of itself over it."""
-    (x, y, z), shape = point, obstacle.shape
+    top, inside = _top(obstacle, point)
+    return point[2] >= top - _ROUNDING and inside >= vehicle.airframe.arm - _ROUNDING
+
+
+def _top(obstacle: ObstacleUse, point: Vec3) -> tuple[float, float]:
+    """How high its level top is, and how far within the top's edge the point is, seen from above;
+    an obstacle without a level top has none that a point is within."""
+    (x, y, _), shape = point, obstacle.shape
     match shape:
         case Box(low, high):
             top = high[2]
@@ -165,8 +202,8 @@ def _carries(obstacle: ObstacleUse, point: Vec3, vehicle: Vehicle) -> bool:
         case Plane(at, facing) if facing[2] >= 1.0 - _ROUNDING:
             top, inside = at[2], inf
         case _:
-            return False
-    return z >= top - _ROUNDING and inside >= vehicle.airframe.arm - _ROUNDING
+            return inf, -inf
+    return top, inside
 
 
 def _near(vehicle: Vehicle, room: float) -> str:
