@@ -15,6 +15,8 @@ from kybflow.geometry import Quat, Vec3
 Time = int
 NS = 1_000_000_000
 """Nanoseconds in a second."""
+NEVER: Time = 1 << 62
+"""A time that does not come."""
 
 
 class MeasurementKind(Enum):

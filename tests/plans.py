@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import random
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 from kybflow.catalog import load_catalog
+from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import (
     EstimatorPlan,
     PartPlan,
@@ -14,7 +17,7 @@ from kybflow.dsl.plan import (
     TransitionPlan,
     VehiclePlan,
 )
-from kybflow.parts import Behavior, Leg
+from kybflow.parts import Behavior, Leg, Link, Seat, Session
 from kybflow.shapes import Box
 from kybflow.site import Airframe
 
@@ -33,6 +36,22 @@ def part(kind: str, name: str, **params: Any) -> PartPlan:
     """A part of the catalog with these parameters (SI)."""
     spec = load_catalog().get(kind, name)
     return PartPlan(name, spec.cls, spec.params(**params), f"{kind}.{name}")
+
+
+def wrapped(wrap: Callable[[str, Link], Link], **declared: Any) -> PartPlan:
+    """The simulator, each vehicle's link replaced by what `wrap` makes of it; `declared` is what
+    the driver says of itself, such as `lands`."""
+
+    class Wrapped(Sim):
+        @classmethod
+        def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
+            session = super().open(seats, generator)
+            session.links = {name: wrap(name, link) for name, link in session.links.items()}
+            return session
+
+    for name, value in declared.items():
+        setattr(Wrapped, name, value)
+    return replace(part("drivers", "sim"), cls=Wrapped)
 
 
 def state(

@@ -19,9 +19,9 @@ from kybflow.dsl.lower import lower
 from kybflow.dsl.plan import Plan, SourceFile
 from kybflow.dsl.reader import read
 from kybflow.dsl.resolve import resolve, resolve_library
-from kybflow.dsl.settings import FILE, parse_settings
+from kybflow.dsl.settings import parse_settings
 from kybflow.dsl.shape import shape
-from kybflow.dsl.source import Span
+from kybflow.dsl.source import SET, Span
 from kybflow.dsl.unused_names import unused_names
 from kybflow.dsl.written import written
 
@@ -101,22 +101,20 @@ def _result(
     valued = (_at_value(d, files) for d in found)
     located = (replace(d, span=_reached(d, files)) for d in valued)
     texts = {s.file: s.text for s in files.sources.values()}
-    given = {FILE: "\n".join(sets), targets.FILE: target or ""}
+    given = {SET: "\n".join(sets), targets.FILE: target or ""}
     return Result(plan, in_order(located), texts | given)
 
 
 def _at_value(diagnostic: Diagnostic, files: Files) -> Diagnostic:
     """What is wrong with the value that a user gave for a `$name` of a chain or a library, at that
     value."""
-    span, given = diagnostic.span, diagnostic.span.given
-    is_own = given is not None and given.file == span.file and not span.used
-    if given is None or not span.is_set or is_own or given.file == FILE:
+    span, value = diagnostic.span, diagnostic.span.value
+    if value is None:
         return diagnostic
     lines = files.sources[span.file].text.split("\n") if span.file in files.sources else []
     name = lines[span.line - 1][span.column - 1 : span.end_column - 1] if lines else "a parameter"
-    others = (note for note in diagnostic.notes if not note.startswith(f"`{name}` is "))
-    notes = (f"it takes the place of `{name}` at {span.at}", *others)
-    return replace(diagnostic, span=given, notes=notes)
+    notes = (f"it takes the place of `{name}` at {span.at}", *diagnostic.notes)
+    return replace(diagnostic, span=value, notes=notes)
 
 
 def _reached(diagnostic: Diagnostic, files: Files) -> Span:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
 from kybflow.dsl.document import Parameter
 from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, Sequence
-from kybflow.dsl.source import PREFIX, Span
+from kybflow.dsl.source import PREFIX, SET, Span
 from kybflow.dsl.values import bounds_of, decode, quantity_field, shown_value
 from kybflow.params import Field
 from kybflow.units import DIMENSIONS, LENGTH, NUMBER, RATIO, Dimension
@@ -29,7 +29,7 @@ _BOUNDS = ("above", "at_least", "below", "at_most")
 
 class Declared(NamedTuple):
     """A parameter with its value, as typed and as the node that takes the place of `$name`;
-    `is_set` when it is not the default."""
+    `is_set` when a file gives it: not the default, nor `--set`."""
 
     parameter: Parameter
     node: Node
@@ -112,8 +112,8 @@ def _declare(
     value = default_value if setting is None else _value(node, field, found)
     if value is None:
         return None
-    shown = _typed(node, field)
-    return Declared(Parameter(name, kind.text, value), shown, entry.key.span, setting is not None)
+    shown, is_set = _typed(node, field), setting is not None and node.span.file != SET
+    return Declared(Parameter(name, kind.text, value), shown, entry.key.span, is_set)
 
 
 def _valueless(name: str, declared: Span, use: Scalar | None, set_by: str) -> Diagnostic:

@@ -8,13 +8,11 @@ from kybflow.dsl.composer import compose
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.nodes import NAME, Mapping, Node, Scalar, Sequence
 from kybflow.dsl.parameters import Setting
-from kybflow.dsl.source import Span
+from kybflow.dsl.source import SET, Span
 
 CODES = {
     "KYB135": "A `--set` that is not `name=value`.",
 }
-FILE = "--set"
-"""The name of the file that spans of settings point into; each setting is one of its lines."""
 
 
 def parse_settings(sets: Iterable[str], found: list[Diagnostic]) -> dict[str, Setting]:
@@ -22,7 +20,7 @@ def parse_settings(sets: Iterable[str], found: list[Diagnostic]) -> dict[str, Se
     settings: dict[str, Setting] = {}
     for line, text in enumerate(sets, start=1):
         name, equals, value = text.partition("=")
-        span = Span(FILE, line, 1, line, len(text) + 1)
+        span = Span(SET, line, 1, line, len(text) + 1)
         if not equals or not NAME.match(name.strip()) or not value.strip() or "\n" in text:
             found.append(
                 Diagnostic(
@@ -30,19 +28,19 @@ def parse_settings(sets: Iterable[str], found: list[Diagnostic]) -> dict[str, Se
                 )
             )
             continue
-        node, findings = compose(value, FILE)
+        node, findings = compose(value, SET)
         if node is None or findings or isinstance(node, Mapping):
             message = f"`{value}` is no value of a parameter"
             found.append(Diagnostic("KYB135", message, span))
             continue
-        place = Span(FILE, line, 1, line, len(name) + 1)
+        place = Span(SET, line, 1, line, len(name) + 1)
         settings[name.strip()] = Setting(_placed(node, line, len(name) + 1), place)
     return settings
 
 
 def _placed(node: Node, line: int, shift: int) -> Node:
     s = node.span
-    span = Span(FILE, line, s.column + shift, line, s.end_column + shift)
+    span = Span(SET, line, s.column + shift, line, s.end_column + shift)
     if isinstance(node, Sequence):
         return Sequence(tuple(_placed(item, line, shift) for item in node.items), span)
     return node._replace(span=span) if isinstance(node, Scalar) else node

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 PREFIX = "world.points."
 """What stands before the name of a point of the world."""
+SET = "--set"
+"""The name of the file that spans of settings point into; each setting is one of its lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,8 +17,8 @@ class Span:
 
     `via` says how the file was reached: the spans of the imports, outermost first; `used` how the
     chain was that the text stands in: the spans of the uses, outermost first; `given` where the
-    value was written that took the place of a `$name` there, `is_set` whether by a user: not as
-    the default.
+    value was written that took the place of a `$name` there, `is_set` whether in a file: not as
+    the default, nor by `--set`.
     """
 
     file: str
@@ -28,6 +30,15 @@ class Span:
     used: tuple[Span, ...] = ()
     given: Span | None = field(default=None, compare=False, repr=False)
     is_set: bool = field(default=False, compare=False, repr=False)
+
+    @property
+    def value(self) -> Span | None:
+        """Where a user wrote the value that stands here for a `$name` of a chain or of a library;
+        None where the text here says it."""
+        given = self.given
+        if given is None or not self.is_set or (given.file == self.file and not self.used):
+            return None
+        return given
 
     @property
     def at(self) -> str:

@@ -121,8 +121,9 @@ def _shown(value: float, dimension: Dimension | None) -> str:
 
 
 def origin(node: Scalar) -> tuple[str, ...]:
-    """The note that says where a value came from when a parameter stood in its place."""
-    return (f"`${node.parameter}` is `{node.text}`",) if node.parameter else ()
+    """The note that says what stands for a parameter, where the report is not at that value."""
+    shown = node.parameter and node.span.value is None
+    return (f"`${node.parameter}` is `{node.text}`",) if shown else ()
 
 
 def _vector(node: Node, field: Field, found: list[Diagnostic]) -> Any:

@@ -25,7 +25,7 @@ from math import acos, cos, isfinite
 from typing import NamedTuple
 
 from kybflow.geometry import distance
-from kybflow.signals import NS, Pose, Time
+from kybflow.signals import NEVER, NS, Pose, Time
 
 STALE, FROZE, JUMPED, SWAPPED, RECOVERED = (
     "body_lost",
@@ -95,8 +95,9 @@ class Bodies:
             else:
                 passed.append(pose)
                 self._follow(name, body, pose, findings)
-        bound = self._patience(body)
-        age = (now - max(body.stamp, body.began)) / NS
+        bound, newest = self._patience(body), max(body.stamp, body.began)
+        body.due = newest + round(bound * NS)
+        age = (now - newest) / NS
         if age > bound and body.wrong != STALE:
             body.wrong, body.good = STALE, 0
             findings.append(Finding(now, name, STALE, age, bound))
@@ -104,8 +105,7 @@ class Bodies:
 
     def due(self, name: str) -> Time:
         """When a body is stale should nothing come; to be asked once it was judged."""
-        body = self._bodies[name]
-        return max(body.stamp, body.began) + round(self._patience(body) * NS)
+        return self._bodies[name].due
 
     def _patience(self, body: _Body) -> float:
         if body.interval is None:
@@ -176,18 +176,19 @@ class Bodies:
 
 class _Body:
     """What is remembered of one. stamp: of its newest pose. interval: the shorter of the last two
-    between poses, seconds, None before. changed: since when, in the air, the pose is the same.
-    place: where it is believed, left: where it was before it jumped, elsewhere: poses that may
-    become a jump. good: new poses since something was wrong."""
+    between poses, seconds, None before. due: when it is stale should nothing come. changed: since
+    when, in the air, the pose is the same. place: where it is believed, left: where it was before
+    it jumped, elsewhere: poses that may become a jump. good: new poses since something was
+    wrong."""
 
     __slots__ = (
-        "_before", "_last", "began", "changed", "elsewhere", "good", "interval", "left", "place",
-        "stamp", "wrong",
+        "_before", "_last", "began", "changed", "due", "elsewhere", "good", "interval", "left",
+        "place", "stamp", "wrong",
     )  # fmt: skip
 
     def __init__(self, now: Time) -> None:
-        self.began = now
-        self.stamp: Time = -(1 << 62)
+        self.began = self.due = now
+        self.stamp: Time = -NEVER
         self.changed: Time = 0
         self.place: Pose | None = None
         self.left: Pose | None = None

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy
 
 from kybflow.cameras import Camera
-from kybflow.signals import NS, Frame, Time
+from kybflow.signals import NEVER, NS, Frame, Time
 
 LOST, FROZE, RECOVERED = "camera_lost", "camera_froze", "camera_recovered"
 SILENT, SAME = 0.15, 0.1
@@ -32,7 +32,6 @@ SILENT, SAME = 0.15, 0.1
 GOOD = 3
 _ACROSS = 40
 """Pixels of a row that are compared."""
-_NEVER: Time = 1 << 62
 
 
 class Finding(NamedTuple):
@@ -53,7 +52,7 @@ class Cameras:
     def __init__(self, cameras: Mapping[str, Camera]) -> None:
         self._cameras = cameras
         self._eyes: dict[str, _Eye] = {}
-        self.due: Time = _NEVER
+        self.due: Time = NEVER
         self.wrong: dict[str, str] = {}
 
     def judge(self, frames: Sequence[Frame], now: Time, in_air: bool) -> list[Finding]:
@@ -72,7 +71,7 @@ class Cameras:
                 self._found(findings, Finding(LOST, name, silence, eye.patience))
                 eye.good = 0
         waiting = (eye for name, eye in self._eyes.items() if self.wrong.get(name) != LOST)
-        self.due = min((eye.heard + round(eye.patience * NS) for eye in waiting), default=_NEVER)
+        self.due = min((eye.heard + round(eye.patience * NS) for eye in waiting), default=NEVER)
         return findings
 
     def _look(self, frame: Frame, eye: _Eye, in_air: bool, findings: list[Finding]) -> None:

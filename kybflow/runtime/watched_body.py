@@ -8,9 +8,7 @@ from collections.abc import Sequence
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.runtime.body_health import Bodies, Finding
 from kybflow.runtime.events import Events
-from kybflow.signals import Measurement, MeasurementKind, Pose, Time
-
-_NEVER: Time = 1 << 62
+from kybflow.signals import NEVER, Measurement, MeasurementKind, Pose, Time
 
 
 class WatchedBody:
@@ -23,7 +21,7 @@ class WatchedBody:
         asking = [p.at for p in parts if MeasurementKind.POSE in p.cls.uses(p.params)]
         self._at = asking[0] if asking else plan.at
         self._is_needed = bool(asking)
-        self.due: Time = 0 if asking else _NEVER
+        self.due: Time = 0 if asking else NEVER
 
     def measured(
         self, measurements: Sequence[Measurement], now: Time, in_air: bool

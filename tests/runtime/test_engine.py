@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 from flights import NoParams, Still, down, hold, named, path, up
-from plans import part, state, then, vehicle
+from plans import part, state, then, vehicle, wrapped
 
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.expressions import Finally, InState
@@ -169,26 +169,13 @@ class Deaf(Link):
         return self.link.truth()
 
 
-class DeafSim(Sim):
-    """The simulator with motion capture that is never heard."""
-
-    since = 0.0
-
-    @classmethod
-    def open(cls, seats, generator):
-        session = super().open(seats, generator)
-        session.links = {name: Deaf(link, cls.since) for name, link in session.links.items()}
-        return session
-
-
-class LaterDeafSim(DeafSim):
-    since = 8.0
+def deaf(since=0.0):
+    return wrapped(lambda _, link: Deaf(link, since))
 
 
 def test_a_lost_estimate_lands_blind_from_two_metres(run):
-    deafer = replace(part("drivers", "sim"), cls=LaterDeafSim)
     states = [up("hold", height=1.5), hold(20.0, "down"), down()]
-    flown, told = run(vehicle("a", states, driver=deafer))
+    flown, told = run(vehicle("a", states, driver=deaf(8.0)))
     assert path(told, "a") == ["up", "hold", "land_blind", "fault"]
     [started] = named(told, "failsafe_started")
     assert started.fields["reaction"] == "land_blind"
@@ -227,17 +214,15 @@ def test_an_interrupt_in_the_preflight_ends_the_run_there(run):
 
 
 def test_preflight_keeps_a_vehicle_without_poses_on_the_ground(run):
-    silent = replace(part("drivers", "sim"), cls=DeafSim)
-    flown, told = run(vehicle("a", [up("down"), down()], driver=silent))
+    flown, told = run(vehicle("a", [up("down"), down()], driver=deaf()))
     assert named(told, "behavior_started") == []
     assert flown.exit_code == 1
     assert "a: estimate: no healthy estimate from mocap" in flown.summary["reason"]
 
 
 def test_after_a_failed_preflight_no_vehicle_is_in_a_state(run):
-    silent = replace(part("drivers", "sim"), cls=DeafSim)
     landed = ExpectationPlan("finally a in landed", Finally(InState("a", "landed")), "m.yaml:9")
-    flown, _ = run(vehicle("a", [up("down"), down()], driver=silent), expectations=(landed,))
+    flown, _ = run(vehicle("a", [up("down"), down()], driver=deaf()), expectations=(landed,))
     assert [e["held"] for e in flown.summary["expectations"]] == [False]
 
 

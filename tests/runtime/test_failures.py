@@ -8,9 +8,8 @@ from math import nan
 
 import pytest
 from flights import NoParams, Still, down, hold, named, path, up
-from plans import part, state, then, vehicle
+from plans import part, state, then, vehicle, wrapped
 
-from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, TransitionPlan
 from kybflow.errors import DriverError, Refused
 from kybflow.parts import AIR, GROUND, Behavior, Entry, Link, Supervisor
@@ -222,14 +221,7 @@ class Cut(Link):
     [("read", ["auto_land", "land_blind", "fault"]), ("send", ["auto_land"])],
 )
 def test_a_link_that_fails_ends_its_own_vehicle_and_no_other(run, method, way):
-    class CutSim(Sim):
-        @classmethod
-        def open(cls, seats, generator):
-            session = super().open(seats, generator)
-            session.links["a"] = Cut(session.links["a"], method)
-            return session
-
-    driver = replace(part("drivers", "sim"), cls=CutSim)
+    driver = wrapped(lambda name, link: Cut(link, method) if name == "a" else link)
     states = [up("hold"), hold(2.0, "down"), down()]
     other = vehicle("b", states, start=(1.0, 0.0, 0.0), driver=driver)
     flown, told = run(flight(driver=driver), other, time_limit=20.0)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from flights import down, path, up
-from plans import part, state, then, vehicle
+from plans import part, state, then, vehicle, wrapped
 
-from kybflow.drivers.sim import Sim
 from kybflow.parts import Link
 from kybflow.signals import Command, Truth
 
@@ -34,14 +31,7 @@ class Watched(Link):
 def commands(run, lies: bool) -> list[Command]:
     told: list[Command] = []
 
-    class WatchedSim(Sim):
-        @classmethod
-        def open(cls, seats, generator):
-            session = super().open(seats, generator)
-            session.links = {n: Watched(link, lies, told) for n, link in session.links.items()}
-            return session
-
-    driver = replace(part("drivers", "sim"), cls=WatchedSim)
+    driver = wrapped(lambda _, link: Watched(link, lies, told))
     eight = part("behaviors", "figure_eight", width=1.0, lap=8.0)
     states = [up("eight"), state("eight", eight, then("down")), down()]
     _, heard = run(vehicle("a", states, driver=driver))

@@ -9,9 +9,8 @@ from typing import ClassVar
 import pytest
 from alarming import alarming
 from flights import down, hold, named, path, up
-from plans import NANO, part, vehicle
+from plans import NANO, part, vehicle, wrapped
 
-from kybflow.drivers.sim import Sim
 from kybflow.errors import DriverError, Refused
 from kybflow.geometry import GRAVITY, LEVEL, ZERO
 from kybflow.parts import Link
@@ -66,16 +65,11 @@ def driver(way: str, lands: bool = True):
     """(the driver, the links that it opened)"""
     opened: list[Autopilot] = []
 
-    class Own(Sim):
-        @classmethod
-        def open(cls, seats, generator):
-            session = super().open(seats, generator)
-            opened.append(Autopilot(session.links["a"], way))
-            session.links["a"] = opened[0]
-            return session
+    def wrap(_, link):
+        opened.append(Autopilot(link, way))
+        return opened[0]
 
-    Own.lands = lands
-    return replace(part("drivers", "sim"), cls=Own), opened
+    return wrapped(wrap, lands=lands), opened
 
 
 def flight(own, *more_supervisors, seconds=20.0, **more):

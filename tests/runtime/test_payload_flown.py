@@ -3,15 +3,13 @@ reason; whatever becomes of it, the vehicle comes down."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from flights import down, hold, named, path, up
-from plans import part, state, then, vehicle
+from plans import part, state, then, vehicle, wrapped
 
 from kybflow.catalog import load_catalog
-from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import TransitionPlan
 from kybflow.errors import DriverError, Refused
@@ -87,15 +85,11 @@ def driver(way: str):
     """(the driver, the links that it opened)"""
     opened: list[Awkward] = []
 
-    class Own(Sim):
-        @classmethod
-        def open(cls, seats, generator):
-            session = super().open(seats, generator)
-            opened.append(Awkward(session.links["a"], way))
-            session.links["a"] = opened[0]
-            return session
+    def wrap(_, link):
+        opened.append(Awkward(link, way))
+        return opened[0]
 
-    return replace(part("drivers", "sim"), cls=Own), opened
+    return wrapped(wrap), opened
 
 
 def drop(name: str, *arrows: TransitionPlan):

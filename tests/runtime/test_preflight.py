@@ -13,7 +13,7 @@ import numpy
 import pytest
 from alarming import alarming
 from flights import down, named, path, up
-from plans import part, plan, state, then, vehicle
+from plans import part, plan, state, then, vehicle, wrapped
 
 from kybflow.cameras import Camera, Lens
 from kybflow.drivers.sim import Sim
@@ -54,16 +54,7 @@ class Bent(Link):
 
 def bent(bend, **names) -> PartPlan:
     """The simulator, its measurements bent for the vehicles in `names` or for all."""
-
-    class BentSim(Sim):
-        @classmethod
-        def open(cls, seats, generator):
-            session = super().open(seats, generator)
-            for name, link in session.links.items():
-                session.links[name] = Bent(link, bend)
-            return session
-
-    return replace(part("drivers", "sim"), cls=BentSim, at="m.yaml:9")
+    return replace(wrapped(lambda _, link: Bent(link, bend)), at="m.yaml:9")
 
 
 def test_all_is_green_on_a_good_day_and_says_what_it_found():
@@ -81,14 +72,7 @@ def test_nothing_arms():
         def send(self, command, now):
             sent.append(command)
 
-    class WatchedSim(Sim):
-        @classmethod
-        def open(cls, seats, generator):
-            session = super().open(seats, generator)
-            session.links = {n: Watched(x, lambda m, now: m) for n, x in session.links.items()}
-            return session
-
-    inspect(plan(flight(driver=replace(part("drivers", "sim"), cls=WatchedSim))))
+    inspect(plan(flight(driver=wrapped(lambda _, link: Watched(link, lambda m, now: m)))))
     assert sent == []
 
 

@@ -12,10 +12,9 @@ import numpy
 import pytest
 from flights import down, named, up
 from mcap.reader import make_reader
-from plans import part, plan, vehicle
+from plans import part, plan, vehicle, wrapped
 
 from kybflow.cameras import Camera, Lens
-from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import PartPlan, SensorPlan
 from kybflow.errors import DriverError
 from kybflow.geometry import LEVEL
@@ -249,25 +248,21 @@ def test_so_are_frames_whose_image_is_none(image: Any) -> None:
 def test_a_stamp_far_ahead_does_not_silence_a_body(run) -> None:
     """One pose of the flight is stamped an hour ahead; nothing comes of it but its event."""
 
-    class Late(Sim):
-        @classmethod
-        def open(cls, seats: Any, generator: random.Random) -> Any:
-            session = super().open(seats, generator)
-            link = session.links["a"]
-            read, done = link.read, []
+    def late(_: str, link: Link) -> Link:
+        read, done = link.read, []
 
-            def ahead(now: Time) -> Sequence[Measurement]:
-                found = list(read(now))
-                for i, m in enumerate(found):
-                    if isinstance(m, Pose) and now > 2 * NS and not done:
-                        found[i] = m._replace(time=m.time + 3600 * NS)
-                        done.append(now)
-                return found
+        def ahead(now: Time) -> Sequence[Measurement]:
+            found = list(read(now))
+            for i, m in enumerate(found):
+                if isinstance(m, Pose) and now > 2 * NS and not done:
+                    found[i] = m._replace(time=m.time + 3600 * NS)
+                    done.append(now)
+            return found
 
-            link.read = ahead  # type: ignore[method-assign]
-            return session
+        link.read = ahead  # type: ignore[method-assign]
+        return link
 
-    result, told = flown(run, driver=replace(part("drivers", "sim"), cls=Late))
+    result, told = flown(run, driver=wrapped(late))
     (refused,) = named(told, "measurement_refused")
     assert str(refused.fields["reason"]).startswith("stamped 3.6e+03 s in the future")
     assert result.exit_code == 0

@@ -7,12 +7,11 @@ from collections import deque
 from kybflow.descent import Descent
 from kybflow.drivers.sim.onboard import Pilot
 from kybflow.geometry import LEVEL, ZERO
-from kybflow.signals import NS, Command, Time
+from kybflow.signals import NEVER, NS, Command, Time
 from kybflow.site import Airframe
 
 WATCHDOG: Time = NS // 4
 """How long an armed vehicle waits for a command before it comes down by itself."""
-NEVER: Time = 1 << 62
 
 
 class Receiver:
