@@ -11,9 +11,11 @@ from typing import Annotated, TextIO, cast
 import typer
 
 from kybflow.commands import (
+    emulate,
     explain,
     graph,
     library,
+    mavlink,
     mocap_server,
     new,
     parts,
@@ -70,6 +72,8 @@ for _name, _command, _examples in (
     ("tags", tags.tags, tags.EXAMPLES),
 ):
     app.command(_name, epilog=_examples)(_command)
+app.add_typer(mavlink.app, name="mavlink")
+app.add_typer(emulate.app, name="emulate")
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from operator import attrgetter
 from typing import Protocol
 
 from kybflow.geometry import Quat, Vec3, distance, heading_of, norm, tilt_of
-from kybflow.signals import Battery, PayloadState, Setpoint
+from kybflow.signals import Battery, PayloadState, Setpoint, Sticks
 from kybflow.units import ANGLE, DURATION, LENGTH, NUMBER, RATIO, SPEED, VOLTAGE, Dimension
 
 
@@ -77,6 +77,9 @@ class View(Protocol):
 
     @property
     def releases(self) -> int: ...
+    @property
+    def sticks(self) -> Sticks:
+        """What a person holds; Unavailable where nobody holds any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +156,18 @@ OBSERVABLES: dict[str, Observable] = {
     "payload.releases": Observable(
         "How often it was released.", NUMBER, lambda v: float(v.releases), low=0.0
     ),
+    "sticks.roll": Observable(
+        "A pilot's stick, 1 to the right.", NUMBER, lambda v: v.sticks.roll, -1.0, 1.0
+    ),
+    "sticks.pitch": Observable(
+        "A pilot's stick, 1 forward.", NUMBER, lambda v: v.sticks.pitch, -1.0, 1.0
+    ),
+    "sticks.yaw": Observable(
+        "A pilot's stick, 1 to the left.", NUMBER, lambda v: v.sticks.yaw, -1.0, 1.0
+    ),
+    "sticks.throttle": Observable(
+        "A pilot's stick, 0 to 1.", NUMBER, lambda v: v.sticks.throttle, 0.0, 1.0
+    ),
 }
 
 EVENTS: dict[str, str] = {
@@ -191,6 +206,12 @@ EVENTS: dict[str, str] = {
     "failsafe_ended": "The failsafe gives the vehicle back to what it was doing.",
     "land_mode_started": "The vehicle lands by its own land mode.",
     "land_mode_refused": "The vehicle's own land mode does not land it; `auto_land` does.",
+    "preflight_waits": "A check before take-off is not green yet.",
+    "arming_refused": "The vehicle won't arm, in its own words.",
+    "vehicle_said": "The vehicle says something of itself.",
+    "control_taken": "Somebody else has the vehicle, and it is left alone.",
+    "control_returned": "The vehicle obeys again, and goes on with what it was doing.",
+    "link_returned": "The vehicle is heard again, after a silence.",
     "paused": "The vehicle holds; what it was doing is frozen.",
     "resumed": "The vehicle goes on with what it was doing when it was paused.",
     "pause_refused": "The vehicle can't be paused now.",
@@ -270,6 +291,12 @@ EVENT_FIELDS: dict[str, tuple[str, ...]] = {
     "failsafe_ended": ("reaction", "alarm"),
     "land_mode_started": (),
     "land_mode_refused": ("reason",),
+    "preflight_waits": ("check", "reason"),
+    "arming_refused": ("reason",),
+    "vehicle_said": ("severity", "text"),
+    "control_taken": ("reason",),
+    "control_returned": (),
+    "link_returned": ("value",),
     "paused": ("by",),
     "resumed": ("by",),
     "pause_refused": ("by", "reason"),

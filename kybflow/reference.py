@@ -119,7 +119,7 @@ def _facts(spec: PartSpec) -> Iterator[str]:
         yield f"takes {_values(cls.accepts)}"
     elif spec.kind == "trackers":
         yield f"takes {_values(cls.accepts)}"
-        yield f"gives {_values([cls.gives])}"
+        yield f"gives {_values(cls.kinds(spec.params()))}"
     elif spec.kind == "supervisors":
         yield "in every vehicle" if cls.always else "in the vehicles that name it"
         yield from (f"its reaction is `{f.default}`" for f in spec.fields if f.name == "reaction")

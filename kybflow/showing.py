@@ -59,6 +59,7 @@ def _vehicle(vehicle: VehiclePlan) -> Iterator[str]:
     if vehicle.sensors:
         yield f"  senses by  {', '.join(_sensors(vehicle))}"
     yield f"  processed  {', '.join(p.name for p in vehicle.processors) or 'by nothing'}"
+    yield f"  tracked    by {vehicle.tracker.name}, flown by {vehicle.driver.name}"
     yield f"  watched    {', '.join(s.name for s in vehicle.supervisors)}"
     for part in (*vehicle.processors, *vehicle.supervisors):
         yield from (f"  loosened   {line}" for line in _loosened(part))

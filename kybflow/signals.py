@@ -28,6 +28,8 @@ class MeasurementKind(Enum):
     FRAME = "frame"
     POSITION = "position"
     PAYLOAD = "payload"
+    ODOMETRY = "odometry"
+    STICKS = "sticks"
 
 
 class Pose(NamedTuple):
@@ -86,7 +88,32 @@ class Payload(NamedTuple):
     aboard: bool | None
 
 
-Measurement = Pose | Battery | Imu | Frame | Position | Payload
+class Odometry(NamedTuple):
+    """What an autopilot's own estimator believes: velocity in the world, angular_velocity in the
+    body. spread: standard deviation of the position, metres, as the autopilot has it."""
+
+    time: Time
+    position: Vec3
+    velocity: Vec3
+    attitude: Quat
+    angular_velocity: Vec3
+    spread: float
+
+
+class Sticks(NamedTuple):
+    """What a person holds: the sticks of a transmitter or of a ground station, -1 to 1 (throttle 0
+    to 1; roll to the right, pitch forward, yaw to the left are positive), and its switches, each
+    -1 to 1."""
+
+    time: Time
+    roll: float
+    pitch: float
+    yaw: float
+    throttle: float
+    switches: tuple[float, ...] = ()
+
+
+Measurement = Pose | Battery | Imu | Frame | Position | Payload | Odometry | Sticks
 CLASSES: dict[MeasurementKind, type] = {
     MeasurementKind.POSE: Pose,
     MeasurementKind.BATTERY: Battery,
@@ -94,6 +121,8 @@ CLASSES: dict[MeasurementKind, type] = {
     MeasurementKind.FRAME: Frame,
     MeasurementKind.POSITION: Position,
     MeasurementKind.PAYLOAD: Payload,
+    MeasurementKind.ODOMETRY: Odometry,
+    MeasurementKind.STICKS: Sticks,
 }
 """The class of each kind of measurement."""
 
@@ -162,19 +191,25 @@ class Setpoint(NamedTuple):
 
 
 class CommandKind(Enum):
-    """What a tracker gives and a driver accepts."""
+    """What a tracker gives and a driver accepts: what the vehicle's own controller is to follow."""
 
+    POSITION = "position"
+    VELOCITY = "velocity"
+    ACCELERATION = "acceleration"
     ATTITUDE_THRUST = "attitude_thrust"
+    RATES_THRUST = "rates_thrust"
 
 
 class Command(NamedTuple):
-    """Attitude and thrust for the on-board controller.
+    """What the on-board controller is to follow; `kind` says what of it counts.
 
-    attitude: body to world. thrust: newtons along body z; zero with `armed` false stops the rotors.
-    rates: body rates to feed forward. heading: what the sender believes the heading to be now, for
-    an on-board filter that can't see it (an autopilot takes it from external vision in the same
-    way); None when nobody knows: then the heading in `attitude` means nothing, and the on-board
-    controller holds the one that it has.
+    ATTITUDE_THRUST: `attitude`, body to world, `thrust`, newtons along body z, and `rates`, body
+    rates to feed forward. RATES_THRUST: `rates` and `thrust`. POSITION, VELOCITY and ACCELERATION:
+    `setpoint`, which has at least what the kind says; what else it has is fed forward. `armed`
+    false stops the rotors. heading: what the sender believes the heading to be now, for an on-board
+    filter that can't see it (an autopilot takes it from external vision in the same way); None when
+    nobody knows: then the heading in `attitude` means nothing, and the on-board controller holds
+    the one that it has.
     """
 
     attitude: Quat
@@ -182,6 +217,8 @@ class Command(NamedTuple):
     rates: Vec3
     heading: float | None
     armed: bool = True
+    kind: CommandKind = CommandKind.ATTITUDE_THRUST
+    setpoint: Setpoint | None = None
 
 
 class Reaction(IntEnum):

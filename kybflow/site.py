@@ -69,7 +69,10 @@ class Parcel:
 
     mass: Mass = param("Mass; no controller is told of it.", above=0.0)
     size: Length = param("Side of the box, a cube.", above=0.0)
-    channel: int = param("Channel of the servo that holds it.", default=1, at_least=1)
+    channel: int = param(
+        "Channel of the servo that holds it, from 1; of an autopilot the auxiliary output.",
+        default=1, at_least=1,
+    )  # fmt: skip
     aboard: bool = param("Whether it is on board when the mission begins.", default=True)
 
 

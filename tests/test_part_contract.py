@@ -21,6 +21,7 @@ from kybflow.files import File
 from kybflow.geometry import GRAVITY, LEVEL, ZERO, Vec3, from_heading
 from kybflow.params import Field
 from kybflow.parts import GROUND, Deck, Effect, Footprint
+from kybflow.runtime.checked import checked_command
 from kybflow.signals import (
     NS,
     Alarm,
@@ -35,6 +36,7 @@ from kybflow.signals import (
     Imu,
     Measurement,
     MeasurementKind,
+    Odometry,
     Pose,
     Setpoint,
     SetpointKind,
@@ -84,11 +86,11 @@ def numbers(value: Any) -> Iterator[float]:
             yield from numbers(item)
 
 
-def ticks(setpoint: Setpoint | None = None) -> Iterator[Tick]:
-    """A flight past START with a little noise, the same in every test."""
+def ticks(setpoint: Setpoint | None = None, where: Vec3 = START) -> Iterator[Tick]:
+    """A flight past a place with a little noise, the same in every test."""
     generator = random.Random(7)
     for i in range(TICKS):
-        position = tuple(x + generator.gauss(0.0, 0.001) for x in START)
+        position = tuple(x + generator.gauss(0.0, 0.001) for x in where)
         velocity = tuple(generator.gauss(0.0, 0.02) for _ in range(3))
         known = estimate(position, velocity, now=i * round(DT * NS))
         battery = Battery(known.time, 1.0 - 0.005 * i, 12.0)
@@ -189,7 +191,7 @@ def test_a_behavior_is_deterministic_and_finite_and_emits_what_it_says(spec: Par
 @pytest.mark.parametrize("spec", specs("behaviors"))
 def test_a_behavior_begins_where_it_is_entered(spec: PartSpec) -> None:
     where = (0.0, 0.0, 0.0) if spec.cls.flight[0].start is GROUND else START
-    output = begun(spec).update(next(ticks()))
+    output = begun(spec).update(next(ticks(where=where)))
     given = output.setpoint if isinstance(output, Done | Failed | Grip) else output
     if isinstance(given, Setpoint) and given.position is not None:
         assert given.position == pytest.approx(where, abs=0.001)
@@ -245,6 +247,8 @@ def test_a_tracker_is_deterministic_and_finite_and_gives_what_it_says(spec: Part
 
         for command in same_twice(lambda: spec.cls(minimal(spec), SITE), run):
             assert isinstance(command, Command)
+            assert command.kind in spec.cls.kinds(minimal(spec))
+            assert checked_command(command) is command
             assert 0.0 <= command.thrust <= SITE.airframe.max_thrust
             assert sum(x * x for x in command.attitude) == pytest.approx(1.0, abs=1e-6)
 
@@ -280,6 +284,7 @@ def test_an_estimator_is_deterministic_and_finite(spec: PartSpec) -> None:
             measured: list[Measurement] = [Imu(now, DT, felt, ZERO)]
             if i % 2:
                 measured.append(Pose(now, position, from_heading(0.1)))
+                measured.append(Odometry(now, position, ZERO, from_heading(0.1), ZERO, 0.001))
             estimates.append(estimator.update(measured, now))
             estimator.anchor(Estimate(now, position, ZERO, LEVEL, ZERO, "another", 0.0, 0.001))
         return estimates
@@ -302,6 +307,20 @@ def test_a_driver_says_what_it_takes_and_gives(spec: PartSpec) -> None:
     assert spec.cls.provides
     rate = spec.cls.step_rate(minimal(spec))
     assert rate is None or rate > 0.0
+    assert spec.cls.takes(minimal(spec)) <= spec.cls.accepts
+    tracker = spec.cls.tracker(minimal(spec))
+    assert tracker is None or tracker in CATALOG.names("trackers")
+
+
+@pytest.mark.parametrize("spec", specs("drivers"))
+def test_the_targets_of_a_driver_are_parameters_that_it_has(spec: PartSpec) -> None:
+    fields = {field.name: field for field in spec.fields}
+    for values in spec.cls.targets.values():
+        for name, value in values.items():
+            field = fields[name]
+            assert isinstance(value, bool) == (field.shape == "boolean")
+            assert not field.choices or value in field.choices
+        assert all(field.name in values for field in spec.fields if field.required)
 
 
 @pytest.mark.parametrize("spec", specs("faults"))

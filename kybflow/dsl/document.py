@@ -122,7 +122,8 @@ class Vehicle:
     behavior. `airframe_spans` holds the span of each of the airframe's parameters that was
     written, `spans` that of each of the vehicle's own keys. `asked` are the states that callbacks
     and flows may ask for at any time, `asked_first` those of them that a flow asks for while the
-    vehicle waits on the ground at its start."""
+    vehicle waits on the ground at its start. `own_tracker` is the mission's, where the target has
+    `tracker` in its place."""
 
     name: Text
     airframe: Airframe
@@ -147,6 +148,7 @@ class Vehicle:
     cameras: tuple[CameraUse, ...] = ()
     sensors: tuple[SensorUse, ...] = ()
     payload: Parcel | None = None
+    own_tracker: PartUse | None = None
     known: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
     """What checks have worked out of it, for those that ask again."""
 

@@ -49,7 +49,7 @@ def schema_text(catalog: Catalog) -> str:
 
 
 def _reused(properties: Schema) -> None:
-    """Let chains and stacks complete as vehicles do."""
+    """Let chains, stacks and targets complete as vehicles do."""
     vehicle = "#/properties/vehicles/additionalProperties/properties"
     chain = properties["chains"]["additionalProperties"]["properties"]
     chain["behaviors"]["additionalProperties"] = {
@@ -58,6 +58,8 @@ def _reused(properties: Schema) -> None:
     stack = properties["stacks"]["additionalProperties"]["properties"]
     for kind in LISTS:
         stack[kind]["items"] = {"$ref": f"{vehicle}/{kind}/items"}
+    target = properties["targets"]["additionalProperties"]["additionalProperties"]
+    target["properties"]["tracker"] = {"$ref": f"{vehicle}/tracker"}
 
 
 def _actions(catalog: Catalog, action: Schema) -> Schema:

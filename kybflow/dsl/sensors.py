@@ -92,10 +92,14 @@ def _brought(vehicle: Vehicle, target: Text, uses: Uses) -> Iterator[SensorUse]:
     """The sensors that the driver brings for what nothing else gives an estimator; they stand where
     the first of those does."""
     given = provided(vehicle)
+    driver = vehicle.driver
+    shows = driver.spec.cls.shows(driver.params)
     parts = [use.part for use in vehicle.estimators]
     lacking = [(p, kinds) for p in parts if (kinds := p.spec.cls.uses(p.params) - given)]
-    for name in vehicle.driver.spec.cls.brings if lacking else ():
+    for name in driver.spec.cls.brings if lacking else ():
         part = uses.one("sensors", Scalar(name, lacking[0][0].span))
-        if part is not None and part.spec.cls.provides & {k for _, kinds in lacking for k in kinds}:
+        if part is None or part.spec.cls.simulated > shows:
+            continue
+        if part.spec.cls.provides & {k for _, kinds in lacking for k in kinds}:
             lacking = [(p, kinds - part.spec.cls.provides) for p, kinds in lacking]
             yield SensorUse(Text("", target.span, verbatim=False), part)

@@ -18,7 +18,7 @@ from kybflow.dsl.points import placed, with_points
 from kybflow.dsl.resolve import Resolved
 from kybflow.dsl.sensors import with_sensors
 from kybflow.dsl.source import Span, Text
-from kybflow.dsl.targets import drivers_of, other_targets, target_of
+from kybflow.dsl.targets import drivers_of, other_targets, target_of, with_trackers
 from kybflow.dsl.uses import Uses
 from kybflow.dsl.values import decode, quantity_field
 from kybflow.dsl.vehicles import Vehicles
@@ -48,9 +48,11 @@ def shape(
     if resolved.names_points:
         root = with_points(root, world.points, found)
     uses = Uses(catalog, found, resolved.chains)
-    name = target_of(root, target, found)
+    name = target_of(root, target, uses)
     drivers = drivers_of(root, name, uses)
     found += other_targets(root, name, catalog)
+    vehicles = _vehicles(root, drivers, Vehicles(uses))
+    vehicles = with_trackers(root, name, uses, with_sensors(root, name, uses, vehicles))
     document = Document(
         mission=_text(root, "mission"),
         summary=_text(root, "summary").text,
@@ -61,7 +63,7 @@ def shape(
         control_span=_span_of(root.get("control")),
         hover_limit=_duration(root, "hover_limit", HOVER_LIMIT, found),
         time_limit=_duration(root, "time_limit", TIME_LIMIT, found),
-        vehicles=with_sensors(root, name, uses, _vehicles(root, drivers, Vehicles(uses))),
+        vehicles=vehicles,
         expect=tuple(
             item.as_text for item in items_of(root.get("expect")) if isinstance(item, Scalar)
         ),

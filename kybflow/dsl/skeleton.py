@@ -242,8 +242,10 @@ def _targets() -> Schema:
     sensor = use("sensor", "Where the estimator's measurements come from: one, or a list of them.")
     several = {**sensor, "type": [*sensor["type"], "array"], "items": sensor, "minItems": 1}
     sensors = named("Sensors beside the driver, under the names of estimators.", several)
+    tracker = use("tracker", "What turns the setpoint into a command there.")
     place = mapping(
-        "vehicle's target", "How a vehicle is reached.", {"driver": driver, "sensors": sensors}
-    )
+        "vehicle's target", "How a vehicle is reached.",
+        {"driver": driver, "tracker": tracker, "sensors": sensors},
+    )  # fmt: skip
     target = named("One target: `all`, or a vehicle's name.", place)
-    return named("Where the mission can fly; `sim` is implied.", target)
+    return named("Where the mission can fly; `sim` and those of the drivers are implied.", target)

@@ -1,4 +1,4 @@
-"""Where the mission flies: the chosen target, and each vehicle's driver on it."""
+"""Where the mission flies: the chosen target, each vehicle's driver and tracker on it."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.diagnostics import Diagnostic, Severity, did_you_mean
-from kybflow.dsl.document import PartUse
-from kybflow.dsl.nodes import Entry, Mapping, Scalar, entries_of
+from kybflow.dsl.document import PartUse, Vehicle
+from kybflow.dsl.nodes import Entry, Mapping, Node, Scalar, entries_of
 from kybflow.dsl.sensors import sensors_of
 from kybflow.dsl.source import Span, Text
 from kybflow.dsl.uses import Uses
+from kybflow.errors import KybflowError
 
 if TYPE_CHECKING:
     from kybflow.catalog import Catalog
@@ -25,29 +26,51 @@ FILE = "--target"
 """The name of the file that the span of an unknown target points into."""
 
 
-def target_of(root: Mapping, target: str | None, found: list[Diagnostic]) -> Text:
+def target_of(root: Mapping, target: str | None, uses: Uses) -> Text:
     """The target to fly on: `sim` unless another is asked for."""
     mission = root.entries["mission"].key.span
     entries = entries_of(root.get("targets"))
     name = target or "sim"
     if name in entries:
         return entries[name].key.as_text
-    if name != "sim":
-        known = {*entries, "sim"}
+    implied = {} if name == "sim" else implied_targets(uses.catalog)
+    if name != "sim" and name not in implied:
+        known = {*entries, *implied, "sim"}
         message = f"the mission has no target `{name}`"
         asked = Span(FILE, 1, 1, 1, len(name) + 1)
-        found.append(Diagnostic("KYB150", message, asked, help=did_you_mean(name, known)))
+        uses.found.append(Diagnostic("KYB150", message, asked, help=did_you_mean(name, known)))
     return Text(name, mission, verbatim=False)
 
 
+def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
+    """The targets that every mission has beside `sim`, each with its driver and that one's
+    parameters as they would be written. Imports every driver."""
+    found: dict[str, tuple[str, dict[str, str]]] = {}
+    for name in catalog.names("drivers"):
+        try:
+            targets = catalog.get("drivers", name).cls.targets
+        except (KybflowError, ImportError):  # told where it is used
+            continue
+        for target, values in targets.items():
+            found.setdefault(target, (name, {key: _written(v) for key, v in values.items()}))
+    return found
+
+
+def _written(value: str | bool) -> str:
+    return str(value).lower() if isinstance(value, bool) else value
+
+
 def drivers_of(root: Mapping, target: Text, uses: Uses) -> dict[str, PartUse]:
-    """The driver of each vehicle on `target`: its own entry, else that of `all`, else `sim`."""
+    """The driver of each vehicle on `target`: its own entry, else that of `all`, else the one that
+    the target's name implies."""
     vehicles = entries_of(root.get("vehicles"))
     targets = entries_of(root.get("targets"))
     entries = entries_of(targets[target.text].value) if target.text in targets else {}
     decoded = _decoded(entries, vehicles, uses)
-    if target.text == "sim" and "all" not in decoded:
-        decoded["all"] = uses.one("drivers", Scalar("sim", target.span))
+    if "all" not in decoded and not vehicles.keys() <= decoded.keys():
+        implied = _implied(target, uses)
+        if implied is not None:
+            decoded["all"] = implied
     drivers: dict[str, PartUse] = {}
     for name in vehicles:
         driver = decoded.get(name, decoded.get("all"))
@@ -59,12 +82,54 @@ def drivers_of(root: Mapping, target: Text, uses: Uses) -> dict[str, PartUse]:
     return drivers
 
 
+def _implied(target: Text, uses: Uses) -> PartUse | None:
+    """The driver that stands behind the name of the target; None where none does."""
+    span = target.span
+    if target.text == "sim":
+        return uses.one("drivers", Scalar("sim", span))
+    if target.text not in (implied := implied_targets(uses.catalog)):
+        return None
+    driver, values = implied[target.text]
+    pairs = {"use": driver, **values}
+    entries = {k: Entry(Scalar(k, span), Scalar(value, span)) for k, value in pairs.items()}
+    return uses.one("drivers", Mapping(entries, span))
+
+
+def with_trackers(
+    root: Mapping, target: Text, uses: Uses, vehicles: dict[str, Vehicle]
+) -> dict[str, Vehicle]:
+    """The vehicles with their trackers on `target`: that of the vehicle's own entry, else that of
+    `all`, else the one that the driver asks for, else the mission's."""
+    chosen = entries_of(root.get("targets")).get(target.text)
+    entries = {} if chosen is None else entries_of(chosen.value)
+    whole: dict[str, Vehicle] = {}
+    for name, vehicle in vehicles.items():
+        node = _tracker(entries.get(name)) or _tracker(entries.get("all"))
+        driver = vehicle.driver
+        asked = driver.spec.cls.tracker(driver.params) if node is None else None
+        if asked is not None:
+            node = Scalar(asked, driver.span)
+        use = None if node is None else uses.one("trackers", node)
+        whole[name] = (
+            vehicle if use is None else replace(vehicle, tracker=use, own_tracker=vehicle.tracker)
+        )
+    return whole
+
+
+def _tracker(entry: Entry | None) -> Node | None:
+    return entry.value.get("tracker") if entry and isinstance(entry.value, Mapping) else None
+
+
 def _decoded(
     entries: dict[str, Entry], vehicles: dict[str, Entry], uses: Uses
 ) -> dict[str, PartUse | None]:
+    """The drivers that are written; trackers are looked at as well."""
     decoded: dict[str, PartUse | None] = {}
     for name, entry in entries.items():
         driver = entry.value.get("driver") if isinstance(entry.value, Mapping) else None
+        tracker = _tracker(entry)
+        if tracker is not None:
+            uses.one("trackers", tracker)
         if name != "all" and name not in vehicles:
             known = [*vehicles, "all"]
             message = f"no vehicle is called `{name}`"

@@ -59,11 +59,18 @@ def _target(document: Document) -> Iterator[Line]:
         is_implied = driver.span == document.target.span and not is_written
         came_from = "" if is_implied else origin(driver)
         named = [use for use in vehicle.sensors if use.estimator.text]
-        if not named:
+        is_plain = not named and vehicle.own_tracker is None
+        if is_plain:
             yield f"    {name}: {{driver: {part(driver)}}}", came_from
             continue
         yield f"    {name}:", came_from
         yield f"      driver: {part(driver)}", came_from
+        if vehicle.own_tracker is not None:
+            tracker = vehicle.tracker
+            is_implied = tracker.span == driver.span
+            yield f"      tracker: {part(tracker)}", "" if is_implied else origin(tracker)
+        if not named:
+            continue
         yield "      sensors:", named[0].estimator.span.at
         for estimator in dict.fromkeys(use.estimator.text for use in named):
             yield from _sensors([use for use in named if use.estimator.text == estimator])

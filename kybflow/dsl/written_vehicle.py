@@ -49,7 +49,8 @@ def vehicle_lines(vehicle: Vehicle) -> Iterator[Line]:
     estimators = [(_estimator(e), origin(e.part)) for e in vehicle.estimators]
     yield from _list("estimators", estimators, at)
     yield from _list("processors", [(part(p), origin(p)) for p in vehicle.processors], at)
-    yield f"    tracker: {part(vehicle.tracker)}", origin(vehicle.tracker)
+    tracker = vehicle.own_tracker or vehicle.tracker
+    yield f"    tracker: {part(tracker)}", origin(tracker)
     watched = [(part(s), "" if s.span == vehicle.span else origin(s)) for s in vehicle.supervisors]
     yield from _list("supervisors", watched, at)
     begin = vehicle.begin.span.at if "begin" in at else ""

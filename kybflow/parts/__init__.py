@@ -8,7 +8,7 @@ passive: none sleeps, starts a thread, prints, reads a clock or draws from a glo
 
 from kybflow.params import Field, fields_of, param, params
 from kybflow.parts.action import Action, Deck
-from kybflow.parts.base import Part
+from kybflow.parts.base import Objection, Part
 from kybflow.parts.behavior import (
     AIR,
     GROUND,
@@ -21,13 +21,13 @@ from kybflow.parts.behavior import (
     Origin,
 )
 from kybflow.parts.chain import Estimator, Processor, Supervisor, Tracker
-from kybflow.parts.devices import Driver, Link, Seat, Session
+from kybflow.parts.devices import Check, Driver, Link, Said, Seat, Session, Taken
 from kybflow.parts.fault import Effect, Fault, Filter, Rig
-from kybflow.parts.sensor import Objection, Sensor, Stream
+from kybflow.parts.sensor import Sensor, Stream
 
 __all__ = [
-    "AIR", "GROUND", "MOVING", "Action", "Behavior", "Deck", "Driver", "Effect", "Entry",
+    "AIR", "GROUND", "MOVING", "Action", "Behavior", "Check", "Deck", "Driver", "Effect", "Entry",
     "Estimator", "Fault", "Field", "Filter", "Flight", "Footprint", "Leg", "Link", "Objection",
-    "Origin", "Part", "Processor", "Rig", "Seat", "Sensor", "Session", "Stream", "Supervisor",
-    "Tracker", "fields_of", "param", "params",
+    "Origin", "Part", "Processor", "Rig", "Said", "Seat", "Sensor", "Session", "Stream",
+    "Supervisor", "Taken", "Tracker", "fields_of", "param", "params",
 ]  # fmt: skip

@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC
-from typing import ClassVar, Generic, TypeVar
+from typing import ClassVar, Generic, NamedTuple, TypeVar
 
 P = TypeVar("P")
+
+
+class Objection(NamedTuple):
+    """Why a part can't work as it is told, the parameter that says it, and the way out."""
+
+    parameter: str
+    reason: str
+    hint: str = ""
 
 
 class Part(ABC, Generic[P]):

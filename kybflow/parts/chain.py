@@ -34,13 +34,15 @@ class Estimator(Part[P]):
     whatever kind; `needs` are the kinds without which it can't work. Returns the estimate at `now`,
     or None as long as it has none. One that `needs_tags` makes nothing of frames where the world
     has no tags. One that raises is not asked again, and its vehicle lands. `sighting` is what it
-    made of the newest camera frames, for the pictures in the run folder; most see none.
+    made of the newest camera frames, for the pictures in the run folder; most see none. `own`: its
+    estimate comes from the vehicle itself, which is not told of it again.
     """
 
     kind = "estimators"
     sighting: Sighting | None = None
     needs: ClassVar[frozenset[MeasurementKind]]
     needs_tags: ClassVar[bool] = False
+    own: ClassVar[bool] = False
 
     def __init__(self, params: P, site: Site) -> None:
         self.params = params
@@ -90,7 +92,7 @@ class Processor(Part[P]):
 
 class Tracker(Part[P]):
     """Turns a setpoint into a command. Made anew at each take-off. `accepts` kinds of setpoint,
-    `gives` a command."""
+    `gives` a kind of command; one that may give several says so in `kinds`."""
 
     kind = "trackers"
     accepts: ClassVar[frozenset[SetpointKind]]
@@ -98,6 +100,11 @@ class Tracker(Part[P]):
 
     def __init__(self, params: P, site: Site) -> None:
         self.params = params
+
+    @classmethod
+    def kinds(cls, params: P) -> frozenset[CommandKind]:
+        """The kinds of command that it may give with these parameters."""
+        return frozenset({cls.gives})
 
     @property
     @abstractmethod

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from kybflow.errors import Refused
-from kybflow.parts.base import P, Part
+from kybflow.parts.base import Objection, P, Part
 from kybflow.parts.fault import Rig
-from kybflow.signals import Command, CommandKind, Measurement, MeasurementKind, Time, Truth
+from kybflow.signals import (
+    Command,
+    CommandKind,
+    Estimate,
+    Measurement,
+    MeasurementKind,
+    Time,
+    Truth,
+)
 from kybflow.site import Site
 
 if TYPE_CHECKING:
@@ -24,11 +32,45 @@ class Seat(NamedTuple):
     params: Any
 
 
+class Check(NamedTuple):
+    """One line of the preflight that the vehicle itself answers: what was looked at, whether it is
+    well, what was found, in words that say what to change. waits: whether it may become well
+    without anybody's doing."""
+
+    name: str
+    green: bool
+    reason: str
+    waits: bool = True
+
+
+class Said(NamedTuple):
+    """Something that the vehicle says of itself, in its own words. severity: `warning`, `error` or
+    `critical`, or `notice` and less."""
+
+    severity: str
+    text: str
+
+
+class Taken(NamedTuple):
+    """Why a vehicle whose link lives does not obey. lands: its own failsafe has it, not a person,
+    and it is to be landed."""
+
+    reason: str
+    lands: bool = False
+
+
 class Link(ABC):
-    """One vehicle's connection. The engine reads and sends once a tick. `rig` is None on
-    hardware."""
+    """One vehicle's connection. The engine reads and sends once a tick. `rig` is None on hardware.
+
+    `taken`: why the vehicle does not obey any more, though its link lives: a pilot flies it, or it
+    has gone into a mode of its own; None while it obeys. Meanwhile the link sends no command, until
+    somebody asks for the vehicle back (`reclaim`). `armed`: whether its rotors may turn, as the
+    vehicle says; None where it says nothing, and they rest when they are told to.
+    """
 
     rig: Rig | None = None
+    taken: Taken | None = None
+    armed: bool | None = None
 
     @abstractmethod
     def read(self, now: Time) -> Sequence[Measurement]:
@@ -38,6 +80,32 @@ class Link(ABC):
     @abstractmethod
     def send(self, command: Command, now: Time) -> None:
         """Hand over the newest command. Raises DriverError."""
+
+    def arm(self, command: Command, now: Time) -> bool:
+        """Get ready to obey: whether the rotors turn and commands are followed. Called once a tick,
+        in place of `send`, from the first armed command on until it returns True; the behavior's
+        time stands still meanwhile. command: what is asked of the vehicle then. Raises Refused with
+        the vehicle's own words when it won't; DriverError."""
+        return True
+
+    def cut(self, now: Time) -> None:  # noqa: B027 - where rotors rest at once without a word
+        """The rotors are to stop at once, in the air too. Called in the tick in which they are to;
+        commands that aren't armed follow."""
+
+    def tell(self, estimate: Estimate, now: Time) -> None:  # noqa: B027 - most see for themselves
+        """Where the vehicle is as somebody outside it knows, once a tick while somebody does."""
+
+    def checks(self, now: Time) -> Sequence[Check]:
+        """What the vehicle itself has to say before take-off, asked once a tick until all is
+        well."""
+        return ()
+
+    def said(self) -> Sequence[Said]:
+        """What the vehicle said of itself since the last call, oldest first; each thing once."""
+        return ()
+
+    def reclaim(self, now: Time) -> None:  # noqa: B027 - most are never taken
+        """Ask for a vehicle back that was `taken`."""
 
     def land(self, now: Time) -> bool:
         """Land by the land mode of the vehicle itself; whether it is on the ground and its rotors
@@ -91,7 +159,9 @@ class Driver(Part[P]):
     measurement. `lands`: its vehicles have a land mode of their own, which `Link.land` asks for.
     `grips`: they can have a servo that holds a payload, which `Link.grip` moves.
     `brings`: the sensors that a vehicle on it has without being told, where an estimator needs what
-    they measure."""
+    they measure. `patience`: seconds in which its vehicles must have become ready to fly.
+    `targets`: the targets that every mission has on it without a word, each with the driver's
+    parameters there."""
 
     kind = "drivers"
     accepts: ClassVar[frozenset[CommandKind]]
@@ -100,6 +170,29 @@ class Driver(Part[P]):
     lands: ClassVar[bool] = False
     grips: ClassVar[bool] = False
     brings: ClassVar[tuple[str, ...]] = ()
+    patience: ClassVar[float] = 5.0
+    targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {}
+
+    @classmethod
+    def takes(cls, params: P) -> frozenset[CommandKind]:
+        """What of `accepts` its vehicles follow with these parameters."""
+        return cls.accepts
+
+    @classmethod
+    def tracker(cls, params: P) -> str | None:
+        """The tracker that its vehicles fly best with, in place of the mission's; None to fly with
+        the mission's. A target may name another."""
+        return None
+
+    @classmethod
+    def shows(cls, params: P) -> bool:
+        """Whether its links tell the truth of a simulator, which simulated sensors watch."""
+        return cls.simulated
+
+    @classmethod
+    def objection(cls, params: P) -> Objection | None:
+        """Why it can't work as it is told, None when it can; asked by the compiler."""
+        return None
 
     @classmethod
     @abstractmethod

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.cameras import Camera
-from kybflow.parts.base import P, Part
+from kybflow.parts.base import Objection, P, Part
 from kybflow.parts.devices import Link
 from kybflow.signals import Measurement, MeasurementKind, Time
 from kybflow.site import Site
@@ -30,14 +30,6 @@ class Stream(ABC):
 
     @abstractmethod
     def close(self) -> None: ...
-
-
-class Objection(NamedTuple):
-    """Why a sensor can't work as it is told, the parameter that says it, and the way out."""
-
-    parameter: str
-    reason: str
-    hint: str = ""
 
 
 class Sensor(Part[P]):

@@ -63,6 +63,7 @@ class Acting(Commanding):
             activity.flight = GROUND  # rotors at rest: it has not left the ground
         elif reaction is Reaction.CUT:
             activity.flight, self._cut = GROUND, tick.now
+            self.senses.asking.cut(tick.now)
         activity.go(STATES[reaction] if airborne else "fault", self.entry)
         if airborne and reaction is Reaction.LAND and self.senses.can_land:
             self._hand_over(tick.now)

@@ -180,6 +180,21 @@ class Activity:
             self._end(estimate)
         return landed
 
+    def refuse(self, reason: str, situation: Situation) -> None:
+        """The vehicle would not arm: it stays on the ground, and its behavior never began."""
+        self.flight = GROUND
+        self._refused(reason, {self.state.name})
+        self._enter(situation)
+
+    def thaw(self, holder: Holder, situation: Situation) -> None:
+        """A holder that moved the vehicle lets go of it: what was frozen begins where it is now."""
+        before = self.hold
+        if before is not None:
+            entry = situation()
+            self.hold = Hold(holder, entry, before.wanted, not self.airborne)
+            self.hold.holders |= before.holders
+            self.hold.leave(holder, entry.now)
+
     def close(self, now: Time) -> None:
         """The run is over: the present behavior's figures are complete."""
         self._score.left("run_ended", now / NS)

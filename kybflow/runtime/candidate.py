@@ -106,4 +106,4 @@ class Candidate:
         raise Unavailable
 
     state = wanted = battery = behavior = estimator = elapsed = start = property(_never)
-    payload = payload_place = releases = property(_never)
+    payload = payload_place = releases = sticks = property(_never)

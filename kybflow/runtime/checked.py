@@ -7,7 +7,15 @@ of it is, and x - x is zero only for a finite x: one comparison judges a whole s
 from __future__ import annotations
 
 from kybflow.geometry import ZERO
-from kybflow.signals import Alarm, Command, Estimate, Reaction, Setpoint
+from kybflow.signals import Alarm, Command, CommandKind, Estimate, Reaction, Setpoint
+
+_ATTITUDE_THRUST = CommandKind.ATTITUDE_THRUST
+_FOLLOWED = {
+    CommandKind.POSITION: "position",
+    CommandKind.VELOCITY: "velocity",
+    CommandKind.ACCELERATION: "acceleration",
+}
+"""What of its setpoint a command of a kind can't do without."""
 
 
 def checked_estimate(estimate: Estimate) -> Estimate:
@@ -31,11 +39,23 @@ def checked_setpoint(setpoint: Setpoint) -> Setpoint:
 
 
 def checked_command(command: Command) -> Command:
-    (w, x, y, z), thrust, (ox, oy, oz), heading, _ = command
+    """Raises ValueError also for one that lacks what its kind needs."""
+    (w, x, y, z), thrust, (ox, oy, oz), heading, _, kind, setpoint = command
     total = w + x + y + z + thrust + ox + oy + oz + (heading or 0.0)
     if total - total != 0.0:
         raise ValueError(f"the command is not finite: {command}")
+    if kind is not _ATTITUDE_THRUST:
+        _check_setpoint(kind, setpoint)
     return command
+
+
+def _check_setpoint(kind: CommandKind, setpoint: Setpoint | None) -> None:
+    """Raises ValueError where `setpoint` is not finite, or not what `kind` needs."""
+    if setpoint is not None:
+        checked_setpoint(setpoint)
+    needed = _FOLLOWED.get(kind)
+    if needed is not None and getattr(setpoint, needed, None) is None:
+        raise ValueError(f"a command of {needed} has no {needed}: {setpoint}")
 
 
 def checked_alarm(alarm: Alarm) -> Alarm:

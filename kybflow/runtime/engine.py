@@ -25,13 +25,12 @@ from kybflow.runtime.flows import Flows
 from kybflow.runtime.injection import Injection
 from kybflow.runtime.operator import Operator
 from kybflow.runtime.options import Options
+from kybflow.runtime.patience import Patience
 from kybflow.runtime.preflight import Line, preflight
 from kybflow.runtime.vehicle import Vehicle
 from kybflow.runtime.views import Actual, Believed
 from kybflow.signals import NS, Time
 
-PREFLIGHT_PATIENCE = 5.0
-"""Seconds in which every line of the preflight must have become green."""
 LANDING_PATIENCE, SLOWEST_DESCENT = 60.0, 0.2
 """Seconds in which vehicles that are still in the air at the time limit must have landed, longer
 under a high fence: as long as its height takes at so many m/s."""
@@ -156,16 +155,16 @@ class Engine:
 
     def inspect(self) -> list[Line]:
         """The lines of the preflight, once all are green or its time is over. Nothing arms."""
-        lines: list[Line] = []
-        while self.seconds() < PREFLIGHT_PATIENCE and not self.interrupts:
+        patience = Patience(self.plan, self.events)
+        while not self.interrupts:
             self.events.turn(self.clock.now)
             for vehicle in self.vehicles:
                 vehicle.sense(self.clock.now)
             lines = [line for v in self.vehicles for line in preflight(v, self.vehicles)]
-            if all(line.green for line in lines):
-                break
+            if patience.ends(lines, self.seconds()):
+                return lines
             self._advance()
-        return lines
+        return []
 
     def stop(self, reason: str, at: str = "") -> None:
         """Land every vehicle and end the run, which has then ended as it should."""
@@ -180,9 +179,9 @@ class Engine:
         lines = self.inspect()
         red = [line for line in lines if not line.green]
         tell = self.events.tell
-        for vehicle, check, _, reason, at in () if red else lines:
+        for vehicle, check, _, reason, at, _ in () if red else lines:
             tell("preflight_passed", vehicle, at, check=check, found=reason)
-        for vehicle, check, _, reason, at in red:
+        for vehicle, check, _, reason, at, _ in red:
             tell("preflight_failed", vehicle, at, check=check, reason=reason)
         return red
 

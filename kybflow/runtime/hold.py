@@ -17,7 +17,7 @@ from kybflow.runtime.motion import IDLE, Coast, Motion, Straight
 from kybflow.runtime.profiles import STEEPEST, Profile, smoothstep
 from kybflow.signals import NS, Setpoint, SetpointKind, Time
 
-Holder = Literal["brake", "pause"]
+Holder = Literal["brake", "pause", "pilot"]
 
 _DECELERATION = 2.0
 """With which it comes to rest, m/s^2; also that of the blend."""

@@ -60,7 +60,7 @@ def open_devices(plan: Plan, seed: int) -> Devices:
     try:
         for vehicle in plan.vehicles:
             opened = devices.sensors[vehicle.name] = []
-            site, link = _site(plan, vehicle), links[vehicle.name]
+            site, link = site_of(plan, vehicle), links[vehicle.name]
             for sensor in vehicle.sensors:
                 own = random.Random(f"{seed} {vehicle.name} {sensor.part.label}")
                 opened.append(Opened(sensor, _stream(sensor.part, site, link, own)))
@@ -91,7 +91,7 @@ def _open_sessions(plan: Plan, seed: int) -> list[Session]:
     sessions: list[Session] = []
     try:
         for driver, vehicles in by_driver.items():
-            seats = [Seat(_site(plan, v), v.driver.params) for v in vehicles]
+            seats = [Seat(site_of(plan, v), v.driver.params) for v in vehicles]
             sessions.append(driver.open(seats, generator))
     except BaseException:
         Devices(sessions, {}).close()
@@ -99,7 +99,8 @@ def _open_sessions(plan: Plan, seed: int) -> list[Session]:
     return sessions
 
 
-def _site(plan: Plan, vehicle: VehiclePlan) -> Site:
+def site_of(plan: Plan, vehicle: VehiclePlan) -> Site:
+    """What a vehicle's parts may know of it and of the place it flies in."""
     return Site(
         vehicle.name,
         vehicle.airframe,
@@ -123,7 +124,7 @@ def build_vehicles(
     return [
         Vehicle(
             vehicle,
-            _site(plan, vehicle),
+            site_of(plan, vehicle),
             links[vehicle.name],
             events,
             recorder.vehicle(vehicle.name),

@@ -30,13 +30,15 @@ _DEEP = 100.0
 
 class Line(NamedTuple):
     """One line of the preflight: of which vehicle, what was looked at, whether it is well, why, and
-    the mission line that it is about."""
+    the mission line that it is about. waits: the vehicle itself is still getting ready; False where
+    only a person can help, None where nobody can tell."""
 
     vehicle: str
     check: str
     green: bool
     reason: str
     at: str = ""
+    waits: bool | None = None
 
 
 def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[Line, ...]:
@@ -44,7 +46,7 @@ def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[Line, ...]:
     if vehicle.link_error is not None:
         return (Line(vehicle.name, "link", False, vehicle.link_error, vehicle.plan.driver.at),)
     fleet = {other.name: other.estimate for other in others}
-    lines = [_link(vehicle), _watchdog(vehicle), *_streams(vehicle), _battery(vehicle)]
+    lines = [_link(vehicle), *_own(vehicle), *_streams(vehicle), _battery(vehicle)]
     estimate = vehicle.estimate
     if estimate is None:
         return (*lines, _no_estimate(vehicle))
@@ -58,6 +60,16 @@ def _link(vehicle: Vehicle) -> Line:
     age = vehicle.senses.link_age
     reason = f"delivered {age * 1000:.0f} ms ago"
     return Line(vehicle.name, "link", age <= LINK_AGE, reason, vehicle.plan.driver.at)
+
+
+def _own(vehicle: Vehicle) -> Iterator[Line]:
+    """What the vehicle itself says; for its watchdog its driver answers where it says nothing."""
+    checks = vehicle.senses.asking.checks(vehicle.now)
+    at = vehicle.plan.driver.at
+    if all(check.name != "watchdog" for check in checks):
+        yield _watchdog(vehicle)
+    for name, green, reason, waits in checks:
+        yield Line(vehicle.name, name, green, reason, at, None if green else waits)
 
 
 def _watchdog(vehicle: Vehicle) -> Line:

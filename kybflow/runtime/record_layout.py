@@ -12,7 +12,7 @@ from typing import Any
 
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.parts import AIR
-from kybflow.signals import NS, Event, SetpointKind
+from kybflow.signals import NS, CommandKind, Event, SetpointKind
 
 PACKAGE = "kybflow"
 EVENTS_TOPIC = "/events"
@@ -23,6 +23,12 @@ RATE = 50
 
 SETPOINT_KINDS = {kind: number for number, kind in enumerate(SetpointKind, start=1)}
 """The number of each kind of setpoint in a recording; 0 says that there was no setpoint."""
+
+COMMAND_KINDS = {kind: number for number, kind in enumerate(CommandKind, start=1)}
+"""The number of each kind of command in a recording."""
+
+SWITCHES = 32
+"""How many switches of a transmitter are recorded."""
 
 HAS_POSITION, HAS_VELOCITY, HAS_ACCELERATION, HAS_JERK, HAS_HEADING = 1, 2, 4, 8, 16
 
@@ -39,6 +45,7 @@ EVENT_SCHEMA = {
 }
 
 _KINDS = ", ".join(f"{number} {kind.value}" for kind, number in SETPOINT_KINDS.items())
+_COMMANDS = ", ".join(f"{number} {kind.value}" for kind, number in COMMAND_KINDS.items())
 
 # Each message: (type, name, comment) of its fields. Frames and units are those of kybflow.signals.
 _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -74,6 +81,7 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
     "Command": (
         ("bool", "armed", "false: rotors stopped"),
+        ("uint8", "kind", f"what of it counts: {_COMMANDS}; of the first three /NAME/command"),
         ("bool", "heading_present", "false: nobody knows the heading, and it is zero"),
         ("Quaternion", "attitude", ""),
         ("float64", "thrust", "N along body z"),
@@ -124,6 +132,23 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("Vector", "position", "m, world"),
         ("Vector", "spread", "m, standard deviation along each axis"),
     ),
+    "Odometry": (
+        ("int64", "time", "ns; when it was true. It arrived at the message's log time."),
+        ("Vector", "position", "m, world"),
+        ("Vector", "velocity", "m/s, world"),
+        ("Quaternion", "attitude", ""),
+        ("Vector", "angular_velocity", "rad/s, body"),
+        ("float64", "spread", "m, standard deviation of the position"),
+    ),
+    "Sticks": (
+        ("int64", "time", "ns; when it was true. It arrived at the message's log time."),
+        ("float64", "roll", "-1 to 1, to the right"),
+        ("float64", "pitch", "-1 to 1, forward"),
+        ("float64", "yaw", "-1 to 1, to the left"),
+        ("float64", "throttle", "0 to 1"),
+        ("uint8", "count", "how many switches there are; the rest is zero"),
+        (f"float64[{SWITCHES}]", "switches", "-1 to 1"),
+    ),
     "Frame": (
         ("int64", "time", "ns; the middle of its exposure. It arrived at the message's log time."),
     ),
@@ -135,7 +160,13 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
 }
 
-_PLAIN = {"float64": ("d", "<f8"), "int64": ("q", "<i8"), "uint8": ("B", "u1"), "bool": ("B", "?")}
+_PLAIN = {
+    "float64": ("d", "<f8"),
+    "int64": ("q", "<i8"),
+    "uint8": ("B", "u1"),
+    "bool": ("B", "?"),
+    f"float64[{SWITCHES}]": (f"{SWITCHES}d", f"({SWITCHES},)<f8"),
+}
 
 
 def kept_every(control_rate: int) -> int:

@@ -2,11 +2,12 @@
 
 Each vehicle has `/NAME/tick` (one message a control tick, `record_layout`), `/NAME/pose`,
 `/NAME/battery` and `/NAME/imu` (each measurement as it arrived), and, once one arrived,
-`/NAME/position`, `/NAME/payload` and `/NAME/frame/CAMERA` (when the frame was taken, without its
-image); `/NAME/estimator/ESTIMATOR` has what each of its estimators says, flown on or not, fifty
-times a second at most. `/events` holds every event as JSON. A message's log and publish time are
-the tick's time, so the file holds no other clock: the same run gives the same bytes. Why the
-messages are encoded as they are: docs/adr/0001-recording-encoding.md.
+`/NAME/position`, `/NAME/payload`, `/NAME/odometry`, `/NAME/sticks` and `/NAME/frame/CAMERA` (when
+the frame was taken, without its image), and, once one was sent, `/NAME/command` (the setpoint of a
+command that is one); `/NAME/estimator/ESTIMATOR` has what each of its estimators says, flown on or
+not, fifty times a second at most. `/events` holds every event as JSON. A message's log and publish
+time are the tick's time, so the file holds no other clock: the same run gives the same bytes. Why
+the messages are encoded as they are: docs/adr/0001-recording-encoding.md.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from foxglove.mcap import MCAPWriteOptions
 from kybflow.dsl.plan import Plan
 from kybflow.geometry import Vec3
 from kybflow.runtime.record_layout import (
+    COMMAND_KINDS,
     EVENT_SCHEMA,
     EVENTS_TOPIC,
     HAS_ACCELERATION,
@@ -32,6 +34,7 @@ from kybflow.runtime.record_layout import (
     METADATA,
     PACKAGE,
     SETPOINT_KINDS,
+    SWITCHES,
     definition,
     event_record,
     head,
@@ -40,17 +43,21 @@ from kybflow.runtime.record_layout import (
 )
 from kybflow.runtime.record_sink import Sink
 from kybflow.signals import (
+    Battery,
     Command,
+    CommandKind,
     Estimate,
     Event,
     Frame,
     Imu,
     Measurement,
+    Odometry,
     Payload,
     Pose,
     Position,
     Setpoint,
     SetpointKind,
+    Sticks,
     Time,
     Truth,
 )
@@ -70,6 +77,9 @@ _IMU = Struct(struct_format("Imu"))
 _POSITIONS = Struct(struct_format("Position"))
 _FRAME = Struct(struct_format("Frame"))
 _PAYLOAD = Struct(struct_format("Payload"))
+_ODOMETRY = Struct(struct_format("Odometry"))
+_STICKS = Struct(struct_format("Sticks"))
+_SETPOINT = Struct(struct_format("Setpoint"))
 _pack_tick = _TICK.pack
 _pack_candidate = Struct(struct_format("Candidate")).pack
 
@@ -82,6 +92,8 @@ _NO_ESTIMATE = Estimate(0, _ZERO, _ZERO, _ZERO_4, _ZERO, "", 0.0, 0.0)
 _NO_SETPOINT: _Marked = ((0, 0), _ZERO, _ZERO, _ZERO, _ZERO, 0.0, 0.0)
 _NO_TRUTH = Truth(_ZERO, _ZERO, _ZERO_4, _ZERO)
 
+_ATTITUDE_THRUST = CommandKind.ATTITUDE_THRUST
+_ATTITUDE_THRUST_NUMBER = COMMAND_KINDS[_ATTITUDE_THRUST]
 _POSITION = SetpointKind.POSITION
 _ALL = HAS_POSITION | HAS_VELOCITY | HAS_ACCELERATION | HAS_JERK | HAS_HEADING
 _MARKS = (SETPOINT_KINDS[_POSITION], _ALL)
@@ -162,16 +174,21 @@ class VehicleChannel:
             marks1, p1, v1, a1, j1, heading1, rate1 = before
         else:
             marks1, p1, v1, a1, j1, heading1, rate1 = _marked(setpoint)
-        attitude, thrust, rates, heading, armed = command
+        attitude, thrust, rates, heading, armed, kind, sent = command
+        number = _ATTITUDE_THRUST_NUMBER if kind is _ATTITUDE_THRUST else COMMAND_KINDS[kind]
         pt, vt, qt, wt, _ = truth or _NO_TRUTH
         message = _pack_tick(
             estimate is not None, *p, *v, *q, *w, age, spread,
             *marks, *p0, *v0, *a0, *j0, heading0, rate0,
             *marks1, *p1, *v1, *a1, *j1, heading1, rate1,
-            armed, heading is not None, *attitude, thrust, *rates, heading or 0.0,
+            armed, number, heading is not None, *attitude, thrust, *rates, heading or 0.0,
             truth is not None, *pt, *vt, *qt, *wt,
         )  # fmt: skip
         self._tick(message, now)
+        if sent is not None:
+            marks, p0, v0, a0, j0, heading0, rate0 = _marked(sent)
+            data = _SETPOINT.pack(*marks, *p0, *v0, *a0, *j0, heading0, rate0)
+            self._log_rare("command", "Setpoint", data, now)
 
     def estimators(self, now: Time, estimation: Estimation) -> None:
         """What each estimator says in this tick."""
@@ -198,26 +215,39 @@ class VehicleChannel:
         elif isinstance(measurement, Imu):
             time, dt, force, turn = measurement
             self._imu(_IMU.pack(time, dt, *force, *turn), now)
-        elif isinstance(measurement, Position):
-            time, position, spread = measurement
-            self._log_rare("position", "Position", _POSITIONS.pack(time, *position, *spread), now)
-        elif isinstance(measurement, Frame):
-            topic = f"frame/{measurement.camera}"
-            self._log_rare(topic, "Frame", _FRAME.pack(measurement.time), now)
-        elif isinstance(measurement, Payload):
-            time, is_open, aboard = measurement
-            known = aboard is not None
-            self._log_rare(
-                "payload", "Payload", _PAYLOAD.pack(time, is_open, known, aboard or False), now
-            )
-        else:
+        elif isinstance(measurement, Battery):
             self._battery(_BATTERY.pack(*measurement), now)
+        else:
+            self._log_rare(*_rare(measurement), now)
 
     def _log_rare(self, topic: str, message: str, data: bytes, now: Time) -> None:
         """What most vehicles have none of gets its channel with its first message."""
         if topic not in self._rare:
             self._rare[topic] = _log(self._context, f"/{self._name}/{topic}", message)
         self._rare[topic](data, now)
+
+
+def _rare(
+    measurement: Position | Frame | Payload | Odometry | Sticks,
+) -> tuple[str, str, bytes]:
+    """(topic, message, data) of what most vehicles have none of."""
+    if isinstance(measurement, Position):
+        time, position, spread = measurement
+        return "position", "Position", _POSITIONS.pack(time, *position, *spread)
+    if isinstance(measurement, Frame):
+        return f"frame/{measurement.camera}", "Frame", _FRAME.pack(measurement.time)
+    if isinstance(measurement, Payload):
+        time, is_open, aboard = measurement
+        data = _PAYLOAD.pack(time, is_open, aboard is not None, aboard or False)
+        return "payload", "Payload", data
+    if isinstance(measurement, Odometry):
+        time, p, v, q, w, deviation = measurement
+        return "odometry", "Odometry", _ODOMETRY.pack(time, *p, *v, *q, *w, deviation)
+    time, roll, pitch, yaw, throttle, switches = measurement
+    held = switches[:SWITCHES]
+    rest = (0.0,) * (SWITCHES - len(held))
+    data = _STICKS.pack(time, roll, pitch, yaw, throttle, len(held), *held, *rest)
+    return "sticks", "Sticks", data
 
 
 def _marked(setpoint: Setpoint | None) -> _Marked:

@@ -8,6 +8,7 @@ from typing import Any
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.errors import PartFailed, Refused, described
 from kybflow.parts import Link
+from kybflow.runtime.asking import Asking
 from kybflow.runtime.body_health import Bodies
 from kybflow.runtime.cargo import Cargo
 from kybflow.runtime.estimation import Estimation
@@ -29,11 +30,14 @@ from kybflow.signals import (
     Measurement,
     MeasurementKind,
     Payload,
+    Sticks,
     Time,
     Truth,
 )
 from kybflow.site import Site
 
+SILENCE = 0.3
+"""Seconds without a word of the link after which it has returned when there is one."""
 ALIVE = 0.5
 """Seconds since a link delivered anything within which it can be asked for something."""
 
@@ -59,6 +63,7 @@ class Senses:
         self.estimate: Estimate | None = None
         self.battery: Battery | None = None
         self.imu: Imu | None = None
+        self.sticks: Sticks | None = None
         self.truth: Truth | None = None
         self.link_error: str | None = None
         self.link_age = 0.0
@@ -68,6 +73,9 @@ class Senses:
         self._streams: dict[type, tuple[Time, int]] = {}
         self.estimation = Estimation(plan, site, events, score, report, self._known)
         self._link, self._channel, self._score, self._report = link, channel, score, report
+        self._events, self._at = events, plan.driver.at
+        self.asking = Asking(link, self._failed)
+        self._own = {e.part.name for e in plan.estimators if e.part.cls.own}
         self._driver, self._lands = plan.driver.label, plan.driver.cls.lands
         self.sensing = Sensing(plan, sensors, events)
         self._body = WatchedBody(plan, bodies or Bodies(), events)
@@ -92,19 +100,7 @@ class Senses:
     def update(self, now: Time, in_air: bool = False) -> None:
         """Read the link, then the sensors beside it, and renew the estimate. in_air: whether the
         vehicle is."""
-        measurements: Sequence[Measurement] = ()
-        try:
-            measurements = self._link.read(now)
-            self.truth = self._link.truth()
-            if measurements or self._heard is None:
-                self._heard = now
-                measurements = self.sensing.left_of(measurements, now)
-                self._note(measurements, now)
-        except Exception as error:  # see subscribe
-            self.truth, measurements = None, ()
-            self._heard = now if self._heard is None else self._heard
-            self._failed(error)
-        self.link_age = (now - self._heard) / NS
+        measurements = self._listened(now)
         if self.sensing.streams:
             measurements = self.sensing.joined(measurements, now, self._note)
         if measurements or now >= self._body.due:
@@ -114,10 +110,31 @@ class Senses:
         if self._link.rig is not None and self._link.rig.estimators:
             self.estimation.kill(self._link.rig.estimators)
         self.estimate = self.estimation.update(measurements, now)
+        if self.estimate is not None and self.estimation.source not in self._own:
+            self.asking.tell(self.estimate, now)
         if self.cameras.is_asked:
             self.cameras.see(self.estimation.candidates, in_air)
         if self._fleet.is_asked and self.estimate is not None:
             self._fleet.note(self._name, self.estimate)
+
+    def _listened(self, now: Time) -> Sequence[Measurement]:
+        """Read the link; what of it counts."""
+        measurements: Sequence[Measurement] = ()
+        try:
+            measurements = self._link.read(now)
+            self.truth = self._link.truth()
+            if measurements or self._heard is None:
+                self._greet(now)
+                measurements = self.sensing.left_of(measurements, now)
+                self._note(measurements, now)
+        except Exception as error:  # see subscribe
+            self.truth, measurements = None, ()
+            self._heard = now if self._heard is None else self._heard
+            self._failed(error)
+        self.link_age = 0.0 if self._heard is None else (now - self._heard) / NS
+        for severity, text in self.asking.said():
+            self._events.tell("vehicle_said", self._name, self._at, severity=severity, text=text)
+        return measurements
 
     def send(self, command: Command, now: Time) -> None:
         """Hand the command to the link."""
@@ -190,8 +207,17 @@ class Senses:
             elif cls is Battery:
                 self.battery = measurement  # type: ignore[assignment]
                 self._score.battery(measurement.remaining)  # type: ignore[union-attr]
+            elif cls is Sticks:
+                self.sticks = measurement  # type: ignore[assignment]
             elif cls is Payload:
                 self.cargo.hear(measurement, self.estimate, now)  # type: ignore[arg-type]
+
+    def _greet(self, now: Time) -> None:
+        """Something arrived."""
+        if self._heard is not None and now - self._heard > SILENCE * NS:
+            silence = (now - self._heard) / NS
+            self._events.tell("link_returned", self._name, self._at, value=silence)
+        self._heard = now
 
     def _failed(self, error: Exception) -> None:
         """Land by what still works; told once, though reading and sending go on being tried."""

@@ -12,13 +12,14 @@ from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.geometry import distance
 from kybflow.parts import GROUND, Entry, Link
-from kybflow.runtime.acting import Acting
 from kybflow.runtime.activity import Activity
 from kybflow.runtime.body_health import Bodies
 from kybflow.runtime.chain import Chain
 from kybflow.runtime.events import Events
 from kybflow.runtime.failsafe import Failsafe, Heard
+from kybflow.runtime.land_mode import HANDED_OVER
 from kybflow.runtime.making import make, parts_of
+from kybflow.runtime.obeying import Obeying
 from kybflow.runtime.outcome import VehicleScore
 from kybflow.runtime.recorder import VehicleChannel
 from kybflow.runtime.senses import Senses
@@ -30,6 +31,7 @@ from kybflow.signals import (
     Battery,
     Estimate,
     Reaction,
+    Setpoint,
     Tick,
     Time,
     Truth,
@@ -40,7 +42,7 @@ _FALL = 2 * NS
 """For how long a vehicle whose rotors were cut is watched falling."""
 
 
-class Vehicle(Acting):
+class Vehicle(Obeying):
     """The engine calls `sense`, then `act`, once a tick."""
 
     def __init__(
@@ -100,7 +102,12 @@ class Vehicle(Acting):
 
     @property
     def rests(self) -> bool:
-        """On the ground, in a state that nothing leaves any more."""
+        """On the ground, in a state that nothing leaves any more; or in the hands of somebody else
+        when its run ends."""
+        if self.away and self._retired is not None:
+            return True
+        if self.senses.asking.armed:
+            return False
         if self.activity.flight is not GROUND or self._wishes.waiting:
             return False
         return not self.falls and not self.activity.state.transitions
@@ -134,13 +141,19 @@ class Vehicle(Acting):
 
     def act(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> None:
         """Decide, steer, send and record."""
-        if self.activity.hold is not None:
-            self.activity.wait(dt)
-        self._fleet = fleet
-        command, wanted = self._decided(self._tick(now, dt, fleet))
-        self._sent, senses = command, self.senses
-        if self.activity.land_mode is None:
-            senses.send(command, now)
+        self._fleet, senses = fleet, self.senses
+        tick = self._tick(now, dt, fleet)
+        wanted: Setpoint | None = None
+        if senses.asking.taken is not None or self.away:
+            self._left_alone(tick)
+        if self.away:
+            command = HANDED_OVER
+        else:
+            if self.activity.hold is not None:
+                self.activity.wait(dt)
+            command, wanted = self._decided(tick)
+            command = self._handed(command, now)
+        self._sent = command
         if self.activity.grip is not None:
             self._grip(self.activity.grip, now)
         self._channel.tick(now, senses.estimate, wanted, self.followed, command, senses.truth)

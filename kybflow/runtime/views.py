@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from kybflow.geometry import Vec3
 from kybflow.observables import State, Unavailable
-from kybflow.signals import NS, Battery, Estimate, PayloadState, Setpoint
+from kybflow.signals import NS, Battery, Estimate, PayloadState, Setpoint, Sticks
 
 if TYPE_CHECKING:
     from kybflow.runtime.vehicle import Vehicle
@@ -78,6 +78,13 @@ class Believed:
     @property
     def releases(self) -> int:
         return self._vehicle.senses.cargo.releases
+
+    @property
+    def sticks(self) -> Sticks:
+        sticks = self._vehicle.senses.sticks
+        if sticks is None:
+            raise Unavailable
+        return sticks
 
     def _estimate(self) -> Estimate:
         estimate = self._vehicle.estimate

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from kybflow.geometry import Quat, Vec3
+from kybflow.offset import Offset
 from kybflow.parts.sensor import Stream
 from kybflow.sensors._axes import Axes, Units, to_world
-from kybflow.sensors._offset import Offset
 from kybflow.signals import NS, Measurement, Pose, Time
 
 

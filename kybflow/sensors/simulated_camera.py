@@ -3,8 +3,9 @@
 Each camera of the vehicle takes frames at its own rate; what it sees is drawn when the frame
 arrives, `latency` after the middle of its exposure: the tags through the calibrated lens, blurred
 by motion and by a lens out of focus, row by row where a rolling shutter finds the camera, with the
-noise of the sensor. The world's obstacles, and the vehicle's payload once it is released, hide what
-is behind them. Which tags are covered, missing or misplaced comes with the seed.
+noise of the sensor. Who reads late gets the newest frame of each camera; those before it are lost,
+as they are of a real one. The world's obstacles, and the vehicle's payload once it is released,
+hide what is behind them. Which tags are covered, missing or misplaced comes with the seed.
 """
 
 from __future__ import annotations
@@ -103,9 +104,11 @@ class Frames(Stream):
             self._counts = [ceil(now / NS * camera.rate) for camera in self._cameras]
         self._take(now, truth)
         self._last = (now, truth)
-        arrived: list[Measurement] = []
+        newest: dict[str, _Taken] = {}
         while self._taken and self._taken[0].arrival <= now:
-            arrived.append(self._drawn(self._taken.popleft()))
+            taken = self._taken.popleft()
+            newest[taken.camera.name] = taken
+        arrived: list[Measurement] = [self._drawn(taken) for taken in newest.values()]
         return self._filtered(arrived) if arrived else arrived
 
     def close(self) -> None:

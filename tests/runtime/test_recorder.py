@@ -23,13 +23,16 @@ from kybflow.signals import (
     NS,
     Battery,
     Command,
+    CommandKind,
     Estimate,
     Event,
     Imu,
+    Odometry,
     Payload,
     Pose,
     Setpoint,
     SetpointKind,
+    Sticks,
     Time,
     Truth,
 )
@@ -92,6 +95,7 @@ def test_a_tick_holds_every_value(tmp_path):
         assert (recorded["heading"], recorded["heading_rate"]) == (0.25, -0.125)
     command = tick["command"]
     assert command["armed"]
+    assert command["kind"] == 4
     assert command["heading_present"]
     assert tuple(command["attitude"]) == COMMAND.attitude
     assert tuple(command["rates"]) == COMMAND.rates
@@ -134,6 +138,49 @@ def test_what_is_not_there_has_a_flag_and_zeros(tmp_path):
 def test_a_setpoint_says_what_it_has(tmp_path, setpoint, kind, present):
     recorded = one_tick(tmp_path / "log.mcap", wanted=setpoint, setpoint=None)["wanted"]
     assert (recorded["kind"], recorded["present"]) == (kind, present)
+
+
+def test_a_command_that_is_a_setpoint_is_recorded_with_it(tmp_path):
+    path = tmp_path / "log.mcap"
+    sent = WANTED._replace(kind=SetpointKind.VELOCITY, position=None)
+    command = COMMAND._replace(kind=CommandKind.VELOCITY, setpoint=sent)
+    assert one_tick(path, command=command)["command"]["kind"] == 2
+    (message,) = messages(path, "/mk/command")
+    decoded = np.frombuffer(message.data, np.dtype(dtype_spec("Setpoint")))[0]
+    assert (message.log_time, decoded["kind"], decoded["present"]) == (4_000_000, 3, 2 + 4 + 8 + 16)
+    assert tuple(decoded["velocity"]) == WANTED.velocity
+    assert decoded["heading"] == 0.25
+    assert one_tick(tmp_path / "plain.mcap")["command"]["kind"] == 4
+    assert messages(tmp_path / "plain.mcap", "/mk/command") == []
+
+
+def test_what_an_autopilot_believes_is_recorded(tmp_path):
+    path = tmp_path / "log.mcap"
+    recorder = Recorder(path, make_plan("mk"))
+    said = Odometry(25, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), LEVEL, (7.0, 8.0, 9.0), 0.5)
+    recorder.vehicle("mk").measurement(30, said)
+    recorder.close()
+    (message,) = messages(path, "/mk/odometry")
+    decoded = np.frombuffer(message.data, np.dtype(dtype_spec("Odometry")))[0]
+    assert (message.log_time, decoded["time"], decoded["spread"]) == (30, 25, 0.5)
+    for name in ("position", "velocity", "attitude", "angular_velocity"):
+        assert tuple(decoded[name]) == getattr(said, name)
+
+
+@pytest.mark.parametrize("switches", [(), (1.0, -1.0, 0.5), tuple(i / 64 for i in range(40))])
+def test_what_a_pilot_holds_is_recorded(tmp_path, switches):
+    decoder = pytest.importorskip("mcap_ros1.decoder")
+    path = tmp_path / "log.mcap"
+    recorder = Recorder(path, make_plan("mk"))
+    recorder.vehicle("mk").measurement(30, Sticks(25, 0.1, -0.2, 0.3, 0.4, switches))
+    recorder.close()
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
+        ((_, _, message, said),) = reader.iter_decoded_messages(topics=["/mk/sticks"])
+    assert (message.log_time, said.time) == (30, 25)
+    assert (said.roll, said.pitch, said.yaw, said.throttle) == (0.1, -0.2, 0.3, 0.4)
+    assert said.count == min(len(switches), 32)
+    assert tuple(said.switches) == (*switches[:32], *([0.0] * (32 - said.count)))
 
 
 def test_measurements_and_events_are_recorded_as_they_arrive(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.sensors._offset import Offset
+from kybflow.offset import Offset
 from kybflow.signals import NS
 
 MS = NS // 1000

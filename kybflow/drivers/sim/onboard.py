@@ -81,7 +81,7 @@ class Pilot:
 
     def receive(self, command: Command) -> None:
         """Hold `command` until the next one."""
-        attitude, self._thrust, self._rates, heading, armed = command
+        attitude, self._thrust, self._rates, heading, armed, _, _ = command
         if heading is not None:
             self._wanted, self._held = attitude, None
             self._turn = AIMING * wrap(heading - heading_of(self._attitude))

@@ -102,6 +102,7 @@ CHECKS: tuple[Callable[[Case], Iterator[Diagnostic]], ...] = (
     entering.can_not_enter,
     data.chains_that_do_not_connect,
     data.missing_measurements,
+    data.drivers_not_as_told,
     sensors.of_no_use,
     sensors.not_simulated,
     sensors.not_as_told,

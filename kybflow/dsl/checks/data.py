@@ -1,4 +1,4 @@
-"""Data from the estimators to the driver: KYB301 to KYB303.
+"""Data from the estimators to the driver: KYB301 to KYB304, KYB306.
 
 measurement ─► estimator          behavior ─► processors ─► tracker ─► driver
 """
@@ -6,8 +6,9 @@ measurement ─► estimator          behavior ─► processors ─► tracker 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING
 
 from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.checks.case import Case, part_of
@@ -15,21 +16,32 @@ from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
 from kybflow.dsl.sensors import provided
 from kybflow.errors import PartError
-from kybflow.parts import Leg, Sensor
+from kybflow.parts import Leg
 from kybflow.signals import CommandKind, MeasurementKind, SetpointKind
+
+if TYPE_CHECKING:
+    from kybflow.catalog import PartSpec
 
 
 def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
     """KYB301: a part gives a kind of setpoint or command that the next one in the chain can't take.
 
     A behavior emits a kind of setpoint, each processor takes kinds and returns kinds, the tracker
-    turns setpoints into a kind of command, and the driver takes kinds of command. Processors that
+    turns setpoints into kinds of command, and the driver takes kinds of command. Processors that
     are no safety parts are passed over in take-off and landing.
     """
     for vehicle in case.vehicles():
-        driver, gives = vehicle.driver, vehicle.tracker.spec.cls.gives
-        if gives not in driver.spec.cls.accepts:
-            yield _gap(driver, f"{gives.value} commands", vehicle.tracker.name.text)
+        driver, tracker = vehicle.driver, vehicle.tracker
+        takes = driver.spec.cls.takes(driver.params)
+        refused = sorted(tracker.spec.cls.kinds(tracker.params) - takes, key=_name)
+        if refused:
+            *first, last = map(_name, refused)
+            kinds = f"{', '.join(first)} and {last}" if first else last
+            gap = _gap(driver, f"{kinds} commands", tracker.name.text, takes)
+            if driver.span == case.document.target.span:  # nobody wrote it
+                label = f"`{driver.name.text}` {gap.label}"
+                gap = replace(gap, span=tracker.name.span, label=label)
+            yield replace(gap, help=_fitting_tracker(case, vehicle, takes))
         for name in (*vehicle.states, *BUILT_IN):
             yield from _chain(case, vehicle, name)
 
@@ -39,8 +51,10 @@ def _chain(case: Case, vehicle: Vehicle, state: str) -> Iterator[Diagnostic]:
     kind = behavior.emits if behavior is not None else SetpointKind.IDLE
     origin = f"{state}` ({part_of(vehicle, state)})"
     if isinstance(kind, CommandKind):
-        if kind not in vehicle.driver.spec.cls.accepts:
-            yield _gap(vehicle.driver, f"{kind.value} commands", origin)
+        driver = vehicle.driver
+        accepted = driver.spec.cls.takes(driver.params)
+        if kind not in accepted:
+            yield _gap(driver, f"{kind.value} commands", origin, accepted)
         return
     if kind is SetpointKind.IDLE:
         return
@@ -53,18 +67,29 @@ def _chain(case: Case, vehicle: Vehicle, state: str) -> Iterator[Diagnostic]:
             return
         kind = takes[kind]
     if kind not in vehicle.tracker.spec.cls.accepts:
-        yield _gap(vehicle.tracker, f"{kind.value} setpoints", origin)
+        yield _gap(
+            vehicle.tracker, f"{kind.value} setpoints", origin, vehicle.tracker.spec.cls.accepts
+        )
+
+
+def _fitting_tracker(case: Case, vehicle: Vehicle, takes: frozenset[CommandKind]) -> str:
+    """A tracker, as it comes, whose commands the driver takes; empty where there is none."""
+    for name in case.catalog.names("trackers"):
+        spec = _loaded(case, "trackers", name)
+        if spec is None or any(field.required for field in spec.fields):
+            continue
+        if spec.cls.kinds(spec.params()) <= takes:
+            own = f"{vehicle.name.text}: {{tracker: {name}}}"
+            return f"write `targets: {{{case.document.target.text}: {{{own}}}}}`"
+    return ""
 
 
 def _applies(processor: PartUse, legs: tuple[Leg, ...]) -> bool:
     return processor.spec.cls.safety or any(leg.start is leg.end for leg in legs)
 
 
-def _gap(
-    part: PartUse, what: str, origin: str, takes: Collection[Enum] | None = None
-) -> Diagnostic:
-    kinds = part.spec.cls.accepts if takes is None else takes
-    known = ", ".join(f"`{k.value}`" for k in sorted(kinds, key=lambda k: str(k.value)))
+def _gap(part: PartUse, what: str, origin: str, takes: Collection[Enum]) -> Diagnostic:
+    known = ", ".join(f"`{k.value}`" for k in sorted(takes, key=_name))
     source = origin if origin.endswith(")") else f"{origin}`"
     return Diagnostic(
         "KYB301",
@@ -74,6 +99,10 @@ def _gap(
     )
 
 
+def _name(kind: Enum) -> str:
+    return str(kind.value)
+
+
 def missing_measurements(case: Case) -> Iterator[Diagnostic]:
     """KYB302: an estimator needs measurements that neither the target's driver nor a sensor
     provides."""
@@ -81,7 +110,7 @@ def missing_measurements(case: Case) -> Iterator[Diagnostic]:
         provides = provided(vehicle)
         for use in vehicle.estimators:
             missing = use.part.spec.cls.uses(use.part.params) - provides
-            for kind in sorted(missing, key=lambda k: str(k.value)):
+            for kind in sorted(missing, key=_name):
                 given = ", ".join(sorted(f"`{k.value}`" for k in provides)) or "nothing"
                 yield Diagnostic(
                     "KYB302",
@@ -101,22 +130,31 @@ def _sources(vehicle: Vehicle) -> str:
 
 def _way_out(case: Case, vehicle: Vehicle, use: EstimatorUse, kind: MeasurementKind) -> str:
     """A sensor that would do, where there is one."""
-    simulated = vehicle.driver.spec.cls.simulated
+    shows = vehicle.driver.spec.cls.shows(vehicle.driver.params)
     for name in case.catalog.names("sensors"):
-        sensor = _loaded(case, name)
-        if sensor is not None and kind in sensor.provides and sensor.simulated <= simulated:
+        spec = _loaded(case, "sensors", name)
+        if spec is not None and kind in spec.cls.provides and spec.cls.simulated <= shows:
             own = f"{vehicle.name.text}: {{sensors: {{{use.part.label}: {{use: {name}}}}}}}"
             return f"write `targets: {{{case.document.target.text}: {{{own}}}}}`"
     return "use another estimator, or another driver in `targets`"
 
 
-def _loaded(case: Case, name: str) -> type[Sensor[Any]] | None:
-    """The class of a sensor; None for one that can't be loaded, which is told where it is used."""
+def _loaded(case: Case, kind: str, name: str) -> PartSpec | None:
+    """A part; None for one that can't be loaded, which is told where it is used."""
     try:
-        cls: type[Sensor[Any]] = case.catalog.get("sensors", name).cls
+        return case.catalog.get(kind, name)
     except PartError:
         return None
-    return cls
+
+
+def drivers_not_as_told(case: Case) -> Iterator[Diagnostic]:
+    """KYB306: a driver can't work as it is told: the address of its vehicle is none."""
+    for vehicle in case.vehicles():
+        driver = vehicle.driver
+        objection = driver.spec.cls.objection(driver.params)
+        if objection is not None:
+            span = driver.spans.get(objection.parameter, driver.name.span)
+            yield Diagnostic("KYB306", objection.reason, span, help=objection.hint)
 
 
 def nothing_to_fly_by(case: Case) -> Iterator[Diagnostic]:

@@ -36,9 +36,10 @@ def _kinds(kinds: frozenset[MeasurementKind]) -> str:
 
 
 def not_simulated(case: Case) -> Iterator[Diagnostic]:
-    """KYB392: a sensor watches a simulated vehicle, and the vehicle's driver is hardware."""
+    """KYB392: a sensor watches a simulated vehicle, and the vehicle's driver shows none."""
     for vehicle, use in _written(case):
-        if use.part.spec.cls.simulated and not vehicle.driver.spec.cls.simulated:
+        driver = vehicle.driver
+        if use.part.spec.cls.simulated and not driver.spec.cls.shows(driver.params):
             yield Diagnostic(
                 "KYB392",
                 f"`{use.part.name.text}` watches simulated vehicles only",

@@ -3,7 +3,8 @@
 The setpoint rises from the estimate's position at entry along a rest-to-rest profile
 (`kybflow.runtime.profiles`) with at most `speed` and `acceleration`. Where the vehicle stays more
 than 0.3 m behind, the profile waits for it, so that a vehicle that can't lift is not asked ever
-more. It is done when the profile has ended and the height is within `tolerance` for `dwell`.
+more; where it is more than 0.1 m ahead, lifted by its autopilot, the profile goes on from there. It
+is done when the profile has ended and the height is within `tolerance` for `dwell`.
 
 Fails when it is not there `patience` after the profile should have ended. Speed 0.3 m/s and
 tolerance 10 cm are TeleKyb's. `height` is in metres above the ground of the start.
@@ -18,7 +19,9 @@ from kybflow.runtime.profiles import Profile
 from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.units import Acceleration, Duration, Length, Speed, Vec3
 
-_LEASH = 0.3
+_LEASH, _AHEAD = 0.3, 0.1
+_LEAP = 0.02
+"""Seconds in which the profile looks for where the vehicle is."""
 
 
 @params
@@ -49,6 +52,8 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
         climbed = tick.known().position[2] - self._ground[2]
+        while self._is_behind(climbed):
+            self._time += _LEAP
         waits = self._profile.at(self._time).distance - climbed > _LEASH
         if not waits:
             self._time = min(self._time + tick.dt, self._profile.duration)
@@ -60,6 +65,10 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
         if tick.elapsed > self._profile.duration + self.params.patience:
             return Failed(setpoint, f"climbed {climbed:.2f} m of {self.params.height:g} m")
         return setpoint
+
+    def _is_behind(self, climbed: float) -> bool:
+        profile, time = self._profile, self._time
+        return time < profile.duration and profile.at(time).distance < climbed - _AHEAD
 
     def _setpoint(self, waits: bool) -> Setpoint:
         height, speed, acceleration, jerk = self._profile.at(self._time)

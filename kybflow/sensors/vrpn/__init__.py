@@ -3,7 +3,7 @@
 Vicon Tracker, OptiTrack Motive and VRPN's own server speak it. Every vehicle takes the body that
 has its name unless `body` says otherwise; all share one link to a server, which opens itself again
 when it was lost. Poses carry the server's stamps, put on the run's clock by the least delay seen
-(`kybflow.sensors._offset`), so the two clocks need not agree, only go on. What no pose is, as
+(`kybflow.offset`), so the two clocks need not agree, only go on. What no pose is, as
 written for a body that is lost, is left out.
 """
 
@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from kybflow.errors import DriverError
 from kybflow.params import param, params
+from kybflow.parts.base import Objection
 from kybflow.parts.devices import Link
-from kybflow.parts.sensor import Objection, Sensor, Stream
+from kybflow.parts.sensor import Sensor, Stream
 from kybflow.sensors._axes import Axes, Units
 from kybflow.sensors._stream import Poses
 from kybflow.signals import MeasurementKind

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from kybflow.errors import DriverError
 from kybflow.geometry import Quat, Vec3
-from kybflow.sensors._offset import Offset
+from kybflow.offset import Offset
 from kybflow.sensors._waker import Waker
 from kybflow.sensors.vrpn.codec import PING, CodecError, PoseReport
 from kybflow.sensors.vrpn.link import Address, Connection

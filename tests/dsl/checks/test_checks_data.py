@@ -27,7 +27,9 @@ ATTITUDE = CommandKind.ATTITUDE_THRUST
 
 def use(name: str, **facts: Any) -> PartUse:
     """A part of which the checks see these facts."""
-    cls: Any = SimpleNamespace(takes=lambda _: facts["accepts"], **facts)
+    cls: Any = SimpleNamespace(
+        takes=lambda _: facts["accepts"], kinds=lambda _: facts["gives"], **facts
+    )
     spec = PartSpec("any", name, cls, type(None), (), name)
     return PartUse(Text(name, SPAN), spec, None, name, SPAN)
 
@@ -41,7 +43,7 @@ def driver(**more: Any) -> PartUse:
         "accepts": frozenset({ATTITUDE}),
         "provides": frozenset({MeasurementKind.POSE}),
         "step_rate": lambda _: 500.0,
-        "simulated": False,
+        "shows": lambda _: False,
     }
     return use("bench", **{**facts, **more})
 
@@ -50,18 +52,21 @@ class Parts:
     """A catalog in which every built-in behavior stays on the ground."""
 
     def get(self, kind: str, name: str) -> Any:
+        if kind == "trackers":
+            given = {"never": CommandKind.RATES_THRUST, "fits": ATTITUDE}[name]
+            return use(name, accepts=frozenset({POSITION}), gives=frozenset({given})).spec
         assert name in BUILT_IN.values()
         return behavior(SetpointKind.IDLE, GROUND >> GROUND).spec
 
     def names(self, kind: str) -> tuple[str, ...]:
-        return ()
+        return ("never", "fits") if kind == "trackers" else ()
 
 
 def case(flown: PartUse, control_rate: int = 250, **parts: Any) -> Case:
     facts: dict[str, Any] = {
         "estimators": (),
         "processors": (),
-        "tracker": use("cascade", accepts=frozenset({POSITION}), gives=ATTITUDE),
+        "tracker": use("cascade", accepts=frozenset({POSITION}), gives=frozenset({ATTITUDE})),
         "driver": driver(),
         **parts,
     }
@@ -81,7 +86,7 @@ def case(flown: PartUse, control_rate: int = 250, **parts: Any) -> Case:
     document = Document(
         mission=name,
         summary="",
-        target=name,
+        target=Text("lab", Span("m.yaml", 2, 1, 2, 2)),
         parameters={},
         fence=FENCE,
         control_rate=control_rate,
@@ -135,6 +140,16 @@ def test_a_driver_that_cannot_take_the_commands() -> None:
         "KYB301 `bench` can't take the attitude_thrust commands of `cascade`: takes nothing",
         "KYB301 `bench` can't take the attitude_thrust commands of `go` (fly): takes nothing",
     ]
+
+
+def test_a_tracker_may_give_several_kinds_and_one_that_fits_is_named() -> None:
+    everything = frozenset({ATTITUDE, CommandKind.POSITION, CommandKind.VELOCITY})
+    many = use("many", accepts=frozenset({POSITION}), gives=everything)
+    flown = case(behavior(POSITION), tracker=many)
+    (found,) = chains_that_do_not_connect(flown)
+    commands = "the position and velocity commands of `many`"
+    assert found.message == f"`bench` can't take {commands}"
+    assert found.help == "write `targets: {lab: {a: {tracker: fits}}}`"
 
 
 def test_measurements_that_nobody_provides() -> None:

@@ -1,12 +1,25 @@
 """take_off: a smooth climb from the ground it stands on, and a failure where it can't."""
 
 import pytest
-from flying import entry, fastest, fly, ideal, point_mass, worst_mismatch
+from flying import (
+    Body,
+    Flown,
+    entry,
+    estimate,
+    fastest,
+    fly,
+    ideal,
+    point_mass,
+    tick,
+    worst_mismatch,
+)
+from hypothesis import given
+from hypothesis import strategies as st
 
-from kybflow.geometry import ZERO
+from kybflow.geometry import ZERO, Vec3
 from kybflow.parts import GROUND
 from kybflow.runtime.behaviors.take_off import TakeOff, TakeOffParams
-from kybflow.signals import Done, Failed
+from kybflow.signals import Done, Failed, Setpoint
 
 TABLE = (1.0, 2.0, 0.7)
 
@@ -39,3 +52,37 @@ def test_one_that_does_not_lift_is_never_asked_for_more_than_it_can_follow_and_f
     assert flown.end == Failed(flown.end.setpoint, "climbed 0.00 m of 1 m")
     assert max(s.setpoint.position[2] for s in flown.samples) < 0.7 + 0.35
     assert flown.duration < 15.0
+
+
+@given(st.floats(0.11, 2.0))
+def test_it_goes_on_from_where_a_vehicle_is_that_was_lifted(lifted: float) -> None:
+    behavior = TakeOff(TakeOffParams(height=1.0), entry(TABLE, flight=GROUND))
+    output = behavior.update(tick(0.0, estimate((1.0, 2.0, 0.7 + lifted))))
+    assert isinstance(output, Setpoint)
+    assert output.position is not None
+    asked = output.position[2] - 0.7
+    assert min(lifted - 0.1, 1.0) <= asked + 1e-9
+    assert asked <= min(lifted - 0.1 + 0.01, 1.0)
+
+
+def test_one_that_is_a_little_ahead_changes_nothing() -> None:
+    behavior = TakeOff(TakeOffParams(height=1.0), entry(TABLE, flight=GROUND))
+    output = behavior.update(tick(0.0, estimate((1.0, 2.0, 0.79))))
+    assert isinstance(output, Setpoint)
+    assert output.position == pytest.approx(TABLE, abs=1e-6)
+
+
+def test_one_that_was_lifted_is_there_sooner_and_is_never_asked_down() -> None:
+    def lifted(setpoint: Setpoint | None) -> tuple[Vec3, Vec3]:
+        position = TABLE if setpoint is None or setpoint.position is None else setpoint.position
+        return (1.0, 2.0, max(position[2], 1.2)), ZERO
+
+    def climb(body: Body) -> Flown:
+        return fly(TakeOff(TakeOffParams(height=1.0), entry(TABLE, flight=GROUND)), body)
+
+    sooner, usual = climb(lifted), climb(ideal(TABLE))
+    assert isinstance(sooner.end, Done)
+    heights = [s.setpoint.position[2] for s in sooner.samples]
+    assert heights == sorted(heights)
+    assert heights[-1] == pytest.approx(1.7)
+    assert usual.duration - sooner.duration > 1.0

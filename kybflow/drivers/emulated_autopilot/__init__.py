@@ -1,0 +1,73 @@
+"""PX4 or ArduPilot, emulated on simulated quadrotors: for tests, and to rehearse without firmware.
+
+The vehicles are those of `sim`, in one MuJoCo world; on each sits enough of an autopilot, with an
+estimator, controllers, modes, arming checks and failsafes as they were seen on the firmware. It
+speaks MAVLink with the driver for real ones, over wires in memory and in lockstep with the engine's
+clock: the same generator gives the same flight. Its parameters are those that flight indoors needs,
+unless it is to come as the firmware does. It is no judge of anything: only the firmware is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+from kybflow.drivers.mavlink import Autopilot, AutopilotParams, Mavlink
+from kybflow.drivers.sim import SimParams
+from kybflow.parts import Driver, Seat, Session, param, params
+from kybflow.signals import CommandKind, MeasurementKind
+
+if TYPE_CHECKING:
+    import random
+
+    from kybflow.drivers.emulated_autopilot.fleet import Fleet
+    from kybflow.drivers.emulated_autopilot.preparing import Plans
+
+
+@params
+class EmulatedAutopilotParams(AutopilotParams, SimParams):
+    autopilot: Autopilot = param("Whose firmware is emulated.", default="px4", read_only=True)
+    prepared: bool = param(
+        "Whether its parameters are those that kybflow needs; else they are the firmware's own.",
+        default=True, read_only=True,
+    )  # fmt: skip
+
+
+class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
+    """MuJoCo and pymavlink are imported when it is opened."""
+
+    accepts = frozenset(CommandKind)
+    provides = Mavlink.provides | {MeasurementKind.POSE}
+    simulated: ClassVar[bool] = True
+    lands: ClassVar[bool] = True
+    grips: ClassVar[bool] = True
+    brings = ("simulated_camera",)
+    patience = Mavlink.patience
+    targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {
+        "emulated_px4": {"autopilot": "px4"},
+        "emulated_ardupilot": {"autopilot": "ardupilot"},
+    }
+
+    @classmethod
+    def tracker(cls, params: EmulatedAutopilotParams) -> str | None:
+        return "on_board"
+
+    @classmethod
+    def step_rate(cls, params: EmulatedAutopilotParams) -> float | None:
+        return params.physics
+
+    @classmethod
+    def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
+        from kybflow.drivers.emulated_autopilot.session import EmulatedSession
+
+        return EmulatedSession(seats, generator)
+
+    @classmethod
+    def fleet(
+        cls, seats: Sequence[Seat], plans: Sequence[Plans], generator: random.Random, first: int
+    ) -> Fleet:
+        """The vehicles with their autopilots, for any client: whoever opens them connects their
+        wires. first: the system id of the first. Raises DriverError."""
+        from kybflow.drivers.emulated_autopilot.fleet import Fleet
+
+        return Fleet(seats, plans, generator, first)

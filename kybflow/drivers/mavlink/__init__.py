@@ -1,0 +1,126 @@
+"""PX4 and ArduPilot autopilots over MAVLink.
+
+One part for both: what differs is a profile (`autopilot`). Several vehicles share a link and are
+told apart by their system id. What kybflow estimates goes to the autopilot as external vision,
+unless its `position` is its own; set-points are followed by its own controllers. Everything goes by
+the engine's tick: when this program stops, so do set-points and heartbeats, and the autopilot's own
+failsafe acts, which the preflight has looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from kybflow.errors import DriverError
+from kybflow.parts import Driver, Objection, Seat, Session, param, params
+from kybflow.signals import CommandKind, MeasurementKind
+from kybflow.units import Duration, Frequency
+
+if TYPE_CHECKING:
+    import random
+
+Autopilot = Literal["px4", "ardupilot"]
+
+
+@params
+class AutopilotParams:
+    """What is asked of every autopilot, also of an emulated one."""
+
+    autopilot: Autopilot = param("Whose firmware it is.", read_only=True)
+    position: Literal["outside", "own"] = param(
+        "Where the autopilot's position comes from: `outside`, sent by kybflow, or its `own`, as"
+        " from GPS.",
+        default="outside", read_only=True,
+    )  # fmt: skip
+    rate: Frequency = param(
+        "Set-points a second.", default=50.0, at_least=5.0, at_most=250.0, read_only=True
+    )
+    vision_rate: Frequency = param(
+        "Poses a second that are sent to it.",
+        default=30.0, at_least=3.0, at_most=120.0, read_only=True,
+    )  # fmt: skip
+    after_failsafe: Literal["land", "resume"] = param(
+        "What happens when its own failsafe had it and the link is well again: it is landed, or"
+        " goes on with what it did. A vehicle that a person took is never taken back unasked.",
+        default="land", read_only=True,
+    )  # fmt: skip
+
+
+@params
+class MavlinkParams(AutopilotParams):
+    address: str | None = param(
+        "Where it is: `udpin:HOST:PORT`, `udpout:HOST:PORT`, `tcp:HOST:PORT` or"
+        " `serial:DEVICE:BAUD`; where the firmware's own simulator is by default.",
+        default=None, read_only=True,
+    )  # fmt: skip
+    system: int | None = param(
+        "Its system id; its place among the mission's vehicles, from 1, by default.",
+        default=None, at_least=1, at_most=254, read_only=True,
+    )  # fmt: skip
+    own_system: int = param(
+        "The system id of this program.", default=245, at_least=1, at_most=255, read_only=True
+    )
+    simulator: bool = param(
+        "Whether it is the firmware's own simulator, whose ground truth simulated sensors may"
+        " watch.",
+        default=False, read_only=True,
+    )  # fmt: skip
+    key: str | None = param(
+        "File with the secret of signed messages: 32 bytes, or a passphrase. Unsigned ones are"
+        " dropped then.",
+        default=None, read_only=True,
+    )  # fmt: skip
+    lead: Duration | None = param(
+        "By how much the autopilot comes after its set-points, so that they are sent ahead; by"
+        " default as seen of its own simulator.",
+        default=None, at_least=0.0, at_most=1.0, read_only=True,
+    )  # fmt: skip
+    arming_time: Duration = param(
+        "How long arming may take.", default=15.0, above=0.0, read_only=True
+    )
+
+
+class Mavlink(Driver[MavlinkParams]):
+    """pymavlink is imported when it is opened."""
+
+    accepts = frozenset(CommandKind)
+    provides = frozenset(
+        {
+            MeasurementKind.BATTERY, MeasurementKind.IMU, MeasurementKind.ODOMETRY,
+            MeasurementKind.POSITION, MeasurementKind.PAYLOAD, MeasurementKind.STICKS,
+        }
+    )  # fmt: skip
+    lands: ClassVar[bool] = True
+    grips: ClassVar[bool] = True
+    brings = ("simulated_camera", "simulated_motion_capture")
+    patience = 60.0
+    targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {
+        "px4": {"autopilot": "px4", "simulator": True},
+        "ardupilot": {"autopilot": "ardupilot", "simulator": True},
+    }
+
+    @classmethod
+    def tracker(cls, params: MavlinkParams) -> str | None:
+        return "on_board"
+
+    @classmethod
+    def shows(cls, params: MavlinkParams) -> bool:
+        return params.simulator
+
+    @classmethod
+    def objection(cls, params: MavlinkParams) -> Objection | None:
+        from kybflow.drivers.mavlink.address import read_address
+
+        try:
+            if params.address is not None:
+                read_address(params.address)
+        except DriverError as error:
+            return Objection("address", str(error))
+        return None
+
+    @classmethod
+    def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
+        from kybflow.drivers.mavlink.session import open_session
+
+        return open_session(seats)

@@ -1,0 +1,104 @@
+"""What is known of one autopilot, and how it is heard: everything that it says goes from here to
+whom it concerns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import takewhile
+from typing import TYPE_CHECKING
+
+from kybflow.drivers.mavlink.chores import Chores
+from kybflow.drivers.mavlink.clocks import BootClock
+from kybflow.drivers.mavlink.heard import WARNING, Heard, Landed
+from kybflow.drivers.mavlink.heard import Said as Text
+from kybflow.drivers.mavlink.hub import Port
+from kybflow.drivers.mavlink.parameters import Parameters
+from kybflow.drivers.mavlink.profile import Profile
+from kybflow.drivers.mavlink.requests import Requests
+from kybflow.drivers.mavlink.taking import Silence
+from kybflow.drivers.mavlink.telemetry import Telemetry
+from kybflow.drivers.mavlink.truth import GroundTruth
+from kybflow.parts import Said, Seat
+from kybflow.signals import NS, Time
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink.framing import Message
+
+AUTOPILOT = 1
+"""Its component."""
+SHORTEST: Time = 3 * NS // 10
+"""A silence that is told."""
+FORGETS: Time = 2 * NS
+"""A silence after which its streams are asked for again."""
+REPEATED: Time = 60 * NS
+"""How long a text that was told is not told again."""
+SEVERITIES = ("critical", "critical", "critical", "error", "warning")
+TRUE = frozenset({"SIM_STATE", "HIL_STATE_QUATERNION"})
+
+
+class Contact:
+    """One autopilot. `silence`: the newest time in which nothing was heard. `truth`: of its own
+    simulator, None on hardware."""
+
+    def __init__(self, seat: Seat, profile: Profile, port: Port) -> None:
+        params, site = seat.params, seat.site
+        self.port, self.profile, self.target = port, profile, (port.system, AUTOPILOT)
+        self.is_outside = params.position == "outside"
+        self.heard, self.clock = Heard(), BootClock()
+        self.requests = Requests(self.heard, target=self.target, own_system=params.own_system)
+        self.parameters = Parameters(profile.integer_parameters_bytewise, target=self.target)
+        self.telemetry = Telemetry(site, profile, self.heard, self.clock, self.is_outside)
+        self.truth = GroundTruth(site, profile.sphere) if params.simulator else None
+        self.silence: Silence | None = None
+        self._alive: Time | None = None
+        self._text: Text | None = None
+        self._told: dict[str, Time] = {}
+
+    def age(self, now: Time) -> float:
+        """Seconds since anything was heard; zero before."""
+        return 0.0 if self._alive is None else (now - self._alive) / NS
+
+    def listen(self, chores: Chores, now: Time) -> None:
+        """Hear what came."""
+        messages = self.port.take()
+        if not messages:
+            return
+        gap = 0 if self._alive is None else now - self._alive
+        self._alive = now
+        if gap > SHORTEST:
+            self.silence = Silence(now, gap / NS)
+        if gap > FORGETS:
+            chores.begin_anew()
+        for message in messages:
+            self._hear(message, chores, now)
+
+    def said(self) -> Sequence[Said]:
+        """What it said of warning or worse since the last call, each thing but once a minute."""
+        texts = self.heard.texts
+        if not texts or texts[-1] is self._text:
+            return ()
+        fresh = list(takewhile(lambda text: text is not self._text, reversed(texts)))
+        self._text = texts[-1]
+        said = []
+        for time, severity, text in reversed(fresh):
+            told = self._told.get(text)
+            if severity <= WARNING and (told is None or time - told > REPEATED):
+                self._told[text] = time
+                said.append(Said(SEVERITIES[severity], text))
+        return said
+
+    def _hear(self, message: Message, chores: Chores, now: Time) -> None:
+        sort = message.get_type()
+        self.heard.hear(message, now)
+        if sort == "COMMAND_ACK":
+            self.requests.hear(message, now)
+        elif sort in {"PARAM_VALUE", "PARAM_ERROR"}:
+            self.parameters.hear(message, now)
+        elif sort == "TIMESYNC":
+            for answer in chores.sync.hear(message, now):
+                self.port.send(answer)
+        elif sort in TRUE:
+            if self.truth is not None:
+                self.truth.hear(message, now, on_ground=self.heard.landed is Landed.GROUND)
+        else:
+            self.telemetry.hear(message, now)

@@ -1,0 +1,190 @@
+"""All wires of a session, and a port for each autopilot: who says what, and where an answer goes.
+
+Autopilots are told apart by their system id. A port passes on what the autopilot itself says
+(component 1), not its gimbal, its radio, nor a ground station that is overheard. Where datagrams
+come from several places, a vehicle is answered where it was heard; a second one with its id is
+dropped while the first is there, and told.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+from kybflow.drivers.mavlink.framing import ONBOARD, Counts, Message, Packer, Parser
+from kybflow.drivers.mavlink.signing import Signing
+from kybflow.drivers.mavlink.wire import MOST_HELD, Wire
+from kybflow.errors import DriverError
+from kybflow.signals import NS, Time
+
+AUTOPILOT = 1
+"""Its component (MAV_COMP_ID_AUTOPILOT1)."""
+GONE: Time = 3 * NS
+"""Silent for so long, a vehicle may be heard from another place."""
+MOST_SENDERS = 256
+
+
+class Port:
+    """One autopilot. `heard`: when it was heard last, None before it was; `counts`: what came on
+    its wire, from everyone."""
+
+    def __init__(self, line: _Line, system: int, packer: Packer) -> None:
+        self.system = system
+        self.heard: Time | None = None
+        self._line, self._packer = line, packer
+        self._place: Any = None
+        self._clash: tuple[Time, Any] | None = None
+        self._messages: deque[Message] = deque(maxlen=MOST_HELD)
+
+    @property
+    def counts(self) -> Counts:
+        return self._line.counts
+
+    @property
+    def heard_from(self) -> frozenset[int]:
+        """The systems whose autopilots are heard on that wire."""
+        return frozenset(self._line.autopilots)
+
+    def take(self) -> list[Message]:
+        """What it said since the last call, oldest first."""
+        messages = list(self._messages)
+        self._messages.clear()
+        return messages
+
+    def send(self, message: Message, component: int = ONBOARD) -> None:
+        """Send it as that component of ours. Nothing goes to a place that nobody was heard from.
+        Raises DriverError where a field does not fit into the message."""
+        data = self._packer.pack(message, component)
+        wire = self._line.wire
+        if self._place is not None or not wire.answers:
+            wire.send(data, self._place)
+
+    def trouble(self) -> str | None:
+        """What is wrong with the way there, None where nothing is known to be. Of a vehicle that
+        was heard once, its silence is not told: that is for who knows how often it speaks."""
+        if trouble := self._line.wire.trouble():
+            return trouble
+        if self._clash is not None and self._line.now - self._clash[0] < GONE:
+            return (
+                f"system {self.system} is heard at {self._line.wire.address} from"
+                f" {_words(self._place)} and from {_words(self._clash[1])}: give one of the two"
+                " vehicles another system id"
+            )
+        return self._line.silence(self.system) if self.heard is None else None
+
+    def hear(self, message: Message, place: Any, now: Time) -> None:
+        """Called by the hub."""
+        if place != self._place and self._place is not None and self._holds(now):
+            self._clash = now, place
+            return
+        self._place, self.heard = place, now
+        self._messages.append(message)
+
+    def _holds(self, now: Time) -> bool:
+        return (
+            self.heard is not None
+            and now - self.heard < GONE
+            and self._line.wire.is_open(self._place)
+        )
+
+
+class Hub:
+    """wires: by address; system: our own id; key: the secret of signed messages."""
+
+    def __init__(
+        self,
+        wires: Mapping[str, Wire],
+        system: int,
+        key: bytes | None = None,
+        signing: Signing | None = None,
+    ) -> None:
+        self._signing = Signing(key) if key is not None and signing is None else signing
+        self._system = system
+        self._lines = {
+            address: _Line(wire, link, self._signing)
+            for link, (address, wire) in enumerate(wires.items())
+        }
+
+    def port(self, address: str, system: int) -> Port:
+        """Raises DriverError where that system has a port on that wire, or is our own."""
+        line = self._lines[address]
+        if system == self._system:
+            raise DriverError(
+                f"system {system} is this program itself: choose another `own_system`"
+            )
+        if system in line.ports:
+            raise DriverError(
+                f"two vehicles are system {system} at `{address}`: give each its own `system`"
+            )
+        port = Port(line, system, Packer(self._system, self._signing, line.link))
+        line.ports[system] = port
+        return port
+
+    def poll(self, now: Time) -> None:
+        """Hear everybody. Never waits, never raises."""
+        for line in self._lines.values():
+            line.poll(now)
+
+    def close(self) -> None:
+        for line in self._lines.values():
+            line.wire.close()
+
+
+class _Line:
+    """A wire with the ports on it."""
+
+    def __init__(self, wire: Wire, link: int, signing: Signing | None) -> None:
+        self.wire, self.link = wire, link % 256
+        self.ports: dict[int, Port] = {}
+        self.counts = Counts()
+        self.autopilots: set[int] = set()
+        self.now: Time = 0
+        self._signing = signing
+        self._parsers: dict[Any, Parser] = {}
+
+    def poll(self, now: Time) -> None:
+        self.now = now
+        for data, place in self.wire.receive(now):
+            for message in self._parser(place).parse(data):
+                if message.get_srcComponent() != AUTOPILOT:
+                    continue
+                system = message.get_srcSystem()
+                self.autopilots.add(system)
+                if (port := self.ports.get(system)) is not None:
+                    port.hear(message, place, now)
+
+    def silence(self, system: int) -> str:
+        """Why that system may not have been heard."""
+        place, counts = self.wire.address, self.counts
+        if others := sorted(self.autopilots - {system}):
+            names = ", ".join(str(other) for other in others)
+            verb = f"system {names} is" if len(others) == 1 else f"systems {names} are"
+            return f"{verb} heard at {place}, not {system}"
+        if counts.refused:
+            return f"what is heard at {place} is not signed with the key of this vehicle"
+        if counts.messages:
+            return f"no autopilot is heard at {place}, only other devices"
+        if counts.bad:
+            return f"what is heard at {place} is no MAVLink{_BAUD if _is_serial(place) else ''}"
+        return f"nothing is heard at {place}"
+
+    def _parser(self, place: Any) -> Parser:
+        parser = self._parsers.get(place)
+        if parser is None:
+            if len(self._parsers) >= MOST_SENDERS:
+                self._parsers.pop(next(iter(self._parsers)))
+            parser = self._parsers[place] = Parser(self._signing, self.counts)
+        return parser
+
+
+_BAUD = ": is the baud rate right?"
+
+
+def _is_serial(address: str) -> bool:
+    return address.startswith("serial:")
+
+
+def _words(place: Any) -> str:
+    host, port = place
+    return f"{host}:{port}"

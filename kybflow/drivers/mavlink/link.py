@@ -1,0 +1,221 @@
+"""One autopilot as the engine sees it. What it is asked for is decided in `helm`; what is looked at
+before take-off, in `watch`; what is known of it is `contact`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.drivers.mavlink import codec
+from kybflow.drivers.mavlink.chores import Chores
+from kybflow.drivers.mavlink.contact import Contact
+from kybflow.drivers.mavlink.drift import Drift
+from kybflow.drivers.mavlink.frames import Anchor
+from kybflow.drivers.mavlink.heard import Landed
+from kybflow.drivers.mavlink.helm import Goal, Helm
+from kybflow.drivers.mavlink.hover import Hover
+from kybflow.drivers.mavlink.hub import Port
+from kybflow.drivers.mavlink.lead import led
+from kybflow.drivers.mavlink.modes import DO_SET_MODE
+from kybflow.drivers.mavlink.payload import Grip
+from kybflow.drivers.mavlink.profile import Profile
+from kybflow.drivers.mavlink.vision import Vision
+from kybflow.drivers.mavlink.watch import Watch
+from kybflow.errors import DriverError, Refused
+from kybflow.geometry import LEVEL, ZERO, heading_of
+from kybflow.parts import Check, Link, Said, Seat
+from kybflow.signals import (
+    NS,
+    Command,
+    CommandKind,
+    Estimate,
+    Measurement,
+    Setpoint,
+    SetpointKind,
+    Time,
+    Truth,
+)
+
+PATIENCE: Time = 10 * NS
+"""How long nothing at all may be heard after opening."""
+OFTEN: Time = NS // 50
+"""How often it is seen to what need not be done in every tick."""
+MS: Time = NS // 1000
+
+
+class AutopilotLink(Link):
+    """One vehicle. `look` is called once a tick after the hub has heard everybody."""
+
+    def __init__(self, seat: Seat, profile: Profile, port: Port) -> None:
+        site, params = seat.site, seat.params
+        contact = self.contact = Contact(seat, profile, port)
+        resumes = params.after_failsafe == "resume"
+        self.helm = Helm(
+            profile, contact.heard, contact.requests, params.arming_time, params.rate, resumes,
+            self._holding,
+        )  # fmt: skip
+        self._watch = Watch(contact, self.helm.modes, params.own_system, params.simulator)
+        self._drift = Drift()
+        self._lead = profile.lag if params.lead is None else params.lead
+        self._hover = Hover(profile.hover_parameter, site.airframe.hover_thrust, profile.raises)
+        self._vision = Vision(params.vision_rate, contact.target)
+        names = [*self._watch.names(), profile.hover_parameter]
+        self._grip: Grip | None = None
+        if site.payload is not None:
+            output = profile.output(site.payload.channel, params.simulator)
+            names.append(output.parameter)
+            self._grip = Grip(contact, output)
+        rates = {**profile.streams, **(profile.simulator_streams if params.simulator else {})}
+        self._chores = Chores(contact, rates, names)
+        self._now: Time = 0
+        self._due: Time = 0
+        self._opened: Time | None = None
+        self._command: Command | None = None
+
+    def look(self, now: Time) -> None:
+        """Hear what came, see to what is wanted of it, send what is due. Raises DriverError."""
+        self._now = now
+        self.contact.listen(self._chores, now)
+        self.helm.taking.silence = self.contact.silence
+        self.helm.look(self.contact.age(now), now)
+        self._flow(now)
+        if now >= self._due:
+            self._due = now + OFTEN
+            self._learn(now)
+            self._chores.step(now)
+        self._note()
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        if self._opened is None:
+            self._opened = now
+        port = self.contact.port
+        if port.heard is None and now - self._opened > PATIENCE:
+            why = port.trouble() or "no autopilot was heard"
+            way_out = "start it, or set the driver's `address` and `system`"
+            raise DriverError(f"system {port.system} was not heard for 10 s: {why}; {way_out}")
+        return self.contact.telemetry.take()
+
+    def send(self, command: Command, now: Time) -> None:
+        self._command = command
+        self.helm.send(command, now)
+        self._flow(now)
+
+    def arm(self, command: Command, now: Time) -> bool:
+        self._command = command
+        try:
+            return self.helm.arm(command, now)
+        finally:
+            self._flow(now)
+            self._note()
+
+    def cut(self, now: Time) -> None:
+        self.helm.cut(now)
+        self.helm.look(self.contact.age(now), now)
+        self._chores.step(now)
+        self._note()
+
+    def tell(self, estimate: Estimate, now: Time) -> None:
+        contact = self.contact
+        stamp = contact.clock.to_boot(estimate.time) if contact.is_outside else None
+        if stamp is None:
+            return
+        heard = contact.heard
+        placed = heard.armed or "GPS_GLOBAL_ORIGIN" in heard.at
+        is_lost = contact.profile.needs_origin and not placed
+        self._drift.learn(estimate, contact.telemetry.odometry, now)
+        for message in self._vision.of(estimate, stamp // 1000, is_lost, now):
+            contact.port.send(message)
+
+    def checks(self, now: Time) -> Sequence[Check]:
+        misses = self.helm.prepare(now)
+        self._flow(now)
+        return self._watch.checks(misses, self._vision.told, now)
+
+    def said(self) -> Sequence[Said]:
+        return self.contact.said()
+
+    def reclaim(self, now: Time) -> None:
+        self.helm.reclaim(now)
+        self._note()
+
+    def land(self, now: Time) -> bool:
+        try:
+            return self.helm.land(now)
+        finally:
+            self._note()
+
+    def grip(self, is_open: bool, now: Time) -> None:
+        if self._grip is None:
+            raise Refused("it carries no payload")
+        if self.taken is not None:
+            raise Refused(f"somebody else has it: {self.taken.reason}")
+        done = self._grip.ask(is_open, now)
+        if done is None:
+            return
+        self.contact.telemetry.add(done)
+        truth = self.contact.truth
+        if truth is not None and is_open:
+            truth.release(now)
+        elif truth is not None:
+            truth.load()
+
+    def truth(self) -> Truth | None:
+        truth = self.contact.truth
+        return None if truth is None else truth.truth(self._now)
+
+    def close(self) -> None:
+        """Put the mode of a disarmed vehicle back to what it was before us."""
+        contact, before = self.contact, self.helm.modes.before
+        if contact.heard.armed or before is None or before == contact.heard.mode:
+            return
+        params = (*contact.profile.mode_params(before), 0.0, 0.0, 0.0, 0.0)
+        contact.port.send(
+            mavlink.MAVLink_command_long_message(*contact.target, DO_SET_MODE, 0, *params)
+        )
+
+    def _flow(self, now: Time) -> None:
+        """Send the set-point that is due."""
+        contact = self.contact
+        command, anchor = self.helm.stream.due(now), self._anchor
+        if command is None or anchor is None:
+            return
+        boot = contact.clock.to_boot(now) or now
+        message = codec.encode(
+            led(command, self._lead), target=contact.target, boot_ms=boot // MS, anchor=anchor,
+            throttle=self._hover.throttle(contact.parameters.values),
+            own_heading=contact.telemetry.heading,
+        )  # fmt: skip
+        contact.port.send(message)
+
+    @property
+    def _anchor(self) -> Anchor | None:
+        """Where its frame lies."""
+        own = self.contact.telemetry.anchor
+        return self._drift.anchor if self.contact.is_outside else own
+
+    def _learn(self, now: Time) -> None:
+        """How much throttle holds it in the air."""
+        heard, contact = self.contact.heard, self.contact
+        flies = self.helm.goal is Goal.FOLLOW and heard.landed is Landed.AIR
+        if self._command is not None:
+            asked = heard.throttle if flies else None
+            values, own = contact.parameters.values, contact.telemetry.odometry
+            self._hover.learn(asked, self._command, own, values, now)
+
+    def _holding(self) -> Command | None:
+        """What makes it hold still where it is."""
+        own = self.contact.telemetry.odometry
+        if own is None:
+            return None
+        heading = heading_of(own.attitude)
+        here = own.position
+        if self.contact.is_outside:
+            here = self._drift.anchor.to_world(here)
+        setpoint = Setpoint(SetpointKind.POSITION, here, ZERO, heading=heading)
+        return Command(LEVEL, 0.0, ZERO, heading, True, CommandKind.POSITION, setpoint)
+
+    def _note(self) -> None:
+        heard = self.contact.heard
+        self.taken = self.helm.taken
+        self.armed = None if heard.heartbeat is None else heard.armed

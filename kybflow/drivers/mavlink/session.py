@@ -1,0 +1,89 @@
+"""The autopilots of a run: their wires, polled once a tick, and a link for each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from kybflow.drivers.mavlink.hub import Hub
+from kybflow.drivers.mavlink.link import AutopilotLink
+from kybflow.drivers.mavlink.profile import Profile, profile_of
+from kybflow.drivers.mavlink.wire import Wire, open_wire
+from kybflow.errors import DriverError
+from kybflow.parts import Link, Seat, Session
+from kybflow.signals import Time
+
+Group = tuple[int, str | None]
+"""What the vehicles of a hub share: our system id, and the file with the secret."""
+
+
+def open_session(
+    seats: Sequence[Seat], opener: Callable[[str], Wire] = open_wire
+) -> MavlinkSession:
+    """opener: opens a wire by its address. Raises DriverError, and nothing is open then."""
+    places = [_place(seat, number) for number, seat in enumerate(seats, start=1)]
+    groups: dict[Group, dict[str, Wire]] = {}
+    owners: dict[str, Group] = {}
+    session = MavlinkSession()
+    try:
+        for (_, address, _), seat in zip(places, seats, strict=True):
+            group = (seat.params.own_system, seat.params.key)
+            if owners.setdefault(address, group) != group:
+                raise DriverError(
+                    f"vehicles at `{address}` have not the same `own_system` and `key`"
+                )
+            wires = groups.setdefault(group, {})
+            if address not in wires:
+                wires[address] = session.opened(opener(address))
+        hubs = {group: Hub(wires, group[0], _key(group[1])) for group, wires in groups.items()}
+        session.hubs = tuple(hubs.values())
+        for (profile, address, system), seat in zip(places, seats, strict=True):
+            port = hubs[owners[address]].port(address, system)
+            session.links[seat.site.vehicle] = AutopilotLink(seat, profile, port)
+    except BaseException:
+        session.close()
+        raise
+    return session
+
+
+class MavlinkSession(Session):
+    """`hubs` are polled, then every link looks at what came for it."""
+
+    def __init__(self) -> None:
+        self.links: dict[str, Link] = {}
+        self.hubs: tuple[Hub, ...] = ()
+        self._wires: list[Wire] = []
+
+    def opened(self, wire: Wire) -> Wire:
+        """A wire that is to be closed with the rest."""
+        self._wires.append(wire)
+        return wire
+
+    def advance(self, now: Time) -> None:
+        for hub in self.hubs:
+            hub.poll(now)
+        for link in self.links.values():
+            if isinstance(link, AutopilotLink):
+                link.look(now)
+
+    def close(self) -> None:
+        try:
+            for link in self.links.values():
+                if isinstance(link, AutopilotLink):
+                    link.close()
+        finally:
+            for wire in self._wires:
+                wire.close()
+
+
+def _place(seat: Seat, number: int) -> tuple[Profile, str, int]:
+    """The profile of a vehicle, its address, its system id. number: its place in the mission."""
+    profile = profile_of(seat.params.autopilot)
+    system = seat.params.system or number
+    return profile, seat.params.address or profile.default_address(system), system
+
+
+def _key(path: str | None) -> bytes | None:
+    from kybflow.drivers.mavlink.signing import read_key
+
+    return None if path is None else read_key(Path(path))

@@ -1,0 +1,144 @@
+"""What one autopilot says, as measurements: its own estimate, what its inertial sensors feel, its
+battery, its GPS, what a person's sticks do.
+
+Where its position is its own, the frame in which it has it is laid into the world so that it stands
+at the mission's start, with the mission's heading, when it first has a sound position on the
+ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from kybflow.drivers.mavlink import decode
+from kybflow.drivers.mavlink.clocks import BootClock, boot_time
+from kybflow.drivers.mavlink.frames import IDENTITY, Anchor, Tangent, from_ned
+from kybflow.drivers.mavlink.heard import Heard, Landed
+from kybflow.drivers.mavlink.profile import Profile
+from kybflow.signals import NS, Imu, Measurement, Odometry, Payload, Time
+from kybflow.site import Site
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink.framing import Message
+
+INERTIAL = ("RAW_IMU", "SCALED_IMU", "HIGHRES_IMU")
+"""The best last: worse ones are left out once a better one came."""
+STATUS = frozenset({"ESTIMATOR_STATUS", "EKF_STATUS_REPORT"})
+"""What autopilots say of their estimator, each one of them."""
+OLDEST: Time = 2 * NS
+"""How old what belongs to a measurement may be."""
+SILENT: Time = 5 * NS
+"""How long BATTERY_STATUS must have been silent for SYS_STATUS to count."""
+
+
+class Telemetry:
+    """`anchor`: where its own frame lies, None while that is not known. `odometry`: its newest own
+    estimate. `spread`: of its position, metres, None while it has none. `heading`: in its own
+    frame, as ENU."""
+
+    def __init__(
+        self, site: Site, profile: Profile, heard: Heard, clock: BootClock, is_outside: bool
+    ) -> None:
+        self.anchor: Anchor | None = IDENTITY if is_outside else None
+        self.odometry: Odometry | None = None
+        self.spread: float | None = None
+        self.heading: float | None = None
+        self._site, self._profile, self._heard, self._clock = site, profile, heard, clock
+        self._is_outside = is_outside
+        self._attitude: Message | None = None
+        self._inertial = 0
+        self._imu: Time | None = None
+        self._origin: Tangent | None = None
+        self._taken: list[Measurement] = []
+        self._hear: dict[str, Callable[[Message, Time], Measurement | None]] = {
+            "ATTITUDE_QUATERNION": self._turned,
+            "LOCAL_POSITION_NED": self._moved,
+            **dict.fromkeys(STATUS & profile.streams.keys(), self._status),
+            "BATTERY_STATUS": self._battery,
+            "SYS_STATUS": self._battery,
+            "GPS_GLOBAL_ORIGIN": self._placed,
+            "GPS_RAW_INT": self._gps,
+            "RC_CHANNELS": decode.sticks,
+            "MANUAL_CONTROL": decode.sticks,
+            **dict.fromkeys(INERTIAL, self._felt),
+        }
+        if site.payload is not None:
+            self._taken.append(Payload(0, not site.payload.aboard, site.payload.aboard))
+
+    def hear(self, message: Message, now: Time) -> None:
+        """Take in one message, after `Heard` did."""
+        hear = self._hear.get(message.get_type())
+        measurement = None if hear is None else hear(message, now)
+        if measurement is not None:
+            self._taken.append(measurement)
+
+    def add(self, measurement: Measurement) -> None:
+        self._taken.append(measurement)
+
+    def take(self) -> list[Measurement]:
+        """What came since this was asked last, oldest first."""
+        taken, self._taken = self._taken, []
+        return taken
+
+    def _turned(self, message: Message, now: Time) -> None:
+        self._attitude, self.heading = message, decode.own_heading(message)
+        if self._clock.to_boot(now) is None:
+            self._time(message, now)
+
+    def _moved(self, message: Message, now: Time) -> Odometry | None:
+        attitude = self._attitude
+        if attitude is None or now - self._heard.at.get("ATTITUDE_QUATERNION", now) > OLDEST:
+            return None
+        if self.anchor is None:
+            self.anchor = self._standing(message)
+        if self.anchor is None or self.spread is None:
+            return None
+        time = self._time(message, now)
+        self.odometry = decode.odometry(
+            message, attitude, time, spread=self.spread, anchor=self.anchor
+        )
+        return self.odometry
+
+    def _time(self, message: Message, now: Time) -> Time:
+        boot = boot_time(message)
+        return now if boot is None else self._clock.to_run(boot, now)
+
+    def _standing(self, message: Message) -> Anchor | None:
+        """The anchor by which it stands where the mission says; None while it does not stand, or
+        has no sound position."""
+        if self.heading is None or self.spread is None or self._heard.landed is not Landed.GROUND:
+            return None
+        there = from_ned((message.x, message.y, message.z))
+        return Anchor.joining(there, self.heading, self._site.start, self._site.heading)
+
+    def _status(self, message: Message, now: Time) -> None:
+        self.spread = self._profile.spread(message)
+        if self.spread is None:
+            self.odometry = None
+
+    def _felt(self, message: Message, now: Time) -> Imu | None:
+        rank = INERTIAL.index(message.get_type())
+        if rank < self._inertial:
+            return None
+        if rank > self._inertial:
+            self._inertial, self._imu = rank, None
+        time = self._time(message, now)
+        felt = decode.imu(message, time, self._imu)
+        self._imu = time
+        return felt
+
+    def _battery(self, message: Message, now: Time) -> Measurement | None:
+        told = self._heard.at.get("BATTERY_STATUS")
+        better = told is not None and now - told < SILENT
+        if better and message.get_type() == "SYS_STATUS":
+            return None
+        return decode.battery(message, now)
+
+    def _placed(self, message: Message, now: Time) -> None:
+        self._origin = decode.tangent(message)
+
+    def _gps(self, message: Message, now: Time) -> Measurement | None:
+        if self._is_outside or self._origin is None or self.anchor is None:
+            return None
+        return decode.gps(message, now, origin=self._origin, anchor=self.anchor)

@@ -1,0 +1,65 @@
+"""What the autopilot's own estimator believes, moved on to now.
+
+Its newest odometry (position p, velocity v, attitude q, turn rate w, true at time t) becomes
+
+    p + (now - t) v,    q turned at w for (now - t),
+
+the velocities kept. It is moved on by `ahead` at most; older odometry stands where that ends, and
+its `age` tells. spread: as the autopilot has it, metres. Odometry that is not newer than the last,
+not finite, or whose attitude is no rotation, is left out.
+
+Where the autopilot's position comes from this program (external vision), it is no second opinion:
+it ages and errs with what it is told, and goes on by the autopilot's IMU when that ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from kybflow.geometry import add, integrate, scale
+from kybflow.parts import Estimator, param, params
+from kybflow.signals import NS, Estimate, Measurement, MeasurementKind, Odometry, Time
+from kybflow.site import Site
+from kybflow.units import Duration
+
+
+@params
+class AutopilotParams:
+    ahead: Duration = param(
+        "How far it is moved on at most.", default=0.2, at_least=0.0, at_most=2.0
+    )
+
+
+class Autopilot(Estimator[AutopilotParams]):
+    """See the module."""
+
+    needs = frozenset({MeasurementKind.ODOMETRY})
+    own: ClassVar[bool] = True
+
+    def __init__(self, params: AutopilotParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._newest: Odometry | None = None
+
+    def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
+        for one in measurements:
+            if isinstance(one, Odometry) and self._is_newer(one) and _is_sound(one):
+                self._newest = one
+        newest = self._newest
+        if newest is None:
+            return None
+        age = max(0.0, (now - newest.time) / NS)
+        dt = min(age, self.params.ahead)
+        velocity, rates = newest.velocity, newest.angular_velocity
+        position = add(newest.position, scale(velocity, dt))
+        attitude = integrate(newest.attitude, rates, dt)
+        return Estimate(now, position, velocity, attitude, rates, "autopilot", age, newest.spread)
+
+    def _is_newer(self, one: Odometry) -> bool:
+        return self._newest is None or one.time > self._newest.time
+
+
+def _is_sound(one: Odometry) -> bool:
+    (w, x, y, z), spread = one.attitude, one.spread
+    total = sum(one.position) + sum(one.velocity) + sum(one.angular_velocity) + spread
+    return total - total == 0.0 and spread >= 0.0 and 0.9 < w * w + x * x + y * y + z * z < 1.1

@@ -1,0 +1,107 @@
+"""Whether the vehicle obeys: it is woken before its first armed command, left alone while somebody
+else has it, and goes on when it is given back.
+
+A vehicle on the ground that is asked for thrust arms first, which may take seconds; the behavior's
+time stands still until it obeys. One that refuses stays on the ground, with its own words, and its
+behavior has refused to start. A vehicle that a pilot took is sent nothing and decides nothing;
+`operator.resume` asks for it back, and what was frozen goes on from where it is then. One that its
+own failsafe took is landed.
+"""
+
+from __future__ import annotations
+
+from kybflow.errors import Refused
+from kybflow.parts import GROUND, Taken
+from kybflow.runtime.acting import RESTING, Acting
+from kybflow.runtime.failsafe import Heard
+from kybflow.runtime.wishes import Wish
+from kybflow.signals import Alarm, Command, Reaction, Setpoint, Tick, Time
+
+
+class Obeying(Acting):
+    """`away`: somebody else has the vehicle."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.away = False
+        self._waking: Command | None = None
+
+    def _handed(self, command: Command, now: Time) -> Command:
+        """Hand the command of a tick to the link; what it was given."""
+        if self.activity.land_mode is not None:
+            return command
+        if command.armed and not self._sent.armed and not self._woken(command, now):
+            return RESTING
+        self._waking = None
+        self.senses.send(command, now)
+        return command
+
+    def _woken(self, command: Command, now: Time) -> bool:
+        """Whether the vehicle follows commands now."""
+        self._waking = None
+        try:
+            if self.senses.asking.arm(command, now):
+                return True
+        except Refused as refusal:
+            self._tell("arming_refused", self.activity.state.at, reason=str(refusal))
+            self.activity.refuse(str(refusal), self.entry)
+            return False
+        self._waking = command
+        return False
+
+    def _settled(self, tick: Tick) -> Tick:
+        if self.activity.changed:
+            self._waking = None
+        return super()._settled(tick)
+
+    def _steer(self, tick: Tick) -> tuple[Command, Setpoint | None]:
+        if self._waking is not None:
+            self.activity.wait(tick.dt)
+            return self._waking, None
+        return super()._steer(tick)
+
+    def _left_alone(self, tick: Tick) -> bool:
+        """Whether somebody else has the vehicle in this tick."""
+        taken = self.senses.asking.taken
+        if taken is None or not self.activity.airborne:
+            if self.away:
+                self._returned()
+            return False
+        if taken.lands:
+            lost = Alarm("control_lost", Reaction.LAND, taken.reason)
+            self.react(Heard(lost, self.plan.driver.at), tick)
+            return False
+        self._stand_by(taken, tick)
+        return self.away
+
+    def _stand_by(self, taken: Taken, tick: Tick) -> None:
+        """Freeze what it was doing, once; answer who asks; see whether it was landed."""
+        if not self.away:
+            self.away, self.followed = True, None
+            self._tell("control_taken", self.plan.driver.at, reason=taken.reason)
+            self.failsafe.unbrake()
+            self.activity.freeze("pilot", self.entry)
+        self.activity.wait(tick.dt)
+        self.failsafe.check(tick, airborne=False)  # they go on looking; nobody reacts
+        if self._wishes.waiting:
+            self._answer()
+        if self.senses.asking.armed is False:
+            self.away = False
+            self._score.failure(taken.reason)
+            self.activity.flight = GROUND
+            self.activity.go("landed", self.entry)
+
+    def _returned(self) -> None:
+        self.away = False
+        self._tell("control_returned", self.plan.driver.at)
+        self.activity.thaw("pilot", self.entry)
+
+    def _against(self, wish: Wish) -> str | None:
+        if self.away:
+            return "somebody else has it, until `operator.resume`"
+        return super()._against(wish)
+
+    def _resume(self, by: str, at: str) -> None:
+        if self.away:
+            self.senses.asking.reclaim(self.now)
+        super()._resume(by, at)

@@ -1,0 +1,67 @@
+"""Attitude control in this program, for an on-board controller that follows body rates and thrust.
+
+Force, thrust and the attitude to have are those of `geometric`. With the attitude error as the
+rotation vector e that turns the estimated attitude into that one, body frame, and the rates w_des
+at which that one turns itself, its own body frame,
+
+    w = k e + R_e w_des,
+
+where k is `attitude` about body x and y and `turn` about body z, and R_e takes a vector from the
+body that is asked for to the estimated one. Rates are cut to `fastest`, as a whole vector, rad/s.
+There is no integral: rates that the on-board loop misses leave the attitude off, against which the
+`trim` works. The loop is closed on the estimate's own attitude, so that must be as fast as an
+attitude loop asks (some 100 Hz, no more than some 20 ms old); one that lags makes it shake.
+"""
+
+from __future__ import annotations
+
+from math import atan2
+
+from kybflow.geometry import Quat, Vec3, add, conjugate, multiply, norm, rotate
+from kybflow.parts import Tracker, param, params
+from kybflow.runtime.governor import shortened
+from kybflow.runtime.trackers.geometric import Geometric, GeometricParams
+from kybflow.signals import Command, CommandKind, Setpoint, Tick
+from kybflow.site import Site
+from kybflow.units import AngularRate, Damping
+
+
+@params
+class BodyRatesParams(GeometricParams):
+    attitude: Damping = param(
+        "Body rate per angle of the attitude's error, roll and pitch.", default=8.0, above=0
+    )
+    turn: Damping = param("The same for the heading.", default=2.5, above=0)
+    fastest: AngularRate = param("The most that it asks for.", default=4.0, above=0)
+
+
+class BodyRates(Tracker[BodyRatesParams]):
+    """See the module."""
+
+    accepts = Geometric.accepts
+    gives = CommandKind.RATES_THRUST
+
+    def __init__(self, params: BodyRatesParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._law = Geometric(params, site)
+
+    @property
+    def hover_thrust(self) -> float:
+        return self._law.hover_thrust
+
+    def update(self, setpoint: Setpoint, tick: Tick) -> Command:
+        self._law.params = p = self.params
+        wanted = self._law.update(setpoint, tick)
+        off = multiply(conjugate(tick.known().attitude), wanted.attitude)
+        ex, ey, ez = _turn(off)
+        feed = rotate(off, wanted.rates)
+        rates = add((p.attitude * ex, p.attitude * ey, p.turn * ez), feed)
+        return wanted._replace(rates=shortened(rates, p.fastest), kind=CommandKind.RATES_THRUST)
+
+
+def _turn(q: Quat) -> Vec3:
+    """The rotation vector of `q`, the shorter way."""
+    w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
+    size = norm((x, y, z))
+    k = 2.0 * atan2(size, w) / size if size > 1e-9 else 2.0
+    return (k * x, k * y, k * z)

@@ -1,0 +1,158 @@
+"""The vehicle's own position controller follows the setpoint: an autopilot flies, as it was tuned.
+
+`by` says what it is handed, world frame. `position`: each setpoint as it is, with its velocity and
+acceleration to feed forward. `velocity`: a setpoint of position becomes one of velocity,
+
+    v = v_des + P (p_des - p), the second part at most `correction` long,
+
+so that the position is kept on this program's estimate and an autopilot stops when the stream does.
+`acceleration`: setpoints of position and of velocity become one of acceleration, by the law of
+`cascade` with gains for a vehicle that is further away,
+
+    a = a_des + D (v_des - v) + K (p_des - p) + I integral(p_des - p) + drag v_des,
+
+where D is `damping`, K `stiffness`, drag horizontal; a VELOCITY setpoint has no K and I term. The
+integral has all three axes, because no mass is learnt here; it stands still on the ground, at a
+limit and in steps longer than 40 ms. The acceleration keeps within the airframe's tilt and thrust.
+
+What the on-board controller can follow itself is passed on untouched: setpoints of velocity with
+`velocity`, those of acceleration always. Heading and heading rate go with each.
+"""
+
+from __future__ import annotations
+
+from math import hypot, tan
+from typing import Literal
+
+from kybflow.geometry import GRAVITY, LEVEL, ZERO, Vec3, add, heading_of, scale, sub
+from kybflow.parts import Tracker, param, params
+from kybflow.runtime.governor import shortened
+from kybflow.runtime.steering import LEAST_LIFT, LONGEST_STEP, MOST_THRUST
+from kybflow.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
+from kybflow.site import Site
+from kybflow.units import Acceleration, Damping, Length, Number, Speed
+
+By = Literal["position", "velocity", "acceleration"]
+_COMMANDS = {
+    SetpointKind.POSITION: CommandKind.POSITION,
+    SetpointKind.VELOCITY: CommandKind.VELOCITY,
+    SetpointKind.ACCELERATION: CommandKind.ACCELERATION,
+}
+_GIVEN: dict[By, frozenset[CommandKind]] = {
+    "position": frozenset(_COMMANDS.values()),
+    "velocity": frozenset({CommandKind.VELOCITY, CommandKind.ACCELERATION}),
+    "acceleration": frozenset({CommandKind.ACCELERATION}),
+}
+
+
+@params
+class OnBoardParams:
+    by: By = param("What the on-board controller is handed.", default="position", read_only=True)
+    proportional: Damping = param(
+        "Velocity per metre of position error, by velocity.", default=1.2, above=0
+    )
+    correction: Speed = param(
+        "The most that a position error adds to the velocity.", default=0.5, above=0
+    )
+    stiffness: Number = param(
+        "Acceleration per metre of position error, by acceleration.", default=4.0, above=0
+    )
+    damping: Number = param(
+        "Acceleration per m/s of velocity error, by acceleration.", default=3.5, above=0
+    )
+    integral: Number = param(
+        "Acceleration per metre and second of position error, by acceleration.",
+        default=1.0, at_least=0,
+    )  # fmt: skip
+    integral_limit: Acceleration = param(
+        "The most that the integral may ask for, along each axis.", default=1.0, at_least=0
+    )
+    lift_off: Length = param(
+        "Height above the ground from which it flies.", default=0.05, at_least=0
+    )
+
+
+class OnBoard(Tracker[OnBoardParams]):
+    """See the module."""
+
+    accepts = frozenset(_COMMANDS)
+    gives = CommandKind.POSITION
+
+    def __init__(self, params: OnBoardParams, site: Site) -> None:
+        super().__init__(params, site)
+        self._airframe = site.airframe
+        self._integral = ZERO
+        self._floor: float | None = None
+
+    @classmethod
+    def kinds(cls, params: OnBoardParams) -> frozenset[CommandKind]:
+        return _GIVEN[params.by]
+
+    @property
+    def hover_thrust(self) -> float:
+        return self._airframe.hover_thrust
+
+    def update(self, setpoint: Setpoint, tick: Tick) -> Command:
+        estimate = tick.known()
+        followed = self._followed(setpoint, estimate, tick.dt)
+        heading = heading_of(estimate.attitude)
+        kind = _COMMANDS[followed.kind]
+        return Command(LEVEL, self.hover_thrust, ZERO, heading, kind=kind, setpoint=followed)
+
+    def _followed(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Setpoint:
+        """What the on-board controller is to follow."""
+        by, kind = self.params.by, setpoint.kind
+        if by == "velocity" and kind is SetpointKind.POSITION:
+            velocity = self._velocity(setpoint, estimate)
+            return setpoint._replace(kind=SetpointKind.VELOCITY, position=None, velocity=velocity)
+        if by == "acceleration" and kind is not SetpointKind.ACCELERATION:
+            acceleration = self._acceleration(setpoint, estimate, dt)
+            return setpoint._replace(
+                kind=SetpointKind.ACCELERATION,
+                position=None,
+                velocity=None,
+                acceleration=acceleration,
+            )
+        return setpoint
+
+    def _velocity(self, setpoint: Setpoint, estimate: Estimate) -> Vec3:
+        p, asked = self.params, setpoint.velocity or ZERO
+        gap = sub(setpoint.position or estimate.position, estimate.position)
+        return add(asked, shortened(scale(gap, p.proportional), p.correction))
+
+    def _acceleration(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
+        p, asked = self.params, setpoint.velocity or ZERO
+        drag = self._airframe.drag
+        wanted = add(setpoint.acceleration or ZERO, (drag * asked[0], drag * asked[1], 0.0))
+        wanted = add(wanted, scale(sub(asked, estimate.velocity), p.damping))
+        if setpoint.position is None:
+            return self._bounded(add(wanted, self._integral))
+        gap = sub(setpoint.position, estimate.position)
+        wanted = add(wanted, scale(gap, p.stiffness))
+        total = add(wanted, self._integral)
+        bounded = self._bounded(total)
+        if bounded == total and dt < LONGEST_STEP and self._flies(estimate.position[2]):
+            ix, iy, iz = add(self._integral, scale(gap, p.integral * dt))
+            most = p.integral_limit
+            self._integral = (_within(ix, most), _within(iy, most), _within(iz, most))
+        return bounded
+
+    def _flies(self, height: float) -> bool:
+        if self._floor is None:
+            self._floor = height
+        return height > self._floor + self.params.lift_off
+
+    def _bounded(self, acceleration: Vec3) -> Vec3:
+        """The acceleration within the airframe's thrust and tilt."""
+        x, y, z = acceleration
+        frame = self._airframe
+        most = MOST_THRUST * frame.max_thrust / frame.mass - GRAVITY
+        z = max((LEAST_LIFT - 1.0) * GRAVITY, min(most, z))
+        widest, level = (GRAVITY + z) * tan(frame.tilt), hypot(x, y)
+        if level > widest:
+            x, y = x * widest / level, y * widest / level
+        return (x, y, z)
+
+
+def _within(value: float, most: float) -> float:
+    return most if value > most else -most if value < -most else value

@@ -1,0 +1,117 @@
+"""Motion capture of a simulated vehicle: poses at their own rate, with noise, some time late.
+
+It watches the truth of whatever simulates the vehicle, such as a firmware's own simulator. That may
+be renewed more slowly than poses are taken: between two of its states the vehicle is where constant
+velocities, linear and angular, bring it, for 100 ms at most; then it stands. Nothing comes as long
+as no truth is known. position_noise, attitude_noise: white, along and about each axis.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from math import ceil
+from typing import TYPE_CHECKING
+
+from kybflow.geometry import Vec3, add, integrate, scale
+from kybflow.params import param, params
+from kybflow.parts import Link, Sensor, Stream
+from kybflow.signals import NS, Measurement, MeasurementKind, Pose, Time, Truth
+from kybflow.site import Site
+from kybflow.units import DEG, Angle, Duration, Frequency, Length
+
+if TYPE_CHECKING:
+    import random
+
+_AHEAD = 0.1
+"""Seconds for which a state of the vehicle is moved on."""
+
+
+@params
+class SimulatedMotionCaptureParams:
+    rate: Frequency = param(
+        "Poses a second.", default=100.0, at_least=1.0, at_most=1000.0, read_only=True
+    )
+    latency: Duration = param(
+        "How late a pose arrives.", default=0.010, at_least=0.0, at_most=1.0, read_only=True
+    )
+    position_noise: Length = param(
+        "Noise of a pose's position along each axis, standard deviation.",
+        default=0.0005, at_least=0.0, read_only=True,
+    )  # fmt: skip
+    attitude_noise: Angle = param(
+        "Noise of a pose's attitude about each axis, standard deviation.",
+        default=0.1 * DEG, at_least=0.0, read_only=True,
+    )  # fmt: skip
+
+
+class SimulatedMotionCapture(Sensor[SimulatedMotionCaptureParams]):
+    provides = frozenset({MeasurementKind.POSE})
+    simulated = True
+
+    @classmethod
+    def open(
+        cls,
+        params: SimulatedMotionCaptureParams,
+        site: Site,
+        link: Link,
+        generator: random.Random,
+    ) -> Poses:
+        return Poses(params, link, generator)
+
+
+class Poses(Stream):
+    """The poses of one vehicle. What its link's rig does to measurements it does to these, as they
+    arrive."""
+
+    def __init__(
+        self, params: SimulatedMotionCaptureParams, link: Link, generator: random.Random
+    ) -> None:
+        self._params, self._link, self._generator = params, link, generator
+        self._latency: Time = round(params.latency * NS)
+        self._count: int | None = None
+        self._known: tuple[Time, Truth] | None = None
+        self._arriving: deque[Pose] = deque()
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        truth = self._link.truth()
+        if truth is None:
+            self._count = self._known = None
+        else:
+            if self._known is None or truth != self._known[1]:
+                self._known = (now, truth)
+            self._take(now, *self._known)
+        arrived: list[Measurement] = []
+        while self._arriving and self._arriving[0].time + self._latency <= now:
+            arrived.append(self._arriving.popleft())
+        return self._filtered(arrived) if arrived else arrived
+
+    def close(self) -> None:
+        self._arriving.clear()
+
+    def _take(self, now: Time, since: Time, body: Truth) -> None:
+        """Every pose that is due by `now`, of the body as it is since `since`."""
+        rate = self._params.rate
+        if self._count is None:
+            self._count = ceil(now / NS * rate)
+        while (at := round(self._count * NS / rate)) <= now:
+            self._count += 1
+            self._arriving.append(self._pose(at, min((at - since) / NS, _AHEAD), body))
+
+    def _pose(self, at: Time, t: float, body: Truth) -> Pose:
+        """The pose at `at`, `t` seconds after `body` was true."""
+        p = self._params
+        place = add(body.position, scale(body.velocity, t))
+        attitude = integrate(body.attitude, body.angular_velocity, t)
+        off, turn = self._noise(p.position_noise), self._noise(p.attitude_noise)
+        return Pose(at, add(place, off), integrate(attitude, turn, 1.0))
+
+    def _noise(self, deviation: float) -> Vec3:
+        gauss = self._generator.gauss
+        return (gauss(0.0, deviation), gauss(0.0, deviation), gauss(0.0, deviation))
+
+    def _filtered(self, poses: list[Measurement]) -> list[Measurement]:
+        filters = () if self._link.rig is None else self._link.rig.filters
+        for change in filters:
+            poses = [kept for pose in poses if (kept := change(pose)) is not None]
+        return poses

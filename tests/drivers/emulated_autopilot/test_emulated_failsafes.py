@@ -1,0 +1,199 @@
+"""What an emulated autopilot does by itself, when it was seen to on firmware, in its seconds."""
+
+from __future__ import annotations
+
+import pytest
+
+mavlink = pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is not installed")
+
+from benches_of_autopilots import (  # noqa: E402
+    ACCEPTED,
+    BRAKE,
+    GUIDED,
+    LAND,
+    PX4_HOLD,
+    PX4_LAND,
+    PX4_OFFBOARD,
+    PX4_RETURN,
+    VELOCITY,
+    Bench,
+)
+
+from kybflow.signals import NS  # noqa: E402
+
+
+def after(bench, becomes, most=20.0):
+    """Seconds until `becomes` is true."""
+    start = bench.now
+    assert bench.run(most, becomes)
+    return (bench.now - start) / NS
+
+
+def setting(bench, name, value):
+    if bench.px4:
+        import struct
+
+        value = struct.unpack("<f", struct.pack("<i", value))[0]
+    kind = 6 if bench.px4 else 9
+    bench.say(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, kind))
+    bench.run(0.05)
+
+
+@pytest.mark.parametrize(
+    ("action", "mode"), [(0, PX4_RETURN), (4, PX4_LAND), (5, PX4_HOLD), (3, PX4_RETURN)]
+)
+def test_px4_leaves_offboard_a_second_after_the_last_set_point(action, mode):
+    bench = Bench("px4")
+    bench.take_off(1.0)
+    setting(bench, "COM_OBL_RC_ACT", action)
+    bench.wanted = None
+    assert 0.9 < after(bench, lambda: bench.pilot.state.mode != PX4_OFFBOARD) < 1.15
+    assert bench.pilot.state.mode == mode
+    assert "offboard signal lost" in bench.texts()
+
+
+def test_px4_as_it_comes_climbs_to_return():
+    bench = Bench("px4")
+    bench.take_off(1.0)
+    setting(bench, "COM_OBL_RC_ACT", 0)
+    bench.wanted = lambda: bench.go(3.5, 0.0, 2.0)
+    bench.run(7.0)
+    bench.wanted = None
+    assert bench.run(8.0, lambda: bench.height > 6.0)
+
+
+def test_px4_in_hold_goes_on_when_set_points_are_back():
+    bench = Bench("px4")
+    bench.take_off(1.0)
+    setting(bench, "COM_OBL_RC_ACT", 5)
+    wanted, bench.wanted = bench.wanted, None
+    bench.run(2.0)
+    assert bench.pilot.state.mode == PX4_HOLD
+    bench.wanted = wanted
+    bench.run(1.0)
+    assert bench.pilot.state.mode == PX4_OFFBOARD
+
+
+def test_px4_lands_disarms_after_two_seconds_and_its_mode_is_the_last_that_was_asked_for():
+    bench = Bench("px4")
+    bench.take_off(1.0)
+    bench.wanted = None
+    assert bench.run(10.0, lambda: bench.pilot.state.is_down)
+    assert bench.pilot.state.armed
+    assert 1.9 < after(bench, lambda: not bench.pilot.state.armed) < 2.1
+    assert bench.pilot.state.mode == PX4_OFFBOARD
+
+
+def test_ardupilot_holds_a_position_for_ever_and_stops_a_velocity():
+    bench = Bench("ardupilot")
+    setting(bench, "FS_GCS_ENABLE", 0.0)
+    setting(bench, "GUID_TIMEOUT", 3.0)
+    bench.take_off(1.0)
+    bench.say(bench.go(1.0, 0.0, 1.0))
+    bench.run(20.0)
+    assert bench.truth.position == pytest.approx((1.0, 0.0, 1.0), abs=0.03)
+    bench.say(bench.go(0.3, 0.0, 0.0, mask=VELOCITY))
+    bench.run(2.8)
+    assert bench.truth.velocity[0] == pytest.approx(0.3, abs=0.05)
+    bench.run(2.0)
+    assert abs(bench.truth.velocity[0]) < 0.08
+    assert bench.pilot.state.mode == GUIDED
+
+
+def test_ardupilot_drops_set_points_in_other_modes():
+    bench = Bench("ardupilot")
+    bench.take_off(1.0)
+    assert bench.mode(BRAKE) == ACCEPTED
+    bench.run(1.0)
+    bench.wanted = lambda: bench.go(1.0, 0.0, 1.0)
+    bench.run(2.0)
+    assert bench.truth.position == pytest.approx((0.0, 0.0, 1.0), abs=0.05)
+
+
+@pytest.mark.parametrize(("is_prepared", "mode"), [(True, LAND), (False, GUIDED)])
+def test_ardupilot_minds_the_heartbeat_of_its_station_only_where_it_is_told_to(is_prepared, mode):
+    bench = Bench("ardupilot")
+    bench.take_off(1.0)
+    if not is_prepared:
+        setting(bench, "FS_GCS_ENABLE", 0.0)
+    bench.wanted = lambda: bench.go(0.0, 0.0, 1.0)
+    bench.beats = None
+    bench.run(3.5)
+    assert bench.pilot.state.mode == mode
+
+
+@pytest.mark.parametrize(
+    ("name", "forgets", "gives_up"), [("px4", 1.0, 5.0), ("ardupilot", 7.2, 7.9)]
+)
+def test_without_vision_it_lands_blindly_and_late(name, forgets, gives_up):
+    bench = Bench(name)
+    bench.take_off(1.5)
+    estimator, state = bench.pilot.state.estimator, bench.pilot.state
+    bench.pilot.failures.blind = True
+    lost = after(bench, lambda: not estimator.has_position(bench.now))
+    assert lost == pytest.approx(forgets, abs=0.1)
+    land = PX4_LAND if bench.px4 else LAND
+    assert lost + after(bench, lambda: state.mode == land) == pytest.approx(gives_up, abs=0.1)
+    assert bench.run(15.0, lambda: not state.armed)
+    assert bench.height < 0.01
+
+
+def test_a_jump_of_vision_is_not_believed_at_once_unless_it_is_told():
+    bench = Bench("px4")
+    bench.take_off(1.0)
+    bench.shift = (1.0, 0.0, 0.0)
+    bench.run(0.5)
+    assert bench.pilot.state.estimator.position[0] == pytest.approx(0.0, abs=0.1)
+    bench.resets = 1
+    bench.run(0.1)
+    assert bench.pilot.state.estimator.position[0] == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("name", "seconds"), [("px4", 10.0), ("ardupilot", 10.0)])
+def test_armed_and_left_alone_on_the_ground_it_disarms(name, seconds):
+    bench = Bench(name, outside=False, is_prepared=False)
+    bench.run(12.0)
+    if not bench.px4:
+        assert bench.mode(GUIDED) == ACCEPTED
+    assert bench.arm() == ACCEPTED, bench.texts()
+    assert after(bench, lambda: not bench.pilot.state.armed) == pytest.approx(seconds, abs=0.2)
+
+
+def test_a_low_battery_lands_where_the_parameters_say_so():
+    bench = Bench("px4")
+    bench.take_off(1.0)
+    setting(bench, "COM_LOW_BAT_ACT", 2)
+    bench.pilot.failures.battery = 0.06
+    bench.run(0.1)
+    assert bench.pilot.state.mode == PX4_LAND
+
+    bench = Bench("ardupilot")
+    bench.take_off(1.0)
+    setting(bench, "BATT_FS_LOW_ACT", 1.0)
+    bench.pilot.failures.battery = 0.06
+    bench.run(0.1)
+    assert bench.pilot.state.mode == LAND
+
+
+def test_a_pilot_takes_over():
+    bench = Bench("ardupilot")
+    bench.take_off(1.0)
+    bench.pilot.give_to_pilot("loiter")
+    bench.wanted = lambda: bench.go(1.0, 0.0, 1.0)
+    bench.run(3.0)
+    assert bench.truth.position == pytest.approx((0.0, 0.0, 1.0), abs=0.05)
+    assert bench.last("HEARTBEAT").custom_mode == 5
+
+
+def test_silent_and_deaf_are_one_way_each():
+    bench = Bench("px4")
+    bench.run(1.0)
+    bench.pilot.failures.silent = True
+    heard = len(bench.heard)
+    bench.run(2.0)
+    assert len(bench.heard) == heard
+    bench.pilot.failures.silent, bench.pilot.failures.deaf = False, True
+    bench.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 0.0, tick=False)
+    bench.run(0.5)
+    assert len(bench.heard) > heard
+    assert bench.last("COMMAND_ACK") is None

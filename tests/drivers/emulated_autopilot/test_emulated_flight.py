@@ -1,0 +1,185 @@
+"""An emulated autopilot arms, climbs, follows set-points and lands, over a raw wire."""
+
+from __future__ import annotations
+
+import pytest
+
+mavlink = pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is not installed")
+
+from math import pi  # noqa: E402
+
+from benches_of_autopilots import (  # noqa: E402
+    ACCEPTED,
+    BRAKE,
+    FAILED,
+    GUIDED,
+    LAND,
+    POSITION,
+    PX4_HOLD,
+    PX4_LAND,
+    VELOCITY,
+    Bench,
+)
+from sims import FRAME  # noqa: E402
+
+from kybflow.drivers.mavlink.frames import attitude_to_ned  # noqa: E402
+from kybflow.drivers.sim import SimParams  # noqa: E402
+from kybflow.geometry import from_euler, heading_of, norm, tilt_of  # noqa: E402
+
+BOTH = pytest.mark.parametrize("name", ["px4", "ardupilot"])
+
+
+def landing(bench):
+    """Ask for the mode that lands, and wait until it is disarmed."""
+    bench.wanted = None
+    assert bench.mode(PX4_LAND if bench.px4 else LAND) == ACCEPTED
+    return bench.run(20.0, lambda: not bench.pilot.state.armed)
+
+
+@BOTH
+def test_it_arms_climbs_follows_positions_and_velocities_and_lands(name):
+    bench = Bench(name)
+    bench.take_off(1.0)
+    bench.wanted = lambda: bench.go(1.0, 0.5, 1.5)
+    bench.run(6.0)
+    assert bench.truth.position == pytest.approx((1.0, 0.5, 1.5), abs=0.05)
+    bench.wanted = lambda: bench.go(-0.5, 0.3, 0.1, mask=VELOCITY)
+    bench.run(3.0)
+    assert bench.truth.velocity == pytest.approx((-0.5, 0.3, 0.1), abs=0.05)
+    assert landing(bench)
+    assert bench.height == pytest.approx(0.0, abs=0.01)
+    assert bench.last("EXTENDED_SYS_STATE" if bench.px4 else "HEARTBEAT") is not None
+
+
+@BOTH
+def test_the_same_seed_gives_the_same_flight(name):
+    flights = []
+    for _ in range(2):
+        bench = Bench(name, params=SimParams(), seed=3)
+        bench.take_off(1.0)
+        flights.append(bench.truth)
+    assert flights[0] == flights[1]
+
+
+@BOTH
+def test_it_flies_with_an_imu_that_is_noisy_and_biased_on_a_model_that_is_wrong(name):
+    bench = Bench(name, params=SimParams(gust=0.3), seed=5)
+    bench.take_off(1.0)
+    bench.wanted = lambda: bench.go(1.0, 1.0, 1.0)
+    bench.run(6.0)
+    assert bench.truth.position == pytest.approx((1.0, 1.0, 1.0), abs=0.15)
+
+
+@BOTH
+def test_heading_goes_by_neds_yaw(name):
+    bench = Bench(name)
+    bench.take_off(1.0)
+    bench.wanted = lambda: bench.go(0.0, 0.0, 1.0, yaw=0.0)
+    bench.run(8.0)
+    assert heading_of(bench.truth.attitude) == pytest.approx(pi / 2, abs=0.05)
+
+
+@BOTH
+def test_an_attitude_and_a_thrust_are_followed(name):
+    bench = Bench(name)
+    bench.take_off(2.0)
+    turn = attitude_to_ned(from_euler(0.1, 0.0, 0.0))
+    hover = FRAME.hover_thrust / FRAME.max_thrust
+    bench.wanted = lambda: mavlink.MAVLink_set_attitude_target_message(
+        0, 1, 1, 7, turn, 0, 0, 0, hover
+    )
+    bench.run(0.8)
+    assert tilt_of(bench.truth.attitude) == pytest.approx(0.1, abs=0.03)
+    assert bench.truth.velocity[1] < -0.2
+    assert abs(bench.truth.velocity[2]) < 0.4
+
+
+def test_body_rates_turn_it():
+    bench = Bench("px4")
+    bench.take_off(2.0)
+    hover = FRAME.hover_thrust / FRAME.max_thrust
+    bench.wanted = lambda: mavlink.MAVLink_set_attitude_target_message(
+        0, 1, 1, 128, [1, 0, 0, 0], 0, 0, -0.5, hover
+    )
+    before = heading_of(bench.truth.attitude)
+    bench.run(1.0)
+    assert heading_of(bench.truth.attitude) - before == pytest.approx(0.5, abs=0.15)
+
+
+def test_ardupilot_takes_thrust_for_a_climb_rate_unless_it_is_told_otherwise():
+    bench = Bench("ardupilot")
+    bench.take_off(1.0)
+    bench.say(mavlink.MAVLink_param_set_message(1, 1, b"GUID_OPTIONS", 0.0, 9))
+    level = attitude_to_ned(from_euler(0.0, 0.0, 0.0))
+    bench.wanted = lambda: mavlink.MAVLink_set_attitude_target_message(
+        0, 1, 1, 7, level, 0, 0, 0, 0.6
+    )
+    bench.run(2.0)
+    assert bench.truth.velocity[2] == pytest.approx(0.5, abs=0.1)
+
+
+@BOTH
+def test_it_flies_on_its_own_gps(name):
+    bench = Bench(name, outside=False, is_prepared=False, params=SimParams(), seed=2)
+    bench.run(12.0)
+    if bench.px4:
+        assert bench.arm() == ACCEPTED
+        takes = mavlink.MAV_CMD_NAV_TAKEOFF
+        assert bench.command(takes, 0, 0, 0, 0, 0, 0, float("nan")) == ACCEPTED
+        assert bench.run(15.0, lambda: bench.height > 2.2)
+        assert bench.run(5.0, lambda: bench.pilot.state.mode == PX4_HOLD)
+    else:
+        assert bench.mode(GUIDED) == ACCEPTED
+        assert bench.arm() == ACCEPTED, bench.texts()
+        assert bench.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 2.0) == ACCEPTED
+        assert bench.run(15.0, lambda: bench.height > 1.8)
+    bench.run(5.0)
+    x, y, _ = bench.truth.position
+    assert norm((x, y, 0.0)) < 1.5
+    assert landing(bench)
+
+
+def test_ardupilot_leaves_the_ground_by_its_take_off_alone():
+    bench = Bench("ardupilot")
+    bench.say(mavlink.MAVLink_set_gps_global_origin_message(1, 473977420, 85455940, 488000, 0))
+    bench.run(1.5)
+    assert bench.mode(GUIDED) == ACCEPTED
+    takes_off = (mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 1.0)
+    assert bench.command(*takes_off) == FAILED, "not armed"
+    assert bench.arm() == ACCEPTED
+    bench.wanted = lambda: bench.go(0.0, 0.0, 1.0)
+    bench.run(3.0)
+    assert bench.height < 0.01
+    assert bench.command(*takes_off) == ACCEPTED
+    bench.run(5.0)
+    assert bench.command(*takes_off) == FAILED, "it flies"
+
+
+@BOTH
+def test_it_holds_where_it_is_in_its_holding_mode(name):
+    bench = Bench(name)
+    bench.take_off(1.0)
+    bench.wanted = lambda: bench.go(0.5, 0.0, 0.0, mask=VELOCITY)
+    bench.run(2.0)
+    assert bench.mode(PX4_HOLD if bench.px4 else BRAKE) == ACCEPTED
+    bench.run(3.0)
+    before = bench.truth.position
+    bench.run(3.0)
+    assert bench.truth.position == pytest.approx(before, abs=0.03)
+
+
+def test_loiter_without_a_pilot_sinks():
+    bench = Bench("ardupilot")
+    bench.take_off(2.5)
+    assert bench.mode(5) == ACCEPTED
+    bench.run(0.7)
+    assert bench.truth.velocity[2] < -1.0
+
+
+@BOTH
+def test_a_position_without_yaw_is_followed_too(name):
+    bench = Bench(name)
+    bench.take_off(1.0)
+    bench.wanted = lambda: bench.go(0.5, 0.0, 1.0, mask=POSITION)
+    bench.run(4.0)
+    assert bench.truth.position == pytest.approx((0.5, 0.0, 1.0), abs=0.05)

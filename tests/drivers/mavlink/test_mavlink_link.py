@@ -1,0 +1,407 @@
+"""Who has the vehicle, what it is told and what it tells."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from fake import (
+    AIR,
+    ARM,
+    GROUND,
+    PERIOD,
+    REJECTED,
+    RESTING,
+    SET_MODE,
+    Bench,
+    at,
+    estimate,
+    mavlink,
+)
+
+from kybflow.errors import DriverError, Refused
+from kybflow.geometry import ZERO
+from kybflow.parts import Said
+from kybflow.signals import NS, Odometry
+from kybflow.site import Parcel
+
+UP = at((0.0, 0.0, 1.0))
+STREAM = "SET_POSITION_TARGET_LOCAL_NED"
+
+
+def land(bench, seconds):
+    """Whether it rests after that time."""
+    for _ in range(round(seconds * 50)):
+        bench.tick()
+        landed = bench.link.land(bench.now)
+    return landed
+
+
+def reason(bench):
+    return bench.link.taken.reason
+
+
+def test_heartbeats_of_a_ground_station_and_of_a_computer_come_with_the_tick():
+    bench = Bench()
+    bench.run(10.0)
+    kinds = [m.type for m in bench.fake.took("HEARTBEAT")]
+    assert kinds.count(6) == kinds.count(18) == 10
+
+
+def test_streams_are_asked_for_and_what_does_not_come_again():
+    bench = Bench()
+    bench.run(8.0)
+    asked = [m.param1 for m in bench.fake.commands(511)]
+    assert len(set(asked)) == len(bench.fake.profile.streams)
+    assert asked.count(31.0) == 1
+    assert asked.count(105.0) == 2
+
+
+def test_set_points_go_out_at_their_rate_in_its_own_frame():
+    bench = Bench()
+    bench.fly()
+    bench.fake.sent.clear()
+    bench.run(1.0, at((1.0, 2.0, 3.0)))
+    sent = bench.fake.took(STREAM)
+    assert 49 <= len(sent) <= 51
+    assert (sent[-1].x, sent[-1].y, sent[-1].z) == (2.0, 1.0, -3.0)
+
+
+def test_set_points_stop_with_the_engine():
+    bench = Bench()
+    bench.fly()
+    bench.fake.sent.clear()
+    bench.run(5.0)
+    assert len(bench.fake.took(STREAM)) <= 13
+
+
+def test_a_pilot_is_yielded_to_at_once():
+    bench = Bench()
+    bench.fly()
+    bench.fake.go("POSITION")
+    bench.run(0.04, UP)
+    assert reason(bench) == "a pilot took over: POSITION"
+    assert not bench.link.taken.lands
+    bench.fake.sent.clear()
+    bench.run(10.0, UP)
+    bench.run(1.0, RESTING)
+    assert bench.fake.took(STREAM) == []
+    assert bench.fake.commands(SET_MODE) == bench.fake.commands(ARM) == []
+    with pytest.raises(Refused, match="a pilot took over"):
+        bench.link.land(bench.now)
+
+
+def test_it_is_taken_back_only_when_asked():
+    bench = Bench()
+    bench.fly()
+    bench.fake.go("POSITION")
+    bench.run(1.0, UP)
+    bench.fake.position = (4.0, 0.0, 1.0)
+    bench.run(0.1, UP)
+    bench.fake.sent.clear()
+    bench.link.reclaim(bench.now)
+    bench.run(0.9, UP)
+    assert bench.link.taken is not None
+    assert {m.y for m in bench.fake.took(STREAM)} == {4.0}
+    bench.run(1.0, UP)
+    assert bench.link.taken is None
+    assert bench.fake.mode == bench.fake.profile.modes["offboard"]
+    assert bench.fake.took(STREAM)[-1].z == -1.0
+
+
+def test_its_own_failsafe_is_known_by_its_words_which_may_be_late():
+    bench = Bench()
+    bench.fly()
+    bench.fake.go("LAND")
+    bench.run(0.2, UP)
+    assert bench.link.taken is None
+    bench.fake.say("Offboard control signal lost")
+    bench.run(0.1, UP)
+    assert reason(bench) == "its own failsafe: LAND ('Offboard control signal lost')"
+    assert bench.link.taken.lands
+
+
+def test_where_nobody_says_why_that_is_said():
+    bench = Bench()
+    bench.fly()
+    bench.fake.go("RETURN")
+    bench.run(1.0, UP)
+    assert "does not say why" in reason(bench)
+    assert not bench.link.taken.lands
+
+
+@pytest.mark.parametrize("after", ["land", "resume"])
+def test_after_a_cut_link_it_is_landed_or_resumed_as_asked(after):
+    bench = Bench(after_failsafe=after)
+    bench.fly()
+    bench.fake.position = (0.0, 0.0, 1.0)
+    bench.run(0.1, UP)
+    bench.wire.deaf = bench.wire.mute = True
+    bench.run(5.0, UP)
+    bench.wire.deaf = bench.wire.mute = False
+    bench.fake.go("LAND")
+    bench.run(0.5, UP)
+    assert reason(bench).startswith("its own failsafe: LAND, after 5.0 s without a link")
+    assert bench.link.taken.lands == (after == "land")
+    bench.run(4.0, UP)
+    assert (bench.link.taken is None) == (after == "resume")
+
+
+@pytest.mark.parametrize(("landed", "height"), [(GROUND, 1.0), (AIR, 0.1)])
+def test_one_that_its_failsafe_has_landed_does_not_take_off_again_unasked(landed, height):
+    bench = Bench(after_failsafe="resume")
+    bench.fly()
+    bench.fake.position = (0.0, 0.0, height)
+    bench.wire.deaf = bench.wire.mute = True
+    bench.run(5.0, UP)
+    bench.wire.deaf = bench.wire.mute = False
+    bench.fake.landed = landed
+    bench.fake.go("LAND")
+    bench.run(6.0, UP)
+    assert bench.link.taken is not None
+    assert bench.fake.mode == bench.fake.profile.modes["land"]
+
+
+def test_a_failsafe_that_lands_is_joined_by_its_land_mode():
+    bench = Bench()
+    bench.fly()
+    bench.fake.say("Failsafe activated")
+    bench.fake.go("RETURN")
+    bench.run(0.5, UP)
+    assert not bench.link.land(bench.now)
+    bench.run(0.5)
+    assert bench.fake.mode == bench.fake.profile.modes["land"]
+    assert bench.link.taken is None
+
+
+def test_its_own_land_mode_ends_disarmed():
+    bench = Bench()
+    bench.fly()
+    assert not land(bench, 1.0)
+    bench.fake.sent.clear()
+    bench.run(1.0)
+    assert bench.fake.took(STREAM) == []
+    bench.fake.armed, bench.fake.landed = False, GROUND
+    bench.run(1.0)
+    assert bench.link.land(bench.now)
+
+
+def test_a_land_mode_that_is_refused_says_why_and_set_points_fly_on():
+    bench = Bench()
+    bench.fly()
+    bench.fake.refuses[SET_MODE] = (REJECTED, "Mode not possible")
+    with pytest.raises(Refused, match=r"from OFFBOARD to LAND.*Mode not possible"):
+        land(bench, 10.0)
+    bench.fake.refuses.clear()
+    bench.fake.sent.clear()
+    bench.run(2.0, UP)
+    assert bench.fake.took(STREAM)
+    assert bench.link.taken is None
+
+
+def test_a_land_mode_that_a_pilot_leaves_is_his():
+    bench = Bench()
+    bench.fly()
+    land(bench, 1.0)
+    bench.fake.go("POSITION")
+    bench.tick()
+    with pytest.raises(Refused, match="a pilot took over"):
+        bench.link.land(bench.now)
+    bench.fake.sent.clear()
+    bench.run(3.0, UP)
+    assert bench.fake.took(STREAM) == []
+
+
+def test_a_disarm_on_the_ground_is_waited_out_and_one_in_the_air_is_not():
+    bench = Bench()
+    bench.fly()
+    bench.fake.armed, bench.fake.landed = False, GROUND
+    bench.run(2.0, UP)
+    assert bench.link.taken is None
+    bench.run(3.0, RESTING)
+    assert bench.link.taken is None
+    bench = Bench()
+    bench.fly()
+    bench.fake.armed, bench.fake.landed = False, AIR
+    bench.run(0.5, UP)
+    assert reason(bench).startswith("it disarmed in the air")
+
+
+def told(bench, seconds, position=ZERO, source="mocap", age=0.01):
+    for _ in range(round(seconds * 50)):
+        bench.tick()
+        bench.link.tell(estimate(bench.now, position, source, age), bench.now)
+    return bench.fake.took("ODOMETRY")
+
+
+def test_it_is_told_where_it_is_at_its_own_rate():
+    bench = Bench(vision_rate=25.0)
+    bench.run(1.0)
+    assert 49 <= len(told(bench, 2.0)) <= 51
+
+
+def test_an_old_estimate_is_not_told_and_neither_is_one_where_it_knows_itself():
+    bench = Bench()
+    bench.run(1.0)
+    assert told(bench, 1.0, age=0.2) == []
+    bench = Bench(position="own")
+    bench.run(1.0)
+    assert told(bench, 1.0) == []
+
+
+def test_a_jump_and_another_source_count_as_resets():
+    bench = Bench()
+    bench.run(1.0)
+    assert told(bench, 1.0)[-1].reset_counter == 0
+    assert told(bench, 1.0, (0.2, 0.0, 0.0))[-1].reset_counter == 0
+    assert told(bench, 1.0, (1.2, 0.0, 0.0))[-1].reset_counter == 1
+    assert told(bench, 1.0, (1.2, 0.0, 0.0), "tags")[-1].reset_counter == 2
+
+
+def test_only_ardupilot_is_told_a_place_on_earth():
+    for name, count in (("ardupilot", True), ("px4", False)):
+        bench = Bench(name)
+        bench.run(1.0)
+        told(bench, 1.0)
+        assert bool(bench.fake.took("SET_GPS_GLOBAL_ORIGIN")) == count
+
+
+def test_its_own_position_is_laid_where_the_mission_begins():
+    bench = Bench(position="own")
+    bench.fake.position = (7.0, 8.0, 1.0)
+    bench.run(1.0)
+    last = [m for m in bench.measured if isinstance(m, Odometry)][-1]
+    assert last.position == pytest.approx(ZERO)
+    assert bench.arm(command=at((0.0, 0.0, 2.0)))
+    bench.run(0.1, at((0.0, 0.0, 2.0)))
+    sent = bench.fake.took(STREAM)[-1]
+    assert (sent.x, sent.y, sent.z) == pytest.approx((8.0, 7.0, -3.0))
+
+
+def test_what_it_says_of_warning_or_worse_is_told_once():
+    bench = Bench()
+    bench.run(0.1)
+    bench.fake.say("all well", 6)
+    bench.fake.say("Preflight Fail: no position", 2)
+    bench.fake.say("Preflight Fail: no position", 2)
+    bench.run(0.1)
+    assert bench.link.said() == [Said("critical", "Preflight Fail: no position")]
+    assert bench.link.said() == ()
+
+
+def lines(bench, seconds=3.0, tells=True):
+    checks = ()
+    for _ in range(round(seconds * 50)):
+        bench.tick()
+        if tells:
+            bench.link.tell(estimate(bench.now), bench.now)
+        checks = bench.link.checks(bench.now)
+    return {check.name: check for check in checks}
+
+
+def test_the_preflight_goes_into_the_mode_that_it_asks_about():
+    bench = Bench("ardupilot", position="own")
+    bench.run(1.0)
+    checks = lines(bench)
+    assert bench.fake.mode == bench.fake.profile.modes["offboard"]
+    assert checks["autopilot"].green
+    assert checks["position"].green
+    assert "parameters" not in checks
+
+
+def test_the_preflight_names_every_parameter_that_is_wrong():
+    bench = Bench("px4")
+    bench.fake.params["COM_OBL_RC_ACT"] = 3.0
+    bench.run(3.0)
+    checks = lines(bench, 10.0)
+    assert "EKF2_EV_CTRL is 0, 15 needed" in checks["parameters"].reason
+    assert "kybflow mavlink setup --vehicle px4 --write" in checks["parameters"].reason
+    assert not checks["parameters"].waits
+    assert "COM_OBL_RC_ACT is 3" in checks["watchdog"].reason
+    bench = Bench("px4")
+    for setting in bench.fake.profile.indoors:
+        bench.fake.params[setting.name] = setting.wanted(245)
+    checks = lines(bench, 15.0)
+    assert [name for name, check in checks.items() if not check.green] == []
+
+
+def test_the_preflight_says_what_it_says():
+    bench = Bench("ardupilot", position="own")
+    bench.fake.ready = False
+    bench.run(1.0)
+    bench.fake.say("PreArm: Battery 1 low", 2)
+    checks = lines(bench)
+    assert "PreArm: Battery 1 low" in checks["autopilot"].reason
+    bench.fake.armed = True
+    checks = lines(bench)
+    assert "armed already" in checks["autopilot"].reason
+
+
+def test_the_preflight_sees_that_it_believes_to_be_elsewhere():
+    bench = Bench("px4")
+    bench.fake.position = (2.0, 0.0, 0.0)
+    assert "2.00 m" in lines(bench)["position"].reason
+    assert "told none" in lines(Bench("px4"), tells=False)["position"].reason
+
+
+def test_another_autopilot_is_told_as_such():
+    bench = Bench("px4")
+    bench.fake.profile = Bench("ardupilot").fake.profile
+    check = lines(bench)["heartbeat"]
+    assert not check.green
+    assert "it is ardupilot, px4 is expected" in check.reason
+
+
+def test_silence_from_the_start_is_an_error_with_a_way_out_and_later_it_is_age():
+    bench = Bench()
+    bench.fake.is_quiet = True
+    with pytest.raises(DriverError, match=r"system 1 was not heard.*nothing is heard.*`address`"):
+        bench.run(11.0)
+    bench = Bench()
+    bench.run(1.0)
+    bench.fake.is_quiet = True
+    bench.run(30.0)
+
+
+def test_whatever_is_said_nothing_breaks():
+    chance = random.Random(7)
+    bench = Bench("px4", position="own", simulator=True, payload=Parcel(mass=0.2, size=0.1))
+    bench.fly()
+    for number, sort in mavlink.mavlink_map.items():
+        for _ in range(20):
+            payload = chance.randbytes(sort.unpacker.size)
+            bench.wire.other.send(frame(number, payload, sort.crc_extra))
+        bench.tick()
+        bench.link.tell(estimate(bench.now), bench.now)
+        bench.link.send(UP, bench.now)
+        bench.link.said()
+        bench.link.truth()
+
+
+def frame(number, payload, extra):
+    """A frame of system 1, component 1, whose checksum is right."""
+    head = bytes((len(payload), 0, 0, 0, 1, 1)) + number.to_bytes(3, "little")
+    body = head + payload
+    checksum = mavlink.x25crc(body + bytes((extra,))).crc
+    return b"\xfd" + body + checksum.to_bytes(2, "little")
+
+
+def test_closing_puts_the_mode_of_a_disarmed_vehicle_back():
+    bench = Bench("ardupilot", position="own")
+    bench.run(1.0)
+    lines(bench)
+    bench.session.close()
+    bench.fake.step(bench.now + PERIOD)
+    assert bench.fake.mode == bench.fake.profile.modes["hold"]
+
+
+def test_what_was_forgotten_after_a_start_is_asked_for_again():
+    bench = Bench()
+    bench.run(20.0)
+    asked = len(bench.fake.commands(511))
+    bench.now += NS
+    bench.fake.is_quiet = True
+    bench.run(4.0)
+    bench.fake.is_quiet = False
+    bench.run(1.0)
+    assert len(bench.fake.commands(511)) >= asked + len(bench.fake.profile.streams)
