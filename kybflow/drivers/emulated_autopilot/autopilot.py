@@ -80,9 +80,7 @@ class Autopilot:
         parcel, place = site.payload, profile_of(firmware.name).output
         self.outputs = Outputs(
             self.state,
-            None
-            if parcel is None
-            else profile_of(firmware.name).output(parcel.channel, True).number,
+            None if parcel is None else place(parcel.channel, True).number,
             parcel is not None and parcel.aboard,
             body.move,
         )

@@ -66,6 +66,7 @@ PX4 = Firmware(
         "EKF2_HGT_REF": 1,
         "EKF2_MAG_TYPE": 0,
         "EKF2_RNG_CTRL": 1,
+        "SIH_KDV": 1.0,
         "EKF2_TAU_POS": 0.25,
         "EKF2_TAU_VEL": 0.25,
         "MAV_SYS_ID": 1,

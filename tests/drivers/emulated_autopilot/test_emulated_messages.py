@@ -193,7 +193,7 @@ def test_a_local_position_is_north_east_down(name):
 
 def carrying(name, **changes):
     site, params = seat(params=QUIET)
-    parcel = Parcel(mass=0.1, size=0.05, channel=9)
+    parcel = Parcel(mass=0.1, size=0.05)
     return Bench(name, site=seat(params=params)._replace(site=site._replace(payload=parcel)))
 
 
@@ -214,11 +214,11 @@ def test_px4s_gripper_moves_only_while_it_is_armed_whatever_it_acknowledges():
     bench.run(1.0)
     assert bench.command(mavlink.MAV_CMD_DO_SET_SERVO, 9, 1100) == UNSUPPORTED
     assert bench.command(mavlink.MAV_CMD_DO_GRIPPER, 1, 0) == ACCEPTED
-    assert bench.pilot.outputs.pulses[9] == 2000
+    assert bench.pilot.outputs.pulses[5] == 2000
     bench.take_off(1.0)
     assert bench.command(mavlink.MAV_CMD_DO_GRIPPER, 1, 0) == ACCEPTED
     bench.run(1.5)
-    assert bench.pilot.outputs.pulses[9] == 1000
+    assert bench.pilot.outputs.pulses[5] == 1000
     assert bench.truth.payload[2] < 0.1
 
 

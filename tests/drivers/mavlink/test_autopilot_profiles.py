@@ -72,7 +72,8 @@ def test_what_setup_writes_is_accepted_and_not_dangerous(profile):
 def test_names_of_parameters_are_short_enough_to_travel(profile):
     names = [setting.name for setting in profile.indoors]
     names += [danger.name for danger in profile.dangers]
-    names += [profile.hover_parameter, profile.output(16)]
+    outputs = [profile.output(6, simulator) for simulator in (True, False)]
+    names += [profile.hover_parameter, *(output.parameter for output in outputs)]
     assert max(len(name) for name in names) <= 16
 
 

@@ -9,12 +9,12 @@ from kybflow.errors import Refused
 from kybflow.signals import Payload
 from kybflow.site import Parcel
 
-CARRIED = Parcel(mass=0.2, size=0.1, channel=9, aboard=True)
+CARRIED = Parcel(mass=0.2, size=0.1, channel=1, aboard=True)
 
 
 def bench(name="ardupilot", function=0.0, **params):
     made = Bench(name, payload=CARRIED, **params)
-    made.fake.params[made.fake.profile.output(9)] = function
+    made.fake.params[made.fake.profile.output(1, False).parameter] = function
     made.run(3.0)
     return made
 
