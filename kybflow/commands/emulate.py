@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = examples(
     "kybflow emulate autopilot --vehicle px4",
+    "kybflow emulate autopilot --vehicle px4 --count 2 --no-gps",
     "kybflow emulate autopilot --vehicle ardupilot --mission missions/courier.yaml --no-gps",
     "kybflow emulate autopilot --vehicle px4 --address udpin:127.0.0.1:14600 --fail blind@20",
 )
@@ -83,7 +84,8 @@ def autopilot(
         bool,
         typer.Option(
             help="Whether it has GPS and is as the firmware comes; else it is set up for flight"
-            " indoors, and its position comes from the client."
+            " indoors, and its position comes from the client, as `kybflow run --target px4`"
+            " wants it."
         ),
     ] = True,
     parameter: Annotated[

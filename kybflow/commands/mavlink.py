@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 SETUP = examples(
     "kybflow mavlink setup --vehicle px4",
-    "kybflow mavlink setup --vehicle px4 --simulator --write",
+    "kybflow mavlink setup --vehicle px4 --system 2 --simulator --write",
     "kybflow mavlink setup --vehicle ardupilot --address serial:/dev/ttyUSB0:57600",
 )
 LISTEN = examples(

@@ -65,12 +65,15 @@ class Link(ABC):
     `taken`: why the vehicle does not obey any more, though its link lives: a pilot flies it, or it
     has gone into a mode of its own; None while it obeys. Meanwhile the link sends no command, until
     somebody asks for the vehicle back (`reclaim`). `armed`: whether its rotors may turn, as the
-    vehicle says; None where it says nothing, and they rest when they are told to.
+    vehicle says; None where it says nothing, and they rest when they are told to. `is_heard`:
+    whether what was read last has something of the vehicle itself in it, and not only what a
+    simulator gives beside it.
     """
 
     rig: Rig | None = None
     taken: Taken | None = None
     armed: bool | None = None
+    is_heard: bool = True
 
     @abstractmethod
     def read(self, now: Time) -> Sequence[Measurement]:

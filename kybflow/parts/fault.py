@@ -34,7 +34,8 @@ class Effect:
     rad/s and m/s^2, body frame. late: seconds by which commands take effect late. body: the vehicle
     that motion capture takes this one for, if it is another. camera: what is wrong with its
     simulated cameras. view: the vehicle from whose place these see, if it is another. estimator:
-    the one of its estimators that fails, by name.
+    the one of its estimators that fails, by name. deaf: nothing that comes over its link arrives
+    here. mute: nothing that is sent over its link arrives there.
     """
 
     filter: Filter | None = None
@@ -50,6 +51,8 @@ class Effect:
     camera: Weakness = SOUND
     view: str = ""
     estimator: str = ""
+    deaf: bool = False
+    mute: bool = False
 
 
 class Rig:
@@ -141,6 +144,14 @@ class Rig:
     def estimators(self) -> frozenset[str]:
         """All that fail."""
         return frozenset(e.estimator for e, _ in self._effects if e.estimator)
+
+    @property
+    def deaf(self) -> bool:
+        return any(e.deaf for e, _ in self._effects)
+
+    @property
+    def mute(self) -> bool:
+        return any(e.mute for e, _ in self._effects)
 
 
 def _sum(vectors: Iterable[Vec3]) -> Vec3:

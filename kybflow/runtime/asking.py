@@ -14,10 +14,14 @@ from kybflow.signals import Command, Estimate, Time
 
 
 class Asking:
-    """Of one vehicle, over `link`; `failed` is told of what that raises."""
+    """Of one vehicle, over `link`; `failed` is told of what that raises. `is_told`, `speaks`:
+    whether the link heeds where the vehicle is, and says things of it. Most do neither, and need
+    not be asked in every tick."""
 
     def __init__(self, link: Link, failed: Callable[[Exception], None]) -> None:
         self._link, self._failed = link, failed
+        self.is_told = getattr(link.tell, "__func__", None) is not Link.tell
+        self.speaks = getattr(link.said, "__func__", None) is not Link.said
 
     @property
     def taken(self) -> Taken | None:

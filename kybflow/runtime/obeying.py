@@ -25,6 +25,7 @@ class Obeying(Acting):
         super().__init__()
         self.away = False
         self._waking: Command | None = None
+        self._brought_down: Taken | None = None
 
     def _handed(self, command: Command, now: Time) -> Command:
         """Hand the command of a tick to the link; what it was given."""
@@ -68,8 +69,10 @@ class Obeying(Acting):
                 self._returned()
             return False
         if taken.lands:
+            self._claimed()
             lost = Alarm("control_lost", Reaction.LAND, taken.reason)
             self.react(Heard(lost, self.plan.driver.at), tick)
+            self._bring_down(taken, tick.now)
             return False
         self._stand_by(taken, tick)
         return self.away
@@ -91,17 +94,40 @@ class Obeying(Acting):
             self.activity.flight = GROUND
             self.activity.go("landed", self.entry)
 
+    def _bring_down(self, taken: Taken, now: Time) -> None:
+        """It follows nothing: what comes down by commands comes down by the vehicle's own mode,
+        which is asked for once each time that it is taken."""
+        activity = self.activity
+        comes_down = activity.machine.state in ("auto_land", "land_blind")
+        if taken is self._brought_down or not (comes_down and self.senses.can_land):
+            return
+        self._brought_down = taken
+        if activity.land_mode is None:
+            self._hand_over(now)
+
+    def _claimed(self) -> None:
+        """What was left to somebody else turns out to be the vehicle's own failsafe."""
+        if self.away:
+            self.away = False
+            self.activity.thaw("pilot", self.entry)
+
     def _returned(self) -> None:
         self.away = False
         self._tell("control_returned", self.plan.driver.at)
         self.activity.thaw("pilot", self.entry)
 
+    @property
+    def _is_somebodys(self) -> bool:
+        """Whether a person has it, or had it when it came down."""
+        taken = self.senses.asking.taken
+        return self.away or (taken is not None and not taken.lands)
+
     def _against(self, wish: Wish) -> str | None:
-        if self.away:
+        if self._is_somebodys:
             return "somebody else has it, until `operator.resume`"
         return super()._against(wish)
 
     def _resume(self, by: str, at: str) -> None:
-        if self.away:
+        if self._is_somebodys:
             self.senses.asking.reclaim(self.now)
         super()._resume(by, at)

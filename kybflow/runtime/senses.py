@@ -17,6 +17,7 @@ from kybflow.runtime.outcome import VehicleScore
 from kybflow.runtime.recorder import VehicleChannel
 from kybflow.runtime.rest import Rest
 from kybflow.runtime.sensing import Opened, Sensing
+from kybflow.runtime.telling import Telling
 from kybflow.runtime.watched_body import WatchedBody
 from kybflow.runtime.watched_cameras import WatchedCameras
 from kybflow.runtime.whereabouts import Whereabouts
@@ -75,13 +76,14 @@ class Senses:
         self._link, self._channel, self._score, self._report = link, channel, score, report
         self._events, self._at = events, plan.driver.at
         self.asking = Asking(link, self._failed)
-        self._own = {e.part.name for e in plan.estimators if e.part.cls.own}
+        self._telling = Telling(plan, self.estimation)
         self._driver, self._lands = plan.driver.label, plan.driver.cls.lands
         self.sensing = Sensing(plan, sensors, events)
         self._body = WatchedBody(plan, bodies or Bodies(), events)
         self._name, self._fleet = plan.name, fleet or Whereabouts()
         self.cameras = WatchedCameras(plan, self._fleet, events)
         self._heard: Time | None = None
+        self._alive: Time | None = None
         self._subscribed: frozenset[MeasurementKind] = frozenset()
         needs = [e.part.cls.uses(e.part.params) for e in plan.estimators]
         self.needs: frozenset[MeasurementKind] = frozenset().union(*needs)
@@ -110,8 +112,9 @@ class Senses:
         if self._link.rig is not None and self._link.rig.estimators:
             self.estimation.kill(self._link.rig.estimators)
         self.estimate = self.estimation.update(measurements, now)
-        if self.estimate is not None and self.estimation.source not in self._own:
-            self.asking.tell(self.estimate, now)
+        told = self._telling.of(self.estimate) if self.asking.is_told else None
+        if told is not None:
+            self.asking.tell(told, now)
         if self.cameras.is_asked:
             self.cameras.see(self.estimation.candidates, in_air)
         if self._fleet.is_asked and self.estimate is not None:
@@ -124,15 +127,18 @@ class Senses:
             measurements = self._link.read(now)
             self.truth = self._link.truth()
             if measurements or self._heard is None:
-                self._greet(now)
+                if self._link.is_heard or self._alive is None:
+                    self._greet(now)
+                self._heard = now
                 measurements = self.sensing.left_of(measurements, now)
                 self._note(measurements, now)
         except Exception as error:  # see subscribe
             self.truth, measurements = None, ()
             self._heard = now if self._heard is None else self._heard
+            self._alive = now if self._alive is None else self._alive
             self._failed(error)
-        self.link_age = 0.0 if self._heard is None else (now - self._heard) / NS
-        for severity, text in self.asking.said():
+        self.link_age = 0.0 if self._alive is None else (now - self._alive) / NS
+        for severity, text in self.asking.said() if self.asking.speaks else ():
             self._events.tell("vehicle_said", self._name, self._at, severity=severity, text=text)
         return measurements
 
@@ -213,11 +219,11 @@ class Senses:
                 self.cargo.hear(measurement, self.estimate, now)  # type: ignore[arg-type]
 
     def _greet(self, now: Time) -> None:
-        """Something arrived."""
-        if self._heard is not None and now - self._heard > SILENCE * NS:
-            silence = (now - self._heard) / NS
+        """Something of the vehicle itself arrived."""
+        if self._alive is not None and now - self._alive > SILENCE * NS:
+            silence = (now - self._alive) / NS
             self._events.tell("link_returned", self._name, self._at, value=silence)
-        self._heard = now
+        self._alive = now
 
     def _failed(self, error: Exception) -> None:
         """Land by what still works; told once, though reading and sending go on being tried."""

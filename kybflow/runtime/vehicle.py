@@ -103,12 +103,12 @@ class Vehicle(Obeying):
     @property
     def rests(self) -> bool:
         """On the ground, in a state that nothing leaves any more; or in the hands of somebody else
-        when its run ends."""
+        when its run ends, or who armed it there."""
         if self.away and self._retired is not None:
             return True
-        if self.senses.asking.armed:
-            return False
         if self.activity.flight is not GROUND or self._wishes.waiting:
+            return False
+        if self.senses.asking.armed and self.senses.asking.taken is None:
             return False
         return not self.falls and not self.activity.state.transitions
 

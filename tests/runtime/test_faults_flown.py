@@ -55,6 +55,15 @@ def test_a_vehicle_feels_it_flies_through_it_and_it_is_told(run, undisturbed, na
     assert hover_error(flown) != undisturbed
 
 
+@pytest.mark.parametrize(("lasts", "ends"), [(0.2, "landed"), (1.0, "fault")])
+def test_a_short_cut_of_the_link_is_nothing_and_a_long_one_brings_it_down(run, lasts, ends):
+    """The vehicle's own watchdog waits for 250 ms."""
+    flown, told = run(flier(), faults=(fault("link_cut", lasts=lasts),))
+    assert path(told, "a")[-1] == ends
+    assert (flown.summary["outcome"] == "succeeded") is (ends == "landed")
+    assert len(named(told, "link_lost")) == (ends == "fault")
+
+
 def test_a_swap_of_two_in_flight_ends_on_the_ground(run):
     two = (flier("a"), flier("b", start=(0.6, 0.0, 0.0)))
     _, told = run(*two, faults=(fault("mocap_swap", other="b", lasts=None),))

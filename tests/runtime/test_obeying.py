@@ -20,6 +20,7 @@ SLOW = 2.0
 """Seconds that the autopilot takes to arm."""
 TAKEN, BACK = 8.0, 11.0
 PILOT = Taken("a pilot took over: POSCTL")
+FAILSAFE = Taken("no set-points", lands=True)
 
 
 class Autopilot(Link):
@@ -34,13 +35,17 @@ class Autopilot(Link):
         self.calls: list[tuple[float, str]] = []
         self.told: list[Estimate] = []
         self.reclaimed = False
+        self.asked_to_land: float | None = None
         self._last: Command | None = None
 
     def read(self, now):
         seconds = now / NS
+        late = self.way == "found late" and self.armed and self.asked_to_land is None
+        if late and seconds >= TAKEN:
+            self.taken = Taken("nobody says why", lands=seconds >= TAKEN + 0.5)
         if self.way in ("pilot", "failsafe", "pilot lands") and self.armed and not self.reclaimed:
             if seconds >= TAKEN:
-                self.taken = PILOT if "pilot" in self.way else Taken("no set-points", lands=True)
+                self.taken = PILOT if "pilot" in self.way else FAILSAFE
             if self.way == "pilot lands" and seconds >= BACK:
                 self.armed = False
         if self.taken is not None and self._last is not None:
@@ -85,6 +90,7 @@ class Autopilot(Link):
 
     def land(self, now):
         self.calls.append((now / NS, "land"))
+        self.asked_to_land = now / NS
         self.taken = None
         raise Refused("it has no land mode")
 
@@ -205,6 +211,16 @@ def test_a_vehicle_that_its_own_failsafe_took_is_landed(run):
     assert path(told, "a")[-2:] == ["auto_land", "fault"]
     assert "land" in asked(opened)
     assert flown.exit_code == 1
+
+
+def test_a_vehicle_whose_own_failsafe_is_found_late_is_landed_then(run):
+    own, opened = driver("found late", lands=True)
+    _, told = run(flight(own))
+    assert len(named(told, "control_taken")) == 1
+    [started] = named(told, "failsafe_started")
+    assert started.time / NS == pytest.approx(TAKEN + 0.5, abs=0.01)
+    assert opened[0].asked_to_land == pytest.approx(TAKEN + 0.5, abs=0.01)
+    assert path(told, "a")[-2:] == ["auto_land", "fault"]
 
 
 def test_rotors_that_are_cut_are_cut_by_the_link_too(run):

@@ -29,6 +29,7 @@ class Emulated:
             else as_built(firmware, site, system)
         )
         self.vehicle = vehicle
+        vehicle.is_wired = True
         self.autopilot = Autopilot(
             firmware,
             site,

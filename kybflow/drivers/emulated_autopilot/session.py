@@ -24,7 +24,7 @@ LAG = 0.04
 
 class EmulatedLink(AutopilotLink):
     """The link to a real autopilot, to an emulated one; the poses of simulated motion capture come
-    with it. `wire` is our end; `autopilot`, what is at the other."""
+    beside it. `wire` is our end; `autopilot`, what is at the other."""
 
     def __init__(self, seat: Seat, port: Port, wire: Wire, emulated: Emulated) -> None:
         shared = {field.name: getattr(seat.params, field.name) for field in fields(AutopilotParams)}
@@ -38,8 +38,14 @@ class EmulatedLink(AutopilotLink):
     def autopilot(self) -> Autopilot:
         return self._emulated.autopilot
 
+    def look(self, now: Time) -> None:
+        rig = self._emulated.vehicle.rig
+        self.wire.deaf, self.wire.mute = rig.deaf, rig.mute
+        super().look(now)
+
     def read(self, now: Time) -> Sequence[Measurement]:
         told, poses = super().read(now), self._emulated.poses()
+        self.is_heard = bool(told)
         return sorted([*told, *poses], key=attrgetter("time")) if poses else told
 
     def truth(self) -> Truth | None:

@@ -36,11 +36,17 @@ class Chores:
         self.sync = TimeSync(contact.clock)
         self._port, self._heard, self._clock = contact.port, contact.heard, contact.clock
         self._requests, self._parameters = contact.requests, contact.parameters
-        self._rates, self._names = rates, names
+        self._rates, self._names = dict(rates), names
         self._heartbeat: Time = 0
         self._round: Time = 0
         self._rounds = 0
         self._reboots = 0
+
+    def stream(self, name: str, rate: float, now: Time) -> None:
+        """Ask for another rate of a stream, Hz."""
+        self._rates[name] = rate
+        if self._rounds:
+            self._ask_for(name, now)
 
     def begin_anew(self) -> None:
         """It may have forgotten what it was asked for."""
@@ -70,14 +76,17 @@ class Chores:
             self._parameters.read(self._names, now)
         self._rounds += 1
         self._round = now + ROUND
-        for name, rate in self._rates.items():
+        for name in self._rates:
             if self._rounds == 1 or now - self._heard.at.get(name, -SILENT) >= SILENT:
-                number = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
-                interval = round(1e6 / rate)
-                self._requests.ask(SET_MESSAGE_INTERVAL, number, interval, now=now, attempts=3)
+                self._ask_for(name, now)
         if "GPS_GLOBAL_ORIGIN" not in self._heard.at:
             number = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
             self._requests.ask(REQUEST_MESSAGE, number, now=now, attempts=2)
+
+    def _ask_for(self, name: str, now: Time) -> None:
+        number = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
+        interval = round(1e6 / self._rates[name])
+        self._requests.ask(SET_MESSAGE_INTERVAL, number, interval, now=now, attempts=3)
 
 
 def _heartbeat(kind: int) -> mavlink.MAVLink_heartbeat_message:

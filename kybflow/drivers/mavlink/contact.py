@@ -34,6 +34,7 @@ REPEATED: Time = 60 * NS
 """How long a text that was told is not told again."""
 SEVERITIES = ("critical", "critical", "critical", "error", "warning")
 TRUE = frozenset({"SIM_STATE", "HIL_STATE_QUATERNION"})
+ANSWERS = frozenset({"COMMAND_ACK", "PARAM_VALUE", "PARAM_ERROR", "TIMESYNC"})
 
 
 class Contact:
@@ -53,6 +54,9 @@ class Contact:
         self._alive: Time | None = None
         self._text: Text | None = None
         self._told: dict[str, Time] = {}
+        port.want({*self.heard.heeds, *self.telemetry.heeds, *profile.streams, *ANSWERS})
+        if self.truth is not None:
+            port.want(TRUE)
 
     def age(self, now: Time) -> float:
         """Seconds since anything was heard; zero before."""

@@ -54,6 +54,19 @@ def odometry(
     )
 
 
+def is_finite(*numbers: float) -> bool:
+    """Whether all of them are; a sum is finite only where every part of it is."""
+    total = sum(numbers)
+    return total - total == 0.0
+
+
+def is_attitude(message: Message) -> bool:
+    """Whether ATTITUDE_QUATERNION has a rotation and rates that can be true."""
+    w, x, y, z = message.q1, message.q2, message.q3, message.q4
+    turns = 0.9 < w * w + x * x + y * y + z * z < 1.1
+    return turns and is_finite(message.rollspeed, message.pitchspeed, message.yawspeed)
+
+
 def own_heading(attitude: Message) -> float:
     """The heading of ATTITUDE_QUATERNION in the autopilot's own frame, as ENU, radians."""
     yaw = to_euler((attitude.q1, attitude.q2, attitude.q3, attitude.q4))[2]

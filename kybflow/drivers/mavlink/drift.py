@@ -27,12 +27,16 @@ class Drift:
     def __init__(self) -> None:
         self.anchor = Anchor()
         self._learnt: Time | None = None
+        self._own: Odometry | None = None
 
     def learn(self, estimate: Estimate, own: Odometry | None, now: Time) -> None:
-        """Take both into account, once a tick."""
+        """Take both into account, once a tick; each own position counts once."""
         if own is None or now - own.time > OLDEST:
             self._learnt = None
             return
+        if own is self._own:
+            return
+        self._own = own
         last, self._learnt = self._learnt, now
         off = sub(estimate.position, _at(own, estimate.time))
         if last is None or norm(off) > FAR:

@@ -6,6 +6,7 @@ which has a meaning in some fields.
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass
 
 from kybflow.drivers.mavlink.layout import (
@@ -40,11 +41,18 @@ class Counts:
 
 
 class Parser:
-    """What one sender says, whole frames or a stream of bytes. Never raises, whatever comes."""
+    """What one sender says, whole frames or a stream of bytes. Never raises, whatever comes.
+    wanted: the numbers of the messages that are read, when there are any; others are looked at no
+    further than their signature."""
 
-    def __init__(self, signing: Signing | None = None, counts: Counts | None = None) -> None:
+    def __init__(
+        self,
+        signing: Signing | None = None,
+        counts: Counts | None = None,
+        wanted: Set[int] = frozenset(),
+    ) -> None:
         self.counts = Counts() if counts is None else counts
-        self._signing = signing
+        self._signing, self._wanted = signing, wanted
         self._rest = b""
 
     def parse(self, data: bytes) -> list[Message]:
@@ -83,7 +91,8 @@ class Parser:
         """The message of a frame, `_DROPPED` where it is not for us, None where it is none."""
         if not frame:
             return None
-        layout = LAYOUTS.get(number_of(frame))
+        number = number_of(frame)
+        layout = LAYOUTS.get(number)
         if layout is None:  # its checksum can't be told: what follows has to look like a frame
             if after and after[0] not in {FIRST, SECOND}:
                 return None
@@ -96,6 +105,8 @@ class Parser:
             is_signed(frame) and self._signing.accepts(frame, system, component)
         ):
             self.counts.refused += 1
+            return _DROPPED
+        if self._wanted and number not in self._wanted:
             return _DROPPED
         try:
             message = layout.message(frame)

@@ -8,7 +8,7 @@ it: a camera or a ground station may have the same system id.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Set
 from enum import Enum
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
@@ -122,11 +122,17 @@ class Heard:
             "STATUSTEXT": self._statustext,
         }
 
+    @property
+    def heeds(self) -> Set[str]:
+        """What of it is looked into."""
+        return self._hear.keys()
+
     def hear(self, message: Message, now: Time) -> None:
         """Take in one message, in the order in which they came."""
         sort = message.get_type()
-        if sort in self._hear:
-            self._hear[sort](message, now)
+        hear = self._hear.get(sort)
+        if hear is not None:
+            hear(message, now)
         self.at[sort] = now
         if self._chunks:
             self._give_up(now)

@@ -28,6 +28,8 @@ STUBBORN: Time = 3 * NS
 """How long it may take to be in its land mode; and what armed it within this is still ours."""
 ALIVE = 0.3
 """Seconds without a word that are nothing out of the way."""
+INSISTENT: Time = 10 * NS
+"""How long a vehicle is asked for back; later it would leave its pilot when nobody thinks of it."""
 WELL: Time = NS
 """How long a link must have been well before a vehicle is taken back unasked."""
 
@@ -68,6 +70,7 @@ class Helm:
         self._lifting = Lifting(hold)
         self._returns_by_itself = False
         self._holding: Command | None = None
+        self._asked: Time = 0
 
     def arm(self, command: Command, now: Time) -> bool:
         """Whether it follows. Raises Refused; then it is disarmed where it is armed."""
@@ -164,6 +167,7 @@ class Helm:
             return
         self._holding = self._hold()
         if self._holding is not None:
+            self._asked = now
             self.modes.want("offboard")
 
     def look(self, age: float, now: Time) -> None:
@@ -218,15 +222,31 @@ class Helm:
         self.stream.stop()
         self.modes.want(None)
 
+    def _stay_down(self) -> None:
+        """One that was to be taken back unasked is not, when it is down: it would take off
+        again."""
+        if self._returns_by_itself and self._holding is not None:
+            self._hold_no_more()
+        self._returns_by_itself = False
+
+    def _hold_no_more(self) -> None:
+        """It is not asked for back any more."""
+        self._holding = None
+        self.stream.stop()
+        self.modes.want(None)
+
     def _look_after(self, age: float, now: Time) -> None:
         """While somebody else has it."""
         silence = self.taking.silence
         is_well = age < ALIVE and (silence is None or now - silence.ended > WELL)
         if self._heard.landed is Landed.GROUND or self._lifting.is_low:
-            self._returns_by_itself = False  # it would take off again unasked
+            self._stay_down()
         if self._returns_by_itself and is_well:
             self.reclaim(now)
         if self._holding is not None:
+            if not self._heard.armed or now - self._asked > INSISTENT:
+                self._hold_no_more()
+                return
             self.stream.feed(self._holding, now)
             if self._step_mode(now):
                 self._release(Goal.FOLLOW, now)

@@ -7,6 +7,7 @@ attitude controller asks for in truth, averaged slowly.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 
 from kybflow.drivers.mavlink.codec import Throttle
 from kybflow.geometry import norm
@@ -32,6 +33,7 @@ class Hover:
     def throttle(self, values: Mapping[str, float]) -> Throttle:
         """values: the parameters that the autopilot has told."""
         share = self._share or values.get(self._parameter, USUAL)
+        share = share if isfinite(share) else USUAL
         return Throttle(min(max(share, LEAST), MOST), self._newtons, self._raised)
 
     def learn(

@@ -9,10 +9,11 @@ dropped while the first is there, and told.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from kybflow.drivers.mavlink.framing import ONBOARD, Counts, Message, Packer, Parser
+from kybflow.drivers.mavlink.layout import NUMBERS
 from kybflow.drivers.mavlink.signing import Signing
 from kybflow.drivers.mavlink.wire import MOST_HELD, Wire
 from kybflow.errors import DriverError
@@ -45,6 +46,10 @@ class Port:
     def heard_from(self) -> frozenset[int]:
         """The systems whose autopilots are heard on that wire."""
         return frozenset(self._line.autopilots)
+
+    def want(self, names: Iterable[str]) -> None:
+        """Read these messages, and no others than any port of this wire wants, from now on."""
+        self._line.wanted.update(NUMBERS[name] for name in names if name in NUMBERS)
 
     def take(self) -> list[Message]:
         """What it said since the last call, oldest first."""
@@ -139,6 +144,7 @@ class _Line:
         self.ports: dict[int, Port] = {}
         self.counts = Counts()
         self.autopilots: set[int] = set()
+        self.wanted: set[int] = set()
         self.now: Time = 0
         self._signing = signing
         self._parsers: dict[Any, Parser] = {}
@@ -174,7 +180,7 @@ class _Line:
         if parser is None:
             if len(self._parsers) >= MOST_SENDERS:
                 self._parsers.pop(next(iter(self._parsers)))
-            parser = self._parsers[place] = Parser(self._signing, self.counts)
+            parser = self._parsers[place] = Parser(self._signing, self.counts, self.wanted)
         return parser
 
 

@@ -53,7 +53,9 @@ def size_of(data: bytes, at: int, end: int) -> int:
 
 def _body(frame: bytes) -> int:
     """Where the payload of a whole frame ends."""
-    return len(frame) - _CHECKSUM - (SIGNATURE if is_signed(frame) else 0)
+    if frame[2] == SIGNED and frame[0] == SECOND:
+        return len(frame) - _CHECKSUM - SIGNATURE
+    return len(frame) - _CHECKSUM
 
 
 def is_signed(frame: bytes) -> bool:
@@ -80,6 +82,7 @@ class Layout:
         self._pack = made.unpacker.pack
         self.extra = bytes((made.crc_extra,))
         self._is_plain = not any(made.array_lengths)
+        self._has_texts = "s" in str(made.unpacker.format)
         starts = [sum(made.lengths[:place]) for place in range(len(made.lengths))]
         self._spans = [(starts[place], made.lengths[place]) for place in made.orders]
         self._order: list[int] = list(made.orders)
@@ -97,7 +100,14 @@ class Layout:
         values = self._unpack(payload[: self.size].ljust(self.size, b"\0"))
         if self._is_plain:
             return self.made(*[values[place] for place in self._order])
-        return self.made(*[_value(values, start, count) for start, count in self._spans])
+        if self._has_texts:
+            return self.made(*[_value(values, start, count) for start, count in self._spans])
+        return self.made(
+            *[
+                values[start] if count == 1 else list(values[start : start + count])
+                for start, count in self._spans
+            ]
+        )
 
     def frame(self, message: Message, sequence: int, sender: tuple[int, int], flags: int) -> bytes:
         """A frame of version 2, without a signature. Raises DriverError where a field does not
@@ -146,3 +156,4 @@ def _slow_checksum(data: bytes) -> int:
 _checksum: Callable[[bytes], int] = getattr(mavlink, "mcrf4xx", None) or _slow_checksum
 """CRC-16/MCRF4XX."""
 LAYOUTS: dict[int, Layout] = {number: Layout(made) for number, made in mavlink.mavlink_map.items()}
+NUMBERS: dict[str, int] = {layout.made.msgname: number for number, layout in LAYOUTS.items()}

@@ -40,7 +40,8 @@ class Lifting:
 
     def stand(self) -> None:
         """It is not armed, and stands."""
-        self._floor = self.height
+        height = self.height
+        self._floor = self._floor if height is None else height
 
     def begin(self, now: Time) -> None:
         """It takes off."""

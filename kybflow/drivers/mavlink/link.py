@@ -20,6 +20,7 @@ from kybflow.drivers.mavlink.lead import led
 from kybflow.drivers.mavlink.modes import DO_SET_MODE
 from kybflow.drivers.mavlink.payload import Grip
 from kybflow.drivers.mavlink.profile import Profile
+from kybflow.drivers.mavlink.telemetry import INERTIAL
 from kybflow.drivers.mavlink.vision import Vision
 from kybflow.drivers.mavlink.watch import Watch
 from kybflow.errors import DriverError, Refused
@@ -31,6 +32,7 @@ from kybflow.signals import (
     CommandKind,
     Estimate,
     Measurement,
+    MeasurementKind,
     Setpoint,
     SetpointKind,
     Time,
@@ -41,7 +43,12 @@ PATIENCE: Time = 10 * NS
 """How long nothing at all may be heard after opening."""
 OFTEN: Time = NS // 50
 """How often it is seen to what need not be done in every tick."""
+FORGOTTEN: Time = NS // 2
+"""An own position that is older is not where it is any more."""
 MS: Time = NS // 1000
+IDLE = 25.0
+"""Samples of the IMU a second while nobody flies by them: enough to learn what it feels at rest,
+and to begin to come down by until more arrive."""
 
 
 class AutopilotLink(Link):
@@ -55,7 +62,7 @@ class AutopilotLink(Link):
             profile, contact.heard, contact.requests, params.arming_time, params.rate, resumes,
             self._holding,
         )  # fmt: skip
-        self._watch = Watch(contact, self.helm.modes, params.own_system, params.simulator)
+        self._watch = Watch(contact, self.helm.modes, params)
         self._drift = Drift()
         self._lead = profile.lag if params.lead is None else params.lead
         self._hover = Hover(profile.hover_parameter, site.airframe.hover_thrust, profile.raises)
@@ -67,6 +74,8 @@ class AutopilotLink(Link):
             names.append(output.parameter)
             self._grip = Grip(contact, output)
         rates = {**profile.streams, **(profile.simulator_streams if params.simulator else {})}
+        self._felt = {name: rates[name] for name in INERTIAL if name in rates}
+        rates.update((name, min(rate, IDLE)) for name, rate in self._felt.items())
         self._chores = Chores(contact, rates, names)
         self._now: Time = 0
         self._due: Time = 0
@@ -135,6 +144,12 @@ class AutopilotLink(Link):
     def said(self) -> Sequence[Said]:
         return self.contact.said()
 
+    def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
+        if MeasurementKind.IMU in kinds:
+            felt, self._felt = self._felt, {}
+            for name, rate in felt.items():
+                self._chores.stream(name, rate, self._now)
+
     def reclaim(self, now: Time) -> None:
         self.helm.reclaim(now)
         self._note()
@@ -165,9 +180,11 @@ class AutopilotLink(Link):
         return None if truth is None else truth.truth(self._now)
 
     def close(self) -> None:
-        """Put the mode of a disarmed vehicle back to what it was before us."""
+        """Put the mode of a disarmed vehicle back to what it was before us, unless somebody else
+        has it."""
         contact, before = self.contact, self.helm.modes.before
-        if contact.heard.armed or before is None or before == contact.heard.mode:
+        is_ours = self.taken is None and not contact.heard.armed
+        if not is_ours or before is None or before == contact.heard.mode:
             return
         params = (*contact.profile.mode_params(before), 0.0, 0.0, 0.0, 0.0)
         contact.port.send(
@@ -176,10 +193,10 @@ class AutopilotLink(Link):
 
     def _flow(self, now: Time) -> None:
         """Send the set-point that is due."""
-        contact = self.contact
-        command, anchor = self.helm.stream.due(now), self._anchor
-        if command is None or anchor is None:
+        command = self.helm.stream.due(now)
+        if command is None or (anchor := self._anchor) is None:
             return
+        contact = self.contact
         boot = contact.clock.to_boot(now) or now
         message = codec.encode(
             led(command, self._lead), target=contact.target, boot_ms=boot // MS, anchor=anchor,
@@ -204,9 +221,9 @@ class AutopilotLink(Link):
             self._hover.learn(asked, self._command, own, values, now)
 
     def _holding(self) -> Command | None:
-        """What makes it hold still where it is."""
+        """What makes it hold still where it is, None where that is not known any more."""
         own = self.contact.telemetry.odometry
-        if own is None:
+        if own is None or self._now - own.time > FORGOTTEN:
             return None
         heading = heading_of(own.attitude)
         here = own.position

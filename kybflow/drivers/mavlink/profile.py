@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
@@ -45,7 +46,7 @@ class Setting(NamedTuple):
         """The value to write. own: this program's system id."""
         if self.value == OWN:
             return float(own)
-        if self.rule == "bits":
+        if self.rule == "bits" and isfinite(found):
             return float(int(found) | int(self.value))
         return float(self.value)
 
@@ -77,6 +78,8 @@ class Danger(NamedTuple):
 
     def of(self, found: float, own: int) -> str | None:
         """What the preflight shows of the value found; None where it is not dangerous."""
+        if not isfinite(found):
+            return f"{self.name} is {found:g}, which is no value; set {self.cure or own}"
         said, cure = self.values.get(round(found)), self.cure
         if self.above is not None and found > self.above + 1e-6:
             said = self.excess

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -120,7 +121,7 @@ def grip(_channel: int, is_open: bool, function: float | None) -> tuple[Ask, ...
         return (gripper,)
     if function is None:
         return (gripper, _actuator(1, is_open))
-    number = int(function) - FIRST_SET + 1
+    number = int(function) - FIRST_SET + 1 if isfinite(function) else 0
     return (_actuator(number, is_open),) if 1 <= number <= SETS else ()
 
 

@@ -1,14 +1,15 @@
 """What one autopilot says, as measurements: its own estimate, what its inertial sensors feel, its
-battery, its GPS, what a person's sticks do.
+battery, its GPS, what a person's sticks do. What is not finite, or no rotation, is left out.
 
 Where its position is its own, the frame in which it has it is laid into the world so that it stands
 at the mission's start, with the mission's heading, when it first has a sound position on the
-ground.
+ground. An autopilot that starts anew has another frame; where that lies is not known any more of a
+vehicle that has flown.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from typing import TYPE_CHECKING
 
 from kybflow.drivers.mavlink import decode
@@ -47,6 +48,7 @@ class Telemetry:
         self._site, self._profile, self._heard, self._clock = site, profile, heard, clock
         self._is_outside = is_outside
         self._attitude: Message | None = None
+        self._reboots, self._has_flown = clock.reboots, False
         self._inertial = 0
         self._imu: Time | None = None
         self._origin: Tangent | None = None
@@ -66,6 +68,11 @@ class Telemetry:
         if site.payload is not None:
             self._taken.append(Payload(0, not site.payload.aboard, site.payload.aboard))
 
+    @property
+    def heeds(self) -> Set[str]:
+        """What it is made of."""
+        return self._hear.keys()
+
     def hear(self, message: Message, now: Time) -> None:
         """Take in one message, after `Heard` did."""
         hear = self._hear.get(message.get_type())
@@ -82,13 +89,22 @@ class Telemetry:
         return taken
 
     def _turned(self, message: Message, now: Time) -> None:
+        if not decode.is_attitude(message):
+            self._attitude = None
+            return
         self._attitude, self.heading = message, decode.own_heading(message)
         if self._clock.to_boot(now) is None:
             self._time(message, now)
 
     def _moved(self, message: Message, now: Time) -> Odometry | None:
+        if self._clock.reboots != self._reboots:
+            self._begin_anew()
+        self._has_flown = self._has_flown or self._heard.armed
         attitude = self._attitude
         if attitude is None or now - self._heard.at.get("ATTITUDE_QUATERNION", now) > OLDEST:
+            return None
+        m = message
+        if not decode.is_finite(m.x, m.y, m.z, m.vx, m.vy, m.vz):
             return None
         if self.anchor is None:
             self.anchor = self._standing(message)
@@ -109,15 +125,26 @@ class Telemetry:
         has no sound position."""
         if self.heading is None or self.spread is None or self._heard.landed is not Landed.GROUND:
             return None
+        if self._has_flown and self._reboots:
+            return None
         there = from_ned((message.x, message.y, message.z))
         return Anchor.joining(there, self.heading, self._site.start, self._site.heading)
 
+    def _begin_anew(self) -> None:
+        self._reboots = self._clock.reboots
+        self._attitude = self._origin = self.odometry = self.spread = None
+        self.anchor = self.anchor if self._is_outside else None
+
     def _status(self, message: Message, now: Time) -> None:
-        self.spread = self._profile.spread(message)
+        spread = self._profile.spread(message)
+        self.spread = spread if spread is not None and decode.is_finite(spread) else None
         if self.spread is None:
             self.odometry = None
 
     def _felt(self, message: Message, now: Time) -> Imu | None:
+        m = message
+        if not decode.is_finite(m.xacc, m.yacc, m.zacc, m.xgyro, m.ygyro, m.zgyro):
+            return None
         rank = INERTIAL.index(message.get_type())
         if rank < self._inertial:
             return None

@@ -17,6 +17,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
+from kybflow.drivers.mavlink.decode import is_finite
 from kybflow.drivers.mavlink.frames import (
     Anchor,
     Tangent,
@@ -78,6 +79,8 @@ class GroundTruth:
             turn = (w, x, y, z)
             rates = (message.rollspeed, message.pitchspeed, message.yawspeed)
         else:
+            return
+        if not is_finite(*degrees, height, *speed, *turn, *rates):
             return
         attitude = attitude_from_ned(turn)
         if self._tangent is None:

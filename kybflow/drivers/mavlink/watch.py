@@ -1,7 +1,8 @@
 """What the preflight asks of an autopilot, in its own words where it has any.
 
 What it says of its readiness is about the mode that it is in, so a disarmed vehicle is put into the
-mode in which it follows first. Parameters with which it would be dangerous once this program or the
+mode in which it follows first. One that stays unready is asked to look at itself, for not every one
+says what is wrong unasked. Parameters with which it would be dangerous once this program or the
 link dies are its `watchdog`.
 """
 
@@ -17,11 +18,17 @@ from kybflow.parts import Check
 from kybflow.signals import NS, Estimate, Time
 
 if TYPE_CHECKING:
+    from kybflow.drivers.mavlink import MavlinkParams
     from kybflow.drivers.mavlink.contact import Contact
 
 ALIVE: Time = 3 * NS
 REPEATED: Time = 35 * NS
 """How long what keeps it from arming counts: it is repeated every 30 s."""
+RUN_PREARM_CHECKS = 401
+UNREADY: Time = 3 * NS
+"""How long it is unready before it is asked why."""
+AGAIN: Time = 10 * NS
+"""After this it is asked anew."""
 APART = 0.5
 """Metres that it may be from where it is told to be."""
 MAKERS = {3: "ardupilot", 12: "px4"}
@@ -29,12 +36,14 @@ MAKERS = {3: "ardupilot", 12: "px4"}
 
 
 class Watch:
-    """own_system: the system id of this program. simulator: whether it is the firmware's own."""
+    """params: how the mission has it."""
 
-    def __init__(self, contact: Contact, modes: Modes, own_system: int, simulator: bool) -> None:
+    def __init__(self, contact: Contact, modes: Modes, params: MavlinkParams) -> None:
         self._profile, self._heard, self._modes = contact.profile, contact.heard, modes
         self._parameters, self._telemetry = contact.parameters, contact.telemetry
-        self._is_outside, self._own, self._simulator = contact.is_outside, own_system, simulator
+        self._requests, self._system = contact.requests, contact.port.system
+        self._is_outside, self._own, self._params = contact.is_outside, params.own_system, params
+        self._asks: Time | None = None
 
     def names(self) -> list[str]:
         """The parameters that are looked at."""
@@ -46,7 +55,7 @@ class Watch:
         """What must be set for flight without GPS, where it flies without."""
         if self._is_outside:
             for setting in self._profile.indoors:
-                if self._simulator or not setting.simulator_only:
+                if self._params.simulator or not setting.simulator_only:
                     yield setting
 
     def checks(self, misses: str, told: tuple[Estimate, Time] | None, now: Time) -> list[Check]:
@@ -99,8 +108,19 @@ class Watch:
             f" needed: {s.why}"
             for s in wrong
         )
-        cure = f"`kybflow mavlink setup --vehicle {self._profile.name} --write`"
-        return Check("parameters", False, f"{said}; {cure}", waits=False)
+        return Check("parameters", False, f"{said}; `{self._cure()} --write`", waits=False)
+
+    def _cure(self) -> str:
+        """The command that looks at its parameters."""
+        params = self._params
+        words = f"kybflow mavlink setup --vehicle {self._profile.name} --system {self._system}"
+        if params.address is not None:
+            words += f" --address {params.address}"
+        if params.own_system != type(params).own_system:
+            words += f" --own-system {params.own_system}"
+        if params.key is not None:
+            words += f" --key {params.key}"
+        return words + (" --simulator" if params.simulator else "")
 
     def _accepts(self, setting: Setting) -> bool:
         return setting.accepts(self._parameters.values[setting.name], self._own)
@@ -130,6 +150,16 @@ class Watch:
             return Check("autopilot", False, reason, waits=False)
         unready = self._profile.ready(heard)
         if unready is None:
+            self._asks = None
             return Check("autopilot", True, "ready to arm")
+        self._ask(now)
         words = heard.words(max(now - REPEATED, 0))
         return Check("autopilot", False, f"{unready}: {words}" if words else unready)
+
+    def _ask(self, now: Time) -> None:
+        """Have it say why it is unready."""
+        if self._asks is None:
+            self._asks = now + UNREADY
+        elif now >= self._asks:
+            self._asks = now + AGAIN
+            self._requests.ask(RUN_PREARM_CHECKS, now=now)

@@ -32,9 +32,11 @@ Update = Callable[[list[float]], Rotors]
 
 
 class Vehicle(Link):
-    """A vehicle in a world, and the link to it. `index` is its place there."""
+    """A vehicle in a world, and the link to it. `index` is its place there. `is_wired`: who reads
+    and commands it sits on board, so that a fault of the link does not come between."""
 
     rig: Rig
+    is_wired = False
 
     def __init__(self, world: World, index: int, seat: Seat, generator: random.Random) -> None:
         site, p = seat.site, seat.params
@@ -60,6 +62,7 @@ class Vehicle(Link):
         self._dt = 1.0 / p.physics
         self._arriving: deque[tuple[Time, Measurement]] = deque()
         self._filters = self.rig.filters
+        self._deaf = self._mute = False
         self._seen_as = self._sees_as = index
         self._imu = Averages(self.pilot.noise)
         self._subscribed = False
@@ -124,6 +127,8 @@ class Vehicle(Link):
             arrived.append(imu)
         if positions and (late := self._positions.arrived(now)):
             arrived = sorted([*late, *arrived], key=attrgetter("time"))
+        if self._deaf:
+            return ()
         return self._filtered(arrived) if self._filters else arrived
 
     def _filtered(self, arrived: list[Measurement]) -> list[Measurement]:
@@ -138,6 +143,8 @@ class Vehicle(Link):
 
     def send(self, command: Command, now: Time) -> None:
         receiver = self._receiver
+        if self._mute:
+            return
         if not receiver.late:
             receiver.hear(command, now)
             return
@@ -146,6 +153,8 @@ class Vehicle(Link):
         self._world.hurry(self.due)
 
     def grip(self, is_open: bool, now: Time) -> None:
+        if self._mute:
+            return
         aboard = self._world.grip(self._index, is_open, self.pilot.armed)
         self._arriving.append((now, Payload(now, is_open, aboard)))
 
@@ -157,6 +166,7 @@ class Vehicle(Link):
         """Obey the rig."""
         rig = self.rig
         self._filters = rig.filters
+        self._deaf, self._mute = (not self.is_wired and cut for cut in (rig.deaf, rig.mute))
         self._receiver.put_off(round(rig.late * NS))
         self._seen_as = self._world.index(rig.body)
         self._sees_as = self._world.index(rig.view)

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 from kybflow.dsl.plan import Plan
 from kybflow.errors import KybflowError
 from kybflow.geometry import LEVEL, Vec3, add, integrate
-from kybflow.parts import Driver, Link, Rig, Seat, Session
+from kybflow.parts import Check, Driver, Link, Rig, Said, Seat, Session, Taken
 from kybflow.sensors.vrpn.server import Server
-from kybflow.signals import Command, Measurement, MeasurementKind, Pose, Time, Truth
+from kybflow.signals import Command, Estimate, Measurement, MeasurementKind, Pose, Time, Truth
 
 Publish = Callable[[str, Pose], None]
 """Called with a vehicle's name and a pose, its time that of the run."""
@@ -109,6 +109,36 @@ class Tapped(Link):
 
     def send(self, command: Command, now: Time) -> None:
         self._link.send(command, now)
+
+    @property
+    def taken(self) -> Taken | None:  # type: ignore[override]
+        return self._link.taken
+
+    @property
+    def armed(self) -> bool | None:  # type: ignore[override]
+        return self._link.armed
+
+    @property
+    def is_heard(self) -> bool:  # type: ignore[override]
+        return self._link.is_heard
+
+    def arm(self, command: Command, now: Time) -> bool:
+        return self._link.arm(command, now)
+
+    def cut(self, now: Time) -> None:
+        self._link.cut(now)
+
+    def tell(self, estimate: Estimate, now: Time) -> None:
+        self._link.tell(estimate, now)
+
+    def checks(self, now: Time) -> Sequence[Check]:
+        return self._link.checks(now)
+
+    def said(self) -> Sequence[Said]:
+        return self._link.said()
+
+    def reclaim(self, now: Time) -> None:
+        self._link.reclaim(now)
 
     def land(self, now: Time) -> bool:
         return self._link.land(now)

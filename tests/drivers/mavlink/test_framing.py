@@ -196,6 +196,14 @@ def test_counts_add_up(sent: list[tuple[Message, bool]], size: int) -> None:
     assert bool(damaged) <= bool(parser.counts.bad)
 
 
+def test_what_nobody_wants_is_checked_but_not_read() -> None:
+    parser = Parser(wanted=frozenset({0}))
+    heartbeat = MESSAGES[1]
+    read = parser.parse(frame(ATTITUDE) + frame(heartbeat) + frame(ATTITUDE)[:-1] + b"\0\0")
+    assert [message.get_type() for message in read] == ["HEARTBEAT"]
+    assert (parser.counts.messages, parser.counts.bad) == (1, 1)
+
+
 def test_without_pymavlink_it_says_what_to_install() -> None:
     program = (
         "import sys\nsys.modules['pymavlink'] = None\n"

@@ -22,7 +22,7 @@ from fake import (
 from kybflow.errors import DriverError, Refused
 from kybflow.geometry import ZERO
 from kybflow.parts import Said
-from kybflow.signals import NS, Odometry
+from kybflow.signals import NS, MeasurementKind, Odometry
 from kybflow.site import Parcel
 
 UP = at((0.0, 0.0, 1.0))
@@ -55,6 +55,25 @@ def test_streams_are_asked_for_and_what_does_not_come_again():
     assert len(set(asked)) == len(bench.fake.profile.streams)
     assert asked.count(31.0) == 1
     assert asked.count(105.0) == 2
+
+
+def test_the_imu_is_asked_for_at_its_full_rate_once_somebody_flies_by_it():
+    bench = Bench()
+    bench.run(8.0)
+    imu = [m.param2 for m in bench.fake.commands(511) if m.param1 == 105.0]
+    assert set(imu) == {40_000.0}
+    bench.fake.sent.clear()
+    bench.link.subscribe(frozenset({MeasurementKind.IMU}))
+    bench.link.subscribe(frozenset({MeasurementKind.IMU, MeasurementKind.ODOMETRY}))
+    bench.run(0.04)
+    assert [(m.param1, m.param2) for m in bench.fake.commands(511)] == [(105.0, 10_000.0)]
+
+
+def test_an_imu_that_is_needed_from_the_beginning_is_never_slow():
+    bench = Bench()
+    bench.link.subscribe(frozenset({MeasurementKind.IMU}))
+    bench.run(8.0)
+    assert {m.param2 for m in bench.fake.commands(511) if m.param1 == 105.0} == {10_000.0}
 
 
 def test_set_points_go_out_at_their_rate_in_its_own_frame():
@@ -315,7 +334,7 @@ def test_the_preflight_names_every_parameter_that_is_wrong():
     bench.run(3.0)
     checks = lines(bench, 10.0)
     assert "EKF2_EV_CTRL is 0, 15 needed" in checks["parameters"].reason
-    assert "kybflow mavlink setup --vehicle px4 --write" in checks["parameters"].reason
+    assert "kybflow mavlink setup --vehicle px4 --system 1 --write" in checks["parameters"].reason
     assert not checks["parameters"].waits
     assert "COM_OBL_RC_ACT is 3" in checks["watchdog"].reason
     bench = Bench("px4")

@@ -37,6 +37,7 @@ SIMPLE = {
     "camera_blur": {},
     "tags_covered": {},
     "estimator_killed": {"estimator": "mocap"},
+    "link_cut": {},
 }
 
 
@@ -54,7 +55,7 @@ def state(rig: Rig, now: int = 10 * NS):
     return (
         len(rig.filters), rig.blows, rig.wind(now), rig.mass, rig.payload, rig.rotors, rig.sag,
         rig.gyro_bias, rig.accelerometer_bias, rig.late, rig.body,
-        rig.camera, rig.view, rig.estimators,
+        rig.camera, rig.view, rig.estimators, rig.deaf, rig.mute,
     )  # fmt: skip
 
 
@@ -66,7 +67,7 @@ def passed(rig: Rig, measurement):
 
 def test_every_fault_of_the_catalog_is_here() -> None:
     assert set(SIMPLE) <= set(load_catalog().names("faults"))
-    assert len(SIMPLE) == 20
+    assert len(SIMPLE) == 21
 
 
 @pytest.mark.parametrize("name", SIMPLE)
@@ -221,3 +222,13 @@ def test_what_is_wrong_with_battery_rotor_and_imu() -> None:
     assert rig.sag == 0.4
     assert rig.rotors == (1.0, 1.0, 1.0, 0.9)
     assert (rig.gyro_bias, rig.accelerometer_bias) == ((0.1, 0.0, 0.0), (0.0, 0.0, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("way", "cut"),
+    [("both", (True, True)), ("to_vehicle", (False, True)), ("from_vehicle", (True, False))],
+)
+def test_link_cut_cuts_both_ways_or_one(way: str, cut: tuple[bool, bool]) -> None:
+    rig = Rig("a")
+    rig.begin(effect_of("link_cut", way=way), 0)
+    assert (rig.deaf, rig.mute) == cut

@@ -1,0 +1,148 @@
+"""The link is cut, set-points stall, the program dies: the vehicle is safe on its own, and on
+return goes on or lands as the mission says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("pymavlink", reason="pymavlink is not installed")
+
+from flights import down, hold, up
+from rehearsals import (
+    AUTOPILOTS,
+    DRIVER,
+    LANDS,
+    UP,
+    WRONG,
+    Rehearsal,
+    fault,
+    supervised,
+)
+
+HIGH, HIGH_AT = 2.2, 12.0
+"""PX4 needs 2.2 s to be taken back, and sinks by 0.7 m/s meanwhile."""
+slow = pytest.mark.slow
+PATIENT = {"link": {"age": 10.0}}
+NOTICES = {"px4": 1.1, "ardupilot": 2.1}
+"""When at the latest its own failsafe has it, seconds after the last word."""
+
+
+def each(*quick):
+    """Every autopilot with every length of the cut; those that are not `quick` are slow."""
+    return pytest.mark.parametrize(
+        ("autopilot", "seconds"),
+        [
+            pytest.param(name, seconds, marks=[] if (name, seconds) in quick else [slow])
+            for name in AUTOPILOTS
+            for seconds in (0.3, 1.0, 5.0)
+        ],
+    )
+
+
+def high():
+    return [replace(up("hold", HIGH), at=UP), hold(5.0, "down"), down()]
+
+
+@each(("px4", 1.0), ("ardupilot", 5.0))
+def test_a_cut_link_is_nothing_when_it_is_short_and_else_lands_it(autopilot, seconds, tmp_path):
+    flight = Rehearsal(autopilot, tmp_path, faults=[fault("link_cut", seconds)])
+    assert flight.is_safe()
+    back = flight.only("link_returned")
+    assert (back.at, back.fields["value"]) == (DRIVER, pytest.approx(seconds, abs=0.05))
+    if seconds < 0.5:
+        assert flight.path == ["up", "hold", "down", "landed"]
+        assert flight.flown.exit_code == 0
+        return
+    assert flight.path == ["up", "hold", "auto_land", "fault"]
+    assert flight.at("link_lost") - WRONG == pytest.approx(0.51, abs=0.03)
+    if seconds > NOTICES[autopilot]:
+        assert flight.after(WRONG, LANDS[autopilot]) < NOTICES[autopilot]
+
+
+@pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=slow), "ardupilot"])
+def test_where_silence_is_allowed_its_own_failsafe_is_an_alarm_and_lands_it(autopilot, tmp_path):
+    cut = fault("link_cut", 2.5)
+    flight = Rehearsal(autopilot, tmp_path, faults=[cut], supervisors=supervised(**PATIENT))
+    assert flight.is_safe()
+    assert flight.events("link_lost") == []
+    assert flight.after(WRONG, LANDS[autopilot]) < NOTICES[autopilot]
+
+
+@slow
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+@pytest.mark.parametrize("way", ["resume", "land"])
+def test_on_return_it_goes_on_or_lands_as_the_mission_says(autopilot, way, tmp_path):
+    flight = Rehearsal(
+        autopilot,
+        tmp_path,
+        faults=[fault("link_cut", 1.3, at=HIGH_AT)],
+        driver={"after_failsafe": way},
+        supervisors=supervised(**PATIENT),
+        states=high(),
+    )
+    assert flight.is_safe(high=HIGH + 0.1)
+    if way == "land":
+        started = flight.only("failsafe_started")
+        assert (started.at, started.fields["reaction"]) == (DRIVER, "land")
+        assert "its own failsafe" in started.fields["reason"]
+        assert flight.path == ["up", "hold", "auto_land", "fault"]
+    else:
+        assert flight.only("control_returned").time > flight.only("control_taken").time
+        assert flight.path == ["up", "hold", "down", "landed"]
+        assert flight.flown.exit_code == 0
+
+
+@pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=slow), "ardupilot"])
+def test_one_that_is_nearly_down_is_not_taken_back(autopilot, tmp_path):
+    """It would be commanded up from the ground, or be believed to fly while it stands there."""
+    mute = fault("link_cut", 2.5, way="to_vehicle")
+    again = {"after_failsafe": "resume"}
+    flight = Rehearsal(autopilot, tmp_path, faults=[mute], driver=again)
+    assert flight.is_safe()
+    assert flight.events("control_returned") == []
+    assert flight.path == ["up", "hold", "landed"]
+    assert "its own failsafe" in flight.flown.summary["reason"]
+
+
+@each(("px4", 5.0), ("ardupilot", 1.0))
+def test_set_points_that_stall_are_a_matter_of_its_own_failsafe(autopilot, seconds, tmp_path):
+    mute = fault("link_cut", seconds, way="to_vehicle")
+    flight = Rehearsal(autopilot, tmp_path, faults=[mute])
+    assert flight.is_safe()
+    if seconds < NOTICES[autopilot] - 0.5:
+        assert flight.flown.exit_code == 0
+    if seconds > NOTICES[autopilot]:
+        assert flight.after(WRONG, LANDS[autopilot]) < NOTICES[autopilot]
+        started = flight.only("failsafe_started")
+        assert (started.at, started.fields["reaction"]) == (DRIVER, "land")
+        words = {"px4": "offboard signal lost", "ardupilot": "GCS Failsafe"}[autopilot]
+        assert words in started.fields["reason"]
+        assert flight.path == ["up", "hold", "auto_land", "fault"]
+
+
+@slow
+def test_one_that_holds_by_itself_while_it_is_to_be_landed_is_landed(tmp_path):
+    """It was landed by set-points already when it was found not to follow them."""
+
+    def holds(flight):
+        flight.pilot.state.parameters._values["COM_OBL_RC_ACT"] = 5.0
+
+    flight = Rehearsal("px4", tmp_path, faults=[fault("link_cut", 1.5)], deeds=[(6.0, holds)])
+    assert flight.is_safe()
+    assert "AUTO.LOITER" in {s.mode for s in flight.samples if s.time > WRONG}
+    assert flight.path[-2:] == ["auto_land", "fault"]
+
+
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=slow)])
+def test_when_the_program_dies_it_lands_and_stops_its_rotors(autopilot, tmp_path):
+    def dies(flight):
+        flight.go_on(60.0)
+        flight.engine.interrupts = 2
+
+    flight = Rehearsal(autopilot, tmp_path, deeds=[(WRONG, dies)])
+    assert flight.is_safe()
+    assert flight.after(WRONG, LANDS[autopilot]) < NOTICES[autopilot]
+    down = next(s.time for s in flight.samples if s.time > WRONG and not s.armed)
+    assert down - WRONG < 8.0

@@ -1,0 +1,161 @@
+"""What an autopilot refuses ends the run, or goes where the mission says, with its own words and
+the mission's line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("pymavlink", reason="pymavlink is not installed")
+
+from flights import down, hold, up
+from plans import part, state, then
+from rehearsals import AUTOPILOTS, DRIVER, UP, Rehearsal
+from typer.testing import CliRunner
+
+from kybflow.cli import app
+from kybflow.drivers.mavlink.profile import profile_of
+from kybflow.dsl.plan import TransitionPlan
+from kybflow.site import Parcel
+
+slow = pytest.mark.slow
+STARTS = "behavior_started"
+WORDS = {
+    "leans": {"px4": "Attitude failure", "ardupilot": "Leaning"},
+    "battery": {"px4": "low battery", "ardupilot": "low voltage"},
+    "refuses": dict.fromkeys(AUTOPILOTS, "Compass not calibrated"),
+}
+BROKEN = {"leans": 0.6, "battery": 0.1, "refuses": "PreArm: Compass not calibrated"}
+QUICK = {("px4", "leans"), ("ardupilot", "refuses")}
+MISSION = """
+kybflow: 1
+mission: bare
+import: {{std: kybflow/airframes}}
+world: {{fence: {{from: [-2, -2, 0], to: [2, 2, 2.5]}}}}
+targets:
+  bare:
+    all:
+      driver: {{use: emulated_autopilot, autopilot: {autopilot}, prepared: false}}
+vehicles:
+  a:
+    like: std.nano_plus
+    start: {{at: [0, 0, 0]}}
+    behaviors:
+      up: {{do: take_off, height: 1 m, then: down}}
+      down: {{do: land}}
+"""
+
+
+def broken(**failures):
+    def deed(flight):
+        for name, value in failures.items():
+            setattr(flight.pilot.failures, name, value)
+
+    return deed
+
+
+def mission(**arrows):
+    climb = replace(up("hold"), at=UP)
+    failed = TransitionPlan("failed", "ground")
+    climb = replace(climb, transitions=(*climb.transitions, failed))
+    return [climb, hold(1.0, "down"), down(), state("ground", part("behaviors", "wait_on_ground"))]
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "what"),
+    [
+        pytest.param(name, what, marks=[] if (name, what) in QUICK else [slow])
+        for name in AUTOPILOTS
+        for what in BROKEN
+    ],
+)
+def test_it_will_not_arm(autopilot, what, tmp_path):
+    breaks = (STARTS, broken(**{what: BROKEN[what]}))
+    states = mission() if (autopilot, what) in QUICK else None
+    flight = Rehearsal(autopilot, tmp_path, on=breaks, states=states)
+    refused = flight.only("arming_refused")
+    assert refused.at == UP
+    assert WORDS[what][autopilot] in refused.fields["reason"]
+    assert {s.armed for s in flight.samples} == {False}
+    if states is None:
+        assert flight.path == ["up", "landed"]
+        assert WORDS[what][autopilot] in flight.flown.summary["reason"]
+        assert flight.flown.exit_code == 1
+    else:
+        assert flight.path == ["up", "ground"]
+        assert flight.flown.exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("what", "check", "words"),
+    [("bars", "command mode", "not today"), ("blind", "position", "it has none")],
+)
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_it_does_not_pass_the_preflight(autopilot, what, check, words, tmp_path):
+    failure = {"bars": "Mode change denied: not today", "blind": True}[what]
+    flight = Rehearsal(autopilot, tmp_path, deeds=[(0.0, broken(**{what: failure}))])
+    found = {event.fields["check"]: event for event in flight.events("preflight_failed")}
+    assert found[check].at == DRIVER
+    assert words in found[check].fields["reason"]
+    assert flight.flown.exit_code == 1
+    assert flight.path == []
+
+
+def test_px4_is_never_in_offboard_without_set_points(tmp_path):
+    """So that it is never refused for want of them."""
+    flight = Rehearsal("px4", tmp_path, deeds=[(0.0, starts_watching)])
+    assert flight.follows
+    assert all(flight.follows)
+    assert flight.events("arming_refused") == []
+
+
+def starts_watching(flight):
+    """Look at every change of mode: does the autopilot hear set-points then?"""
+    flight.follows, change = [], flight.pilot.change
+
+    def watched(mode, now, *, asked):
+        if mode == flight.pilot.state.firmware.follow and asked:
+            flight.follows.append(flight.pilot.state.streams(now))
+            if len(flight.follows) == 1:
+                flight.engine.interrupts = 1
+        change(mode, now, asked=asked)
+
+    flight.pilot.change = watched
+
+
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=slow)])
+def test_its_servo_is_not_set_up(autopilot, tmp_path):
+    output = profile_of(autopilot).output(1, True).parameter
+
+    def unset(flight):
+        flight.pilot.state.parameters._values[output] = 0.0 if autopilot == "px4" else 33.0
+
+    drop = replace(state("drop", part("behaviors", "release_payload"), then("down")), at="m.yaml:6")
+    failed = TransitionPlan("failed", "down")
+    drop = replace(drop, transitions=(*drop.transitions, failed))
+    states = [replace(up("drop"), at=UP), drop, down()]
+    parcel = Parcel(mass=0.03, size=0.05, channel=1)
+    flight = Rehearsal(
+        autopilot, tmp_path, states=states, payload=parcel, deeds=[(0.0, unset)],
+    )  # fmt: skip
+    failed = flight.only("behavior_failed")
+    assert failed.fields["behavior"] == "drop"
+    assert output in failed.fields["reason"], failed.fields["reason"]
+    assert flight.is_safe()
+
+
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_the_preflight_names_each_parameter_that_is_wrong_and_the_cure(autopilot, tmp_path):
+    file = tmp_path / "bare.yaml"
+    file.write_text(MISSION.format(autopilot=autopilot), encoding="utf-8")
+    done = CliRunner().invoke(app, ["preflight", str(file), "--target", "bare"])
+    assert done.exit_code == 1
+    [line] = [line for line in done.output.splitlines() if " parameters " in line]
+    assert line.startswith("RED")
+    assert f"kybflow mavlink setup --vehicle {autopilot}" in line
+    wrong = {
+        "px4": ("EKF2_EV_CTRL is 0, 15 needed", "COM_OBL_RC_ACT", "SYS_HAS_GPS"),
+        "ardupilot": ("VISO_TYPE is 0, 1 needed", "FS_GCS_ENABLE", "SYSID_MYGCS"),
+    }[autopilot]
+    assert all(name in line for name in wrong)

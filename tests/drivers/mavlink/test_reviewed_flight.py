@@ -1,0 +1,170 @@
+"""Who has the vehicle, where the obvious answer would hurt: what is stale, who insists, what comes
+after a new start."""
+
+from __future__ import annotations
+
+import pytest
+from fake import AIR, ARM, GROUND, PERIOD, RESTING, SET_MODE, Bench, at, estimate
+
+from kybflow.geometry import ZERO
+from kybflow.signals import NS, Odometry
+
+UP = at((0.0, 0.0, 1.0))
+STREAM = "SET_POSITION_TARGET_LOCAL_NED"
+BOTH = pytest.mark.parametrize("name", ["px4", "ardupilot"])
+
+
+def taken_by_a_pilot(name="px4") -> Bench:
+    bench = Bench(name)
+    bench.fly()
+    bench.fake.go("POSITION" if name == "px4" else "LOITER")
+    bench.run(0.5, UP)
+    assert bench.link.taken is not None
+    bench.fake.sent.clear()
+    return bench
+
+
+def deaf_to_positions(bench, monkeypatch) -> None:
+    """Its heartbeats go on, its position does not come any more."""
+    send = bench.fake._send
+    monkeypatch.setattr(
+        bench.fake, "_send", lambda m: None if m.get_type() == "LOCAL_POSITION_NED" else send(m)
+    )
+
+
+def test_it_is_not_sent_back_to_where_it_was_long_ago(monkeypatch):
+    bench = taken_by_a_pilot()
+    deaf_to_positions(bench, monkeypatch)
+    bench.run(3.0, UP)
+    bench.link.reclaim(bench.now)
+    bench.run(2.0, UP)
+    assert bench.fake.took(STREAM) == []
+    assert bench.link.taken is not None
+
+
+@BOTH
+def test_nobody_insists_for_ever_on_a_vehicle_that_its_pilot_keeps(name):
+    bench = taken_by_a_pilot(name)
+    bench.fake.refuses = {SET_MODE: (1, "")}
+    bench.link.reclaim(bench.now)
+    bench.run(30.0, UP)
+    bench.fake.refuses = {}
+    bench.fake.sent.clear()
+    bench.run(10.0, UP)
+    assert bench.fake.took(STREAM) == bench.fake.commands(SET_MODE) == []
+    bench.link.reclaim(bench.now)
+    bench.run(3.0, UP)
+    assert bench.link.taken is None
+
+
+@BOTH
+def test_one_that_its_pilot_puts_down_is_not_asked_back_any_more(name):
+    bench = taken_by_a_pilot(name)
+    bench.fake.refuses = {SET_MODE: (1, "")}
+    bench.link.reclaim(bench.now)
+    bench.run(1.0, UP)
+    bench.fake.armed, bench.fake.landed = False, GROUND
+    bench.run(1.0, RESTING)
+    bench.fake.refuses = {}
+    bench.fake.armed, bench.fake.landed = True, AIR
+    bench.fake.sent.clear()
+    bench.run(8.0, RESTING)
+    assert bench.fake.commands(SET_MODE) == bench.fake.commands(ARM) == []
+    assert bench.fake.took(STREAM) == []
+
+
+def test_the_mode_that_a_pilot_chose_stays_when_the_run_ends():
+    bench = taken_by_a_pilot()
+    bench.fake.armed, bench.fake.landed = False, GROUND
+    bench.run(1.0, RESTING)
+    bench.fake.sent.clear()
+    bench.session.close()
+    bench.fake.step(bench.now + PERIOD)
+    assert bench.fake.commands(SET_MODE) == []
+
+
+def reboot(bench) -> None:
+    """Its clock begins anew."""
+    start, stream = bench.now // 1_000_000, bench.fake._stream
+    bench.fake._stream = lambda ms: stream(ms - start)
+
+
+def own_frame() -> Bench:
+    bench = Bench("px4", position="own")
+    bench.fake.position = (2.0, 1.0, 0.0)
+    bench.run(2.0)
+    assert bench.measured[-1] is not None
+    return bench
+
+
+def places(bench) -> list:
+    return [m.position for m in bench.measured if type(m) is Odometry]
+
+
+def test_a_frame_of_its_own_is_laid_anew_when_it_starts_anew_before_the_flight():
+    bench = own_frame()
+    assert places(bench)[-1] == pytest.approx(ZERO, abs=1e-6)
+    reboot(bench)
+    bench.fake.position = (-4.0, 3.0, 0.5)
+    bench.run(2.0)
+    bench.measured.clear()
+    bench.run(0.5)
+    assert places(bench)[-1] == pytest.approx(ZERO, abs=1e-6)
+
+
+def test_where_a_frame_lies_that_began_anew_after_a_flight_is_not_known():
+    bench = own_frame()
+    assert bench.arm(command=UP)
+    bench.run(1.0, UP)
+    bench.fake.armed, bench.fake.landed = False, GROUND
+    bench.run(1.0, RESTING)
+    reboot(bench)
+    bench.fake.position = ZERO
+    bench.run(1.0, RESTING)
+    bench.measured.clear()
+    bench.run(2.0, RESTING)
+    assert places(bench) == []
+
+
+@BOTH
+def test_nothing_is_sent_while_the_tick_stands_still(name):
+    bench = Bench(name)
+    bench.fly()
+    bench.fake.step(bench.now)
+    bench.fake.sent.clear()
+    for _ in range(250):
+        bench.now += PERIOD
+        bench.fake.step(bench.now)
+    assert bench.fake.sent == []
+    bench.tick()
+    bench.fake.sent.clear()
+    bench.tick()
+    assert bench.fake.took(STREAM) == []
+
+
+@BOTH
+def test_a_refusal_to_arm_ends_the_set_points(name):
+    bench = Bench(name, arming_time=3.0)
+    bench.run(1.0)
+    bench.fake.refuses = {ARM: (4, "PreArm: Compass not calibrated")}
+    with pytest.raises(Exception, match="Compass"):
+        bench.arm(10.0)
+    bench.run(0.1, RESTING)
+    bench.fake.refuses = {}
+    bench.fake.sent.clear()
+    bench.run(10.0, RESTING)
+    assert bench.fake.took(STREAM) == bench.fake.commands(ARM) == []
+    assert not bench.fake.armed
+
+
+def test_the_drift_is_learnt_with_its_sign():
+    bench = Bench("px4")
+    bench.fly()
+    for _ in range(500):
+        bench.tick()
+        x, y, z = bench.fake.position
+        bench.link.tell(estimate(bench.now, (x + 0.2, y - 0.1, z + 0.05)), bench.now)
+        bench.link.send(at((1.2, 0.9, 1.05)), bench.now)
+    sent = bench.fake.took(STREAM)[-1]
+    assert (sent.y, sent.x, -sent.z) == pytest.approx((1.0, 1.0, 1.0), abs=0.01)
+    assert bench.now < 60 * NS

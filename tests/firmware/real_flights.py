@@ -1,0 +1,161 @@
+"""Flights on a real autopilot's simulator, looked at from outside while they go on."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from witness import Watched, Witness
+
+from kybflow.catalog import load_catalog
+from kybflow.drivers.mavlink import session
+from kybflow.drivers.mavlink.wire import Wire, open_wire
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.plan import Plan
+from kybflow.geometry import Vec3
+from kybflow.parts import Link, Stream
+from kybflow.runtime.engine import Engine
+from kybflow.runtime.flight import Flown, Request, fly
+from kybflow.sensors.simulated_motion_capture import SimulatedMotionCapture
+from kybflow.signals import Event, Measurement, Time, Truth
+from kybflow.site import Site
+
+HERE = Path(__file__).parent
+MISSIONS = HERE.parent.parent / "missions"
+ASKED = tuple(
+    name for name in os.environ.get("KYBFLOW_FIRMWARE", "").replace(" ", "").split(",") if name
+)
+
+
+def shown(*words: object) -> None:
+    """A measured figure, for the closing report of the tests (`-rP`)."""
+    sys.stdout.write(" ".join(map(str, words)) + "\n")
+
+
+def plan_of(path: Path, target: str) -> Plan:
+    result = compile_mission(path, catalog=load_catalog(), target=target, sets=())
+    assert result.plan is not None, result.diagnostics
+    return result.plan
+
+
+def flown(
+    plan: Plan, out: Path, *looks: Callable[[Engine], None]
+) -> tuple[Flown, list[Event], Engine]:
+    """Fly a plan to its end. Who looks on must not raise."""
+    told: list[Event] = []
+    engines: list[Engine] = []
+    flight = fly(plan, Request(out=out), (told.append,), (engines.append, *looks))
+    assert [e.fields for e in told if e.name == "observer_failed"] == []
+    return flight, told, engines[-1]
+
+
+def way(told: Sequence[Event], vehicle: str) -> list[Any]:
+    """The behaviors that it began."""
+    began = (e for e in told if e.name == "behavior_started" and e.vehicle == vehicle)
+    return [event.fields["behavior"] for event in began]
+
+
+def named(told: Sequence[Event], *names: str) -> list[Event]:
+    return [event for event in told if event.name in names]
+
+
+def first(told: Sequence[Event], name: str, vehicle: str) -> Event | None:
+    return next((e for e in told if e.name == name and e.vehicle == vehicle), None)
+
+
+class Room:
+    """Motion capture of the room, which sees the vehicles by `watched` in place of their links
+    where that is given, and falls silent for good when it is told to. `last`: the time of the last
+    pose of each."""
+
+    def __init__(
+        self, watched: dict[str, Watched] | None = None, witness: Witness | None = None
+    ) -> None:
+        self.silent: set[str] = set()
+        self.last: dict[str, Time] = {}
+        self._watched, self._witness = watched or {}, witness
+
+    def look(self, now: Time) -> None:
+        if self._witness is not None and now != self._witness.now:
+            self._witness.look(now)
+
+    def into(self, plan: Plan) -> Plan:
+        """The plan with this in place of its motion capture."""
+        room = self
+
+        class InTheRoom(SimulatedMotionCapture):
+            @classmethod
+            def open(cls, params, site, link, generator):
+                seen = _Seen(room._watched[site.vehicle], site) if room._watched else link
+                return _Silenced(super().open(params, site, seen, generator), site.vehicle, room)
+
+        def replaced(sensor):
+            if sensor.part.cls is not SimulatedMotionCapture:
+                return sensor
+            return dataclasses.replace(sensor, part=dataclasses.replace(sensor.part, cls=InTheRoom))
+
+        vehicles = tuple(
+            dataclasses.replace(v, sensors=tuple(replaced(s) for s in v.sensors))
+            for v in plan.vehicles
+        )
+        return dataclasses.replace(plan, vehicles=vehicles)
+
+
+class _Silenced(Stream):
+    def __init__(self, stream: Stream, vehicle: str, room: Room) -> None:
+        self._stream, self._vehicle, self._room = stream, vehicle, room
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        self._room.look(now)
+        came = self._stream.read(now)
+        if self._vehicle in self._room.silent:
+            return ()
+        if came:
+            self._room.last[self._vehicle] = came[-1].time
+        return came
+
+    def close(self) -> None:
+        self._stream.close()
+
+
+class _Seen(Link):
+    """A link that can only be seen, through the other connection."""
+
+    def __init__(self, watched: Watched, site: Site) -> None:
+        self._truth = watched.behold(site)
+        self._now: Time = 0
+        self._watched = watched
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        return ()
+
+    def send(self, command, now: Time) -> None:
+        raise AssertionError("nothing is sent to what is only seen")
+
+    def truth(self) -> Truth | None:
+        return self._truth.truth(self._watched.now)
+
+
+class Wires:
+    """The wires of a mission, all cut and joined together."""
+
+    def __init__(self, monkeypatch) -> None:
+        self.opened: list[Wire] = []
+        true = session.open_session
+        monkeypatch.setattr(session, "open_session", lambda seats: true(seats, self._open))
+
+    def cut(self, is_cut: bool) -> None:
+        for wire in self.opened:
+            wire.deaf = wire.mute = is_cut
+
+    def _open(self, address: str) -> Wire:
+        self.opened.append(open_wire(address))
+        return self.opened[-1]
+
+
+def level_drift(here: Vec3, there: Vec3) -> float:
+    return ((here[0] - there[0]) ** 2 + (here[1] - there[1]) ** 2) ** 0.5

@@ -1,0 +1,154 @@
+"""What is lost in flight, on a real autopilot in its own simulator: motion capture, the link, the
+mission itself, the say. Measured figures are printed: `-rP` shows them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+from real_flights import (
+    MISSIONS,
+    Room,
+    Wires,
+    first,
+    flown,
+    level_drift,
+    named,
+    plan_of,
+    shown,
+    way,
+)
+from witness import Witness
+
+from kybflow.drivers.mavlink.heard import Landed
+from kybflow.geometry import Vec3
+from kybflow.runtime.engine import Engine
+from kybflow.signals import NS, Time
+
+pytestmark = pytest.mark.firmware
+Beside = Callable[[Mapping[int, str]], Witness]
+NAMES = {"mk": 1, "nano": 2}
+REACTS = 0.3
+"""Seconds from the last pose to the reaction, asked of kybflow."""
+SPEED = 1.5
+"""Metres a second with which it may touch down blindly."""
+SWITCH = {"px4": ("land", 1.2), "ardupilot": ("hold", 5.0)}
+"""The mode that a pilot asks for, and after how many seconds the vehicle is given back. PX4 refuses
+its hold without a place on earth, and modes by hand without a transmitter."""
+COMES_DOWN = 45.0
+"""Seconds in which a vehicle without a mission must be disarmed on the ground."""
+
+
+def flies(engine: Engine, seconds: float, vehicle: str = "mk") -> bool:
+    """Whether it has flown its eight for so long."""
+    one = next(v for v in engine.vehicles if v.name == vehicle)
+    return engine.flying and one.state == "eight" and one.now - one.activity.entered > seconds * NS
+
+
+def test_motion_capture_lost_for_good(two: str, tmp_path: Path):
+    room, at, down = Room(), dict[str, Vec3](), dict[str, tuple[Time, Vec3, Vec3]]()
+
+    def look(engine: Engine) -> None:
+        for v in engine.vehicles:
+            if v.truth is None:
+                continue
+            if flies(engine, 5.0, v.name) and v.name not in at:
+                room.silent.add(v.name)
+                at[v.name] = v.truth.position
+            if v.name in at and v.name not in down and v.truth.position[2] < 0.03:
+                down[v.name] = (v.now, v.truth.position, v.truth.velocity)
+
+    plan = room.into(plan_of(MISSIONS / "figure_eight.yaml", two))
+    _, told, engine = flown(plan, tmp_path, look)
+    for v in engine.vehicles:
+        began, last = first(told, "failsafe_started", v.name), room.last[v.name]
+        assert began is not None
+        reacted = (began.time - last) / NS
+        time, place, speed = down[v.name]
+        drift = level_drift(place, at[v.name])
+        shown(f"{two} {v.name}: {began.name} {began.fields['reaction']} after {reacted:.3f} s,")
+        shown(f"  down after {(time - last) / NS:.1f} s, {drift:.2f} m off, at {-speed[2]:.2f} m/s")
+        assert reacted <= REACTS
+        assert -speed[2] < SPEED
+        assert v.senses.asking.armed is False
+
+
+@pytest.mark.parametrize("seconds", [0.3, 1.0, 5.0])
+def test_a_link_that_is_cut(two: str, seconds: float, tmp_path: Path, monkeypatch, beside: Beside):
+    witness = beside({1: two, 2: two})
+    room = Room({name: witness.of[system] for name, system in NAMES.items()}, witness)
+    wires, cut = Wires(monkeypatch), list[Time]()
+
+    def look(engine: Engine) -> None:
+        if not cut and flies(engine, 5.0):
+            cut.append(engine.clock.now)
+        wires.cut(bool(cut) and engine.clock.now - cut[0] < seconds * NS)
+
+    plan = room.into(plan_of(MISSIONS / "figure_eight.yaml", two))
+    flight, told, engine = flown(plan, tmp_path, look)
+    for event in told:
+        if cut and event.time >= cut[0]:
+            shown(f"{(event.time - cut[0]) / NS:.2f} {event.vehicle} {event.name} {event.fields}")
+    shown(flight.summary["outcome"], flight.summary["reason"])
+    assert all(watched.rests for watched in witness.of.values())
+    for v in engine.vehicles:
+        assert v.senses.asking.armed is False
+        if seconds < 1.0:
+            assert way(told, v.name) == ["up", "steady", "eight", "down", "landed"]
+
+
+def test_a_pilot_takes_one_and_gives_it_back(two: str, tmp_path: Path, beside: Beside):
+    witness, taken, back = beside({1: two, 2: two}), list[Time](), list[Time]()
+    mode, seconds = SWITCH[two]
+
+    def look(engine: Engine) -> None:
+        now = engine.clock.now
+        witness.look(now)
+        if not taken and flies(engine, 4.0):
+            taken.append(now)
+            witness.of[1].fly_in(mode, now)
+        if taken and not back and now - taken[0] > seconds * NS:
+            back.append(now)
+            engine.operator.give("operator.resume")
+
+    plan = plan_of(MISSIONS / "figure_eight.yaml", two)
+    flight, told, engine = flown(plan, tmp_path, look)
+    for event in told:
+        if taken and event.time >= taken[0]:
+            shown(f"{(event.time - taken[0]) / NS:.2f} {event.vehicle} {event.name} {event.fields}")
+    shown(flight.summary["outcome"], flight.summary["reason"])
+    lost, returned = first(told, "control_taken", "mk"), first(told, "control_returned", "mk")
+    assert lost is not None
+    assert returned is not None
+    assert not named(told, "failsafe_started")
+    for v in engine.vehicles:
+        assert way(told, v.name) == ["up", "steady", "eight", "down", "landed"]
+        assert v.senses.asking.armed is False
+
+
+def test_a_mission_that_is_killed(two: str, tmp_path: Path, beside: Beside):
+    witness = beside({1: two, 2: two})
+    mission = MISSIONS / "figure_eight.yaml"
+    command = [sys.executable, "-m", "kybflow", "run", str(mission), "--target", two, "--plain"]
+    process = subprocess.Popen(
+        [*command, "--out", str(tmp_path / "run")], stdout=subprocess.DEVNULL
+    )
+    try:
+        every = witness.of.values()
+        assert witness.wait(lambda: all(w.heard.landed is Landed.AIR for w in every), 60.0)
+        witness.wait(lambda: False, 12.0)
+        assert process.poll() is None
+        assert not any(w.rests for w in every)
+    finally:
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+    killed, modes = witness.now, [w.heard.mode for w in every]
+    assert witness.wait(lambda: modes != [w.heard.mode for w in every], COMES_DOWN)
+    shown(f"{two}: {(witness.now - killed) / NS:.1f} s until it acts")
+    assert witness.wait(lambda: all(w.rests for w in every), COMES_DOWN)
+    shown(f"{two}: {(witness.now - killed) / NS:.1f} s until both are disarmed on the ground")

@@ -1,0 +1,58 @@
+"""Shipped missions, unchanged, on a real autopilot in its own simulator. How well they track is
+each mission's own expectation, written for kybflow's simulator: reported with `-rP`, not asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from present import needed
+from real_flights import HERE, MISSIONS, flown, named, plan_of, shown, way
+
+from kybflow.runtime.engine import Engine
+from kybflow.runtime.flight import Flown
+from kybflow.signals import Event
+
+pytestmark = pytest.mark.firmware
+EIGHT = ["up", "steady", "eight", "down", "landed"]
+WAYS = {"figure_eight": EIGHT, "sidestep": ["up", "steady", "aside", "stop", "down", "landed"]}
+
+
+def report(flight: Flown) -> None:
+    for line in flight.summary["expectations"]:
+        shown(line["text"], line["value"], line["unit"])
+
+
+def came_down(told: list[Event], engine: Engine, states: list[str]) -> None:
+    """Every vehicle went that way and nothing came between; it stands, and is disarmed."""
+    assert not named(told, "failsafe_started", "control_taken", "arming_refused")
+    for vehicle in engine.vehicles:
+        assert way(told, vehicle.name) == states
+        assert vehicle.rests
+        assert vehicle.senses.asking.armed is False
+
+
+@pytest.mark.parametrize("name", list(WAYS))
+def test_an_unchanged_mission_flies(name: str, two: str, tmp_path: Path):
+    flight, told, engine = flown(plan_of(MISSIONS / f"{name}.yaml", two), tmp_path)
+    report(flight)
+    came_down(told, engine, WAYS[name])
+
+
+def test_two_firmwares_fly_the_eight_together(tmp_path: Path):
+    needed({1: "px4", 2: "ardupilot"})
+    flight, told, engine = flown(plan_of(HERE / "two_firmwares.yaml", "both"), tmp_path)
+    report(flight)
+    came_down(told, engine, EIGHT)
+
+
+def test_a_courier_that_knows_only_tags_brings_its_parcel(tmp_path: Path):
+    needed({1: "ardupilot"})
+    flight, told, engine = flown(plan_of(MISSIONS / "courier.yaml", "ardupilot"), tmp_path)
+    report(flight)
+    came_down(told, engine, ["up", "out", "drop", "back", "down", "landed"])
+    assert len(named(told, "payload_released")) == 1
+    held = {line["text"]: line["held"] for line in flight.summary["expectations"]}
+    assert held["finally courier.payload.releases == 1"]
+    assert held["finally distance(courier.payload to world.points.mark) < 15 cm"]
+    assert held["finally distance(courier to world.points.pad) < 10 cm"]
