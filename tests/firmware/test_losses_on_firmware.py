@@ -95,7 +95,8 @@ def test_a_link_that_is_cut(two: str, seconds: float, tmp_path: Path, monkeypatc
         if cut and event.time >= cut[0]:
             shown(f"{(event.time - cut[0]) / NS:.2f} {event.vehicle} {event.name} {event.fields}")
     shown(flight.summary["outcome"], flight.summary["reason"])
-    assert all(watched.rests for watched in witness.of.values())
+    assert cut, flight.summary["reason"]
+    assert witness.wait(lambda: all(w.rests for w in witness.of.values()), 5.0)
     for v in engine.vehicles:
         assert v.senses.asking.armed is False
         if seconds < 1.0:

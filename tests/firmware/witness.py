@@ -95,6 +95,7 @@ class Witness:
 
     def wait(self, until: Callable[[], bool], seconds: float) -> bool:
         """Look on in real time until it is so, or so long; whether it became so."""
+        self.look(next(self._ticks))
         end = self.now + round(seconds * NS)
         while not until() and self.now < end:
             self.look(next(self._ticks))
