@@ -51,6 +51,11 @@ _ABOVE = 0.5
 """Seconds above the point before it descends."""
 
 
+_HEARD = 0.3
+"""Seconds of silence on the link beyond which an estimate that stands still tells nothing of the
+ground."""
+
+
 @params
 class LandParams:
     position: Position | None = param(
@@ -114,7 +119,8 @@ class Land(
         if self._grounded:
             return Done(IDLE)
         own = tick.known().position
-        if self._descends and self._has_stopped(own[2], tick.dt):
+        heard = tick.link_age <= _HEARD
+        if self._descends and heard and self._has_stopped(own[2], tick.dt):
             return Done(IDLE)
         gap = self._gap(own)
         if not self._descends and tick.elapsed >= self._arrival:

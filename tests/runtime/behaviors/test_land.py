@@ -3,7 +3,7 @@
 import random
 
 import pytest
-from flying import DT, entry, fly, point_mass, tick, worst_mismatch
+from flying import DT, entry, estimate, fly, point_mass, tick, worst_mismatch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -186,3 +186,13 @@ def test_its_footprint_leads_over_the_point() -> None:
     assert Land.footprint(LandParams(position=POINT), None).exit == POINT
     assert Land.footprint(LandParams(), START).points == (START, (*START[:2], 0.0))
     assert Land.footprint(LandParams(), None) is None
+
+
+def test_an_estimate_that_stands_still_while_nothing_is_heard_is_no_ground() -> None:
+    landing = Land(LandParams(), entry(START))
+    frozen = estimate(START)
+    for i in range(1, 2000):
+        silent = tick(i * DT, frozen)._replace(link_age=0.31)
+        assert landing.update(silent) != Done(IDLE), i * DT
+    heard = [landing.update(tick((2000 + i) * DT, frozen)) for i in range(300)]
+    assert Done(IDLE) in heard
