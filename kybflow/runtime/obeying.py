@@ -61,21 +61,19 @@ class Obeying(Acting):
             return self._waking, None
         return super()._steer(tick)
 
-    def _left_alone(self, tick: Tick) -> bool:
-        """Whether somebody else has the vehicle in this tick."""
+    def _mind_taken(self, tick: Tick) -> None:
+        """Note whether somebody else has the vehicle in this tick."""
         taken = self.senses.asking.taken
         if taken is None or not self.activity.airborne:
             if self.away:
                 self._returned()
-            return False
-        if taken.lands:
+        elif taken.lands:
             self._claimed()
             lost = Alarm("control_lost", Reaction.LAND, taken.reason)
             self.react(Heard(lost, self.plan.driver.at), tick)
             self._bring_down(taken, tick.now)
-            return False
-        self._stand_by(taken, tick)
-        return self.away
+        else:
+            self._stand_by(taken, tick)
 
     def _stand_by(self, taken: Taken, tick: Tick) -> None:
         """Freeze what it was doing, once; answer who asks; see whether it was landed."""

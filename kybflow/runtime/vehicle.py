@@ -145,7 +145,7 @@ class Vehicle(Obeying):
         tick = self._tick(now, dt, fleet)
         wanted: Setpoint | None = None
         if senses.asking.taken is not None or self.away:
-            self._left_alone(tick)
+            self._mind_taken(tick)
         if self.away:
             command = HANDED_OVER
         else:

@@ -173,7 +173,6 @@ ARDUPILOT = Profile(
     hover_parameter="MOT_THST_HOVER",
     lag=0.1,
     takeoff_height=0.5,
-    resend=0.25,
     sphere=6_378_100.0,
     mode_params=mode_params,
     default_address=default_address,

@@ -12,7 +12,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 from kybflow.errors import DriverError
-from kybflow.signals import CommandKind
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.framing import Message
@@ -112,14 +111,13 @@ class Profile:
 
     names: its modes, by custom_mode. modes: custom_mode by our names, `offboard` in which it
     follows set-points, `land` and `hold`, and by its own. lag: by how much it comes after its
-    set-points, seconds. streams: messages to ask for, Hz, and
-    those of its own simulator. streams_first: set-points must flow before it takes the mode.
-    climbs: it leaves the ground only when asked to take off, to `takeoff_height`, metres.
-    needs_origin: it must be told a place on earth before it has a position. resend: the longest gap
-    between set-points, seconds, that it bears with room to spare. raises: it raises the thrust by
-    the tilt itself. hover_parameter: its throttle in hover. sphere: the radius of the
-    earth in its simulator, metres, None for the ellipsoid. integer_parameters_bytewise: integers
-    travel as their bytes in the field of a float.
+    set-points, seconds. streams: messages to ask for, Hz, and those of its own simulator.
+    streams_first: set-points must flow before it takes the mode. climbs: it leaves the ground only
+    when asked to take off, to `takeoff_height`, metres. needs_origin: it must be told a place on
+    earth before it has a position. raises: it raises the thrust by the tilt itself.
+    hover_parameter: its throttle in hover. sphere: the radius of the earth in its simulator,
+    metres, None for the ellipsoid. integer_parameters_bytewise: integers travel as their bytes in
+    the field of a float.
 
     mode_params: the first three of DO_SET_MODE. default_address: of its simulator. output: the
     n-th auxiliary output, from 1; its second argument says whether it is that of the simulator.
@@ -145,7 +143,6 @@ class Profile:
     hover_parameter: str
     takeoff_height: float
     lag: float
-    resend: float
     sphere: float | None
     mode_params: Callable[[int], tuple[float, float, float]]
     default_address: Callable[[int], str]
@@ -153,7 +150,6 @@ class Profile:
     grip: Callable[[int, bool, float | None], tuple[Ask, ...]]
     ready: Callable[[Heard], str | None]
     spread: Callable[[Message], float | None]
-    kinds: frozenset[CommandKind] = frozenset(CommandKind)
 
     def mode_name(self, custom_mode: int) -> str:
         """A mode by its own name."""

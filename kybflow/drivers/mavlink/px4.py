@@ -173,7 +173,6 @@ PX4 = Profile(
     hover_parameter="MPC_THR_HOVER",
     lag=0.12,
     takeoff_height=0.5,
-    resend=0.25,
     sphere=None,
     mode_params=mode_params,
     default_address=default_address,

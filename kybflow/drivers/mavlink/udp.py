@@ -18,19 +18,13 @@ ROOM = 1 << 20
 """Bytes that the system keeps for us while a tick is late."""
 
 
-class UdpIn(Wire):
-    """Waits for datagrams, and answers whoever sent them; several vehicles may come to one port.
-    `port`: where it listens."""
+class _Udp(Wire):
+    """One socket for datagrams, and what was last wrong with it."""
 
-    answers: ClassVar[bool] = True
-
-    def __init__(self, address: Address) -> None:
-        """Raises DriverError."""
+    def __init__(self, address: Address, opened: socket.socket) -> None:
         super().__init__(str(address))
-        self._socket = listening(address, socket.SOCK_DGRAM)
+        self._socket = opened
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
-        self.port: int = self._socket.getsockname()[1]
-        self._newest: Any = None
         self._trouble: str | None = None
 
     def trouble(self) -> str | None:
@@ -38,6 +32,19 @@ class UdpIn(Wire):
 
     def close(self) -> None:
         self._socket.close()
+
+
+class UdpIn(_Udp):
+    """Waits for datagrams, and answers whoever sent them; several vehicles may come to one port.
+    `port`: where it listens."""
+
+    answers: ClassVar[bool] = True
+
+    def __init__(self, address: Address) -> None:
+        """Raises DriverError."""
+        super().__init__(address, listening(address, socket.SOCK_DGRAM))
+        self.port: int = self._socket.getsockname()[1]
+        self._newest: Any = None
 
     def _receive(self, now: Time) -> Received:
         came: list[tuple[bytes, Any]] = []
@@ -66,24 +73,14 @@ class UdpIn(Wire):
             self._trouble = f"{self.address}: {said(error)}"
 
 
-class UdpOut(Wire):
+class UdpOut(_Udp):
     """Sends datagrams to one place, and hears what comes back from there alone."""
 
     def __init__(self, address: Address) -> None:
         """Raises DriverError."""
-        super().__init__(str(address))
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        super().__init__(address, socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         self._socket.setblocking(False)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
-        self._place = target(address)
-        self._socket.connect(self._place)
-        self._trouble: str | None = None
-
-    def trouble(self) -> str | None:
-        return self._trouble
-
-    def close(self) -> None:
-        self._socket.close()
+        self._socket.connect(target(address))
 
     def _receive(self, now: Time) -> Received:
         came: list[tuple[bytes, Any]] = []
