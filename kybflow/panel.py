@@ -10,6 +10,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from kybflow.details import details, headline
 from kybflow.geometry import distance
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.vehicle import Vehicle
@@ -17,21 +18,26 @@ from kybflow.signals import NS, Event
 
 _SHOWN = 6
 _REDRAW = 0.1
+_MARGIN = " " * 20
 _QUIET_FIELDS = frozenset({"behavior", "part"})
 
 
 def sentence(event: Event) -> str:
-    """One event as a line: `  3.24 s  mk     behavior_started up (take_off)`."""
+    """One event as a line: `  3.24 s  mk     behavior_started up (take_off)`; the table that its
+    words carry below it. Why the run ended is told by the summary that follows."""
     fields = dict(event.fields)
     words = [event.name]
     if "behavior" in fields:
         words.append(str(fields["behavior"]))
     if "part" in fields:
         words.append(f"({fields['part']})")
-    told = {k: v for k, v in fields.items() if k not in _QUIET_FIELDS and v is not None}
-    words += [f"{k}={_short(v)}" for k, v in told.items()]
+    quiet = _QUIET_FIELDS | {"reason"} if event.name == "run_ended" else _QUIET_FIELDS
+    told = {k: v for k, v in fields.items() if k not in quiet and v is not None}
+    words += [f"{k}={headline(_short(v))}" for k, v in told.items()]
     at = f"  [{event.at}]" if event.at else ""
-    return f"{event.time / NS:7.2f} s  {event.vehicle:8} {' '.join(words)}{at}"
+    line = f"{event.time / NS:7.2f} s  {event.vehicle:8} {' '.join(words)}{at}"
+    below = (row for value in told.values() for row in details(_short(value)))
+    return "\n".join([line, *(f"{_MARGIN}{row}" for row in below)])
 
 
 def _short(value: object) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from kybflow.catalog import load_catalog
+from kybflow.details import headline
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 from kybflow.errors import KybflowError
@@ -47,11 +48,12 @@ def run_mission(
         return INVALID
     try:
         plan = _live(result.plan) if asked.live else result.plan
-        flown = _flown(prepare(plan), asked, out)
+        plan = prepare(plan)
+        flown = _flown(plan, asked, out)
     except KybflowError as error:
         err.print(f"error: {error}", markup=False, soft_wrap=True)
         return INVALID
-    _tell(flown, out)
+    _tell(flown, out, has_pace=plan.simulated)
     if asked.report and not _reported(flown, out, err):
         return flown.exit_code or EXIT_CODES["failed"]
     return flown.exit_code
@@ -87,7 +89,8 @@ def _live(plan: Plan) -> Plan:
     return dataclasses.replace(plan, vehicles=tuple(vehicles))
 
 
-def _tell(flown: Flown, out: Console) -> None:
+def _tell(flown: Flown, out: Console, *, has_pace: bool) -> None:
+    """Print how it went. has_pace: whether it need not go by the clock on the wall."""
     summary = flown.summary
     for expectation in summary["expectations"]:
         mark = "held  " if expectation["held"] else "FAILED"
@@ -97,14 +100,23 @@ def _tell(flown: Flown, out: Console) -> None:
     for seconds, name in flown.never_given:
         line = f"`{name}` at {seconds:g} s was never given: the run had ended"
         out.print(line, markup=False, soft_wrap=True)
-    reason = f": {summary['reason']}" if summary["reason"] else ""
+    reason = f": {headline(summary['reason'])}" if summary["reason"] else ""
+    pace = _pace(summary["real_time_factor"]) if has_pace else ""
     out.print(
         f"{summary['mission']} {summary['outcome']}{reason}\n"
-        f"{summary['sim_time_s']:.1f} s flown in {summary['wall_time_s']:.1f} s "
-        f"({summary['real_time_factor']:.0f} x real time), recorded in {flown.folder}",
+        f"{summary['sim_time_s']:.1f} s flown in {summary['wall_time_s']:.1f} s{pace}, "
+        f"recorded in {flown.folder}",
         markup=False,
         soft_wrap=True,
     )
+
+
+def _pace(factor: float | None) -> str:
+    """How many times as fast as real time; one significant figure of a slow one. Empty where it is
+    not known."""
+    if factor is None:
+        return ""
+    return f" ({factor:.0f} x real time)" if factor >= 1.0 else f" ({factor:.1g} x real time)"
 
 
 def _value(expectation: dict[str, object]) -> str:

@@ -308,8 +308,10 @@ def test_a_driver_says_what_it_takes_and_gives(spec: PartSpec) -> None:
     rate = spec.cls.step_rate(minimal(spec))
     assert rate is None or rate > 0.0
     assert spec.cls.takes(minimal(spec)) <= spec.cls.accepts
+    rate = spec.cls.control_rate(minimal(spec))
+    assert 50 <= rate <= 1000
     tracker = spec.cls.tracker(minimal(spec))
-    assert tracker is None or tracker in CATALOG.names("trackers")
+    assert tracker is None or tracker["use"] in CATALOG.names("trackers")
 
 
 @pytest.mark.parametrize("spec", specs("drivers"))

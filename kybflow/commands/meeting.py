@@ -77,8 +77,10 @@ def table(rows: Sequence[Row]) -> list[str]:
 
 
 def _cells(row: Row) -> tuple[str, ...]:
-    has = "-" if row.found is None else f"{row.found:g}"
-    why = f"{row.setting.why} ({row.reason})" if row.reason else row.setting.why
+    has, why = "-", row.setting.why
+    if row.found is not None:
+        has, why = f"{row.found:g}", row.setting.does(row.found)
+    why = f"{why} ({row.reason})" if row.reason else why
     return row.setting.name, has, row.needs, row.state, why
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kybflow.commands.common import INVALID, Seed, Sets, Target, echo, examples
+from kybflow.details import details, headline
 
 if TYPE_CHECKING:
     from kybflow.dsl.plan import Plan
@@ -53,23 +54,29 @@ def _look(plan: Plan, seed: int) -> int:
     from kybflow.runtime.inspection import inspect
 
     try:
-        lines = inspect(plan, seed)
+        found = inspect(plan, seed)
     except DriverError as error:
         echo(f"error: {error}", err=True)
         return FAILED
     except PartFailed as failure:
         echo(f"error: `{failure.part}` can't be made: {failure}", err=True)
         return RED
-    echo("\n".join(table(lines)))
-    return 0 if all(line.green for line in lines) else RED
+    echo("\n".join(table(found.lines)))
+    if found.driver_failed:
+        return FAILED
+    return 0 if all(line.green for line in found.lines) else RED
 
 
 def table(lines: Sequence[Line]) -> list[str]:
-    """The lines in columns: red or green, vehicle, check, reason, mission line."""
+    """The lines in columns: red or green, vehicle, check, reason, mission line; below a line the
+    table that its reason carries."""
     names = max(len(line.vehicle) for line in lines)
     checks = max(len(line.check) for line in lines)
-    return [
-        f"{'green' if line.green else 'RED  '}  {line.vehicle:{names}}  {line.check:{checks}}  "
-        f"{line.reason}{f'  [{line.at}]' if line.at else ''}"
-        for line in lines
-    ]
+    margin = " " * (len("green") + names + checks + 8)
+    found = []
+    for line in lines:
+        colour, at = "green" if line.green else "RED  ", f"  [{line.at}]" if line.at else ""
+        reason = headline(line.reason)
+        found.append(f"{colour}  {line.vehicle:{names}}  {line.check:{checks}}  {reason}{at}")
+        found += [f"{margin}{row}" for row in details(line.reason)]
+    return found

@@ -59,7 +59,7 @@ def shape(
         target=name,
         parameters=placed(resolved.parameters, world.points),
         fence=world.fence,
-        control_rate=_control(root, found),
+        control_rate=_control(root, _needed(vehicles), found),
         control_span=_span_of(root.get("control")),
         hover_limit=_duration(root, "hover_limit", HOVER_LIMIT, found),
         time_limit=_duration(root, "time_limit", TIME_LIMIT, found),
@@ -112,9 +112,15 @@ def _quantity(
     return default if value is None else value
 
 
-def _control(root: Mapping, found: list[Diagnostic]) -> int:
+def _needed(vehicles: dict[str, Vehicle]) -> int:
+    """The control rate that the drivers of all vehicles are content with."""
+    drivers = [vehicle.driver for vehicle in vehicles.values()]
+    return max((use.spec.cls.control_rate(use.params) for use in drivers), default=CONTROL_RATE)
+
+
+def _control(root: Mapping, needed: int, found: list[Diagnostic]) -> int:
     node = root.get("control")
-    rate: float = _quantity(node, "control", FREQUENCY, float(CONTROL_RATE), found)
+    rate: float = _quantity(node, "control", FREQUENCY, float(needed), found)
     if node is not None and not rate.is_integer():
         message = f"`control` must be a whole number of Hz, but this is {rate:g} Hz"
         found.append(Diagnostic("KYB152", message, node.span))

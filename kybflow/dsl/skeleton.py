@@ -229,7 +229,7 @@ def skeleton() -> Schema:
 def _rates() -> Schema:
     hover = "A hover that was entered by default lands after this; 30 s without it."
     limit = "The run ends after this at the latest; 600 s without it."
-    rate = "Control rate, a whole number of Hz; 250 Hz without it."
+    rate = "Control rate, a whole number of Hz; 250 Hz without it, 100 Hz where autopilots fly."
     return {
         "control": quantity(FREQUENCY, rate, exclusiveMinimum=0),
         "hover_limit": quantity(DURATION, hover, exclusiveMinimum=0),

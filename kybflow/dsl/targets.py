@@ -90,9 +90,13 @@ def _implied(target: Text, uses: Uses) -> PartUse | None:
     if target.text not in (implied := implied_targets(uses.catalog)):
         return None
     driver, values = implied[target.text]
-    pairs = {"use": driver, **values}
-    entries = {k: Entry(Scalar(k, span), Scalar(value, span)) for k, value in pairs.items()}
-    return uses.one("drivers", Mapping(entries, span))
+    return uses.one("drivers", _node({"use": driver, **values}, span))
+
+
+def _node(values: dict[str, str], span: Span) -> Mapping:
+    """What would be written there."""
+    entries = {k: Entry(Scalar(k, span), Scalar(value, span)) for k, value in values.items()}
+    return Mapping(entries, span)
 
 
 def with_trackers(
@@ -108,7 +112,7 @@ def with_trackers(
         driver = vehicle.driver
         asked = driver.spec.cls.tracker(driver.params) if node is None else None
         if asked is not None:
-            node = Scalar(asked, driver.span)
+            node = _node(asked, driver.span)
         use = None if node is None else uses.one("trackers", node)
         whole[name] = (
             vehicle if use is None else replace(vehicle, tracker=use, own_tracker=vehicle.tracker)

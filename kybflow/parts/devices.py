@@ -34,8 +34,8 @@ class Seat(NamedTuple):
 
 class Check(NamedTuple):
     """One line of the preflight that the vehicle itself answers: what was looked at, whether it is
-    well, what was found, in words that say what to change. waits: whether it may become well
-    without anybody's doing."""
+    well, what was found, in words that say what to change, which may carry a table (`details`).
+    waits: whether it may become well without anybody's doing."""
 
     name: str
     green: bool
@@ -53,10 +53,12 @@ class Said(NamedTuple):
 
 class Taken(NamedTuple):
     """Why a vehicle whose link lives does not obey. lands: its own failsafe has it, not a person,
-    and it is to be landed."""
+    and it is to be landed. kept: why it was not given back when it was asked for; empty while
+    nobody has asked, and while that is awaited."""
 
     reason: str
     lands: bool = False
+    kept: str = ""
 
 
 class Link(ABC):
@@ -108,7 +110,7 @@ class Link(ABC):
         return ()
 
     def reclaim(self, now: Time) -> None:  # noqa: B027 - most are never taken
-        """Ask for a vehicle back that was `taken`."""
+        """Ask for a vehicle back that was `taken`. One that does not come says why in `kept`."""
 
     def land(self, now: Time) -> bool:
         """Land by the land mode of the vehicle itself; whether it is on the ground and its rotors
@@ -182,9 +184,10 @@ class Driver(Part[P]):
         return cls.accepts
 
     @classmethod
-    def tracker(cls, params: P) -> str | None:
-        """The tracker that its vehicles fly best with, in place of the mission's; None to fly with
-        the mission's. A target may name another."""
+    def tracker(cls, params: P) -> Mapping[str, str] | None:
+        """The tracker that its vehicles fly best with, in place of the mission's, as it would be
+        written: `use`, and its parameters; None to fly with the mission's. A target may name
+        another."""
         return None
 
     @classmethod
@@ -208,6 +211,12 @@ class Driver(Part[P]):
         """What is dangerous about the vehicle's own watchdog, which lands it should this program
         die; None where nothing is. The preflight refuses to fly with it."""
         return None
+
+    @classmethod
+    def control_rate(cls, params: P) -> int:
+        """Ticks a second with which its vehicles fly well, where the mission's `control` says
+        nothing; the run takes the highest that a vehicle of it needs."""
+        return 250
 
     @classmethod
     def step_rate(cls, params: P) -> float | None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -112,6 +114,17 @@ def in_the_air(vehicle: Vehicle) -> bool:
     return mistaken or norm(truth.velocity) > _AT_REST
 
 
+@contextmanager
+def _unsearched() -> Iterator[None]:
+    """What is there now is not searched for garbage any more, so that no tick waits for a search
+    through every module (0.1 s on a slow machine)."""
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+
+
 class _Run:
     """A run under way: what is open, and how it ended."""
 
@@ -152,7 +165,7 @@ class _Run:
         )
         for name, value in asked.options:
             engine.options.set(name, value, "command line")
-        with Interrupts(engine):
+        with Interrupts(engine), _unsearched():
             reason = engine.run()
         self._driver_failed = next((v.link_error for v in vehicles if v.link_error), None)
         return reason

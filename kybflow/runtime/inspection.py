@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 from kybflow.dsl.plan import Plan
 from kybflow.runtime.engine import Engine
@@ -19,8 +20,16 @@ from kybflow.runtime.recorder import Recorder
 from kybflow.runtime.score import Score
 
 
-def inspect(plan: Plan, seed: int = 0) -> list[Line]:
-    """Every line of every vehicle. Raises DriverError and PartFailed."""
+class Inspected(NamedTuple):
+    """Every line of every vehicle. driver_failed: what a link said that failed while it was looked
+    at, as where nobody is at the other end; None where all work."""
+
+    lines: list[Line]
+    driver_failed: str | None
+
+
+def inspect(plan: Plan, seed: int = 0) -> Inspected:
+    """Look at every vehicle. Raises DriverError where one can't be opened, and PartFailed."""
     events = Events()
     devices = open_devices(plan, seed)
     try:
@@ -30,7 +39,9 @@ def inspect(plan: Plan, seed: int = 0) -> list[Line]:
                 vehicles = build_vehicles(plan, devices, events, recorder, Score(plan))
                 clock = clock_for(plan, 1.0 if goes_by_the_wall(plan) else None)
                 engine = Engine(plan, clock, devices.sessions, vehicles, events)
-                return engine.inspect()
+                lines = engine.inspect()
+                failed = next((v.link_error for v in vehicles if v.link_error), None)
+                return Inspected(lines, failed)
             finally:
                 recorder.close()
     finally:

@@ -4,8 +4,8 @@ else has it, and goes on when it is given back.
 A vehicle on the ground that is asked for thrust arms first, which may take seconds; the behavior's
 time stands still until it obeys. One that refuses stays on the ground, with its own words, and its
 behavior has refused to start. A vehicle that a pilot took is sent nothing and decides nothing;
-`operator.resume` asks for it back, and what was frozen goes on from where it is then. One that its
-own failsafe took is landed.
+`operator.resume` asks for it back, and what was frozen goes on from where it is then; one that does
+not come is told. One that its own failsafe took is landed.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ class Obeying(Acting):
         self.away = False
         self._waking: Command | None = None
         self._brought_down: Taken | None = None
+        self._lost: Taken | None = None
+        self._kept = ""
 
     def _handed(self, command: Command, now: Time) -> Command:
         """Hand the command of a tick to the link; what it was given."""
@@ -65,10 +67,14 @@ class Obeying(Acting):
         """Note whether somebody else has the vehicle in this tick."""
         taken = self.senses.asking.taken
         if taken is None or not self.activity.airborne:
+            self._lost = None
             if self.away:
                 self._returned()
         elif taken.lands:
             self._claimed()
+            if taken != self._lost:
+                self._lost = taken
+                self._tell("control_lost", self.plan.driver.at, reason=taken.reason)
             lost = Alarm("control_lost", Reaction.LAND, taken.reason)
             self.react(Heard(lost, self.plan.driver.at), tick)
             self._bring_down(taken, tick.now)
@@ -82,6 +88,9 @@ class Obeying(Acting):
             self._tell("control_taken", self.plan.driver.at, reason=taken.reason)
             self.failsafe.unbrake()
             self.activity.freeze("pilot", self.entry)
+        if taken.kept and taken.kept != self._kept:
+            self._tell("control_kept", self.plan.driver.at, reason=taken.kept)
+        self._kept = taken.kept
         self.activity.wait(tick.dt)
         self.failsafe.check(tick, airborne=False)  # they go on looking; nobody reacts
         if self._wishes.waiting:
@@ -127,5 +136,6 @@ class Obeying(Acting):
 
     def _resume(self, by: str, at: str) -> None:
         if self._is_somebodys:
+            self._kept = ""
             self.senses.asking.reclaim(self.now)
         super()._resume(by, at)

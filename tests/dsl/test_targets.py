@@ -39,8 +39,8 @@ class Yard(Sim):
     targets: ClassVar[Any] = {"yard": {"watchdog": False, "live": False}, "sim2": {}}
 
     @classmethod
-    def tracker(cls, params: Any) -> str | None:
-        return None if params.live else "on_board"
+    def tracker(cls, params: Any) -> dict[str, str] | None:
+        return None if params.live else {"use": "on_board", "by": "velocity"}
 
 
 class Yards(Catalog):
@@ -127,7 +127,7 @@ def test_the_trackers_of_a_target(tmp_path: Path) -> None:
     assert vehicles["b"].tracker.name == "cascade"
     asked = flown(tmp_path, "yard")
     assert [v.tracker.name for v in asked.values()] == ["on_board", "on_board"]
-    assert asked["a"].tracker.params.by == "position"
+    assert asked["a"].tracker.params.by == "velocity"
     own = flown(tmp_path, "yard", "{yard: {all: {driver: {use: yard, live: true}}}}")
     assert own["a"].tracker.params.proportional == 15
     assert own["b"].tracker.name == flown(tmp_path, "sim")["b"].tracker.name

@@ -167,6 +167,36 @@ def test_a_vehicle_that_a_pilot_took_is_left_alone_until_a_person_asks_for_it(ru
     assert flown.exit_code == 0
 
 
+class Keeping(Autopilot):
+    """It is asked for back and does not come; a second later it says so."""
+
+    asked_back: float | None = None
+
+    def reclaim(self, now):
+        self.asked_back = now / NS
+        self.taken = PILOT
+
+    def read(self, now):
+        measured = super().read(now)
+        if self.asked_back is not None and now / NS > self.asked_back + 1.0:
+            self.taken = PILOT._replace(kept="it won't go from POSCTL to OFFBOARD")
+        return measured
+
+
+def test_a_vehicle_that_is_asked_for_and_kept_is_told_each_time(run):
+    own = wrapped(lambda _, link: Keeping(link, "pilot lands"))
+    asks = tuple((TAKEN + at, "operator.resume") for at in (0.2, 1.8))
+    _, told = run(flight(own), emitted=asks)
+    found = named(told, "control_kept")
+    assert [event.fields for event in found] == [
+        {"reason": "it won't go from POSCTL to OFFBOARD"}
+    ] * 2
+    times = [event.time / NS for event in found]
+    assert times == pytest.approx([TAKEN + 1.2, TAKEN + 2.8], abs=0.03)
+    assert len(named(told, "control_taken")) == 1
+    assert named(told, "control_returned") == []
+
+
 def test_nobody_else_gets_a_vehicle_that_a_pilot_has(run):
     own, _ = driver("pilot")
     asks = []
@@ -206,7 +236,9 @@ def test_an_interrupted_run_leaves_the_vehicle_to_its_pilot(run):
 def test_a_vehicle_that_its_own_failsafe_took_is_landed(run):
     own, opened = driver("failsafe", lands=True)
     flown, told = run(flight(own))
-    [started] = named(told, "failsafe_started")
+    [lost], [started] = named(told, "control_lost"), named(told, "failsafe_started")
+    assert lost.fields == {"reason": "no set-points"}
+    assert lost.time == started.time
     assert (started.fields["reaction"], started.fields["reason"]) == ("land", "no set-points")
     assert path(told, "a")[-2:] == ["auto_land", "fault"]
     assert "land" in asked(opened)

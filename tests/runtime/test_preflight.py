@@ -29,7 +29,7 @@ from kybflow.signals import NS, Battery, Estimate, Frame, MeasurementKind, Pose,
 
 
 def checks(*vehicles, **facts) -> dict[tuple[str, str], Line]:
-    return {(line.vehicle, line.check): line for line in inspect(plan(*vehicles, **facts))}
+    return {(line.vehicle, line.check): line for line in inspect(plan(*vehicles, **facts)).lines}
 
 
 def flight(name: str = "a", **more):
@@ -58,7 +58,7 @@ def bent(bend, **names) -> PartPlan:
 
 
 def test_all_is_green_on_a_good_day_and_says_what_it_found():
-    found = inspect(plan(flight()))
+    found = inspect(plan(flight())).lines
     assert {line.check for line in found} == {
         "link", "watchdog", "pose stream", "battery", "estimate", "start pose", "fence",
     }  # fmt: skip

@@ -49,8 +49,12 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
     }
 
     @classmethod
-    def tracker(cls, params: EmulatedAutopilotParams) -> str | None:
-        return "on_board"
+    def tracker(cls, params: EmulatedAutopilotParams) -> Mapping[str, str] | None:
+        return Mavlink.tracker(params)
+
+    @classmethod
+    def control_rate(cls, params: EmulatedAutopilotParams) -> int:
+        return Mavlink.control_rate(params)
 
     @classmethod
     def step_rate(cls, params: EmulatedAutopilotParams) -> float | None:

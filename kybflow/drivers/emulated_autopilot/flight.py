@@ -55,6 +55,7 @@ class Flight:
         self._is_home, self._turning, self._began = False, False, now
         if self._state.flying.role is Role.FOLLOW:
             self._state.climb_to = None
+        self._leave_the_ground()
 
     def arm(self, now: Time) -> None:
         """The rotors begin to turn."""
@@ -63,7 +64,11 @@ class Flight:
         state.climb_to = None
         self._control.begin(estimator.attitude.heading)
         self.enter(now)
-        if state.flying.role is Role.TAKE_OFF:
+
+    def _leave_the_ground(self) -> None:
+        """By PX4's mode for it, armed before or after."""
+        state = self._state
+        if state.flying.role is Role.TAKE_OFF and state.armed and state.is_down:
             state.climb_to = state.ground + state.parameters["MIS_TAKEOFF_ALT"]
 
     def step(self, now: Time, dt: float) -> Command:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from operator import attrgetter
 
 from kybflow.drivers.emulated_autopilot.autopilot import Autopilot
@@ -12,14 +12,15 @@ from kybflow.drivers.emulated_autopilot.fleet import Emulated, Fleet
 from kybflow.drivers.emulated_autopilot.preparing import Plans
 from kybflow.drivers.mavlink import AutopilotParams, MavlinkParams
 from kybflow.drivers.mavlink.hub import Hub, Port
+from kybflow.drivers.mavlink.lead import Lag
 from kybflow.drivers.mavlink.link import AutopilotLink
 from kybflow.drivers.mavlink.profile import profile_of
 from kybflow.drivers.mavlink.wire import Wire, memory_wires
 from kybflow.parts import Link, Seat, Session
 from kybflow.signals import Measurement, Time, Truth
 
-LAG = 0.04
-"""Seconds by which an emulated autopilot comes after its set-points."""
+LAG = Lag(place=0.04, push=0.1)
+"""By how much an emulated autopilot comes after its set-points."""
 
 
 class EmulatedLink(AutopilotLink):
@@ -28,8 +29,9 @@ class EmulatedLink(AutopilotLink):
 
     def __init__(self, seat: Seat, port: Port, wire: Wire, emulated: Emulated) -> None:
         shared = {field.name: getattr(seat.params, field.name) for field in fields(AutopilotParams)}
-        params = MavlinkParams(**shared, simulator=True, lead=LAG)
-        super().__init__(Seat(seat.site, params), profile_of(params.autopilot), port)
+        params = MavlinkParams(**shared, simulator=True)
+        profile = replace(profile_of(params.autopilot), lag=LAG)
+        super().__init__(Seat(seat.site, params), profile, port)
         self.wire = wire
         self._emulated = emulated
         self.rig = emulated.vehicle.rig

@@ -21,6 +21,11 @@ if TYPE_CHECKING:
     import random
 
 Autopilot = Literal["px4", "ardupilot"]
+OFTEN = 40.0
+"""Set-points a second with which the position loop may be ours."""
+SLOW, QUICK = 100, 250
+"""Ticks a second: where the autopilot holds the vehicle and is told where to, and where set-points
+go out more often than every other one of those."""
 
 
 @params
@@ -101,8 +106,15 @@ class Mavlink(Driver[MavlinkParams]):
     }
 
     @classmethod
-    def tracker(cls, params: MavlinkParams) -> str | None:
-        return "on_board"
+    def tracker(cls, params: AutopilotParams) -> Mapping[str, str] | None:
+        """By acceleration where kybflow knows better than the autopilot where it is, and says
+        often enough where to go."""
+        leads = params.position == "outside" and params.rate >= OFTEN
+        return {"use": "on_board", "by": "acceleration" if leads else "position"}
+
+    @classmethod
+    def control_rate(cls, params: AutopilotParams) -> int:
+        return SLOW if 2 * params.rate <= SLOW else QUICK
 
     @classmethod
     def shows(cls, params: MavlinkParams) -> bool:

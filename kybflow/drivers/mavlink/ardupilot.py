@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from kybflow.drivers.mavlink.lead import Lag
 from kybflow.drivers.mavlink.profile import (
     DO_GRIPPER,
     DO_SET_RELAY,
@@ -57,17 +58,24 @@ INDOORS = (
     Setting("GPS_TYPE", 0, "no GPS indoors", restart=True),
     Setting("COMPASS_ENABLE", 0, "no compass among steel and currents", restart=True),
     Setting("FS_THR_ENABLE", 0, "it flies without a transmitter; with one, 3 (land) is as good",
-            (3,)),
-    Setting("FS_GCS_ENABLE", 5, "it lands when our heartbeat stops; by default it flies on"),
+            {3: "it lands when its transmitter is lost"}),
+    Setting("FS_GCS_ENABLE", 5, "it lands when our heartbeat stops"),
     Setting("FS_GCS_TIMEOUT", 2.0, "it notices within two seconds that our heartbeat stopped",
             rule="at_most"),
     Setting("SYSID_MYGCS", OWN, "the heartbeat that it waits for is ours"),
-    Setting("FS_EKF_ACTION", 1, "it lands when it has lost its position", (3,)),
-    Setting("GUID_TIMEOUT", 1.0, "it stops within a second when set-points stop", rule="at_most"),
+    Setting("FS_EKF_ACTION", 1, "it lands when it has lost its position in a mode that needs one",
+            {3: "it lands when it has lost its position, in every mode"}),
+    Setting("GUID_TIMEOUT", 1.0, "it stops within a second when velocities or attitudes stop; a"
+            " position alone it holds", rule="at_most"),
     Setting("GUID_OPTIONS", 8, "thrust is thrust, not a climb rate", rule="bits"),
 )  # fmt: skip
 
-_EARLY_RETURN = MappingProxyType(dict.fromkeys((2, 3), f"on a low battery {_CLIMBS}"))
+_RETRACES, _FALLS = "it would fly back the way it came", "its rotors would stop in the air"
+_EARLY_RETURN = MappingProxyType(
+    dict.fromkeys((2, 6), f"on a low battery {_CLIMBS}")
+    | dict.fromkeys((3, 4), f"on a low battery {_RETRACES}")
+)
+_EARLY_END = MappingProxyType({5: f"on a low battery {_FALLS}"})
 DANGERS = (
     Danger(
         "FS_GCS_ENABLE",
@@ -75,7 +83,9 @@ DANGERS = (
         "5 (land)",
     ),
     Danger(
-        "FS_GCS_ENABLE", dict.fromkeys((1, 2, 3, 6), f"without our heartbeat {_CLIMBS}"),
+        "FS_GCS_ENABLE",
+        dict.fromkeys((1, 2, 6), f"without our heartbeat {_CLIMBS}")
+        | dict.fromkeys((3, 4), f"without our heartbeat {_RETRACES}"),
         "5 (land)", indoors=True,
     ),
     Danger(
@@ -96,6 +106,8 @@ DANGERS = (
         "GUID_TIMEOUT", cure="1", above=3.0,
         excess="for so many seconds it would fly on at the last velocity",
     ),
+    Danger("BATT_FS_LOW_ACT", _EARLY_END, "1 (land)"),
+    Danger("BATT_FS_CRT_ACT", _EARLY_END, "1 (land)"),
     Danger("BATT_FS_LOW_ACT", _EARLY_RETURN, "1 (land)", indoors=True),
     Danger("BATT_FS_CRT_ACT", _EARLY_RETURN, "1 (land)", indoors=True),
 )  # fmt: skip
@@ -171,7 +183,10 @@ ARDUPILOT = Profile(
     raises=True,
     integer_parameters_bytewise=False,
     hover_parameter="MOT_THST_HOVER",
-    lag=0.1,
+    reaction="FS_GCS_ENABLE",
+    feeds=("VISO_TYPE", "EK3_SRC1_POSXY", "EK3_SRC1_POSZ", "EK3_SRC1_YAW"),
+    feeds_own=("GPS_TYPE", "EK3_SRC1_POSXY"),
+    lag=Lag(place=0.1, push=0.2),
     takeoff_height=0.5,
     sphere=6_378_100.0,
     mode_params=mode_params,

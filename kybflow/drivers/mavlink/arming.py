@@ -32,6 +32,9 @@ SOON: Time = NS
 mode."""
 UNSURE: Time = 5 * NS
 """After this it is asked to disarm though it does not say that it is on the ground."""
+PATIENT: Time = 10 * NS
+"""How long it may refuse to disarm before that is worth a word: its landing is noticed later than
+it is there."""
 
 
 class Arming:
@@ -107,18 +110,21 @@ class Arming:
     def _words(self, waits: str) -> str:
         """`waits`, with what it said itself meanwhile where that is not in it."""
         said = [part for part in self._heard.words(self._begun).split("; ") if part]
+        if not self._heard.armed and self._heard.ill:
+            said.append(self._heard.ill)
         return "; ".join([waits, *(part for part in said if part not in waits)])
 
 
 class Resting:
     """A vehicle that is to be disarmed, asked for but never forced. One that does not know that it
     is on the ground, or that does not disarm there within a second, is put into its own land mode,
-    which brings it down and notices."""
+    which brings it down and notices. `insists`: whether it is too early to say that it won't."""
 
     def __init__(self, heard: Heard, requests: Requests, modes: Modes) -> None:
         self._heard, self._modes = heard, modes
         self._disarm = Insisting(requests, ARM_DISARM, (0.0,))
         self._begun: Time | None = None
+        self.insists = heard.armed
 
     def drop(self) -> None:
         """Ask no more."""
@@ -131,6 +137,7 @@ class Resting:
 
     def step(self, now: Time) -> None:
         """Once a tick."""
+        self.insists = self._heard.armed and (self._begun is None or now - self._begun <= PATIENT)
         if not self._heard.armed:
             self._begun = None
             return

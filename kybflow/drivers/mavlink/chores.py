@@ -43,9 +43,10 @@ class Chores:
         self._reboots = 0
 
     def stream(self, name: str, rate: float, now: Time) -> None:
-        """Ask for another rate of a stream, Hz."""
+        """Ask for another rate of a stream, Hz, where that is another."""
+        is_other = rate != self._rates.get(name)
         self._rates[name] = rate
-        if self._rounds:
+        if self._rounds and is_other:
             self._ask_for(name, now)
 
     def begin_anew(self) -> None:

@@ -1,7 +1,7 @@
 """The clock of an autopilot and ours.
 
 An autopilot stamps what it says with the time since it booted. `BootClock` brings that to the run's
-time by the least delay (`kybflow.offset`): a message is heard at a tick, up to 4 ms late,
+time by the least delay (`kybflow.offset`): a message is heard at a tick, up to a tick late,
 but of some hundred a second a few come just before one. `TimeSync` measures the same offset there
 and back. Its answers too wait for a tick, on one of the two ways only: its offset is half of that
 wrong, some 2 ms, whatever is averaged. So stamps come from `BootClock`, and `TimeSync` says how

@@ -32,6 +32,7 @@ FORGETS: Time = 2 * NS
 """A silence after which its streams are asked for again."""
 REPEATED: Time = 60 * NS
 """How long a text that was told is not told again."""
+DISARM = "disarm"
 SEVERITIES = ("critical", "critical", "critical", "error", "warning")
 TRUE = frozenset({"SIM_STATE", "HIL_STATE_QUATERNION"})
 ANSWERS = frozenset({"COMMAND_ACK", "PARAM_VALUE", "PARAM_ERROR", "TIMESYNC"})
@@ -54,9 +55,17 @@ class Contact:
         self._alive: Time | None = None
         self._text: Text | None = None
         self._told: dict[str, Time] = {}
+        self._kept: list[Text] = []
         port.want({*self.heard.heeds, *self.telemetry.heeds, *profile.streams, *ANSWERS})
         if self.truth is not None:
             port.want(TRUE)
+
+    @property
+    def unheeded(self) -> str:
+        """Why it may not heed what it is asked; empty where nothing is known."""
+        if self.port.counts.signed:
+            return "; what it sends is signed: give the driver its `key`"
+        return ""
 
     def age(self, now: Time) -> float:
         """Seconds since anything was heard; zero before."""
@@ -76,20 +85,34 @@ class Contact:
         for message in messages:
             self._hear(message, chores, now)
 
-    def said(self) -> Sequence[Said]:
-        """What it said of warning or worse since the last call, each thing but once a minute."""
-        texts = self.heard.texts
-        if not texts or texts[-1] is self._text:
+    def said(self, *, is_disarming: bool) -> Sequence[Said]:
+        """What it said of warning or worse since the last call, each thing but once a minute. Why
+        it does not disarm is kept back while that is tried again, and told once it is not."""
+        fresh = self._fresh()
+        if not fresh and not self._kept:
             return ()
-        fresh = list(takewhile(lambda text: text is not self._text, reversed(texts)))
-        self._text = texts[-1]
+        if is_disarming:
+            self._kept += (text for text in fresh if DISARM in text.text.lower())
+            fresh = [text for text in fresh if DISARM not in text.text.lower()]
+        elif self._kept:
+            fresh = [*(self._kept if self.heard.armed else ()), *fresh]
+            self._kept = []
         said = []
-        for time, severity, text in reversed(fresh):
+        for time, severity, text in fresh:
             told = self._told.get(text)
             if severity <= WARNING and (told is None or time - told > REPEATED):
                 self._told[text] = time
                 said.append(Said(SEVERITIES[severity], text))
         return said
+
+    def _fresh(self) -> list[Text]:
+        """Its texts since the last call, oldest first."""
+        texts = self.heard.texts
+        if not texts or texts[-1] is self._text:
+            return []
+        fresh = list(takewhile(lambda text: text is not self._text, reversed(texts)))
+        self._text = texts[-1]
+        return fresh[::-1]
 
     def _hear(self, message: Message, chores: Chores, now: Time) -> None:
         sort = message.get_type()

@@ -32,18 +32,23 @@ _DROPPED = object()
 @dataclass(slots=True)
 class Counts:
     """What came. bad: stretches of bytes that are no frame, or one with a wrong checksum. refused:
-    frames unsigned, wrongly signed or heard before. unknown: frames of another dialect."""
+    frames unsigned, wrongly signed or old; stale: those of them that are rightly signed. signed:
+    frames whose signature nobody checks, for want of a key. unknown: frames of another dialect."""
 
     messages: int = 0
     bad: int = 0
     refused: int = 0
+    stale: int = 0
+    signed: int = 0
     unknown: int = 0
 
 
 class Parser:
     """What one sender says, whole frames or a stream of bytes. Never raises, whatever comes.
+    stale: who signed rightly, but long ago, by system and component; who reads it, empties it.
     wanted: the numbers of the messages that are read, when there are any; others are looked at no
-    further than their signature."""
+    further than their signature, and without one, alone in a datagram, no further than their
+    length."""
 
     def __init__(
         self,
@@ -52,12 +57,23 @@ class Parser:
         wanted: Set[int] = frozenset(),
     ) -> None:
         self.counts = Counts() if counts is None else counts
+        self.stale: set[tuple[int, int]] = set()
         self._signing, self._wanted = signing, wanted
         self._rest = b""
 
     def parse(self, data: bytes) -> list[Message]:
         """The messages that are complete now, oldest first. After a bad byte the search goes on
         with the next one: no good frame is lost to a bad one before it."""
+        size = -1 if self._rest or not data else size_of(data, 0, len(data))
+        if size == len(data):  # one frame, as datagrams are: nothing to search for
+            if self._signing is None and self._wanted and number_of(data) not in self._wanted:
+                return []
+            message = self._frame(data, b"")
+            if message is not None:
+                if message is _DROPPED:
+                    return []
+                self.counts.messages += 1
+                return [message]
         messages: list[Message] = []
         while self._rest and _is_whole(data):  # then the rest of the one before won't come:
             rest = self._rest  # it was a datagram cut short, or bytes were lost
@@ -100,10 +116,11 @@ class Parser:
             return _DROPPED
         if not layout.fits(frame):
             return None
-        system, component = (frame[3], frame[4]) if frame[0] == FIRST else (frame[5], frame[6])
-        if self._signing is not None and not (
-            is_signed(frame) and self._signing.accepts(frame, system, component)
-        ):
+        if frame[0] == FIRST:
+            sequence, system, component = frame[2], frame[3], frame[4]
+        else:
+            sequence, system, component = frame[4], frame[5], frame[6]
+        if not self._is_believed(frame, system, component):
             self.counts.refused += 1
             return _DROPPED
         if self._wanted and number not in self._wanted:
@@ -113,9 +130,22 @@ class Parser:
         except Exception:  # a foreign class made from foreign bytes
             return None
         header = message.get_header()
-        header.srcSystem, header.srcComponent = system, component
-        header.seq = frame[2] if frame[0] == FIRST else frame[4]
+        header.srcSystem, header.srcComponent, header.seq = system, component, sequence
         return message
+
+    def _is_believed(self, frame: bytes, system: int, component: int) -> bool:
+        """Whether its signature is as it should be."""
+        if self._signing is None:
+            self.counts.signed += is_signed(frame)
+            return True
+        if not is_signed(frame):
+            return False
+        if self._signing.accepts(frame, system, component):
+            return True
+        if self._signing.knows(frame):
+            self.counts.stale += 1
+            self.stale.add((system, component))
+        return False
 
 
 def _is_whole(data: bytes) -> bool:

@@ -13,6 +13,7 @@ from enum import Enum
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
+from kybflow.drivers.mavlink.ailments import Sensors
 from kybflow.signals import NS, Time
 
 if TYPE_CHECKING:
@@ -48,19 +49,6 @@ class Said(NamedTuple):
     time: Time
     severity: int
     text: str
-
-
-class Sensors(NamedTuple):
-    """The sensors of SYS_STATUS, a bit each (MAV_SYS_STATUS_SENSOR)."""
-
-    present: int
-    enabled: int
-    health: int
-
-    @property
-    def ill(self) -> int:
-        """Those that are there and in use, and not well."""
-        return self.present & self.enabled & ~self.health
 
 
 class _Chunks:
@@ -136,6 +124,12 @@ class Heard:
         self.at[sort] = now
         if self._chunks:
             self._give_up(now)
+
+    @property
+    def ill(self) -> str:
+        """What it reports as not well, in words; empty where nothing is."""
+        ill = "" if self.sensors is None else self.sensors.words
+        return f"it reports as not well: {ill}" if ill else ""
 
     def words(self, since: Time) -> str:
         """What it said since then of warning or worse, newest last, each but once."""

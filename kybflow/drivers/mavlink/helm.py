@@ -17,6 +17,7 @@ from kybflow.drivers.mavlink.lifting import Lifting, raised
 from kybflow.drivers.mavlink.modes import Modes
 from kybflow.drivers.mavlink.preparing import Preparing
 from kybflow.drivers.mavlink.profile import Profile
+from kybflow.drivers.mavlink.reclaiming import Reclaiming
 from kybflow.drivers.mavlink.requests import Requests
 from kybflow.drivers.mavlink.stream import Stream
 from kybflow.drivers.mavlink.taking import Taking
@@ -28,8 +29,6 @@ STUBBORN: Time = 3 * NS
 """How long it may take to be in its land mode; and what armed it within this is still ours."""
 ALIVE = 0.3
 """Seconds without a word that are nothing out of the way."""
-INSISTENT: Time = 10 * NS
-"""How long a vehicle is asked for back; later it would leave its pilot when nobody thinks of it."""
 WELL: Time = NS
 """How long a link must have been well before a vehicle is taken back unasked."""
 
@@ -69,8 +68,7 @@ class Helm:
         self._since: Time = 0
         self._lifting = Lifting(hold)
         self._returns_by_itself = False
-        self._holding: Command | None = None
-        self._asked: Time = 0
+        self._reclaiming = Reclaiming(self.modes, self.stream, hold, self._step_mode)
 
     def arm(self, command: Command, now: Time) -> bool:
         """Whether it follows. Raises Refused; then it is disarmed where it is armed."""
@@ -160,15 +158,19 @@ class Helm:
 
     def reclaim(self, now: Time) -> None:
         """Ask for it back, to hold still until it is commanded again."""
-        if self.taken is None or self._holding is not None:
+        if self.taken is None or self._reclaiming.is_under_way:
             return
         if not self._heard.armed:
             self.rest(now)
             return
-        self._holding = self._hold()
-        if self._holding is not None:
-            self._asked = now
-            self.modes.want("offboard")
+        trouble = self._reclaiming.begin(now)
+        kept = "" if self._returns_by_itself else trouble
+        self.taken = self.taken._replace(kept=kept)
+
+    @property
+    def is_disarming(self) -> bool:
+        """Whether it is to be disarmed, and that has not been tried for long."""
+        return self.goal is Goal.REST and self.taken is None and self._resting.insists
 
     def look(self, age: float, now: Time) -> None:
         """See what it does, once a tick after all that came was heard. age: seconds since anything
@@ -179,7 +181,7 @@ class Helm:
             if self._cutting.step(now):
                 self.rest(now)
         elif self.taken is not None:
-            self._look_after(age, now)
+            self._look_after(self.taken, age, now)
         elif self.goal is Goal.REST:
             self._let_rest(now)
         elif self.goal is Goal.FOLLOW:
@@ -192,7 +194,7 @@ class Helm:
 
     def _release(self, goal: Goal, now: Time) -> None:
         self.goal, self._since, self.taken = goal, now, None
-        self._holding = None
+        self._reclaiming.forget()
         self._lifting.end()
         self.taking.forget()
         self._resting.drop()
@@ -225,17 +227,11 @@ class Helm:
     def _stay_down(self) -> None:
         """One that was to be taken back unasked is not, when it is down: it would take off
         again."""
-        if self._returns_by_itself and self._holding is not None:
-            self._hold_no_more()
+        if self._returns_by_itself and self._reclaiming.is_under_way:
+            self._reclaiming.end()
         self._returns_by_itself = False
 
-    def _hold_no_more(self) -> None:
-        """It is not asked for back any more."""
-        self._holding = None
-        self.stream.stop()
-        self.modes.want(None)
-
-    def _look_after(self, age: float, now: Time) -> None:
+    def _look_after(self, taken: Taken, age: float, now: Time) -> None:
         """While somebody else has it."""
         silence = self.taking.silence
         is_well = age < ALIVE and (silence is None or now - silence.ended > WELL)
@@ -243,10 +239,14 @@ class Helm:
             self._stay_down()
         if self._returns_by_itself and is_well:
             self.reclaim(now)
-        if self._holding is not None:
-            if not self._heard.armed or now - self._asked > INSISTENT:
-                self._hold_no_more()
-                return
-            self.stream.feed(self._holding, now)
-            if self._step_mode(now):
-                self._release(Goal.FOLLOW, now)
+        if self._reclaiming.is_under_way:
+            self._ask_back(taken, now)
+
+    def _ask_back(self, taken: Taken, now: Time) -> None:
+        """It is to come back: does it, is it down, or was it asked for long enough?"""
+        kept = self._reclaiming.lasts(now)
+        if kept or not self._heard.armed:
+            self.taken = taken._replace(kept=kept)
+            self._reclaiming.end()
+        elif self._reclaiming.step(now):
+            self._release(Goal.FOLLOW, now)

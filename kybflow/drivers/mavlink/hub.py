@@ -86,6 +86,13 @@ class Port:
         self._place, self.heard = place, now
         self._messages.append(message)
 
+    def answer(self, place: Any, now: Time) -> None:
+        """Called by the hub: whoever is there has the secret, but a clock that is behind, as an
+        autopilot that has started anew. It is told ours, which it then goes by; until it does,
+        nothing that it says counts."""
+        if self._place is None or not self._holds(now):
+            self._place = place
+
     def _holds(self, now: Time) -> bool:
         return (
             self.heard is not None
@@ -152,7 +159,11 @@ class _Line:
     def poll(self, now: Time) -> None:
         self.now = now
         for data, place in self.wire.receive(now):
-            for message in self._parser(place).parse(data):
+            parser = self._parser(place)
+            messages = parser.parse(data)
+            if parser.stale:
+                self._answer(parser.stale, place, now)
+            for message in messages:
                 if message.get_srcComponent() != AUTOPILOT:
                     continue
                 system = message.get_srcSystem()
@@ -160,9 +171,19 @@ class _Line:
                 if (port := self.ports.get(system)) is not None:
                     port.hear(message, place, now)
 
+    def _answer(self, stale: set[tuple[int, int]], place: Any, now: Time) -> None:
+        """Have those told our time whose own is behind, by system and component."""
+        systems = {system for system, component in stale if component == AUTOPILOT}
+        stale.clear()
+        self.autopilots |= systems
+        for system in systems & self.ports.keys():
+            self.ports[system].answer(place, now)
+
     def silence(self, system: int) -> str:
         """Why that system may not have been heard."""
         place, counts = self.wire.address, self.counts
+        if counts.stale and not counts.messages:
+            return f"what is heard at {place} is signed with an old time, and stays so"
         if others := sorted(self.autopilots - {system}):
             names = ", ".join(str(other) for other in others)
             verb = f"system {names} is" if len(others) == 1 else f"systems {names} are"

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from operator import attrgetter
 from typing import Any
 
 from kybflow.drivers.mavlink.signing import SIGNATURE
@@ -86,8 +87,9 @@ class Layout:
         starts = [sum(made.lengths[:place]) for place in range(len(made.lengths))]
         self._spans = [(starts[place], made.lengths[place]) for place in made.orders]
         self._order: list[int] = list(made.orders)
+        self._is_ordered = self._order == sorted(self._order)
         self._arrays = dict(zip(made.ordered_fieldnames, made.array_lengths, strict=True))
-        self._fields: list[tuple[str, bool]] | None = None
+        self._fields: Callable[[Message], Sequence[Any]] | None = None
 
     def fits(self, frame: bytes) -> bool:
         """Whether its checksum is right."""
@@ -99,7 +101,7 @@ class Layout:
         payload = frame[_FIRST_HEAD if frame[0] == FIRST else _SECOND_HEAD : _body(frame)]
         values = self._unpack(payload[: self.size].ljust(self.size, b"\0"))
         if self._is_plain:
-            return self.made(*[values[place] for place in self._order])
+            return self.made(*(values if self._is_ordered else [values[p] for p in self._order]))
         if self._has_texts:
             return self.made(*[_value(values, start, count) for start, count in self._spans])
         return self.made(
@@ -121,16 +123,9 @@ class Layout:
 
     def _payload(self, message: Message) -> bytes:
         if self._fields is None:
-            self._fields = [_stored(message, *field) for field in self._arrays.items()]
-        values: list[Any] = []
+            self._fields = _reader([_stored(message, *field) for field in self._arrays.items()])
         try:
-            for name, is_array in self._fields:
-                value = getattr(message, name)
-                if is_array:
-                    values.extend(value)
-                else:
-                    values.append(value)
-            packed: bytes = self._pack(*values)
+            packed: bytes = self._pack(*self._fields(message))
         except (struct.error, OverflowError, TypeError) as error:
             raise DriverError(f"a {message.get_type()} can't be sent: {error}") from error
         return packed.rstrip(b"\0") or b"\0"
@@ -147,6 +142,22 @@ def _stored(message: Message, name: str, count: int) -> tuple[str, bool]:
     """The attribute that holds a field, and whether it is an array of numbers."""
     raw = f"_{name}_raw"  # the bytes of a text
     return (raw, False) if hasattr(message, raw) else (name, count > 0)
+
+
+def _reader(fields: list[tuple[str, bool]]) -> Callable[[Message], Sequence[Any]]:
+    """What reads the values of these attributes, one after another, arrays as their elements."""
+    names = [name for name, _ in fields]
+    if len(names) > 1 and not any(is_array for _, is_array in fields):
+        return attrgetter(*names)
+
+    def read(message: Message) -> Sequence[Any]:
+        values: list[Any] = []
+        for name, is_array in fields:
+            value = getattr(message, name)
+            values += value if is_array else (value,)
+        return values
+
+    return read
 
 
 def _slow_checksum(data: bytes) -> int:

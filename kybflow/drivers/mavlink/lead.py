@@ -2,24 +2,39 @@
 
 An autopilot comes after what it is sent: its attitude loop and its rotors take a moment. What it is
 sent is the set-point of that much later, by its own velocity, acceleration and jerk; one that rests
-stays where it is.
+stays where it is. An acceleration, which has no position loop of the autopilot's before it, comes
+later by another time.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from kybflow.geometry import ZERO, add, scale
-from kybflow.signals import Command
+from kybflow.signals import Command, SetpointKind
 
 
-def led(command: Command, time: float) -> Command:
-    """A command `time` seconds ahead; as it is where it says not how it moves."""
+class Lag(NamedTuple):
+    """Seconds by which a vehicle comes after set-points of position and velocity, and after those
+    of acceleration alone."""
+
+    place: float
+    push: float
+
+
+def led(command: Command, lag: Lag) -> Command:
+    """A command so far ahead as the vehicle comes after it; as it is where it says not how it
+    moves."""
     setpoint = command.setpoint
-    if setpoint is None:
+    if setpoint is None or (acceleration := setpoint.acceleration) is None:
         return command
-    _, position, velocity, acceleration, *_ = setpoint
-    if velocity is None or acceleration is None:
+    position, velocity = setpoint.position, setpoint.velocity
+    jerk, time = setpoint.jerk or ZERO, lag.place
+    if setpoint.kind is SetpointKind.ACCELERATION:
+        pushed = setpoint._replace(acceleration=add(acceleration, scale(jerk, lag.push)))
+        return command._replace(setpoint=pushed)
+    if velocity is None:
         return command
-    jerk = setpoint.jerk or ZERO
     if position is not None:
         position = add(position, scale(velocity, time))
         position = add(position, scale(acceleration, 0.5 * time * time))

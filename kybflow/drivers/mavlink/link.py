@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.drivers.mavlink import codec
+from kybflow.drivers.mavlink.capacity import Capacity
 from kybflow.drivers.mavlink.chores import Chores
 from kybflow.drivers.mavlink.contact import Contact
 from kybflow.drivers.mavlink.drift import Drift
@@ -16,7 +17,7 @@ from kybflow.drivers.mavlink.heard import Landed
 from kybflow.drivers.mavlink.helm import Goal, Helm
 from kybflow.drivers.mavlink.hover import Hover
 from kybflow.drivers.mavlink.hub import Port
-from kybflow.drivers.mavlink.lead import led
+from kybflow.drivers.mavlink.lead import Lag, led
 from kybflow.drivers.mavlink.modes import DO_SET_MODE
 from kybflow.drivers.mavlink.payload import Grip
 from kybflow.drivers.mavlink.profile import Profile
@@ -64,7 +65,7 @@ class AutopilotLink(Link):
         )  # fmt: skip
         self._watch = Watch(contact, self.helm.modes, params)
         self._drift = Drift()
-        self._lead = profile.lag if params.lead is None else params.lead
+        self._lead = profile.lag if params.lead is None else Lag(params.lead, params.lead)
         self._hover = Hover(profile.hover_parameter, site.airframe.hover_thrust, profile.raises)
         self._vision = Vision(params.vision_rate, contact.target)
         names = [*self._watch.names(), profile.hover_parameter]
@@ -74,9 +75,9 @@ class AutopilotLink(Link):
             names.append(output.parameter)
             self._grip = Grip(contact, output)
         rates = {**profile.streams, **(profile.simulator_streams if params.simulator else {})}
-        self._felt = {name: rates[name] for name in INERTIAL if name in rates}
-        rates.update((name, min(rate, IDLE)) for name, rate in self._felt.items())
-        self._chores = Chores(contact, rates, names)
+        self._capacity, self._rates = Capacity(params), rates
+        idle = {name: min(rates[name], IDLE) for name in INERTIAL if name in rates}
+        self._chores = Chores(contact, self._capacity.fitting(rates | idle), names)
         self._now: Time = 0
         self._due: Time = 0
         self._opened: Time | None = None
@@ -139,15 +140,14 @@ class AutopilotLink(Link):
     def checks(self, now: Time) -> Sequence[Check]:
         misses = self.helm.prepare(now)
         self._flow(now)
-        return self._watch.checks(misses, self._vision.told, now)
+        return [*self._watch.checks(misses, self._vision.told, now), *self._capacity.check()]
 
     def said(self) -> Sequence[Said]:
-        return self.contact.said()
+        return self.contact.said(is_disarming=self.helm.is_disarming)
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
         if MeasurementKind.IMU in kinds:
-            felt, self._felt = self._felt, {}
-            for name, rate in felt.items():
+            for name, rate in self._capacity.fitting(self._rates).items():
                 self._chores.stream(name, rate, self._now)
 
     def reclaim(self, now: Time) -> None:

@@ -11,6 +11,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
+from kybflow.drivers.mavlink.lead import Lag
 from kybflow.errors import DriverError
 
 if TYPE_CHECKING:
@@ -27,8 +28,9 @@ RELEASE, GRAB = 0.0, 1.0
 class Setting(NamedTuple):
     """A parameter of the autopilot as flight indoors needs it, and why, in one plain line.
 
-    value: what is written where it is not so; `OWN` stands for this program's system id. rule: of
-    what is found, `equal` accepts the value and those in `allowed`, `at_most` what is above zero
+    value: what is written where it is not so; `OWN` stands for this program's system id. why: what
+    it does with that value. allowed: other values that will do, and what it does with those. rule:
+    of what is found, `equal` accepts the value and the allowed ones, `at_most` what is above zero
     and not more, `bits` whatever has these bits. simulator_only: only the firmware's own simulator
     has it. restart: it counts only after the autopilot has started anew.
     """
@@ -36,7 +38,7 @@ class Setting(NamedTuple):
     name: str
     value: float | Literal["own"]
     why: str
-    allowed: tuple[float, ...] = ()
+    allowed: Mapping[int, str] = MappingProxyType({})
     rule: Literal["equal", "at_most", "bits"] = "equal"
     simulator_only: bool = False
     restart: bool = False
@@ -48,6 +50,10 @@ class Setting(NamedTuple):
         if self.rule == "bits" and isfinite(found):
             return float(int(found) | int(self.value))
         return float(self.value)
+
+    def does(self, found: float) -> str:
+        """What it does with what was found, where that will do; else what it should do."""
+        return self.allowed.get(round(found), self.why) if isfinite(found) else self.why
 
     def accepts(self, found: float, own: int) -> bool:
         """Whether what the autopilot has will do; it keeps no more digits than a float of 32
@@ -115,7 +121,9 @@ class Profile:
     streams_first: set-points must flow before it takes the mode. climbs: it leaves the ground only
     when asked to take off, to `takeoff_height`, metres. needs_origin: it must be told a place on
     earth before it has a position. raises: it raises the thrust by the tilt itself.
-    hover_parameter: its throttle in hover. sphere: the radius of the earth in its simulator,
+    hover_parameter: its throttle in hover. reaction: the parameter that says what it does once this
+    program is dead. feeds, feeds_own: the parameters that say what its position is made of, where
+    it is told one and where it finds its own. sphere: the radius of the earth in its simulator,
     metres, None for the ellipsoid. integer_parameters_bytewise: integers travel as their bytes in
     the field of a float.
 
@@ -141,8 +149,11 @@ class Profile:
     raises: bool
     integer_parameters_bytewise: bool
     hover_parameter: str
+    reaction: str
+    feeds: tuple[str, ...]
+    feeds_own: tuple[str, ...]
     takeoff_height: float
-    lag: float
+    lag: Lag
     sphere: float | None
     mode_params: Callable[[int], tuple[float, float, float]]
     default_address: Callable[[int], str]
@@ -158,12 +169,16 @@ class Profile:
     def dangerous(self, values: Mapping[str, float], own: int, *, indoors: bool) -> list[str]:
         """What is dangerous of these parameters, in the preflight's words. own: this program's
         system id."""
+        return list(self.dangers_in(values, own, indoors=indoors).values())
+
+    def dangers_in(self, values: Mapping[str, float], own: int, *, indoors: bool) -> dict[str, str]:
+        """The same, by the parameter's name."""
         said = (
-            danger.of(values[danger.name], own)
+            (danger.name, danger.of(values[danger.name], own))
             for danger in self.dangers
             if danger.name in values and (indoors or not danger.indoors)
         )
-        return [words for words in said if words is not None]
+        return {name: words for name, words in said if words is not None}
 
 
 def profile_of(name: str) -> Profile:

@@ -6,6 +6,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from kybflow.drivers.mavlink.lead import Lag
 from kybflow.drivers.mavlink.profile import (
     DO_GRIPPER,
     DO_SET_ACTUATOR,
@@ -53,12 +54,16 @@ INDOORS = (
     Setting("EKF2_BARO_CTRL", 1, "without vision the barometer must still tell that it landed"),
     Setting("SYS_HAS_GPS", 0, "it would not arm without one", restart=True),
     Setting("SYS_HAS_MAG", 0, "it would not arm without one", restart=True),
-    Setting("COM_ARM_WO_GPS", 1, "it may be armed without GPS", (2,)),
-    Setting("COM_OBL_RC_ACT", 4, "it lands when set-points stop", (5,)),
+    Setting("COM_ARM_WO_GPS", 1, "it may be armed without GPS, and warns",
+            {2: "it may be armed without GPS, without a warning"}),
+    Setting("COM_OBL_RC_ACT", 4, "it lands when set-points stop",
+            {5: "it holds where it is when set-points stop, and lands when it has no position"}),
     Setting("COM_OF_LOSS_T", 1.0, "it notices within a second that they stopped", rule="at_most"),
     Setting("COM_RCL_EXCEPT", 4, "it follows set-points without a transmitter", rule="bits"),
-    Setting("NAV_RCL_ACT", 3, "it lands when a transmitter is lost in another mode", (1,)),
-    Setting("COM_LOW_BAT_ACT", 2, "it lands where it is on a low battery", (0,)),
+    Setting("NAV_RCL_ACT", 3, "it lands when a transmitter is lost in another mode",
+            {1: "it holds where it is when a transmitter is lost in another mode"}),
+    Setting("COM_LOW_BAT_ACT", 2, "it lands where it is on a critical battery",
+            {0: "it only warns of a critical battery: kybflow lands it, or nobody does"}),
     Setting("EKF2_ACC_NOISE", 1.0, "the simulated accelerometer is as noisy", simulator_only=True),
     Setting("EKF2_GYR_NOISE", 0.03, "the simulated gyroscope is noisy too", simulator_only=True),
     Setting("SIH_KDV", 0.25, "a drag as airframes of kybflow's library have it, not four times as "
@@ -71,16 +76,17 @@ INDOORS = (
             simulator_only=True, restart=True),
 )  # fmt: skip
 
-_CLIMBS = "it would climb and return"
+_CLIMBS, _FALLS = "it would climb and return", "its rotors would stop in the air"
 _GIVEN_UP = {
     value: f"without set-points it would change to {mode}, and without a transmitter climb and"
     " return"
     for value, mode in ((0, "POSITION"), (1, "ALTITUDE"), (2, "STABILIZED"))
 }
+_UNHEARD = "3 (land), or 0 (nothing: lost set-points count)"
 DANGERS = (
     Danger(
         "COM_OBL_RC_ACT",
-        _GIVEN_UP | dict.fromkeys((6, 7), "without set-points its rotors would stop in the air"),
+        _GIVEN_UP | dict.fromkeys((6, 7), f"without set-points {_FALLS}"),
         "4 (land)",
     ),
     Danger("COM_OBL_RC_ACT", {3: f"without set-points {_CLIMBS}"}, "4 (land)", indoors=True),
@@ -88,12 +94,10 @@ DANGERS = (
         "COM_OF_LOSS_T", cure="1", above=1.0,
         excess="for so many seconds it would fly on without set-points",
     ),
+    Danger("NAV_DLL_ACT", dict.fromkeys((5, 6), f"without our heartbeat {_FALLS}"), _UNHEARD),
+    Danger("NAV_DLL_ACT", {2: f"without our heartbeat {_CLIMBS}"}, _UNHEARD, indoors=True),
     Danger(
-        "NAV_DLL_ACT", {2: f"without our heartbeat {_CLIMBS}"},
-        "3 (land), or 0 (nothing: lost set-points count)", indoors=True,
-    ),
-    Danger(
-        "COM_LOW_BAT_ACT", dict.fromkeys((1, 3), f"on a low battery {_CLIMBS}"), "2 (land)",
+        "COM_LOW_BAT_ACT", dict.fromkeys((1, 3), f"on a critical battery {_CLIMBS}"), "2 (land)",
         indoors=True,
     ),
 )  # fmt: skip
@@ -171,7 +175,10 @@ PX4 = Profile(
     raises=False,
     integer_parameters_bytewise=True,
     hover_parameter="MPC_THR_HOVER",
-    lag=0.12,
+    reaction="COM_OBL_RC_ACT",
+    feeds=("EKF2_EV_CTRL", "EKF2_HGT_REF"),
+    feeds_own=("EKF2_GPS_CTRL",),
+    lag=Lag(place=0.12, push=0.2),
     takeoff_height=0.5,
     sphere=None,
     mode_params=mode_params,

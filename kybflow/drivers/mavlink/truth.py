@@ -60,6 +60,7 @@ class GroundTruth:
         self._anchor = Anchor()
         self._newest: Truth | None = None
         self._heard: Time = 0
+        self._now: tuple[Time, Truth] | None = None  # `_newest` moved on, and until when
         self._parcel = None if site.payload is None else _Fall(site.payload)
 
     def hear(self, message: Message, now: Time, *, on_ground: bool) -> None:
@@ -97,7 +98,7 @@ class GroundTruth:
             self._anchor.attitude_to_world(attitude),
             from_frd(rates),
         )
-        self._heard = now
+        self._heard, self._now = now, None
 
     def truth(self, now: Time) -> Truth | None:
         """Where the vehicle and its parcel are; None until it was heard of on the ground."""
@@ -118,14 +119,15 @@ class GroundTruth:
             self._parcel.load()
 
     def _vehicle(self, now: Time) -> Truth | None:
-        newest = self._newest
-        if newest is None:
+        if self._newest is None:
             return None
-        gone = min(max((now - self._heard) / NS, 0.0), LONGEST)
-        return newest._replace(
-            position=add(newest.position, scale(newest.velocity, gone)),
-            attitude=integrate(newest.attitude, newest.angular_velocity, gone),
-        )
+        if self._now is None or self._now[0] != now:
+            position, velocity, attitude, turn, payload = self._newest
+            gone = min(max((now - self._heard) / NS, 0.0), LONGEST)
+            position = add(position, scale(velocity, gone))
+            attitude = integrate(attitude, turn, gone)
+            self._now = now, Truth(position, velocity, attitude, turn, payload)
+        return self._now[1]
 
     def _followed(self, place: Vec3, velocity: Vec3, now: Time) -> Vec3:
         """The place without its rounding."""

@@ -2,17 +2,16 @@
 
 What it says of its readiness is about the mode that it is in, so a disarmed vehicle is put into the
 mode in which it follows first. One that stays unready is asked to look at itself, for not every one
-says what is wrong unasked. Parameters with which it would be dangerous once this program or the
-link dies are its `watchdog`.
+says what is wrong unasked; what it reports as not well is named beside its words. Its parameters
+are looked at in `demands`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from kybflow.drivers.mavlink.demands import Demands
 from kybflow.drivers.mavlink.modes import Modes
-from kybflow.drivers.mavlink.profile import Setting
 from kybflow.geometry import distance
 from kybflow.parts import Check
 from kybflow.signals import NS, Estimate, Time
@@ -40,23 +39,15 @@ class Watch:
 
     def __init__(self, contact: Contact, modes: Modes, params: MavlinkParams) -> None:
         self._profile, self._heard, self._modes = contact.profile, contact.heard, modes
-        self._parameters, self._telemetry = contact.parameters, contact.telemetry
-        self._requests, self._system = contact.requests, contact.port.system
-        self._is_outside, self._own, self._params = contact.is_outside, params.own_system, params
+        self._contact = contact
+        self._telemetry, self._requests = contact.telemetry, contact.requests
+        self._is_outside = contact.is_outside
+        self._demands = Demands(contact, params)
         self._asks: Time | None = None
 
     def names(self) -> list[str]:
         """The parameters that are looked at."""
-        settings = (setting.name for setting in self.settings())
-        dangers = (danger.name for danger in self._profile.dangers)
-        return list(dict.fromkeys((*settings, *dangers)))
-
-    def settings(self) -> Iterator[Setting]:
-        """What must be set for flight without GPS, where it flies without."""
-        if self._is_outside:
-            for setting in self._profile.indoors:
-                if self._params.simulator or not setting.simulator_only:
-                    yield setting
+        return self._demands.names()
 
     def checks(self, misses: str, told: tuple[Estimate, Time] | None, now: Time) -> list[Check]:
         """misses: why it is not in the mode in which it follows, empty where it is. told: where it
@@ -64,9 +55,10 @@ class Watch:
         heartbeat = self._heartbeat(now)
         if not heartbeat.green:
             return [heartbeat]
-        lines = [heartbeat, self._watchdog()]
+        lines = [heartbeat, self._demands.watchdog()]
         if self._is_outside:
-            lines.append(self._set())
+            lines.append(self._demands.set_up())
+        misses = misses and misses + self._contact.unheeded
         lines.append(Check("command mode", not misses, misses or self._modes.reported))
         return [*lines, self._position(told, now), self._autopilot(now)]
 
@@ -82,59 +74,13 @@ class Watch:
             return Check("heartbeat", False, f"it is {maker}, {wanted} is expected", waits=False)
         return Check("heartbeat", True, f"{maker} in {self._modes.reported}, {age:.1f} s ago")
 
-    def _watchdog(self) -> Check:
-        names = [danger.name for danger in self._profile.dangers]
-        if not self._parameters.is_complete(names):
-            return Check("watchdog", False, "its parameters are being read")
-        dangers = self._profile.dangerous(
-            self._parameters.values, self._own, indoors=self._is_outside
-        )
-        if dangers:
-            return Check("watchdog", False, "; ".join(dangers), waits=False)
-        reason = "it lands by itself when commands stop"
-        return Check("watchdog", True, reason + self._missing(names))
-
-    def _set(self) -> Check:
-        settings, values = list(self.settings()), self._parameters.values
-        names = [setting.name for setting in settings]
-        if not self._parameters.is_complete(names):
-            known = sum(name in values for name in names)
-            return Check("parameters", False, f"{known} of {len(names)} have been read")
-        wrong = [s for s in settings if s.name in values and not self._accepts(s)]
-        if not wrong:
-            return Check("parameters", True, "set for flight without GPS" + self._missing(names))
-        said = "; ".join(
-            f"{s.name} is {values[s.name]:g}, {s.wanted(self._own, values[s.name]):g}"
-            f" needed: {s.why}"
-            for s in wrong
-        )
-        return Check("parameters", False, f"{said}; `{self._cure()} --write`", waits=False)
-
-    def _cure(self) -> str:
-        """The command that looks at its parameters."""
-        params = self._params
-        words = f"kybflow mavlink setup --vehicle {self._profile.name} --system {self._system}"
-        if params.address is not None:
-            words += f" --address {params.address}"
-        if params.own_system != type(params).own_system:
-            words += f" --own-system {params.own_system}"
-        if params.key is not None:
-            words += f" --key {params.key}"
-        return words + (" --simulator" if params.simulator else "")
-
-    def _accepts(self, setting: Setting) -> bool:
-        return setting.accepts(self._parameters.values[setting.name], self._own)
-
-    def _missing(self, names: list[str]) -> str:
-        missing = [name for name in dict.fromkeys(names) if name in self._parameters.missing]
-        return f"; it does not know {', '.join(missing)}" if missing else ""
-
     def _position(self, told: tuple[Estimate, Time] | None, now: Time) -> Check:
         own, spread = self._telemetry.odometry, self._telemetry.spread
         if self._is_outside and (told is None or now - told[1] > NS):
             return Check("position", False, "it is told none: kybflow has no estimate to send")
         if spread is None:
-            return Check("position", False, f"it has none (estimator flags {self._heard.ekf})")
+            flags = f"it has none (estimator flags {self._heard.ekf})"
+            return Check("position", False, f"{flags}; {self._demands.fed()}")
         if own is None:
             return Check("position", False, "it tells none yet")
         if self._is_outside and told is not None:
@@ -154,7 +100,8 @@ class Watch:
             return Check("autopilot", True, "ready to arm")
         self._ask(now)
         words = heard.words(max(now - REPEATED, 0))
-        return Check("autopilot", False, f"{unready}: {words}" if words else unready)
+        reason = f"{unready}: {words}" if words else unready
+        return Check("autopilot", False, f"{reason}; {heard.ill}" if heard.ill else reason)
 
     def _ask(self, now: Time) -> None:
         """Have it say why it is unready."""

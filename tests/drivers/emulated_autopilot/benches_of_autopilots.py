@@ -19,8 +19,9 @@ from kybflow.signals import NS, MeasurementKind, Pose
 
 PERIOD = NS // 125
 PLAIN = replace(QUIET, physics=250.0)
-PX4_OFFBOARD, PX4_HOLD, PX4_LAND, PX4_RETURN = (
+PX4_OFFBOARD, PX4_TAKE_OFF, PX4_HOLD, PX4_LAND, PX4_RETURN = (
     6 << 16,
+    4 << 16 | 2 << 24,
     4 << 16 | 3 << 24,
     4 << 16 | 6 << 24,
     4 << 16 | 5 << 24,

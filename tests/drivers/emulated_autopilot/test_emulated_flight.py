@@ -17,6 +17,7 @@ from benches_of_autopilots import (  # noqa: E402
     POSITION,
     PX4_HOLD,
     PX4_LAND,
+    PX4_TAKE_OFF,
     VELOCITY,
     Bench,
 )
@@ -153,6 +154,17 @@ def test_ardupilot_leaves_the_ground_by_its_take_off_alone():
     assert bench.command(*takes_off) == ACCEPTED
     bench.run(5.0)
     assert bench.command(*takes_off) == FAILED, "it flies"
+
+
+@pytest.mark.parametrize("first", ["arm", "mode"])
+def test_px4_takes_off_by_its_mode_armed_before_or_after(first):
+    bench = Bench("px4", outside=False, is_prepared=False, params=SimParams(), seed=2)
+    bench.run(12.0)
+    asked = [bench.arm, lambda: bench.mode(PX4_TAKE_OFF)]
+    for ask in asked if first == "arm" else reversed(asked):
+        assert ask() == ACCEPTED
+    assert bench.run(15.0, lambda: bench.height > 2.2)
+    assert bench.run(5.0, lambda: bench.pilot.state.mode == PX4_HOLD)
 
 
 @BOTH

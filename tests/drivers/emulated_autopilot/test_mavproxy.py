@@ -1,4 +1,4 @@
-"""MAVProxy takes an emulated ArduPilot for a real one: a person at its prompt arms, flies and
+"""MAVProxy takes an emulated autopilot for a real one: a person at its prompt arms, flies and
 lands."""
 
 from __future__ import annotations
@@ -83,6 +83,25 @@ def test_a_person_at_its_prompt_flies_an_emulated_ardupilot(tmp_path):
             prompt.reads("NAV_TAKEOFF: ACCEPTED")
             prompt.reads(r"relative_alt : (1[89]|2\d)\d\d,", again="status GLOBAL_POSITION_INT")
             prompt.type("mode land")
+            prompt.reads("Mode LAND")
+            prompt.reads("DISARMED")
+        finally:
+            prompt.close()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_person_at_its_prompt_flies_an_emulated_px4(tmp_path):
+    """By the numbers of PX4's modes, whose names its prompt doesn't send."""
+    port = free_port()
+    with emulated("--vehicle", "px4", "--address", f"udpout:127.0.0.1:{port}"):
+        prompt = Prompt(tmp_path, f"--master=udpin:127.0.0.1:{port}")
+        try:
+            prompt.reads(r"Received \d+ parameters")
+            prompt.reads(r"COMPONENT_ARM_DISARM: ACCEPTED", again="arm throttle")
+            prompt.type("long DO_SET_MODE 1 4 2 0 0 0 0")
+            prompt.reads("Mode TAKEOFF")
+            prompt.reads(r"relative_alt : (1[89]|2\d)\d\d,", again="status GLOBAL_POSITION_INT")
+            prompt.type("long DO_SET_MODE 1 4 6 0 0 0 0")
             prompt.reads("Mode LAND")
             prompt.reads("DISARMED")
         finally:

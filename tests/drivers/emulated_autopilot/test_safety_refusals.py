@@ -151,11 +151,29 @@ def test_the_preflight_names_each_parameter_that_is_wrong_and_the_cure(autopilot
     file.write_text(MISSION.format(autopilot=autopilot), encoding="utf-8")
     done = CliRunner().invoke(app, ["preflight", str(file), "--target", "bare"])
     assert done.exit_code == 1
-    [line] = [line for line in done.output.splitlines() if " parameters " in line]
-    assert line.startswith("RED")
-    assert f"kybflow mavlink setup --vehicle {autopilot}" in line
+    lines = done.output.splitlines()
+    [at] = [i for i, line in enumerate(lines) if " parameters " in line and "RED" in line]
+    assert "are not as flight without GPS needs them" in lines[at]
     wrong = {
-        "px4": ("EKF2_EV_CTRL is 0, 15 needed", "COM_OBL_RC_ACT", "SYS_HAS_GPS"),
-        "ardupilot": ("VISO_TYPE is 0, 1 needed", "FS_GCS_ENABLE", "SYSID_MYGCS"),
+        "px4": ("EKF2_EV_CTRL is 0,", "SYS_HAS_GPS is 1,"),
+        "ardupilot": ("VISO_TYPE is 0,", "EK3_SRC1_POSXY is 3,"),
     }[autopilot]
-    assert all(name in line for name in wrong)
+    for words in (*wrong, DANGEROUS[autopilot], f"kybflow mavlink setup --vehicle {autopilot}"):
+        assert done.output.count(words) == 1
+
+
+DANGEROUS = {"px4": "COM_OBL_RC_ACT is 0:", "ardupilot": "FS_GCS_ENABLE is 0:"}
+
+
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_a_run_tells_each_parameter_that_is_wrong_once(autopilot, tmp_path):
+    file = tmp_path / "bare.yaml"
+    file.write_text(MISSION.format(autopilot=autopilot), encoding="utf-8")
+    asked = ["run", str(file), "--target", "bare", "--out", str(tmp_path / "run"), "--no-report"]
+    done = CliRunner().invoke(app, asked)
+    assert done.exit_code == 1
+    wrong = {"px4": "EKF2_EV_CTRL is 0,", "ardupilot": "VISO_TYPE is 0,"}[autopilot]
+    for words in (wrong, DANGEROUS[autopilot], f"kybflow mavlink setup --vehicle {autopilot}"):
+        assert done.output.count(words) == 1
+    [_, end] = done.output.split("bare failed: ")
+    assert "are not as flight without GPS needs them" in end

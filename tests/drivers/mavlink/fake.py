@@ -33,7 +33,8 @@ FORCED = 21196
 class Fake:
     """`refuses`: by command, the result and the text that it gives. `deaf_to`: commands that it
     does not answer. `obeys`: whether what it accepts is so. `is_heavy`: whether set-points don't
-    lift it. `sent`: all that it was sent."""
+    lift it. `ill`: the bits of the sensors that it reports as not well. `sent`: all that it was
+    sent."""
 
     def __init__(self, name: str, wire: Wire, system: int = 1) -> None:
         self.profile = profile_of(name)
@@ -46,6 +47,7 @@ class Fake:
         self.refuses: dict[int, tuple[int, str]] = {}
         self.deaf_to: set[int] = set()
         self.obeys, self.is_quiet, self.is_heavy = True, False, False
+        self.ill = 0
         self.sent: list[Any] = []
         self._ticks = 0
 
@@ -83,7 +85,7 @@ class Fake:
             self._send(mavlink.MAVLink_extended_sys_state_message(0, self.landed))
             self._send(
                 mavlink.MAVLink_sys_status_message(
-                    health, health, health, 0, 16000, 0, 90, 0, 0, 0, 0, 0, 0
+                    health | self.ill, health | self.ill, health, 0, 16000, 0, 90, 0, 0, 0, 0, 0, 0
                 )
             )
             self._send(mavlink.MAVLink_servo_output_raw_message(0, 0, *self.servos))

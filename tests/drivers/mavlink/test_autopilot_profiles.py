@@ -86,8 +86,9 @@ def test_a_setting_accepts_what_its_rule_says():
     ) == (True, False, 12.0)
     bound = Setting("COM_OF_LOSS_T", 1.0, "so", rule="at_most")
     assert [bound.accepts(x, OWN) for x in (0.0, 0.5, 1.0, 2.0)] == [False, True, True, False]
-    equal = Setting("COM_OBL_RC_ACT", 4, "so", (5,))
+    equal = Setting("COM_OBL_RC_ACT", 4, "so", {5: "or so"})
     assert [equal.accepts(x, OWN) for x in (4.0, 5.0, 0.0)] == [True, True, False]
+    assert [equal.does(x) for x in (4.0, 5.0, 0.0, float("nan"))] == ["so", "or so", "so", "so"]
     own = Setting("SYSID_MYGCS", "own", "so")
     assert (
         own.wanted(OWN),
@@ -115,6 +116,31 @@ DANGEROUS = [
         "FS_GCS_ENABLE is 0: without our heartbeat nothing would happen, a position set-point is"
         " held for ever; set 5 (land)",
     ),
+    *(
+        (
+            PX4, {"NAV_DLL_ACT": value}, False,
+            f"NAV_DLL_ACT is {value:g}: without our heartbeat its rotors would stop in the air;"
+            " set 3 (land), or 0 (nothing: lost set-points count)",
+        )
+        for value in (5.0, 6.0)
+    ),
+    (
+        PX4, {"COM_LOW_BAT_ACT": 3.0}, True,
+        "COM_LOW_BAT_ACT is 3: on a critical battery it would climb and return; set 2 (land)",
+    ),
+    (
+        ARDUPILOT, {"BATT_FS_CRT_ACT": 5.0}, False,
+        "BATT_FS_CRT_ACT is 5: on a low battery its rotors would stop in the air; set 1 (land)",
+    ),
+    (
+        ARDUPILOT, {"BATT_FS_LOW_ACT": 6.0}, True,
+        "BATT_FS_LOW_ACT is 6: on a low battery it would climb and return; set 1 (land)",
+    ),
+    (
+        ARDUPILOT, {"FS_GCS_ENABLE": 4.0}, True,
+        "FS_GCS_ENABLE is 4: without our heartbeat it would fly back the way it came;"
+        " set 5 (land)",
+    ),
     (
         ARDUPILOT, {"SYSID_MYGCS": 255.0}, False,
         "SYSID_MYGCS is 255: it waits for another program's heartbeat, not for ours;"
@@ -126,6 +152,18 @@ DANGEROUS = [
 @pytest.mark.parametrize(("profile", "values", "indoors", "words"), DANGEROUS)
 def test_a_dangerous_watchdog_is_told_with_its_way_out(profile, values, indoors, words):
     assert [words] == profile.dangerous(values, OWN, indoors=indoors)
+
+
+LANDS = {"COM_OBL_RC_ACT": 4, "NAV_RCL_ACT": 3, "COM_LOW_BAT_ACT": 2}
+"""The value of each with which PX4 lands, by its own reference."""
+
+
+@pytest.mark.parametrize("name", LANDS)
+def test_what_does_not_land_at_once_does_not_say_so(name):
+    [setting] = [s for s in PX4.indoors if s.name == name]
+    assert setting.does(LANDS[name]).startswith("it lands")
+    assert not any(words.startswith("it lands") for words in setting.allowed.values())
+    assert LANDS[name] not in setting.allowed
 
 
 def test_outdoors_an_autopilot_may_return_by_itself():

@@ -10,7 +10,7 @@ from fake import RESTING, at
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.drivers.mavlink.lead import led
+from kybflow.drivers.mavlink.lead import Lag, led
 from kybflow.geometry import ZERO
 from kybflow.signals import CommandKind, Setpoint, SetpointKind
 
@@ -20,7 +20,7 @@ STOPPED = Setpoint(SetpointKind.POSITION, (1.0, 2.0, 3.0), ZERO, ZERO, ZERO, 0.5
 
 
 def sent(setpoint, time, kind=CommandKind.POSITION):
-    return led(at(ZERO)._replace(setpoint=setpoint, kind=kind), time).setpoint
+    return led(at(ZERO)._replace(setpoint=setpoint, kind=kind), Lag(time, 0.3)).setpoint
 
 
 def on_cubic(p, v, a, j, t):
@@ -65,4 +65,16 @@ def test_one_of_velocity_has_no_place_to_move():
 
 def test_what_says_not_how_it_moves_is_sent_as_it_is():
     for command in (RESTING, at((1.0, 2.0, 3.0))):
-        assert led(command, 0.3) is command
+        assert led(command, Lag(0.3, 0.3)) is command
+
+
+def test_an_acceleration_alone_comes_later_by_a_time_of_its_own():
+    pushed = Setpoint(SetpointKind.ACCELERATION, None, None, (0.5, 0.0, 0.1), (1.0, -2.0, 0.0))
+    ahead = sent(pushed, 0.7, CommandKind.ACCELERATION)
+    assert ahead.acceleration == pytest.approx((0.8, -0.6, 0.1))
+    assert ahead == pushed._replace(acceleration=ahead.acceleration)
+
+
+def test_an_acceleration_without_a_jerk_lasts():
+    pushed = Setpoint(SetpointKind.ACCELERATION, None, None, (0.5, 0.0, 0.1))
+    assert sent(pushed, 0.7, CommandKind.ACCELERATION) == pushed

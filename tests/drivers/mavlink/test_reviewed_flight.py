@@ -58,6 +58,70 @@ def test_nobody_insists_for_ever_on_a_vehicle_that_its_pilot_keeps(name):
 
 
 @BOTH
+def test_that_nobody_insists_any_more_is_said_with_its_words(name):
+    bench = taken_by_a_pilot(name)
+    bench.fake.refuses = {SET_MODE: (1, "Mode change denied: not today")}
+    bench.link.reclaim(bench.now)
+    bench.run(9.0, UP)
+    assert bench.link.taken.kept == ""
+    bench.run(2.0, UP)
+    kept = bench.link.taken.kept
+    assert kept.startswith("it won't go from ")
+    assert "not today" in kept
+    assert kept.endswith(", asked for 10 s")
+    bench.link.reclaim(bench.now)
+    assert bench.link.taken.kept == ""
+
+
+def test_that_it_cannot_be_asked_for_is_said(monkeypatch):
+    bench = taken_by_a_pilot()
+    deaf_to_positions(bench, monkeypatch)
+    bench.run(3.0, UP)
+    bench.link.reclaim(bench.now)
+    assert bench.link.taken.kept == "it is not known where it is, and so not where it is to hold"
+
+
+def after_landing(refuses: str) -> Bench:
+    """On the ground after a flight, and it won't disarm."""
+    bench = Bench()
+    bench.fly()
+    bench.fake.landed = GROUND
+    bench.fake.refuses = {ARM: (1, refuses)}
+    assert bench.link.said() == ()
+    return bench
+
+
+def said(bench, seconds):
+    """What it is told to have said in this time, while it is to rest."""
+    found = []
+    for _ in range(round(seconds * 50)):
+        bench.run(0.02, RESTING)
+        found += [text for _, text in bench.link.said()]
+    return found
+
+
+def test_a_refusal_to_disarm_is_not_told_where_it_rests_soon_after():
+    bench = after_landing("Disarming denied: not landed")
+    assert said(bench, 2.0) == []
+    assert bench.fake.armed
+    bench.fake.refuses = {}
+    assert said(bench, 20.0) == []
+    assert not bench.fake.armed
+
+
+def test_a_refusal_to_disarm_is_told_once_when_it_does_not_end():
+    bench = after_landing("Disarming denied: not landed")
+    assert said(bench, 9.5) == []
+    assert said(bench, 10.0) == ["Disarming denied: not landed"]
+
+
+def test_what_else_it_says_while_it_is_disarmed_is_told_at_once():
+    bench = after_landing("")
+    bench.fake.say("Critical battery", 2)
+    assert said(bench, 0.5) == ["Critical battery"]
+
+
+@BOTH
 def test_one_that_its_pilot_puts_down_is_not_asked_back_any_more(name):
     bench = taken_by_a_pilot(name)
     bench.fake.refuses = {SET_MODE: (1, "")}

@@ -44,7 +44,7 @@ def test_what_is_signed_is_heard_once() -> None:
     frames = [packer.pack(ATTITUDE, 1) for _ in range(3)]
     assert len(parser.parse(b"".join(frames))) == 3
     assert parser.parse(b"".join(frames)) == []
-    assert Counts(messages=3, refused=3) == parser.counts
+    assert Counts(messages=3, refused=3, stale=3) == parser.counts
 
 
 def test_times_rise_while_the_clock_stands_or_goes_back() -> None:
@@ -147,7 +147,8 @@ def test_counts_add_up(kinds: list[str]) -> None:
     for kind in kinds:
         assert (kind == "good") == bool(parser.parse(made[kind]()))
     good, noise = kinds.count("good"), kinds.count("noise")
-    expected = Counts(messages=1 + good, refused=len(kinds) - good - noise, bad=noise)
+    refused, stale = len(kinds) - good - noise, kinds.count("again")
+    expected = Counts(messages=1 + good, refused=refused, stale=stale, bad=noise)
     assert expected == parser.counts
 
 

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from fake import Bench, estimate
+import pytest
+from fake import ARM, Bench, estimate
+
+from kybflow.details import details, headline
+from kybflow.errors import Refused
 
 RUN_PREARM_CHECKS = 401
+COMPASS, ESTIMATE, RECEIVER = 1 << 2, 1 << 21, 1 << 16
+NO_POSITION = 37
 
 
 def looked(bench: Bench, seconds: float):
@@ -43,3 +49,103 @@ def test_what_mends_its_parameters_is_a_command_for_this_very_vehicle():
     other = looked(Bench(**told), 5.0)["parameters"].reason
     words = "--system 1 --address udpin:127.0.0.1:14555 --own-system 250 --simulator --write`"
     assert words in other
+
+
+def set_up(bench: Bench) -> Bench:
+    """Its parameters as they should be."""
+    for setting in bench.fake.profile.indoors:
+        bench.fake.params[setting.name] = setting.wanted(245)
+    return bench
+
+
+def test_one_that_is_unready_without_a_word_is_asked_what_is_not_well():
+    bench = set_up(Bench())
+    bench.fake.ready, bench.fake.ill = False, COMPASS | RECEIVER
+    assert looked(bench, 8.0)["autopilot"].reason == (
+        "it says that it is not ready to arm; it reports as not well: compass,"
+        " receiver of the transmitter (is the transmitter on?)"
+    )
+    bench.fake.say("Preflight Fail: compass 1 missing")
+    assert looked(bench, 0.5)["autopilot"].reason == (
+        "it says that it is not ready to arm: Preflight Fail: compass 1 missing; it reports as not"
+        " well: compass, receiver of the transmitter (is the transmitter on?)"
+    )
+
+
+def test_what_is_not_well_is_said_of_a_refusal_to_arm_too():
+    bench = Bench(arming_time=3.0)
+    bench.run(1.0)
+    bench.fake.refuses, bench.fake.ill = {ARM: (1, "")}, ESTIMATE
+    with pytest.raises(Refused, match="not well: estimate of attitude and position"):
+        bench.arm(10.0)
+
+
+def test_where_it_has_no_position_the_line_says_what_it_is_made_of():
+    bench = set_up(Bench())
+    bench.fake.flags = NO_POSITION
+    assert looked(bench, 8.0)["position"].reason == (
+        "it has none (estimator flags 37); it is told one, and set up to take it (EKF2_EV_CTRL 15,"
+        " EKF2_HGT_REF 3): parameters that were just written may count only after it has started"
+        " anew"
+    )
+    bench.fake.flags = NO_POSITION
+    bare = Bench()
+    bare.fake.flags = NO_POSITION
+    assert looked(bare, 8.0)["position"].reason == (
+        "it has none (estimator flags 37); it is not set up to take the one that it is told: see"
+        " `parameters`"
+    )
+
+
+def test_one_that_finds_its_own_position_says_by_which_parameters():
+    bench = Bench("ardupilot", position="own")
+    bench.fake.params |= {"GPS_TYPE": 1.0, "EK3_SRC1_POSXY": 3.0}
+    bench.fake.flags = NO_POSITION
+    assert looked(bench, 8.0)["position"].reason == (
+        "it has none (estimator flags 37); it is to find its own by GPS_TYPE 1, EK3_SRC1_POSXY 3:"
+        " are there satellites to be seen?"
+    )
+
+
+def test_several_dangers_are_a_line_each_and_told_once():
+    bench = set_up(Bench("ardupilot"))
+    wrong = {"FS_GCS_ENABLE": 0.0, "SYSID_MYGCS": 255.0, "VISO_TYPE": 0.0, "BATT_FS_LOW_ACT": 5.0}
+    bench.fake.params |= wrong
+    found = looked(bench, 8.0)
+    watchdog, parameters = found["watchdog"].reason, found["parameters"].reason
+    assert headline(watchdog) == "dangerous: FS_GCS_ENABLE, SYSID_MYGCS, BATT_FS_LOW_ACT"
+    assert [row.split()[0] for row in details(watchdog)] == [
+        "FS_GCS_ENABLE", "SYSID_MYGCS", "BATT_FS_LOW_ACT",
+    ]  # fmt: skip
+    assert headline(parameters) == (
+        "3 of 15 are not as flight without GPS needs them, 2 of these under `watchdog`"
+    )
+    assert details(parameters) == [
+        "VISO_TYPE is 0,  should be 1:  takes poses from kybflow",
+        "to set all of them: `kybflow mavlink setup --vehicle ardupilot --system 1 --write`",
+    ]
+
+
+def test_a_green_watchdog_says_what_this_one_does():
+    bench = set_up(Bench())
+    bench.fake.params["NAV_DLL_ACT"] = 0.0
+    assert looked(bench, 8.0)["watchdog"].reason == "it lands when set-points stop"
+    bench = set_up(Bench())
+    bench.fake.params["COM_OBL_RC_ACT"] = 5.0
+    found = looked(bench, 8.0)["watchdog"]
+    assert found.green
+    assert found.reason.startswith("it holds where it is when set-points stop")
+    bench = Bench(position="own")
+    bench.fake.params |= {"COM_OBL_RC_ACT": 3.0, "COM_OF_LOSS_T": 1.0}
+    assert "COM_OBL_RC_ACT is 3" in looked(bench, 8.0)["watchdog"].reason
+
+
+@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+def test_one_that_does_not_tell_what_it_does_without_us_is_not_flown(name):
+    """As on a line that is full, or where it hears nothing that is not signed."""
+    bench = set_up(Bench(name))
+    reaction = bench.fake.profile.reaction
+    del bench.fake.params[reaction]
+    watchdog = looked(bench, 8.0)["watchdog"]
+    assert not watchdog.green
+    assert f"it does not tell {reaction}" in watchdog.reason

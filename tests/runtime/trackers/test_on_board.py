@@ -9,7 +9,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plans import part, state, then, vehicle
 
-from kybflow.geometry import GRAVITY, LEVEL, ZERO, Vec3, from_heading, norm, scale, sub
+from kybflow.geometry import (
+    GRAVITY,
+    LEVEL,
+    ZERO,
+    Vec3,
+    from_euler,
+    from_heading,
+    from_thrust_direction,
+    norm,
+    scale,
+    sub,
+)
 from kybflow.runtime.checked import checked_command
 from kybflow.runtime.steering import LEAST_LIFT, MOST_THRUST
 from kybflow.runtime.trackers.on_board import OnBoard, OnBoardParams
@@ -119,6 +130,27 @@ def test_by_acceleration_it_is_the_cascades_law() -> None:
             -0.1 + 3.0 * 0.1 + 4.0 * 0.02,
         )
     )
+
+
+@given(wanted=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), more=st.floats(0.0, 2.0))
+def test_by_acceleration_what_the_tilt_lacks_is_asked_for_besides(wanted, more: float) -> None:
+    params = {"tilt": more, "integral": 0.0, "lift_off": 0.0}
+    tracker, has = on_board("acceleration", **params), (0.4, -0.3)
+    tilted = from_thrust_direction((*has, GRAVITY), 0.7)
+    setpoint = position(push=(*wanted, 0.0))
+    tracker.update(setpoint, tick(ZERO, attitude=tilted))
+    sent = pushed(tracker.update(setpoint, tick(attitude=tilted)))
+    assert sent == pytest.approx(
+        (*(a + more * (a - b) for a, b in zip(wanted, has, strict=True)), 0.0)
+    )
+
+
+def test_by_acceleration_the_tilt_is_nothing_on_the_ground_and_on_its_side() -> None:
+    side = from_euler(1.2, 0.0, 0.0)
+    tracker, wanted = on_board("acceleration", integral=0.0), position(push=(0.2, 0.0, 0.0))
+    low = pushed(tracker.update(wanted._replace(position=ZERO), tick(ZERO, attitude=side)))
+    assert low == pytest.approx((0.2, 0.0, 0.0))
+    assert pushed(tracker.update(wanted, tick(attitude=side))) == pytest.approx((0.2, 0.0, 0.0))
 
 
 def test_by_acceleration_a_velocity_has_no_pull() -> None:

@@ -1,0 +1,62 @@
+"""Asking for a vehicle back that somebody else has, to hold still where it is until it is commanded
+again. Nobody insists for ever: it would leave its pilot when nobody thinks of it any more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from kybflow.drivers.mavlink.modes import Modes
+from kybflow.drivers.mavlink.stream import Stream
+from kybflow.signals import NS, Command, Time
+
+INSISTENT: Time = 10 * NS
+"""How long it is asked for."""
+NOWHERE = "it is not known where it is, and so not where it is to hold"
+
+
+class Reclaiming:
+    """Of one vehicle. stream: what it is sent meanwhile. hold: what makes it hold still where it
+    is, None where that is not known. follows: asks for the mode in which it follows; whether it is
+    in it."""
+
+    def __init__(
+        self, modes: Modes, stream: Stream, hold: Callable[[], Command | None],
+        follows: Callable[[Time], bool],
+    ) -> None:  # fmt: skip
+        self._modes, self._stream, self._hold, self._follows = modes, stream, hold, follows
+        self._holding: Command | None = None
+        self._asked: Time = 0
+
+    @property
+    def is_under_way(self) -> bool:
+        return self._holding is not None
+
+    def begin(self, now: Time) -> str:
+        """Ask for it from now on; why that can't be, empty where it can."""
+        self._holding, self._asked = self._hold(), now
+        if self._holding is None:
+            return NOWHERE
+        self._modes.want("offboard")
+        return ""
+
+    def forget(self) -> None:
+        """It is asked for something else now."""
+        self._holding = None
+
+    def end(self) -> None:
+        """It is not asked for any more."""
+        self._holding = None
+        self._stream.stop()
+        self._modes.want(None)
+
+    def lasts(self, now: Time) -> str:
+        """Why it does not come, once it was asked for long enough; empty before."""
+        if now - self._asked <= INSISTENT:
+            return ""
+        return f"{self._modes.trouble}, asked for {INSISTENT / NS:.0f} s"
+
+    def step(self, now: Time) -> bool:
+        """Whether it is back; once a tick while it is under way."""
+        if self._holding is not None:
+            self._stream.feed(self._holding, now)
+        return self._follows(now)

@@ -1,0 +1,116 @@
+"""An autopilot that starts anew may sign with a time that is long past: it is told ours, and
+nothing that it says counts until it goes by that. Without a key, what is signed is told as such."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import pytest
+from fake import Bench
+from pymavlink.dialects.v20 import all as mavlink
+from test_signing import KEY, OTHER, Wall, signing
+from test_watch import looked
+
+from kybflow.drivers.mavlink.framing import Packer, Parser
+from kybflow.drivers.mavlink.hub import Hub
+from kybflow.drivers.mavlink.signing import Signing
+from kybflow.drivers.mavlink.wire import Received, Wire
+from kybflow.signals import NS, Time
+
+HOUR = 3600.0
+TODAY = 360_000_000.0
+HERE, ELSEWHERE = ("10.0.0.2", 14550), ("10.0.0.9", 14550)
+BEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+
+
+class Answering(Wire):
+    """Datagrams: only who was heard can be answered. `sent`: each with where it went."""
+
+    answers = True
+
+    def __init__(self) -> None:
+        super().__init__("udpin:127.0.0.1:14540")
+        self.coming: deque[tuple[bytes, Any]] = deque()
+        self.sent: list[tuple[bytes, Any]] = []
+
+    def trouble(self) -> None:
+        return None
+
+    def close(self) -> None: ...
+
+    def _receive(self, now: Time) -> Received:
+        came = list(self.coming)
+        self.coming.clear()
+        return came
+
+    def _send(self, data: bytes, to: Any) -> None:
+        self.sent.append((data, to))
+
+
+class Restarted:
+    """An autopilot whose clock stands an hour behind, until it hears a later time."""
+
+    def __init__(self, key: bytes = KEY) -> None:
+        self.signing: Signing = signing(key, Wall(TODAY - HOUR))
+        self.packer, self.parser = Packer(1, self.signing), Parser(self.signing)
+
+    def says(self) -> bytes:
+        return self.packer.pack(BEAT, 1)
+
+
+@pytest.fixture
+def wire() -> Answering:
+    return Answering()
+
+
+def hub(wire: Answering) -> Hub:
+    return Hub({wire.address: wire}, 245, signing=signing(wall=Wall(TODAY)))
+
+
+def test_one_whose_time_is_behind_is_told_ours_and_then_heard(wire: Answering):
+    ours, theirs = hub(wire), Restarted()
+    port = ours.port(wire.address, 1)
+    wire.coming.append((theirs.says(), HERE))
+    ours.poll(NS)
+    assert (port.take(), port.heard) == ([], None)
+    assert "is signed with an old time" in (port.trouble() or "")
+    port.send(BEAT)
+    (data, to) = wire.sent[-1]
+    assert to == HERE
+    assert len(theirs.parser.parse(data)) == 1
+    wire.coming.append((theirs.says(), HERE))
+    ours.poll(2 * NS)
+    assert len(port.take()) == 1
+
+
+@pytest.mark.parametrize("key", [OTHER, None], ids=["another key", "unsigned"])
+def test_who_has_not_the_secret_is_answered_nothing(wire: Answering, key: bytes | None):
+    ours = hub(wire)
+    port = ours.port(wire.address, 1)
+    said = Packer(1).pack(BEAT, 1) if key is None else Restarted(key).says()
+    wire.coming.append((said, HERE))
+    ours.poll(NS)
+    port.send(BEAT)
+    assert wire.sent == []
+
+
+def test_an_old_frame_played_again_elsewhere_draws_nothing_away(wire: Answering):
+    ours, theirs = hub(wire), Packer(1, signing(wall=Wall(TODAY)))
+    port = ours.port(wire.address, 1)
+    wire.coming.append((theirs.pack(BEAT, 1), HERE))
+    ours.poll(NS)
+    wire.coming.append((Restarted().says(), ELSEWHERE))
+    ours.poll(2 * NS)
+    port.send(BEAT)
+    assert [to for _, to in wire.sent] == [HERE]
+
+
+def test_without_a_key_one_that_signs_and_heeds_nothing_is_told_as_such():
+    bench = Bench()
+    bench.fake.framing._packer = Packer(1, signing())
+    bench.fake.deaf_to, bench.fake.params = {176}, {}
+    checks = looked(bench, 30.0)
+    for name in ("command mode", "watchdog"):
+        assert not checks[name].green
+        assert "what it sends is signed: give the driver its `key`" in checks[name].reason
