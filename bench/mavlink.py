@@ -173,9 +173,9 @@ class Costs:
             self.ratios.append((total - fleet) / parsed)
 
 
-def plan_of(count: int, cls: type) -> Plan:
+def plan_of(count: int, cls: type, address: str | None = "udpin:127.0.0.1:1") -> Plan:
     """`count` vehicles side by side, all on the figure eight."""
-    target = "px4" if cls is Datagrams else "emulated_px4"
+    target = "emulated_px4" if cls is EmulatedAutopilot else "px4"
     result = compile_mission(MISSION, catalog=load_catalog(), target=target)
     if result.plan is None:
         raise SystemExit(f"{MISSION} does not compile: {result.diagnostics}")
@@ -186,7 +186,7 @@ def plan_of(count: int, cls: type) -> Plan:
             first, name=f"v{number}", start=(0.0, SPACING * number, 0.0),
             driver=driver if cls is EmulatedAutopilot else dataclasses.replace(
                 driver, params=dataclasses.replace(
-                    driver.params, address="udpin:127.0.0.1:1", system=number + 1
+                    driver.params, address=address, system=number + 1
                 ),
             ),
         )

@@ -26,9 +26,10 @@ from real_flights import (
 from witness import Witness
 
 from kybflow.drivers.mavlink.heard import Landed
-from kybflow.geometry import Vec3
+from kybflow.geometry import Vec3, norm
 from kybflow.runtime.engine import Engine
 from kybflow.signals import NS, Time
+from kybflow.site import Site
 
 pytestmark = pytest.mark.firmware
 Beside = Callable[[Mapping[int, str]], Witness]
@@ -40,6 +41,8 @@ SPEED = 1.5
 SWITCH = {"px4": ("land", 1.2), "ardupilot": ("hold", 5.0)}
 """The mode that a pilot asks for, and after how many seconds the vehicle is given back. PX4 refuses
 its hold without a place on earth, and modes by hand without a transmitter."""
+FAR = 3.0
+"""Metres that it may come down from where it was when its mission died."""
 COMES_DOWN = 45.0
 """Seconds in which a vehicle without a mission must be disarmed on the ground."""
 
@@ -135,6 +138,8 @@ def test_a_pilot_takes_one_and_gives_it_back(two: str, tmp_path: Path, beside: B
 def test_a_mission_that_is_killed(two: str, tmp_path: Path, beside: Beside):
     witness = beside({1: two, 2: two})
     mission = MISSIONS / "figure_eight.yaml"
+    for v in plan_of(mission, two).vehicles:
+        witness.of[NAMES[v.name]].behold(Site(v.name, v.airframe, v.start, v.heading, None, 0.01))
     command = [sys.executable, "-m", "kybflow", "run", str(mission), "--target", two, "--plain"]
     process = subprocess.Popen(
         [*command, "--out", str(tmp_path / "run")], stdout=subprocess.DEVNULL
@@ -149,7 +154,18 @@ def test_a_mission_that_is_killed(two: str, tmp_path: Path, beside: Beside):
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
     killed, modes = witness.now, [w.heard.mode for w in every]
-    assert witness.wait(lambda: modes != [w.heard.mode for w in every], COMES_DOWN)
-    shown(f"{two}: {(witness.now - killed) / NS:.1f} s until it acts")
+    left, fastest = [w.here() for w in every], 0.0
+
+    def acts() -> bool:
+        nonlocal fastest
+        fastest = max(fastest, *(norm(w.here().velocity) for w in every))
+        return modes != [w.heard.mode for w in every]
+
+    assert witness.wait(acts, COMES_DOWN)
+    shown(f"{two}: {(witness.now - killed) / NS:.1f} s until it acts, at most {fastest:.2f} m/s")
     assert witness.wait(lambda: all(w.rests for w in every), COMES_DOWN)
     shown(f"{two}: {(witness.now - killed) / NS:.1f} s until both are disarmed on the ground")
+    for w, began in zip(every, left, strict=True):
+        drift = level_drift(w.here().position, began.position)
+        shown(f"  {drift:.2f} m from where it was")
+        assert drift < FAR

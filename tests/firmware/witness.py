@@ -16,7 +16,7 @@ from kybflow.drivers.mavlink.profile import profile_of
 from kybflow.drivers.mavlink.requests import Request, Requests
 from kybflow.drivers.mavlink.truth import GroundTruth
 from kybflow.drivers.mavlink.wire import open_wire
-from kybflow.signals import NS, Time
+from kybflow.signals import NS, Time, Truth
 from kybflow.site import Site
 
 OWN = 200
@@ -51,6 +51,13 @@ class Watched:
         self.truth = GroundTruth(site, self.profile.sphere)
         self._asked = False
         return self.truth
+
+    def here(self) -> Truth:
+        """Where it is, as its simulator knows; to be asked once it was beheld on the ground."""
+        assert self.truth is not None
+        found = self.truth.truth(self.now)
+        assert found is not None
+        return found
 
     def ask(self, command: int, *params: float, now: Time) -> Request:
         return self._requests.ask(command, *params, now=now)

@@ -61,6 +61,7 @@ UP: Vec3 = (0.0, 0.0, 1.0)
 LEAST_UPRIGHT = 0.5
 """The cosine of 60 degrees."""
 LIFT = 3.0
+"""How much quicker the integral is along z."""
 _GIVEN: dict[By, frozenset[CommandKind]] = {
     "position": frozenset(_COMMANDS.values()),
     "velocity": frozenset({CommandKind.VELOCITY, CommandKind.ACCELERATION}),
