@@ -15,6 +15,7 @@ from kybflow.dsl.faults import faults_of
 from kybflow.dsl.flows import flows_of, groups_of, with_waiting
 from kybflow.dsl.nodes import Mapping, Node, Scalar, entries_of, items_of
 from kybflow.dsl.points import placed, with_points
+from kybflow.dsl.rates import needed_rate
 from kybflow.dsl.resolve import Resolved
 from kybflow.dsl.sensors import with_sensors
 from kybflow.dsl.source import Span, Text
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 CODES = {
     "KYB152": "A control rate that is no whole number of Hz, or one that nothing flies with.",
 }
-CONTROL_RATE = 250
 LEAST_CONTROL, MOST_CONTROL = 25, 1000
 HOVER_LIMIT = 30.0
 TIME_LIMIT = 600.0
@@ -59,7 +59,7 @@ def shape(
         target=name,
         parameters=placed(resolved.parameters, world.points),
         fence=world.fence,
-        control_rate=_control(root, _needed(vehicles), found),
+        control_rate=_control(root, needed_rate(v.driver for v in vehicles.values()), found),
         control_span=_span_of(root.get("control")),
         hover_limit=_duration(root, "hover_limit", HOVER_LIMIT, found),
         time_limit=_duration(root, "time_limit", TIME_LIMIT, found),
@@ -110,12 +110,6 @@ def _quantity(
         return default
     value = decode(node, quantity_field(key, dimension, above=0.0), found)
     return default if value is None else value
-
-
-def _needed(vehicles: dict[str, Vehicle]) -> int:
-    """The control rate that the drivers of all vehicles are content with."""
-    drivers = [vehicle.driver for vehicle in vehicles.values()]
-    return max((use.spec.cls.control_rate(use.params) for use in drivers), default=CONTROL_RATE)
 
 
 def _control(root: Mapping, needed: int, found: list[Diagnostic]) -> int:

@@ -229,7 +229,10 @@ def skeleton() -> Schema:
 def _rates() -> Schema:
     hover = "A hover that was entered by default lands after this; 30 s without it."
     limit = "The run ends after this at the latest; 600 s without it."
-    rate = "Control rate, a whole number of Hz; 250 Hz without it, 100 Hz where autopilots fly."
+    rate = (
+        "Control rate, a whole number of Hz; unless said 250 Hz, or 100 Hz where every vehicle is"
+        " on an autopilot that takes at most 50 set-points a second."
+    )
     return {
         "control": quantity(FREQUENCY, rate, exclusiveMinimum=0),
         "hover_limit": quantity(DURATION, hover, exclusiveMinimum=0),

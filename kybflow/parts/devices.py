@@ -53,12 +53,12 @@ class Said(NamedTuple):
 
 class Taken(NamedTuple):
     """Why a vehicle whose link lives does not obey. lands: its own failsafe has it, not a person,
-    and it is to be landed. kept: why it was not given back when it was asked for; empty while
+    and it is to be landed. refused: why it was not given back when it was asked for; empty while
     nobody has asked, and while that is awaited."""
 
     reason: str
     lands: bool = False
-    kept: str = ""
+    refused: str = ""
 
 
 class Link(ABC):
@@ -110,7 +110,7 @@ class Link(ABC):
         return ()
 
     def reclaim(self, now: Time) -> None:  # noqa: B027 - most are never taken
-        """Ask for a vehicle back that was `taken`. One that does not come says why in `kept`."""
+        """Ask for a vehicle back that was `taken`. One that does not come says why in `refused`."""
 
     def land(self, now: Time) -> bool:
         """Land by the land mode of the vehicle itself; whether it is on the ground and its rotors

@@ -27,7 +27,7 @@ class Obeying(Acting):
         self._waking: Command | None = None
         self._brought_down: Taken | None = None
         self._lost: Taken | None = None
-        self._kept = ""
+        self._refused = ""
 
     def _handed(self, command: Command, now: Time) -> Command:
         """Hand the command of a tick to the link; what it was given."""
@@ -88,9 +88,9 @@ class Obeying(Acting):
             self._tell("control_taken", self.plan.driver.at, reason=taken.reason)
             self.failsafe.unbrake()
             self.activity.freeze("pilot", self.entry)
-        if taken.kept and taken.kept != self._kept:
-            self._tell("control_kept", self.plan.driver.at, reason=taken.kept)
-        self._kept = taken.kept
+        if taken.refused and taken.refused != self._refused:
+            self._tell("control_refused", self.plan.driver.at, reason=taken.refused)
+        self._refused = taken.refused
         self.activity.wait(tick.dt)
         self.failsafe.check(tick, airborne=False)  # they go on looking; nobody reacts
         if self._wishes.waiting:
@@ -136,6 +136,6 @@ class Obeying(Acting):
 
     def _resume(self, by: str, at: str) -> None:
         if self._is_somebodys:
-            self._kept = ""
+            self._refused = ""
             self.senses.asking.reclaim(self.now)
         super()._resume(by, at)

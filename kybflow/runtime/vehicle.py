@@ -41,6 +41,9 @@ from kybflow.site import Site
 _FALL = 2 * NS
 """For how long a vehicle whose rotors were cut is watched falling."""
 
+_GONE = 10.0
+"""Seconds without a word after which nobody knows any more whether its rotors turn."""
+
 
 class Vehicle(Obeying):
     """The engine calls `sense`, then `act`, once a tick."""
@@ -102,13 +105,15 @@ class Vehicle(Obeying):
 
     @property
     def rests(self) -> bool:
-        """On the ground, in a state that nothing leaves any more; or in the hands of somebody else
-        when its run ends, or who armed it there."""
+        """On the ground, in a state that nothing leaves any more, where it is not waited for longer
+        to be disarmed than it is heard; or in the hands of somebody else when its run ends, or who
+        armed it there."""
         if self.away and self._retired is not None:
             return True
         if self.activity.flight is not GROUND or self._wishes.waiting:
             return False
-        if self.senses.asking.armed and self.senses.asking.taken is None:
+        is_heard = self.senses.link_age < _GONE
+        if is_heard and self.senses.asking.armed and self.senses.asking.taken is None:
             return False
         return not self.falls and not self.activity.state.transitions
 

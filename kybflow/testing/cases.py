@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from kybflow.catalog import load_catalog
+from kybflow.details import headline
 from kybflow.dsl.compiler import compile_mission
 from kybflow.errors import KybflowError
 from kybflow.findings import findings
@@ -91,7 +92,7 @@ def _reasons(flown: Flown) -> tuple[str, ...]:
     broken = [
         f"{e['at']}: `{e['text']}` did not hold" for e in summary["expectations"] if not e["held"]
     ]
-    return (str(summary["reason"]), *broken)
+    return (headline(str(summary["reason"])), *broken)
 
 
 def _kept(flown: Flown, keep: bool) -> Path | None:

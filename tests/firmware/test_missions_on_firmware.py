@@ -15,7 +15,6 @@ from kybflow.signals import Event
 
 pytestmark = pytest.mark.firmware
 EIGHT = ["up", "steady", "eight", "down", "landed"]
-WANDERS = "in SIH's noise PX4 wanders 5 to 10 cm, so that `fly_to` does not stop within its 2 cm"
 WAYS = {"figure_eight": EIGHT, "sidestep": ["up", "steady", "aside", "stop", "down", "landed"]}
 
 
@@ -34,11 +33,7 @@ def came_down(told: list[Event], engine: Engine, states: list[str]) -> None:
 
 
 @pytest.mark.parametrize("name", list(WAYS))
-def test_an_unchanged_mission_flies(
-    name: str, two: str, tmp_path: Path, request: pytest.FixtureRequest
-):
-    if (name, two) == ("sidestep", "px4"):
-        request.applymarker(pytest.mark.xfail(reason=WANDERS, strict=False))
+def test_an_unchanged_mission_flies(name: str, two: str, tmp_path: Path):
     flight, told, engine = flown(plan_of(MISSIONS / f"{name}.yaml", two), tmp_path)
     report(flight)
     came_down(told, engine, WAYS[name])

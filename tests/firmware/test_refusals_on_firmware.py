@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -14,6 +15,7 @@ from kybflow.drivers.mavlink.link import AutopilotLink
 from kybflow.drivers.mavlink.profile import profile_of
 from kybflow.drivers.mavlink.scouting import Scout
 from kybflow.drivers.mavlink.wire import open_wire
+from kybflow.dsl.plan import Plan
 
 pytestmark = pytest.mark.firmware
 SIDESTEP = MISSIONS / "sidestep.yaml"
@@ -43,6 +45,17 @@ def _written(autopilot: str, system: int, values: dict[str, float]) -> dict[str,
         before = dict(scout.settle(system, bytewise, steps, values).values)
         scout.settle(system, bytewise, steps, values, values)
     return before
+
+
+def by_position(plan: Plan) -> Plan:
+    """The plan with the autopilot's own position controller."""
+    vehicles = []
+    for v in plan.vehicles:
+        params = dataclasses.replace(v.tracker.params, by="position")
+        vehicles.append(
+            dataclasses.replace(v, tracker=dataclasses.replace(v.tracker, params=params))
+        )
+    return dataclasses.replace(plan, vehicles=tuple(vehicles))
 
 
 def failures(told) -> dict[tuple[str, str], str]:
@@ -88,10 +101,11 @@ def test_parameters_that_are_not_prepared_are_named_with_what_mends_them(two: st
 
 
 def test_what_it_says_to_arming_is_what_the_run_says(two: str, tmp_path: Path, monkeypatch):
-    """No vision, and a preflight that does not look: it must refuse by itself."""
+    """No vision, and a preflight that does not look: it must refuse by itself where it is to keep
+    the position. (By acceleration PX4 needs none, and flies the whole mission.)"""
     monkeypatch.setattr(AutopilotLink, "tell", lambda link, estimate, now: None)
     monkeypatch.setattr(AutopilotLink, "checks", lambda link, now: ())
-    flight, told, engine = flown(plan_of(SIDESTEP, two), tmp_path)
+    flight, told, engine = flown(by_position(plan_of(SIDESTEP, two)), tmp_path)
     refused = named(told, "arming_refused")
     for event in refused:
         shown(event.vehicle, event.at, event.fields)

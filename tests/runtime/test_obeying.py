@@ -51,7 +51,8 @@ class Autopilot(Link):
         if self.taken is not None and self._last is not None:
             rotors = self._last if self.armed else self._last._replace(armed=False, thrust=0.0)
             self.link.send(rotors, now)
-        return self.link.read(now)
+        is_silent = self.way == "falls silent" and seconds >= TAKEN
+        return () if is_silent else self.link.read(now)
 
     def subscribe(self, kinds):
         self.link.subscribe(kinds)
@@ -71,7 +72,7 @@ class Autopilot(Link):
 
     def send(self, command, now):
         self.calls.append((now / NS, "send" if command.armed else "rest"))
-        self.armed = command.armed
+        self.armed = command.armed or self.way == "falls silent"
         self._last = command
         self.link.send(command, now)
 
@@ -123,6 +124,14 @@ def test_a_behaviors_time_stands_still_until_the_vehicle_obeys(run):
     assert asked(opened) == ["arm", "send", "rest"]
     assert path(told, "a") == ["up", "hold", "down", "landed"]
     assert flown.exit_code == 0
+
+
+def test_one_that_falls_silent_for_good_is_not_waited_for_to_say_that_it_is_disarmed(run):
+    own, _ = driver("falls silent")
+    flown, told = run(flight(own))
+    assert "failsafe_started" in {event.name for event in told}
+    assert TAKEN + 10.0 < flown.summary["sim_time_s"] < TAKEN + 20.0
+    assert flown.summary["outcome"] == "failed"
 
 
 def test_a_vehicle_that_will_not_arm_stays_down_and_its_words_are_told(run):
@@ -179,15 +188,15 @@ class Keeping(Autopilot):
     def read(self, now):
         measured = super().read(now)
         if self.asked_back is not None and now / NS > self.asked_back + 1.0:
-            self.taken = PILOT._replace(kept="it won't go from POSCTL to OFFBOARD")
+            self.taken = PILOT._replace(refused="it won't go from POSCTL to OFFBOARD")
         return measured
 
 
-def test_a_vehicle_that_is_asked_for_and_kept_is_told_each_time(run):
+def test_a_vehicle_that_is_asked_for_and_does_not_come_is_told_each_time(run):
     own = wrapped(lambda _, link: Keeping(link, "pilot lands"))
     asks = tuple((TAKEN + at, "operator.resume") for at in (0.2, 1.8))
     _, told = run(flight(own), emitted=asks)
-    found = named(told, "control_kept")
+    found = named(told, "control_refused")
     assert [event.fields for event in found] == [
         {"reason": "it won't go from POSCTL to OFFBOARD"}
     ] * 2

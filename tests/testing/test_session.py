@@ -13,8 +13,11 @@ from typer.testing import CliRunner
 
 from kybflow.catalog import load_catalog
 from kybflow.cli import app
+from kybflow.details import detailed
 from kybflow.dsl.compiler import compile_mission
+from kybflow.runtime.flight import Flown
 from kybflow.runtime.interrupts import Interrupts
+from kybflow.testing import cases
 from kybflow.testing.cases import Case, Tried, try_case
 from kybflow.testing.coverage import State, written
 from kybflow.testing.finding import missions_under
@@ -67,6 +70,19 @@ def test_a_flight_that_fails_says_why_and_keeps_its_folder(folder: Path):
     assert any("`max(nano.state.altitude) < 1 cm` did not hold" in r for r in tried.reason)
     assert tried.folder is not None
     assert (tried.folder / "report.html").is_file()
+
+
+def test_a_reason_is_told_without_the_tables_below_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    reason = f"preflight: nano: parameters: {detailed('2 are wrong', ['A is 0', 'B is 1'])}; more"
+
+    def refused(plan, request, listeners) -> Flown:
+        return Flown(request.out, {"outcome": "interrupted", "reason": reason, "expectations": []})
+
+    monkeypatch.setattr(cases, "fly", refused)
+    tried = try_case(case(folder, "good"))
+    assert tried.reason == ("preflight: nano: parameters: 2 are wrong; more",)
 
 
 def test_an_invalid_mission_gives_its_findings(folder: Path):

@@ -19,7 +19,7 @@ from kybflow.drivers.mavlink.wire import Wire, memory_wires
 from kybflow.parts import Link, Seat, Session
 from kybflow.signals import Measurement, Time, Truth
 
-LAG = Lag(place=0.04, push=0.1)
+LAG = Lag(position=0.04, acceleration=0.1)
 """By how much an emulated autopilot comes after its set-points."""
 
 

@@ -1,10 +1,12 @@
 """PX4 and ArduPilot autopilots over MAVLink.
 
 One part for both: what differs is a profile (`autopilot`). Several vehicles share a link and are
-told apart by their system id. What kybflow estimates goes to the autopilot as external vision,
-unless its `position` is its own; set-points are followed by its own controllers. Everything goes by
-the engine's tick: when this program stops, so do set-points and heartbeats, and the autopilot's own
-failsafe acts, which the preflight has looked at.
+told apart by their system id. Unless its `position` is its own, what kybflow estimates goes to the
+autopilot as external vision, and kybflow's own position loop sends it accelerations, which it
+follows by its own attitude controller; by GPS, or where set-points are rare, it follows positions.
+Everything goes by the engine's tick: when this program stops, so do set-points and heartbeats. The
+last set-point stays in force until the autopilot's own failsafe acts, which the preflight has
+looked at.
 """
 
 from __future__ import annotations
@@ -22,10 +24,10 @@ if TYPE_CHECKING:
 
 Autopilot = Literal["px4", "ardupilot"]
 OFTEN = 40.0
-"""Set-points a second with which the position loop may be ours."""
+"""Set-points a second from which on the position loop may be ours, as accelerations."""
 SLOW, QUICK = 100, 250
-"""Ticks a second: where the autopilot holds the vehicle and is told where to, and where set-points
-go out more often than every other one of those."""
+"""Ticks a second, for set-points of position or acceleration: up to one in two ticks of the former,
+and above. The attitude loop, which needs more, is the autopilot's."""
 
 
 @params

@@ -65,8 +65,8 @@ INDOORS = (
     Setting("SYSID_MYGCS", OWN, "the heartbeat that it waits for is ours"),
     Setting("FS_EKF_ACTION", 1, "it lands when it has lost its position in a mode that needs one",
             {3: "it lands when it has lost its position, in every mode"}),
-    Setting("GUID_TIMEOUT", 1.0, "it stops within a second when velocities or attitudes stop; a"
-            " position alone it holds", rule="at_most"),
+    Setting("GUID_TIMEOUT", 0.5, "it stops within half a second when accelerations, velocities or"
+            " attitudes stop; a position alone it holds", rule="at_most"),
     Setting("GUID_OPTIONS", 8, "thrust is thrust, not a climb rate", rule="bits"),
 )  # fmt: skip
 
@@ -103,8 +103,8 @@ DANGERS = (
         "1 (land)",
     ),
     Danger(
-        "GUID_TIMEOUT", cure="1", above=3.0,
-        excess="for so many seconds it would fly on at the last velocity",
+        "GUID_TIMEOUT", cure="0.5", above=3.0,
+        excess="for so many seconds it would fly on with the last velocity or acceleration",
     ),
     Danger("BATT_FS_LOW_ACT", _EARLY_END, "1 (land)"),
     Danger("BATT_FS_CRT_ACT", _EARLY_END, "1 (land)"),
@@ -186,7 +186,7 @@ ARDUPILOT = Profile(
     reaction="FS_GCS_ENABLE",
     feeds=("VISO_TYPE", "EK3_SRC1_POSXY", "EK3_SRC1_POSZ", "EK3_SRC1_YAW"),
     feeds_own=("GPS_TYPE", "EK3_SRC1_POSXY"),
-    lag=Lag(place=0.1, push=0.2),
+    lag=Lag(position=0.1, acceleration=0.2),
     takeoff_height=0.5,
     sphere=6_378_100.0,
     mode_params=mode_params,

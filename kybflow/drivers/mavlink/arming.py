@@ -56,8 +56,8 @@ class Arming:
             modes.again()
 
     def step(self, stream: Stream, height: float | None, rises: bool, now: Time) -> bool:
-        """Whether it is armed and follows. rises: set-points of position lift it. Raises Refused
-        after its patience, in its words."""
+        """Whether it is armed and follows. rises: set-points that are raised lift it. Raises
+        Refused after its patience, in its words."""
         waits = self._waits(stream, height, rises, now)
         if waits and now - self._begun > self._patience * NS:
             raise Refused(f"{self._profile.name} won't arm: {self._words(waits)}")

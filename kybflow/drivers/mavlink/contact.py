@@ -32,7 +32,9 @@ FORGETS: Time = 2 * NS
 """A silence after which its streams are asked for again."""
 REPEATED: Time = 60 * NS
 """How long a text that was told is not told again."""
-DISARM = "disarm"
+DISARM, REFUSALS = "disarm", ("denied", "not landed", "refused", "rejected")
+ALERT = 1
+"""MAV_SEVERITY: what is as bad is told at once, whatever it says."""
 SEVERITIES = ("critical", "critical", "critical", "error", "warning")
 TRUE = frozenset({"SIM_STATE", "HIL_STATE_QUATERNION"})
 ANSWERS = frozenset({"COMMAND_ACK", "PARAM_VALUE", "PARAM_ERROR", "TIMESYNC"})
@@ -92,8 +94,8 @@ class Contact:
         if not fresh and not self._kept:
             return ()
         if is_disarming:
-            self._kept += (text for text in fresh if DISARM in text.text.lower())
-            fresh = [text for text in fresh if DISARM not in text.text.lower()]
+            self._kept += (text for text in fresh if _refuses_to_disarm(text))
+            fresh = [text for text in fresh if not _refuses_to_disarm(text)]
         elif self._kept:
             fresh = [*(self._kept if self.heard.armed else ()), *fresh]
             self._kept = []
@@ -129,3 +131,8 @@ class Contact:
                 self.truth.hear(message, now, on_ground=self.heard.landed is Landed.GROUND)
         else:
             self.telemetry.hear(message, now)
+
+
+def _refuses_to_disarm(text: Text) -> bool:
+    words = text.text.lower()
+    return text.severity > ALERT and DISARM in words and any(word in words for word in REFUSALS)

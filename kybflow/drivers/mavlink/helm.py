@@ -31,6 +31,8 @@ ALIVE = 0.3
 """Seconds without a word that are nothing out of the way."""
 WELL: Time = NS
 """How long a link must have been well before a vehicle is taken back unasked."""
+RISES = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
+"""Commands that are raised until it has lifted; the others lift it themselves."""
 
 
 class Goal(Enum):
@@ -67,7 +69,6 @@ class Helm:
         self._preparing = Preparing(self.modes, first, hold, self._step_mode)
         self._since: Time = 0
         self._lifting = Lifting(hold)
-        self._returns_by_itself = False
         self._reclaiming = Reclaiming(self.modes, self.stream, hold, self._step_mode)
 
     def arm(self, command: Command, now: Time) -> bool:
@@ -86,11 +87,9 @@ class Helm:
                 raise Refused(self.taken.reason)
             return False
         if self._profile.streams_first:
-            lifts = self._heard.armed
-            height = self._profile.takeoff_height
-            self.stream.feed(raised(command, height) if lifts else command, now)
+            self.stream.feed(self._raised(command, now), now)
         try:
-            rises = command.kind is CommandKind.POSITION
+            rises = command.kind in RISES
             obeys = self._arming.step(self.stream, self._lifting.height, rises, now)
         except Refused:
             self.rest(now)
@@ -164,8 +163,8 @@ class Helm:
             self.rest(now)
             return
         trouble = self._reclaiming.begin(now)
-        kept = "" if self._returns_by_itself else trouble
-        self.taken = self.taken._replace(kept=kept)
+        refused = "" if self._reclaiming.is_unasked else trouble
+        self.taken = self.taken._replace(refused=refused)
 
     @property
     def is_disarming(self) -> bool:
@@ -176,7 +175,7 @@ class Helm:
         """See what it does, once a tick after all that came was heard. age: seconds since anything
         was."""
         if not self._heard.armed:
-            self._lifting.stand()
+            self._lifting.stand(now)
         if self.goal is Goal.STOP:
             if self._cutting.step(now):
                 self.rest(now)
@@ -186,6 +185,12 @@ class Helm:
             self._let_rest(now)
         elif self.goal is Goal.FOLLOW:
             self._mind(now)
+
+    def _raised(self, command: Command, now: Time) -> Command:
+        """What it is sent while it arms: armed, what lifts it."""
+        if not self._heard.armed:
+            return command
+        return raised(command, self._profile.takeoff_height, self._lifting.pushed(now))
 
     def _step_mode(self, now: Time) -> bool:
         """Whether it is in the mode in which it follows; asked for where set-points flow."""
@@ -214,39 +219,37 @@ class Helm:
         found = self.taking.found(now)
         if found is not None:
             self._take(Taken(found.reason, found.by_itself and not self._resumes))
-            self._returns_by_itself = found.by_itself and self._resumes
+            if found.by_itself and self._resumes:
+                self._reclaiming.expect()
         elif self.goal is Goal.FOLLOW and not self.taking.is_in_doubt:
             self._step_mode(now)
 
     def _take(self, taken: Taken) -> None:
-        self.taken, self._returns_by_itself = taken, False
+        self.taken = taken
+        self._reclaiming.forget()
         self.taking.forget()
         self.stream.stop()
         self.modes.want(None)
 
-    def _stay_down(self) -> None:
-        """One that was to be taken back unasked is not, when it is down: it would take off
-        again."""
-        if self._returns_by_itself and self._reclaiming.is_under_way:
-            self._reclaiming.end()
-        self._returns_by_itself = False
-
     def _look_after(self, taken: Taken, age: float, now: Time) -> None:
-        """While somebody else has it."""
+        """While somebody else has it. One that was to be taken back unasked is not when it is down,
+        it would take off again, nor when a person may have it by now."""
         silence = self.taking.silence
         is_well = age < ALIVE and (silence is None or now - silence.ended > WELL)
-        if self._heard.landed is Landed.GROUND or self._lifting.is_low:
-            self._stay_down()
-        if self._returns_by_itself and is_well:
+        back = self._reclaiming
+        is_down = self._heard.landed is Landed.GROUND or self._lifting.is_low
+        if back.is_unasked and (is_down or back.is_elsewhere):
+            back.end()
+        if back.is_unasked and is_well:
             self.reclaim(now)
-        if self._reclaiming.is_under_way:
+        if back.is_under_way:
             self._ask_back(taken, now)
 
     def _ask_back(self, taken: Taken, now: Time) -> None:
         """It is to come back: does it, is it down, or was it asked for long enough?"""
-        kept = self._reclaiming.lasts(now)
-        if kept or not self._heard.armed:
-            self.taken = taken._replace(kept=kept)
+        refused = self._reclaiming.lasts(now)
+        if refused or not self._heard.armed:
+            self.taken = taken._replace(refused=refused)
             self._reclaiming.end()
         elif self._reclaiming.step(now):
             self._release(Goal.FOLLOW, now)

@@ -1,7 +1,7 @@
 """Which share of the throttle holds the vehicle in the air, for commands in newtons.
 
-First the autopilot's own parameter; then, as it hovers under set-points of position, what its
-attitude controller asks for in truth, averaged slowly.
+First the autopilot's own parameter; then, as it hovers under set-points of position or of
+acceleration, what its attitude controller asks for in truth, averaged slowly.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ SLOW = 5.0
 """Seconds over which it is averaged."""
 STILL = 0.3
 """Metres a second below which it hovers."""
+
+FLIES_ITSELF = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
+"""Commands under which the thrust is its own."""
 
 
 class Hover:
@@ -42,7 +45,7 @@ class Hover:
     ) -> None:  # fmt: skip
         """asked: the throttle that its controller asks for, 0 to 1, in the air."""
         still = odometry is not None and norm(odometry.velocity) < STILL
-        if asked is None or not still or command.kind is not CommandKind.POSITION:
+        if asked is None or not still or command.kind not in FLIES_ITSELF:
             self._last = None
             return
         if self._last is not None:

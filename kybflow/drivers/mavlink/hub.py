@@ -3,7 +3,9 @@
 Autopilots are told apart by their system id. A port passes on what the autopilot itself says
 (component 1), not its gimbal, its radio, nor a ground station that is overheard. Where datagrams
 come from several places, a vehicle is answered where it was heard; a second one with its id is
-dropped while the first is there, and told.
+dropped while the first is there, and told. One that signs with an old time is not heard, and moves
+nothing: it may be one that has started anew, or an old frame that somebody plays again. It is sent
+one heartbeat, from which the former takes our time.
 """
 
 from __future__ import annotations
@@ -11,6 +13,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Mapping
 from typing import Any
+
+from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.drivers.mavlink.framing import ONBOARD, Counts, Message, Packer, Parser
 from kybflow.drivers.mavlink.layout import NUMBERS
@@ -23,7 +27,11 @@ AUTOPILOT = 1
 """Its component (MAV_COMP_ID_AUTOPILOT1)."""
 GONE: Time = 3 * NS
 """Silent for so long, a vehicle may be heard from another place."""
+AGAIN: Time = NS
+"""An old time at the same place is answered again after so long."""
 MOST_SENDERS = 256
+HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+"""As of a ground station."""
 
 
 class Port:
@@ -86,12 +94,10 @@ class Port:
         self._place, self.heard = place, now
         self._messages.append(message)
 
-    def answer(self, place: Any, now: Time) -> None:
-        """Called by the hub: whoever is there has the secret, but a clock that is behind, as an
-        autopilot that has started anew. It is told ours, which it then goes by; until it does,
-        nothing that it says counts."""
-        if self._place is None or not self._holds(now):
-            self._place = place
+    def answer(self, place: Any) -> None:
+        """Called by the hub: one heartbeat to a place where nothing else is sent."""
+        if place != self._place:
+            self._line.wire.send(self._packer.pack(HEARTBEAT), place)
 
     def _holds(self, now: Time) -> bool:
         return (
@@ -155,6 +161,7 @@ class _Line:
         self.now: Time = 0
         self._signing = signing
         self._parsers: dict[Any, Parser] = {}
+        self._answered: tuple[Any, Time] = (None, 0)
 
     def poll(self, now: Time) -> None:
         self.now = now
@@ -172,12 +179,16 @@ class _Line:
                     port.hear(message, place, now)
 
     def _answer(self, stale: set[tuple[int, int]], place: Any, now: Time) -> None:
-        """Have those told our time whose own is behind, by system and component."""
-        systems = {system for system, component in stale if component == AUTOPILOT}
+        """Have an autopilot at that place told our time. stale: who signed with an old one, by
+        system and component. Also one that no port is for: a scout does not know its id yet."""
+        systems = sorted(system for system, component in stale if component == AUTOPILOT)
         stale.clear()
-        self.autopilots |= systems
-        for system in systems & self.ports.keys():
-            self.ports[system].answer(place, now)
+        if not systems or not self.ports or not self.wire.answers:
+            return  # where everybody hears all that is sent, heartbeats go out anyway
+        last, at = self._answered
+        if place != last or now - at >= AGAIN:
+            self._answered = place, now
+            self.ports.get(systems[0], next(iter(self.ports.values()))).answer(place)
 
     def silence(self, system: int) -> str:
         """Why that system may not have been heard."""

@@ -18,8 +18,8 @@ class Lag(NamedTuple):
     """Seconds by which a vehicle comes after set-points of position and velocity, and after those
     of acceleration alone."""
 
-    place: float
-    push: float
+    position: float
+    acceleration: float
 
 
 def led(command: Command, lag: Lag) -> Command:
@@ -29,9 +29,9 @@ def led(command: Command, lag: Lag) -> Command:
     if setpoint is None or (acceleration := setpoint.acceleration) is None:
         return command
     position, velocity = setpoint.position, setpoint.velocity
-    jerk, time = setpoint.jerk or ZERO, lag.place
+    jerk, time = setpoint.jerk or ZERO, lag.position
     if setpoint.kind is SetpointKind.ACCELERATION:
-        pushed = setpoint._replace(acceleration=add(acceleration, scale(jerk, lag.push)))
+        pushed = setpoint._replace(acceleration=add(acceleration, scale(jerk, lag.acceleration)))
         return command._replace(setpoint=pushed)
     if velocity is None:
         return command

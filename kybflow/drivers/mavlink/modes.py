@@ -33,10 +33,14 @@ class Modes:
         mode = self._heard.mode
         return "no known mode" if mode is None else self._profile.mode_name(mode)
 
+    def is_in(self, name: str) -> bool:
+        """Whether the autopilot says that it is in this mode of the profile."""
+        return self._heard.mode == self._profile.modes[name]
+
     @property
     def in_force(self) -> bool:
         """Whether it is in the wanted mode now."""
-        return self.wanted is not None and self._heard.mode == self._profile.modes[self.wanted]
+        return self.wanted is not None and self.is_in(self.wanted)
 
     @property
     def has_left(self) -> bool:

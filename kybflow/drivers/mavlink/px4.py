@@ -58,7 +58,8 @@ INDOORS = (
             {2: "it may be armed without GPS, without a warning"}),
     Setting("COM_OBL_RC_ACT", 4, "it lands when set-points stop",
             {5: "it holds where it is when set-points stop, and lands when it has no position"}),
-    Setting("COM_OF_LOSS_T", 1.0, "it notices within a second that they stopped", rule="at_most"),
+    Setting("COM_OF_LOSS_T", 0.5, "it notices within half a second that they stopped, and goes on"
+            " with the last one no longer", rule="at_most"),
     Setting("COM_RCL_EXCEPT", 4, "it follows set-points without a transmitter", rule="bits"),
     Setting("NAV_RCL_ACT", 3, "it lands when a transmitter is lost in another mode",
             {1: "it holds where it is when a transmitter is lost in another mode"}),
@@ -91,7 +92,7 @@ DANGERS = (
     ),
     Danger("COM_OBL_RC_ACT", {3: f"without set-points {_CLIMBS}"}, "4 (land)", indoors=True),
     Danger(
-        "COM_OF_LOSS_T", cure="1", above=1.0,
+        "COM_OF_LOSS_T", cure="0.5", above=1.0,
         excess="for so many seconds it would fly on without set-points",
     ),
     Danger("NAV_DLL_ACT", dict.fromkeys((5, 6), f"without our heartbeat {_FALLS}"), _UNHEARD),
@@ -178,7 +179,7 @@ PX4 = Profile(
     reaction="COM_OBL_RC_ACT",
     feeds=("EKF2_EV_CTRL", "EKF2_HGT_REF"),
     feeds_own=("EKF2_GPS_CTRL",),
-    lag=Lag(place=0.12, push=0.2),
+    lag=Lag(position=0.12, acceleration=0.2),
     takeoff_height=0.5,
     sphere=None,
     mode_params=mode_params,

@@ -1,5 +1,9 @@
 """Asking for a vehicle back that somebody else has, to hold still where it is until it is commanded
-again. Nobody insists for ever: it would leave its pilot when nobody thinks of it any more."""
+again. Nobody insists for ever: it would leave its pilot when nobody thinks of it any more.
+
+One that its own failsafe has may be to come back unasked. That ends with the first mode that is
+flown by hand, or that is another than it was: a person may have chosen it.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ from collections.abc import Callable
 
 from kybflow.drivers.mavlink.modes import Modes
 from kybflow.drivers.mavlink.stream import Stream
+from kybflow.drivers.mavlink.taking import BY_HAND
 from kybflow.signals import NS, Command, Time
 
 INSISTENT: Time = 10 * NS
@@ -17,7 +22,7 @@ NOWHERE = "it is not known where it is, and so not where it is to hold"
 class Reclaiming:
     """Of one vehicle. stream: what it is sent meanwhile. hold: what makes it hold still where it
     is, None where that is not known. follows: asks for the mode in which it follows; whether it is
-    in it."""
+    in it. `is_unasked`: whether it is to come back though nobody asks."""
 
     def __init__(
         self, modes: Modes, stream: Stream, hold: Callable[[], Command | None],
@@ -26,10 +31,24 @@ class Reclaiming:
         self._modes, self._stream, self._hold, self._follows = modes, stream, hold, follows
         self._holding: Command | None = None
         self._asked: Time = 0
+        self.is_unasked = False
+        self._left_for = ""
 
     @property
     def is_under_way(self) -> bool:
         return self._holding is not None
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """Whether a person may have it, who was to come back unasked: it is flown by hand, or
+        neither in the mode of its failsafe nor in the one in which it follows."""
+        mode = self._modes.reported
+        is_other = mode != self._left_for and not self._modes.is_in("offboard")
+        return self.is_unasked and (mode in BY_HAND or is_other)
+
+    def expect(self) -> None:
+        """It is to come back unasked, from the mode in which it is now."""
+        self.is_unasked, self._left_for = True, self._modes.reported
 
     def begin(self, now: Time) -> str:
         """Ask for it from now on; why that can't be, empty where it can."""
@@ -41,11 +60,11 @@ class Reclaiming:
 
     def forget(self) -> None:
         """It is asked for something else now."""
-        self._holding = None
+        self._holding, self.is_unasked = None, False
 
     def end(self) -> None:
-        """It is not asked for any more."""
-        self._holding = None
+        """It is not asked for any more, and not to come unasked."""
+        self.forget()
         self._stream.stop()
         self._modes.want(None)
 

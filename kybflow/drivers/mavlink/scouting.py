@@ -8,11 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.drivers.mavlink.framing import Message
 from kybflow.drivers.mavlink.heard import Heard
-from kybflow.drivers.mavlink.hub import AUTOPILOT, Hub, Port
+from kybflow.drivers.mavlink.hub import AUTOPILOT, HEARTBEAT, Hub, Port
 from kybflow.drivers.mavlink.parameters import Parameters
 from kybflow.drivers.mavlink.wire import Wire
 from kybflow.errors import DriverError
@@ -26,7 +24,6 @@ SILENT: Time = 5 * NS
 """Without a heartbeat for so long, it is gone."""
 FIRMWARES = {3: "ardupilot", 12: "px4"}
 """Those that fly missions, by MAV_AUTOPILOT."""
-_HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 _WAYS = {
     "udpin": "is the autopilot told to send to that port, and does no other program take it?",
     "udpout": "does an autopilot listen there?",
@@ -65,7 +62,7 @@ class Scout:
         if self._beat is None or now - self._beat >= NS:
             self._beat = now
             for port in self._ports.values():
-                port.send(_HEARTBEAT)
+                port.send(HEARTBEAT)
 
     def watch(
         self, ticks: Iterator[Time], patience: Time, until: Callable[[], bool] = lambda: False

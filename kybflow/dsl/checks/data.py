@@ -14,6 +14,7 @@ from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
+from kybflow.dsl.rates import divides
 from kybflow.dsl.sensors import provided
 from kybflow.errors import PartError
 from kybflow.parts import Leg
@@ -181,7 +182,7 @@ def control_rates(case: Case) -> Iterator[Diagnostic]:
     for vehicle in case.vehicles():
         driver = vehicle.driver
         rate = driver.spec.cls.step_rate(driver.params)
-        if rate is None or _divides(control, rate):
+        if rate is None or divides(control, rate):
             continue
         yield Diagnostic(
             "KYB303",
@@ -190,11 +191,6 @@ def control_rates(case: Case) -> Iterator[Diagnostic]:
             label=f"{rate:g} / {control} = {rate / control:.4g}",
             help=f"use {_divisor(rate, control)} Hz",
         )
-
-
-def _divides(control: int, rate: float) -> bool:
-    steps = round(rate / control)
-    return steps >= 1 and abs(rate / control - steps) < 1e-9
 
 
 def _divisor(rate: float, control: int) -> str:

@@ -11,17 +11,17 @@ so that the position is kept on this program's estimate and an autopilot stops w
 
     a = a_des + D (v_des - v) + K (p_des - p) + I integral(p_des - p) + drag v_des,
 
-where D is `damping`, K `stiffness`, drag horizontal; a VELOCITY setpoint has no K and I term. The
-integral has all three axes, and is three times as quick along z, because no mass is learnt here; it
-stands still on the ground, at a limit and in steps longer than 40 ms. The on-board attitude comes
-after what it is asked for, and errs by what its own filter takes for level. So to a, which keeps
-within the airframe's tilt and thrust, `tilt` times what the estimated attitude lacks of it is added
-in the air, across:
+where D is `damping`, K `stiffness`, drag horizontal; a VELOCITY setpoint has no K term, and leaves
+the integral as it is. The integral has all three axes, and is three times as quick along z, because
+no mass is learnt here; it stands still on the ground, at a limit and in steps longer than 40 ms.
+The on-board attitude comes after what it is asked for, and errs by what its own filter takes for
+level. So to a, `tilt` times what the estimated attitude lacks of it is added in the air, across:
 
     sent = a + T (a - (g + a_z) (z_x, z_y) / z_z),   z the estimated body z axis
 
 by which the attitude loop is (1 + T) times as quick, and its error as much smaller. A vehicle with
-a quick one of its own shakes when T is 1.
+a quick one of its own shakes when T is 1. Both keep within the airframe's tilt and thrust; the jerk
+goes along, for who sends ahead, where they are not cut.
 
 What the on-board controller can follow itself is passed on untouched: setpoints of velocity with
 `velocity`, those of acceleration always. Heading and heading rate go with each.
@@ -134,12 +134,13 @@ class OnBoard(Tracker[OnBoardParams]):
             velocity = self._velocity(setpoint, estimate)
             return setpoint._replace(kind=SetpointKind.VELOCITY, position=None, velocity=velocity)
         if by == "acceleration" and kind is not SetpointKind.ACCELERATION:
-            acceleration = self._acceleration(setpoint, estimate, dt)
+            acceleration, is_free = self._acceleration(setpoint, estimate, dt)
             return setpoint._replace(
                 kind=SetpointKind.ACCELERATION,
                 position=None,
                 velocity=None,
                 acceleration=acceleration,
+                jerk=setpoint.jerk if is_free else None,
             )
         return setpoint
 
@@ -148,24 +149,26 @@ class OnBoard(Tracker[OnBoardParams]):
         gap = sub(setpoint.position or estimate.position, estimate.position)
         return add(asked, shortened(scale(gap, p.proportional), p.correction))
 
-    def _acceleration(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
+    def _acceleration(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> tuple[Vec3, bool]:
+        """What is asked for, and whether it is within the airframe's limits without being cut."""
         p, asked = self.params, setpoint.velocity or ZERO
         drag = self._airframe.drag
         wanted = add(setpoint.acceleration or ZERO, (drag * asked[0], drag * asked[1], 0.0))
         wanted = add(wanted, scale(sub(asked, estimate.velocity), p.damping))
-        if setpoint.position is None:
-            return self._bounded(add(wanted, self._integral))
-        gap = sub(setpoint.position, estimate.position)
-        wanted = add(wanted, scale(gap, p.stiffness))
-        total = add(wanted, self._integral)
+        goal = setpoint.position
+        gap = ZERO if goal is None else sub(goal, estimate.position)
+        total = add(add(wanted, scale(gap, p.stiffness)), self._integral)
         bounded = self._bounded(total)
-        flies = self._flies(estimate.position[2])
-        if flies and bounded == total and dt < LONGEST_STEP:
+        if not self._flies(estimate.position[2]):
+            return bounded, bounded == total
+        if bounded == total and dt < LONGEST_STEP:
             x, y, z = scale(gap, p.integral * dt)
             ix, iy, iz = add(self._integral, (x, y, LIFT * z))
             most = p.integral_limit
             self._integral = (_within(ix, most), _within(iy, most), _within(iz, most))
-        return self._tilted(bounded, estimate.attitude) if flies else bounded
+        tilted = self._tilted(bounded, estimate.attitude)
+        sent = self._bounded(tilted)
+        return sent, bounded == total and sent == tilted
 
     def _tilted(self, wanted: Vec3, attitude: Quat) -> Vec3:
         """An acceleration with what the tilt lacks of it; as it is where the vehicle lies on its
@@ -175,7 +178,7 @@ class OnBoard(Tracker[OnBoardParams]):
             return wanted
         x, y, z = wanted
         more, up = self.params.tilt, (GRAVITY + z) / zz
-        return self._bounded((x + more * (x - up * zx), y + more * (y - up * zy), z))
+        return (x + more * (x - up * zx), y + more * (y - up * zy), z)
 
     def _flies(self, height: float) -> bool:
         if self._floor is None:

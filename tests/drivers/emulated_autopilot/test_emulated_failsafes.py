@@ -42,12 +42,12 @@ def setting(bench, name, value):
 @pytest.mark.parametrize(
     ("action", "mode"), [(0, PX4_RETURN), (4, PX4_LAND), (5, PX4_HOLD), (3, PX4_RETURN)]
 )
-def test_px4_leaves_offboard_a_second_after_the_last_set_point(action, mode):
+def test_px4_leaves_offboard_half_a_second_after_the_last_set_point(action, mode):
     bench = Bench("px4")
     bench.take_off(1.0)
     setting(bench, "COM_OBL_RC_ACT", action)
     bench.wanted = None
-    assert 0.9 < after(bench, lambda: bench.pilot.state.mode != PX4_OFFBOARD) < 1.15
+    assert 0.4 < after(bench, lambda: bench.pilot.state.mode != PX4_OFFBOARD) < 0.65
     assert bench.pilot.state.mode == mode
     assert "offboard signal lost" in bench.texts()
 

@@ -28,6 +28,7 @@ GROUND, AIR, TAKING_OFF = 1, 2, 3
 SET_MODE, ARM, TAKEOFF, SERVO, GRIPPER = 176, 400, 22, 183, 211
 ACCEPTED, REJECTED, UNSUPPORTED, FAILED = 0, 1, 3, 4
 FORCED = 21196
+NO_POSITION = 0b111
 
 
 class Fake:
@@ -60,7 +61,7 @@ class Fake:
                 elif message.get_type() == "PARAM_REQUEST_READ":
                     self._tell_param(message.param_id.split("\0")[0])
                 elif message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
-                    self._rise(-message.z)
+                    self._rise(self._asked_up(message))
         if not self.is_quiet:
             self._stream(now // 1_000_000)
         self._ticks += 1
@@ -127,6 +128,12 @@ class Fake:
         elif message.command == SERVO:
             self.servos[round(message.param1) - 1] = round(message.param2)
         self._heartbeat()
+
+    def _asked_up(self, message: Any) -> float:
+        """The height that a set-point asks for: its own, or any above for a push up."""
+        if message.type_mask & NO_POSITION == NO_POSITION:
+            return self.position[2] + 1.0 if message.afz < 0.0 else self.position[2]
+        return float(-message.z)
 
     def _rise(self, wanted: float) -> None:
         """2 cm towards a set-point that asks it up; it never sinks, nor goes aside."""
@@ -202,6 +209,12 @@ def opened(one: Seat, wires: dict[str, MemoryWire]) -> MavlinkSession:
 def at(position: Vec3) -> Command:
     setpoint = Setpoint(SetpointKind.POSITION, position, ZERO, heading=0.0)
     return Command(LEVEL, 0.0, ZERO, 0.0, True, CommandKind.POSITION, setpoint)
+
+
+def pushed(up: float) -> Command:
+    """A command of acceleration, straight up."""
+    setpoint = Setpoint(SetpointKind.ACCELERATION, acceleration=(0.0, 0.0, up), heading=0.0)
+    return Command(LEVEL, 0.0, ZERO, 0.0, True, CommandKind.ACCELERATION, setpoint)
 
 
 def estimate(now: int, position: Vec3 = ZERO, source: str = "mocap", age: float = 0.01) -> Estimate:

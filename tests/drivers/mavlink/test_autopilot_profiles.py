@@ -109,7 +109,7 @@ DANGEROUS = [
     ),
     (
         PX4, {"COM_OF_LOSS_T": 2.5}, False,
-        "COM_OF_LOSS_T is 2.5: for so many seconds it would fly on without set-points; set 1",
+        "COM_OF_LOSS_T is 2.5: for so many seconds it would fly on without set-points; set 0.5",
     ),
     (
         ARDUPILOT, {"FS_GCS_ENABLE": 0.0}, False,

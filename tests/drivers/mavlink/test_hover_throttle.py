@@ -10,7 +10,7 @@ from fake import RESTING, at
 
 from kybflow.drivers.mavlink.hover import Hover
 from kybflow.geometry import LEVEL, ZERO
-from kybflow.signals import NS, Odometry
+from kybflow.signals import NS, CommandKind, Odometry
 
 TOLD = {"MPC_THR_HOVER": 0.4}
 STILL = Odometry(0, ZERO, ZERO, LEVEL, ZERO, 0.1)
@@ -32,6 +32,8 @@ def test_first_its_own_parameter_counts_then_a_half():
 def test_what_its_controller_asks_for_in_hover_is_learned_slowly():
     assert learned() == pytest.approx(0.6, abs=0.01)
     assert learned(seconds=1) == pytest.approx(0.4, abs=0.05)
+    pushed = at(ZERO)._replace(kind=CommandKind.ACCELERATION)
+    assert learned(command=pushed) == pytest.approx(0.6, abs=0.01)
 
 
 def test_nothing_is_learned_on_the_move_or_while_thrust_is_commanded():

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
-from fake import ARM, RESTING, Bench, at
+from fake import ARM, RESTING, Bench, at, pushed
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,7 +14,7 @@ from kybflow.drivers.mavlink.arming import LIFTED
 from kybflow.drivers.mavlink.lifting import raised
 from kybflow.errors import Refused
 from kybflow.geometry import ZERO
-from kybflow.signals import CommandKind, Setpoint, SetpointKind
+from kybflow.signals import NS, CommandKind, Setpoint, SetpointKind
 
 STREAM = "SET_POSITION_TARGET_LOCAL_NED"
 MOVING = Setpoint(
@@ -25,7 +25,7 @@ MOVING = Setpoint(
 @given(st.floats(0.0, 3.0))
 def test_a_place_is_raised_and_rests_there(height):
     command = at(ZERO)._replace(setpoint=MOVING)
-    higher = raised(command, height)
+    higher = raised(command, height, 0.0)
     assert higher.setpoint.position == pytest.approx((1.0, 2.0, 0.1 + height))
     assert higher.setpoint[2:5] == (ZERO, ZERO, ZERO)
     assert higher == command._replace(setpoint=higher.setpoint)
@@ -36,7 +36,7 @@ def test_what_is_no_place_stays_as_it_is():
     speed = Setpoint(SetpointKind.VELOCITY, None, (0.0, 0.0, 0.2), ZERO)
     climbing = at(ZERO)._replace(kind=CommandKind.VELOCITY, setpoint=speed)
     for command in (RESTING, climbing):
-        assert raised(command, 0.5) is command
+        assert raised(command, 0.5, 2.0) is command
 
 
 def test_px4_obeys_once_set_points_above_the_first_have_lifted_it():
@@ -72,3 +72,68 @@ def test_commands_of_velocity_lift_it_themselves():
     bench.run(1.0)
     bench.fake.is_heavy = True
     assert bench.arm(command=at(ZERO)._replace(kind=CommandKind.VELOCITY, setpoint=speed))
+
+
+@pytest.mark.parametrize(("seconds", "push"), [(0.0, 1.5), (2.0, 2.5), (60.0, 4.0)])
+def test_an_acceleration_becomes_a_push_up_that_grows_to_a_bound(seconds, push):
+    sideways = Setpoint(
+        SetpointKind.ACCELERATION, None, None, (0.3, 0.0, -1.0), (0.0, 0.0, 9.0), 0.7
+    )
+    command = pushed(0.0)._replace(setpoint=sideways)
+    harder = sideways._replace(acceleration=(0.0, 0.0, push), jerk=ZERO)
+    assert raised(command, 0.5, seconds) == command._replace(setpoint=harder)
+
+
+def test_px4_obeys_by_acceleration_once_a_push_up_has_lifted_it():
+    bench = Bench("px4")
+    bench.run(1.0)
+    assert bench.arm(command=pushed(-0.5))
+    assert bench.fake.position[2] >= LIFTED
+    armed = bench.fake.sent.index(bench.fake.commands(ARM)[0])
+    before = [m.afz for m in bench.fake.sent[:armed] if m.get_type() == STREAM]
+    assert before == pytest.approx([0.5] * len(before))
+    lifting = [m.afz for m in bench.fake.took(STREAM) if m.afz < 0.0]
+    assert lifting[0] == pytest.approx(-1.5, abs=0.1)
+    assert lifting == sorted(lifting, reverse=True)
+    bench.fake.sent.clear()
+    bench.run(0.5, pushed(-0.5))
+    after = [m.afz for m in bench.fake.took(STREAM)][2:]
+    assert after == pytest.approx([0.5] * len(after))
+
+
+def test_one_that_does_not_rise_by_acceleration_is_refused_and_rests():
+    bench = Bench("px4")
+    bench.run(1.0)
+    bench.fake.is_heavy = True
+    with pytest.raises(Refused, match="armed, it has not left the ground"):
+        bench.arm(command=pushed(0.5))
+    assert bench.now / NS == pytest.approx(16.0, abs=0.1)
+    assert bench.fake.took(STREAM)[-1].afz == pytest.approx(-4.0)
+    bench.run(2.0, RESTING)
+    assert not bench.fake.armed
+
+
+def taking_off() -> Bench:
+    """ArduPilot by acceleration, on its way up by its own take-off, in the tick in which it
+    obeys."""
+    bench = Bench("ardupilot")
+    bench.run(1.0)
+    assert bench.arm(command=pushed(-1.0))
+    return bench
+
+
+def test_no_downward_acceleration_ends_a_take_off():
+    bench = taking_off()
+    bench.run(4.5, pushed(-1.0))
+    assert bench.fake.took(STREAM) == []
+    bench.run(0.5, pushed(0.2))
+    assert {round(m.afz, 3) for m in bench.fake.took(STREAM)} == {-0.2}
+    bench.fake.sent.clear()
+    bench.run(0.5, pushed(-1.0))
+    assert bench.fake.took(STREAM)[-1].afz == pytest.approx(1.0)
+
+
+def test_downward_accelerations_are_kept_back_for_five_seconds_at_most():
+    bench = taking_off()
+    bench.run(5.5, pushed(-1.0))
+    assert bench.fake.took(STREAM)[-1].afz == pytest.approx(1.0)

@@ -63,14 +63,14 @@ def test_that_nobody_insists_any_more_is_said_with_its_words(name):
     bench.fake.refuses = {SET_MODE: (1, "Mode change denied: not today")}
     bench.link.reclaim(bench.now)
     bench.run(9.0, UP)
-    assert bench.link.taken.kept == ""
+    assert bench.link.taken.refused == ""
     bench.run(2.0, UP)
-    kept = bench.link.taken.kept
-    assert kept.startswith("it won't go from ")
-    assert "not today" in kept
-    assert kept.endswith(", asked for 10 s")
+    refused = bench.link.taken.refused
+    assert refused.startswith("it won't go from ")
+    assert "not today" in refused
+    assert refused.endswith(", asked for 10 s")
     bench.link.reclaim(bench.now)
-    assert bench.link.taken.kept == ""
+    assert bench.link.taken.refused == ""
 
 
 def test_that_it_cannot_be_asked_for_is_said(monkeypatch):
@@ -78,7 +78,7 @@ def test_that_it_cannot_be_asked_for_is_said(monkeypatch):
     deaf_to_positions(bench, monkeypatch)
     bench.run(3.0, UP)
     bench.link.reclaim(bench.now)
-    assert bench.link.taken.kept == "it is not known where it is, and so not where it is to hold"
+    assert bench.link.taken.refused == "it is not known where it is, and so not where it is to hold"
 
 
 def after_landing(refuses: str) -> Bench:
@@ -119,6 +119,29 @@ def test_what_else_it_says_while_it_is_disarmed_is_told_at_once():
     bench = after_landing("")
     bench.fake.say("Critical battery", 2)
     assert said(bench, 0.5) == ["Critical battery"]
+
+
+@pytest.mark.parametrize(
+    ("text", "severity"),
+    [
+        ("Crash: Disarming: AngErr=95>30, Accel=0.5<3.0", 0),
+        ("Disarming denied: motors are on fire", 1),
+        ("Motors disarmed by a failsafe", 2),
+    ],
+)
+def test_only_a_refusal_to_disarm_is_kept_back_and_none_that_is_an_alert(text, severity):
+    bench = after_landing("Disarming denied: not landed")
+    assert said(bench, 1.0) == []
+    bench.fake.say(text, severity)
+    bench.fake.refuses, bench.fake.armed = {}, False
+    assert said(bench, 10.0) == [text]
+
+
+@pytest.mark.parametrize("text", ["Disarm: not landed", "Disarm denied", "DISARMING REJECTED"])
+def test_a_refusal_to_disarm_is_known_by_its_words(text):
+    bench = after_landing(text)
+    assert said(bench, 9.5) == []
+    assert said(bench, 10.0) == [text]
 
 
 @BOTH

@@ -13,7 +13,8 @@ from test_signing import KEY, OTHER, Wall, signing
 from test_watch import looked
 
 from kybflow.drivers.mavlink.framing import Packer, Parser
-from kybflow.drivers.mavlink.hub import Hub
+from kybflow.drivers.mavlink.hub import GONE, Hub
+from kybflow.drivers.mavlink.scouting import Scout
 from kybflow.drivers.mavlink.signing import Signing
 from kybflow.drivers.mavlink.wire import Received, Wire
 from kybflow.signals import NS, Time
@@ -49,11 +50,11 @@ class Answering(Wire):
 
 
 class Restarted:
-    """An autopilot whose clock stands an hour behind, until it hears a later time."""
+    """An autopilot whose clock stands, an hour behind, until it hears a later time."""
 
-    def __init__(self, key: bytes = KEY) -> None:
-        self.signing: Signing = signing(key, Wall(TODAY - HOUR))
-        self.packer, self.parser = Packer(1, self.signing), Parser(self.signing)
+    def __init__(self, key: bytes = KEY, system: int = 1, at: float = TODAY - HOUR) -> None:
+        self.signing: Signing = signing(key, Wall(at))
+        self.packer, self.parser = Packer(system, self.signing), Parser(self.signing)
 
     def says(self) -> bytes:
         return self.packer.pack(BEAT, 1)
@@ -75,13 +76,14 @@ def test_one_whose_time_is_behind_is_told_ours_and_then_heard(wire: Answering):
     ours.poll(NS)
     assert (port.take(), port.heard) == ([], None)
     assert "is signed with an old time" in (port.trouble() or "")
-    port.send(BEAT)
-    (data, to) = wire.sent[-1]
+    [(data, to)] = wire.sent
     assert to == HERE
     assert len(theirs.parser.parse(data)) == 1
     wire.coming.append((theirs.says(), HERE))
     ours.poll(2 * NS)
     assert len(port.take()) == 1
+    port.send(BEAT)
+    assert len(theirs.parser.parse(wire.sent[-1][0])) == 1
 
 
 @pytest.mark.parametrize("key", [OTHER, None], ids=["another key", "unsigned"])
@@ -95,15 +97,62 @@ def test_who_has_not_the_secret_is_answered_nothing(wire: Answering, key: bytes 
     assert wire.sent == []
 
 
-def test_an_old_frame_played_again_elsewhere_draws_nothing_away(wire: Answering):
+@pytest.mark.parametrize(
+    "silent", [NS, 2 * GONE], ids=["while it is heard", "after it fell silent"]
+)
+def test_an_old_frame_played_again_elsewhere_draws_nothing_away(wire: Answering, silent: Time):
+    """Whoever plays it again is told the time, no more than once a second, and nothing else."""
     ours, theirs = hub(wire), Packer(1, signing(wall=Wall(TODAY)))
     port = ours.port(wire.address, 1)
     wire.coming.append((theirs.pack(BEAT, 1), HERE))
-    ours.poll(NS)
-    wire.coming.append((Restarted().says(), ELSEWHERE))
-    ours.poll(2 * NS)
+    ours.poll(0)
+    for _ in range(3):
+        wire.coming.append((Restarted().says(), ELSEWHERE))
+        ours.poll(silent)
     port.send(BEAT)
-    assert [to for _, to in wire.sent] == [HERE]
+    assert [to for _, to in wire.sent] == [ELSEWHERE, HERE]
+    wire.coming.append((Restarted().says(), ELSEWHERE))
+    ours.poll(silent + NS)
+    assert [to for _, to in wire.sent] == [ELSEWHERE, HERE, ELSEWHERE]
+
+
+def test_an_old_frame_played_again_before_it_is_heard_draws_nothing_away(wire: Answering):
+    ours = hub(wire)
+    port = ours.port(wire.address, 1)
+    wire.coming.append((Restarted().says(), ELSEWHERE))
+    ours.poll(0)
+    for _ in range(3):
+        port.send(BEAT)
+    assert [to for _, to in wire.sent] == [ELSEWHERE]
+
+
+def test_where_it_is_heard_it_is_told_our_time_by_what_it_is_sent_anyway(wire: Answering):
+    ours, theirs = hub(wire), Packer(1, signing(wall=Wall(TODAY)))
+    ours.port(wire.address, 1)
+    wire.coming.append((theirs.pack(BEAT, 1), HERE))
+    ours.poll(0)
+    wire.coming.append((Restarted().says(), HERE))
+    ours.poll(2 * GONE)
+    assert wire.sent == []
+
+
+def test_who_signs_with_an_old_time_is_not_heard(wire: Answering):
+    """Not as another system either, whose id a mission may have meant."""
+    ours = hub(wire)
+    port = ours.port(wire.address, 2)
+    wire.coming.append((Restarted().says(), HERE))
+    ours.poll(0)
+    assert port.heard_from == frozenset()
+
+
+def test_a_scout_hears_one_whose_time_is_behind_though_it_knows_no_id(wire: Answering):
+    theirs, scout = Restarted(system=2, at=0.0), Scout(wire, None, 245, KEY)
+    for now in range(3):
+        wire.coming.append((theirs.says(), HERE))
+        scout.step(now)
+        for data, _ in wire.sent:
+            theirs.parser.parse(data)
+    assert set(scout.heard) == {2}
 
 
 def test_without_a_key_one_that_signs_and_heeds_nothing_is_told_as_such():

@@ -146,11 +146,30 @@ def test_by_acceleration_what_the_tilt_lacks_is_asked_for_besides(wanted, more: 
 
 
 def test_by_acceleration_the_tilt_is_nothing_on_the_ground_and_on_its_side() -> None:
-    side = from_euler(1.2, 0.0, 0.0)
+    leant, side = from_euler(0.2, 0.0, 0.0), from_euler(1.2, 0.0, 0.0)
     tracker, wanted = on_board("acceleration", integral=0.0), position(push=(0.2, 0.0, 0.0))
-    low = pushed(tracker.update(wanted._replace(position=ZERO), tick(ZERO, attitude=side)))
+    low = pushed(tracker.update(wanted._replace(position=ZERO), tick(ZERO, attitude=leant)))
     assert low == pytest.approx((0.2, 0.0, 0.0))
     assert pushed(tracker.update(wanted, tick(attitude=side))) == pytest.approx((0.2, 0.0, 0.0))
+
+
+def test_by_acceleration_a_velocity_is_tilted_too_and_leaves_the_integral() -> None:
+    tracker = on_board("acceleration", lift_off=0.0, damping=3.0)
+    tracker.update(MOVING, tick(ZERO))
+    level = pushed(tracker.update(MOVING, tick()))
+    leant = pushed(tracker.update(MOVING, tick(attitude=from_euler(0.1, 0.0, 0.0))))
+    assert leant[1] > level[1] + 0.3
+    for _ in range(100):
+        assert pushed(tracker.update(MOVING, tick())) == level
+    tracker.update(position((0.0, 0.0, 1.1)), tick())
+    assert pushed(tracker.update(position(), tick()))[2] > 0.0, "it integrates from there on"
+
+
+def test_by_acceleration_the_jerk_goes_along_where_nothing_is_cut() -> None:
+    tracker = on_board("acceleration")
+    near, far = position((0.01, 0.0, 1.0)), position((9.0, 0.0, 1.0))
+    assert tracker.update(near, tick()).setpoint.jerk == near.jerk
+    assert tracker.update(far, tick()).setpoint.jerk is None
 
 
 def test_by_acceleration_a_velocity_has_no_pull() -> None:

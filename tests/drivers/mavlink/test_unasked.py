@@ -1,0 +1,101 @@
+"""A vehicle that is to be taken back unasked from its own failsafe: when it is not any more."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("pymavlink")
+
+from fake import AIR, REJECTED, SET_MODE, Bench, at
+
+UP = at((0.0, 0.0, 1.0))
+STREAM = "SET_POSITION_TARGET_LOCAL_NED"
+OWN = {"px4": "RETURN", "ardupilot": "RTL"}
+HAND = {"px4": "POSITION", "ardupilot": "LOITER"}
+OTHER = {"px4": "MISSION", "ardupilot": "AUTO"}
+BOTH = pytest.mark.parametrize("name", ["px4", "ardupilot"])
+
+
+def failed_over(name: str) -> Bench:
+    """In the air, and its own failsafe has just had it after a cut link."""
+    bench = Bench(name, after_failsafe="resume")
+    bench.fly()
+    bench.fake.landed, bench.fake.position = AIR, (0.0, 0.0, 1.0)
+    bench.run(0.1, UP)
+    bench.wire.deaf = bench.wire.mute = True
+    bench.run(5.0, UP)
+    bench.wire.deaf = bench.wire.mute = False
+    go(bench, OWN[name])
+    bench.run(0.5, UP)
+    assert bench.link.taken.reason.startswith("its own failsafe")
+    bench.fake.sent.clear()
+    return bench
+
+
+def go(bench: Bench, mode: str) -> None:
+    """Into a mode by its own name."""
+    names = bench.fake.profile.names
+    bench.fake.mode = next(number for number, name in names.items() if name == mode)
+    bench.fake._heartbeat()
+
+
+@BOTH
+def test_it_comes_back_from_its_failsafe(name):
+    bench = failed_over(name)
+    bench.run(4.0, UP)
+    assert bench.link.taken is None
+
+
+@BOTH
+@pytest.mark.parametrize("modes", [HAND, OTHER])
+def test_it_is_left_to_a_person_who_took_it_from_its_failsafe(name, modes):
+    bench = failed_over(name)
+    go(bench, modes[name])
+    bench.run(5.0, UP)
+    go(bench, OWN[name])
+    bench.run(10.0, UP)
+    assert bench.fake.commands(SET_MODE) == bench.fake.took(STREAM) == []
+    assert bench.link.taken is not None
+
+
+@BOTH
+def test_a_person_ends_an_attempt_that_is_under_way(name):
+    bench = failed_over(name)
+    bench.fake.refuses = {SET_MODE: (REJECTED, "")}
+    bench.run(3.0, UP)
+    assert bench.fake.commands(SET_MODE)
+    go(bench, HAND[name])
+    bench.run(0.1, UP)
+    bench.fake.sent.clear()
+    bench.fake.refuses = {}
+    bench.run(15.0, UP)
+    assert bench.fake.commands(SET_MODE) == bench.fake.took(STREAM) == []
+    assert bench.link.helm.modes.reported == HAND[name]
+    assert bench.link.taken.refused == ""
+    bench.link.reclaim(bench.now)
+    bench.run(3.0, UP)
+    assert bench.link.taken is None
+
+
+@BOTH
+def test_one_that_goes_back_by_itself_for_a_moment_still_comes_back(name):
+    bench = failed_over(name)
+    bench.fake.go("offboard")
+    bench.run(0.2, UP)
+    go(bench, OWN[name])
+    bench.run(4.0, UP)
+    assert bench.link.taken is None
+
+
+@BOTH
+def test_one_that_does_not_come_is_asked_no_more_and_says_so_once(name):
+    bench = failed_over(name)
+    bench.fake.refuses = {SET_MODE: (REJECTED, "Mode change denied")}
+    bench.run(15.0, UP)
+    assert "Mode change denied" in bench.link.taken.refused
+    bench.fake.refuses = {}
+    bench.fake.sent.clear()
+    for _ in range(30):
+        bench.run(1.0, UP)
+        assert "asked for 10 s" in bench.link.taken.refused
+    assert bench.fake.commands(SET_MODE) == bench.fake.took(STREAM) == []
