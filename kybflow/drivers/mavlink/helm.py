@@ -20,7 +20,7 @@ from kybflow.drivers.mavlink.profile import Profile
 from kybflow.drivers.mavlink.reclaiming import Reclaiming
 from kybflow.drivers.mavlink.requests import Requests
 from kybflow.drivers.mavlink.stream import Stream
-from kybflow.drivers.mavlink.taking import Taking
+from kybflow.drivers.mavlink.taking import BY_HAND, Taking
 from kybflow.errors import Refused
 from kybflow.parts import Taken
 from kybflow.signals import NS, Command, CommandKind, Time
@@ -68,6 +68,7 @@ class Helm:
         first = self.stream if profile.streams_first else None
         self._preparing = Preparing(self.modes, first, hold, self._step_mode)
         self._since: Time = 0
+        self._left_for = ""  # the mode in which it was asked to land
         self._lifting = Lifting(hold)
         self._reclaiming = Reclaiming(self.modes, self.stream, hold, self._step_mode)
 
@@ -142,6 +143,7 @@ class Helm:
             raise Refused(f"somebody else has it: {self.taken.reason}")
         if self.goal is not Goal.LAND or self.taken is not None:
             self._release(Goal.LAND, now)
+            self._left_for = self.modes.reported
             self.modes.want("land")
         if not self._heard.armed:
             return True
@@ -151,6 +153,9 @@ class Helm:
             self._mind(now)
             if self.taken is not None:
                 raise Refused(self.taken.reason)
+        elif (mode := self.modes.reported) in BY_HAND and mode != self._left_for:
+            self._take(Taken(f"a pilot took over: {mode}"))
+            raise Refused(f"a pilot took over: {mode}")
         elif now - self._since > STUBBORN:
             raise Refused(self.modes.trouble)
         return False

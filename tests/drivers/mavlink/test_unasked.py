@@ -8,6 +8,8 @@ pytest.importorskip("pymavlink")
 
 from fake import AIR, REJECTED, SET_MODE, Bench, at
 
+from kybflow.errors import Refused
+
 UP = at((0.0, 0.0, 1.0))
 STREAM = "SET_POSITION_TARGET_LOCAL_NED"
 OWN = {"px4": "RETURN", "ardupilot": "RTL"}
@@ -99,3 +101,22 @@ def test_one_that_does_not_come_is_asked_no_more_and_says_so_once(name):
         bench.run(1.0, UP)
         assert "asked for 10 s" in bench.link.taken.refused
     assert bench.fake.commands(SET_MODE) == bench.fake.took(STREAM) == []
+
+
+@BOTH
+def test_a_pilot_who_takes_one_that_will_not_land_is_not_asked_over(name):
+    bench = Bench(name)
+    bench.fly()
+    bench.fake.landed, bench.fake.position = AIR, (0.0, 0.0, 1.0)
+    bench.run(0.1, UP)
+    bench.fake.refuses = {SET_MODE: (REJECTED, "")}
+    assert not bench.link.land(bench.now)
+    bench.run(0.5)
+    go(bench, HAND[name])
+    bench.run(0.1)
+    with pytest.raises(Refused, match="a pilot took over"):
+        bench.link.land(bench.now)
+    bench.fake.sent.clear()
+    bench.run(5.0)
+    assert bench.fake.commands(SET_MODE) == []
+    assert bench.link.taken.reason == f"a pilot took over: {HAND[name]}"
