@@ -41,7 +41,7 @@ PHASES = {"up": 1.5, "hold": 4.0, "go": 7.5, "down": 11.3}
 """A time in the middle of each phase, seconds of the run."""
 MARK = "operator.resume"
 LATER = 1.8
-"""When the second interrupt is sent, seconds of the run after the first: more than one on the wall."""
+"""When the second interrupt is sent, seconds of the run after the first."""
 
 
 class Left(NamedTuple):
