@@ -161,7 +161,8 @@ class Session(ABC):
 
 class Driver(Part[P]):
     """Opens the vehicles that fly on it. `accepts` kinds of command, `provides` kinds of
-    measurement. `lands`: its vehicles have a land mode of their own, which `Link.land` asks for.
+    measurement. `lands`: its vehicles have a land mode of their own, which `Link.land` asks for;
+    `lands_blind`: one that comes down by a barometer of its own where there is no position.
     `grips`: they can have a servo that holds a payload, which `Link.grip` moves.
     `brings`: the sensors that a vehicle on it has without being told, where an estimator needs what
     they measure. `patience`: seconds in which its vehicles must have become ready to fly.
@@ -173,6 +174,7 @@ class Driver(Part[P]):
     provides: ClassVar[frozenset[MeasurementKind]]
     simulated: ClassVar[bool] = False
     lands: ClassVar[bool] = False
+    lands_blind: ClassVar[bool] = False
     grips: ClassVar[bool] = False
     brings: ClassVar[tuple[str, ...]] = ()
     patience: ClassVar[float] = 5.0

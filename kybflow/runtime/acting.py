@@ -65,7 +65,7 @@ class Acting(Commanding):
             activity.flight, self._cut = GROUND, tick.now
             self.senses.asking.cut(tick.now)
         activity.go(STATES[reaction] if airborne else "fault", self.entry)
-        if airborne and reaction is Reaction.LAND and self.senses.can_land:
+        if airborne and self.senses.lands_itself(reaction):
             self._hand_over(tick.now)
         return True
 
@@ -150,20 +150,20 @@ class Acting(Commanding):
         return self._armed(command), output
 
     def _hand_over(self, now: Time) -> None:
-        """Land by the vehicle's own mode, in place of `auto_land`."""
+        """Land by the vehicle's own mode, in place of the state that was entered."""
         estimate = self.senses.estimate
         height = 0.0 if estimate is None else estimate.position[2] - self.site.start[2]
         self.activity.land_mode = LandMode(self.senses.land, now, height)
         self._tell("land_mode_started", self.plan.driver.at)
 
     def _handed_over(self, tick: Tick) -> tuple[Command, Setpoint | None]:
-        """The same while it lands by its own mode; once it won't, `auto_land` begins anew."""
+        """The same while it lands by its own mode; once it won't, the state begins anew."""
         self.followed = None
         try:
             landed = self.activity.has_landed(tick.now, tick.estimate)
         except Refused as refusal:
             self._tell("land_mode_refused", self.plan.driver.at, reason=str(refusal))
-            self.activity.go("auto_land", self.entry)
+            self.activity.go(self.activity.machine.state, self.entry)
             return self._steer(self._settled(tick))
         return (RESTING if landed else HANDED_OVER), None
 

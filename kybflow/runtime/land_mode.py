@@ -1,9 +1,9 @@
 """A landing by the land mode of the vehicle itself, which for `land` the failsafe prefers to its
-own.
+own, and for `land_blind` too where that mode comes down without a position.
 
 The autopilot lands by what it knows; this program sends no command meanwhile and asks in every
 tick. A vehicle that won't, that leaves the mode, or that has not landed within 10 s and its height
-at 0.2 m/s, is landed by the state `auto_land`.
+at 0.2 m/s, is landed by the state `auto_land` or `land_blind`.
 """
 
 from __future__ import annotations

@@ -31,6 +31,7 @@ from kybflow.signals import (
     Measurement,
     MeasurementKind,
     Payload,
+    Reaction,
     Sticks,
     Time,
     Truth,
@@ -77,7 +78,9 @@ class Senses:
         self._events, self._at = events, plan.driver.at
         self.asking = Asking(link, self._failed)
         self._telling = Telling(plan, self.estimation)
-        self._driver, self._lands = plan.driver.label, plan.driver.cls.lands
+        driver = plan.driver
+        self._driver, self._lands = driver.label, driver.cls.lands
+        self._lands_blind = driver.cls.lands_blind
         self.sensing = Sensing(plan, sensors, events)
         self._body = WatchedBody(plan, bodies or Bodies(), events)
         self._name, self._fleet = plan.name, fleet or Whereabouts()
@@ -156,6 +159,11 @@ class Senses:
     def can_land(self) -> bool:
         """Whether the vehicle has a land mode of its own and can be asked for it."""
         return self._lands and self.link_error is None and self.link_age <= ALIVE
+
+    def lands_itself(self, reaction: Reaction) -> bool:
+        """Whether its own land mode is to be asked for in place of this reaction's state."""
+        fit = reaction is Reaction.LAND or (reaction is Reaction.LAND_BLIND and self._lands_blind)
+        return fit and self.can_land
 
     def land(self, now: Time) -> bool:
         """Ask for the vehicle's own land mode; whether it has landed. Raises Refused."""

@@ -16,7 +16,7 @@ from kybflow.drivers.mavlink import session
 from kybflow.drivers.mavlink.wire import Wire, open_wire
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.geometry import Vec3
+from kybflow.geometry import Vec3, add
 from kybflow.parts import Link, Stream
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.flight import Flown, Request, fly
@@ -26,6 +26,7 @@ from kybflow.site import Site
 
 HERE = Path(__file__).parent
 MISSIONS = HERE.parent.parent / "missions"
+ASIDE = (1.0, 0.0, 0.0)
 ASKED = tuple(
     name for name in os.environ.get("KYBFLOW_FIRMWARE", "").replace(" ", "").split(",") if name
 )
@@ -69,13 +70,14 @@ def first(told: Sequence[Event], name: str, vehicle: str) -> Event | None:
 
 class Room:
     """Motion capture of the room, which sees the vehicles by `watched` in place of their links
-    where that is given, and falls silent for good when it is told to. `last`: the time of the last
-    pose of each."""
+    where that is given, falls silent for good when it is told to, and sees one metre to the side.
+    `last`: the time of the last pose of each."""
 
     def __init__(
         self, watched: dict[str, Watched] | None = None, witness: Witness | None = None
     ) -> None:
         self.silent: set[str] = set()
+        self.mistaken: set[str] = set()
         self.last: dict[str, Time] = {}
         self._watched, self._witness = watched or {}, witness
 
@@ -116,6 +118,8 @@ class _Silenced(Stream):
             return ()
         if came:
             self._room.last[self._vehicle] = came[-1].time
+        if self._vehicle in self._room.mistaken:
+            return [m._replace(position=add(m.position, ASIDE)) for m in came]
         return came
 
     def close(self) -> None:

@@ -81,6 +81,47 @@ def test_motion_capture_lost_for_good(two: str, tmp_path: Path):
         assert v.senses.asking.armed is False
 
 
+def test_an_estimate_that_jumps_by_a_metre(two: str, tmp_path: Path):
+    room, at, down = Room(), dict[str, Vec3](), dict[str, float]()
+
+    def look(engine: Engine) -> None:
+        for v in engine.vehicles:
+            if v.truth is not None and flies(engine, 5.0, v.name) and v.name not in at:
+                room.mistaken.add(v.name)
+                at[v.name] = v.truth.position
+            if v.truth is not None and v.name in at:
+                down[v.name] = level_drift(v.truth.position, at[v.name])
+
+    plan = room.into(plan_of(MISSIONS / "figure_eight.yaml", two))
+    _, told, engine = flown(plan, tmp_path, look)
+    for v in engine.vehicles:
+        began = first(told, "failsafe_started", v.name)
+        assert began is not None
+        shown(f"{two} {v.name}: {began.fields['reason']}, down {down[v.name]:.2f} m off")
+        assert down[v.name] < FAR
+        assert v.senses.asking.armed is False
+
+
+def test_set_points_that_stall(two: str, tmp_path: Path, beside: Beside):
+    """The engine hangs for two seconds, in which it can do nothing."""
+    witness, hung = beside({1: two, 2: two}), list[float]()
+
+    def look(engine: Engine) -> None:
+        if not hung and flies(engine, 5.0):
+            hung.append(engine.seconds())
+            witness.wait(lambda: False, 2.0)
+
+    plan = plan_of(MISSIONS / "figure_eight.yaml", two)
+    flight, told, engine = flown(plan, tmp_path, look)
+    for event in told:
+        if hung and event.time >= hung[0] * NS:
+            shown(f"{event.time / NS - hung[0]:.2f} {event.vehicle} {event.name} {event.fields}")
+    shown(flight.summary["outcome"], flight.summary["reason"])
+    assert hung
+    for v in engine.vehicles:
+        assert v.senses.asking.armed is False
+
+
 @pytest.mark.parametrize("seconds", [0.3, 1.0, 5.0])
 def test_a_link_that_is_cut(two: str, seconds: float, tmp_path: Path, monkeypatch, beside: Beside):
     witness = beside({1: two, 2: two})

@@ -61,7 +61,7 @@ class Autopilot(Link):
         return False
 
 
-def driver(way: str, lands: bool = True):
+def driver(way: str, lands: bool = True, lands_blind: bool = False):
     """(the driver, the links that it opened)"""
     opened: list[Autopilot] = []
 
@@ -69,7 +69,7 @@ def driver(way: str, lands: bool = True):
         opened.append(Autopilot(link, way))
         return opened[0]
 
-    return wrapped(wrap, lands=lands), opened
+    return wrapped(wrap, lands=lands, lands_blind=lands_blind), opened
 
 
 def flight(own, *more_supervisors, seconds=20.0, **more):
@@ -137,6 +137,18 @@ def test_what_is_severer_ends_the_mode(run, severer, way, then):
     flown, told = run(flight(own, alarms))
     assert path(told, "a") == ["up", "hold", "auto_land", *way]
     assert asked(opened) == then
+    assert is_down(flown)
+
+
+@pytest.mark.parametrize("way", ["lands", "refuses"])
+def test_one_that_lands_without_a_position_lands_blind_by_its_own_mode(run, way):
+    own, opened = driver(way, lands_blind=True)
+    flown, told = run(flight(own, alarming((AT, AT + 0.2, Reaction.LAND_BLIND))))
+    refuses = way == "refuses"
+    assert asked(opened) == (["land", "send", "rest"] if refuses else ["land", "rest"])
+    again = ["land_blind"] if refuses else []
+    assert path(told, "a") == ["up", "hold", "land_blind", *again, "fault"]
+    assert len(named(told, "land_mode_refused")) == refuses
     assert is_down(flown)
 
 

@@ -40,6 +40,7 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
     provides = Mavlink.provides | {MeasurementKind.POSE}
     simulated: ClassVar[bool] = True
     lands: ClassVar[bool] = True
+    lands_blind: ClassVar[bool] = True
     grips: ClassVar[bool] = True
     brings = ("simulated_camera",)
     patience = Mavlink.patience

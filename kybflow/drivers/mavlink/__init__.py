@@ -99,6 +99,7 @@ class Mavlink(Driver[MavlinkParams]):
         }
     )  # fmt: skip
     lands: ClassVar[bool] = True
+    lands_blind: ClassVar[bool] = True
     grips: ClassVar[bool] = True
     brings = ("simulated_camera", "simulated_motion_capture")
     patience = 60.0

@@ -24,6 +24,7 @@ def test_motion_capture_lost_for_good(autopilot, tmp_path):
     assert since_last_pose < BOUND + 0.025, "the watch is asked 50 times a second"
     assert flight.at("failsafe_started") - WRONG < since_last_pose
     assert flight.path == ["up", "hold", "land_blind", "fault"]
+    assert flight.only("land_mode_started")
     assert flight.is_safe(wide=DRIFT)
 
 
@@ -35,4 +36,5 @@ def test_an_estimate_that_jumps_by_a_metre_is_not_followed(autopilot, tmp_path):
     assert jumped.fields["value"] == pytest.approx(1.0, abs=0.02)
     assert flight.at("body_jumped") - WRONG < 0.05
     assert flight.path == ["up", "hold", "land_blind", "fault"]
+    assert flight.only("land_mode_started")
     assert flight.is_safe(wide=DRIFT)
