@@ -127,8 +127,9 @@ def autopilot(
     seats = _seats(mission, airframe, count)
     places = address or _defaults(vehicle)
     try:
-        from kybflow.drivers.emulated_autopilot.preparing import Plans
+        from kybflow.drivers.emulated_autopilot.preparing import Plans, check_names
 
+        check_names(vehicle.value, changes)
         plans = Plans(vehicle.value, not gps, not gps, own_system, changes)
         with ExitStack() as stack:
             fleet = _opened(stack, seats, plans, places, system, secret, seed)
@@ -171,6 +172,7 @@ def _opened(
 def _serve(fleet: Fleet, breaks: Sequence[Break], speed: float) -> None:
     """Go on in the wall's time until Ctrl-C."""
     from kybflow.runtime.clock import SimulatedClock
+    from kybflow.signals import NS
 
     clock, waiting = SimulatedClock(RATE, speed), sorted(breaks)
     try:
@@ -178,6 +180,8 @@ def _serve(fleet: Fleet, breaks: Sequence[Break], speed: float) -> None:
             now = clock.step()
             while waiting and waiting[0].at <= now:
                 what = waiting.pop(0)
+                echo(f"{now / NS:.1f} s: {what}")
+                sys.stdout.flush()
                 for member in fleet.members:
                     what.apply(member.autopilot)
             fleet.advance(now)

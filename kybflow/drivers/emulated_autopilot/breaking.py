@@ -31,6 +31,9 @@ class Break(NamedTuple):
     name: str
     value: str
 
+    def __str__(self) -> str:
+        return f"{self.name}={self.value}" if self.value else self.name
+
     def apply(self, autopilot: Autopilot) -> None:
         """Let it fail."""
         broken, name, value = autopilot.failures, self.name, self.value

@@ -11,9 +11,13 @@ from kybflow.drivers.emulated_autopilot.firmware import Firmware
 from kybflow.drivers.emulated_autopilot.payload import GRIPPER
 from kybflow.drivers.emulated_autopilot.px4 import PX4
 from kybflow.drivers.mavlink.profile import profile_of
+from kybflow.dsl.diagnostics import did_you_mean
+from kybflow.errors import DriverError
 from kybflow.site import Site
 
 FIRMWARES: dict[str, Firmware] = {"px4": PX4, "ardupilot": ARDUPILOT}
+HOVERS = ("MPC_THR_HOVER", "MAV_SYS_ID", "MOT_THST_HOVER", "SYSID_THISMAV")
+"""What `as_built` sets."""
 
 
 class Plans(NamedTuple):
@@ -25,6 +29,17 @@ class Plans(NamedTuple):
     prepared: bool
     station: int
     changes: Mapping[str, float] = MappingProxyType({})
+
+
+def check_names(firmware: str, changes: Mapping[str, float]) -> None:
+    """Raises DriverError for a parameter that the emulated firmware does not have."""
+    profile = profile_of(firmware)
+    known = {*FIRMWARES[firmware].parameters, *HOVERS}
+    known |= {setting.name for setting in profile.indoors}
+    known |= {danger.name for danger in profile.dangers}
+    for name in changes.keys() - known:
+        hint = did_you_mean(name, known)
+        raise DriverError(f"the emulated {firmware} has no parameter {name}; {hint}")
 
 
 def as_built(firmware: Firmware, site: Site, system: int) -> dict[str, float]:

@@ -54,7 +54,8 @@ class Watch:
         was told to be, and when, last."""
         heartbeat = self._heartbeat(now)
         if not heartbeat.green:
-            return [heartbeat]
+            unknown = "not known: its parameters are asked for once its heartbeat is right"
+            return [heartbeat, Check("watchdog", False, unknown)]
         lines = [heartbeat, self._demands.watchdog()]
         if self._is_outside:
             lines.append(self._demands.set_up())
@@ -71,7 +72,9 @@ class Watch:
             return Check("heartbeat", False, f"the last one {age:.1f} s ago")
         maker = MAKERS.get(heard.autopilot or 0, f"autopilot {heard.autopilot}")
         if maker != wanted:
-            return Check("heartbeat", False, f"it is {maker}, {wanted} is expected", waits=False)
+            way_out = "set the driver's `autopilot`, or `system`"
+            reason = f"it is {maker}, {wanted} is expected: {way_out}"
+            return Check("heartbeat", False, reason, waits=False)
         return Check("heartbeat", True, f"{maker} in {self._modes.reported}, {age:.1f} s ago")
 
     def _position(self, told: tuple[Estimate, Time] | None, now: Time) -> Check:

@@ -378,9 +378,11 @@ def test_the_preflight_sees_that_it_believes_to_be_elsewhere():
 def test_another_autopilot_is_told_as_such():
     bench = Bench("px4")
     bench.fake.profile = Bench("ardupilot").fake.profile
-    check = lines(bench)["heartbeat"]
+    found = lines(bench)
+    check = found["heartbeat"]
     assert not check.green
-    assert "it is ardupilot, px4 is expected" in check.reason
+    assert "it is ardupilot, px4 is expected: set the driver's `autopilot`" in check.reason
+    assert not found["watchdog"].green, "nothing is known of it yet"
 
 
 def test_silence_from_the_start_is_an_error_with_a_way_out_and_later_it_is_age():
