@@ -230,12 +230,15 @@ def measure(name: str, count: int, seconds: float, cls: type, lines: int) -> Non
         pstats.Stats(costs.profile).sort_stats("tottime").print_stats(lines)
 
 
-def show(name: str, count: int, costs: Costs, traffic: Traffic) -> None:
-    late = sorted(
-        after - before - PERIOD
-        for times in traffic.left.values()
-        for before, after in pairwise(times)
+def lateness(left: dict[int, list[float]]) -> list[float]:
+    """By how much set-points left later than their period after the one before, ms, sorted."""
+    return sorted(
+        after - before - PERIOD for times in left.values() for before, after in pairwise(times)
     )
+
+
+def show(name: str, count: int, costs: Costs, traffic: Traffic) -> None:
+    late = lateness(traffic.left)
     flown, ours = costs.flown, costs.total - costs.fleet
     ratio = f"{statistics.median(costs.ratios):6.2f}" if costs.ratios else "     -"
     print(

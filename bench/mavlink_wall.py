@@ -19,12 +19,11 @@ import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any, ClassVar
 
-from mavlink import GOAL, PERIOD, SET_POINT, SYSTEM, plan_of
+from mavlink import GOAL, PERIOD, SET_POINT, SYSTEM, lateness, plan_of
 
 from kybflow.drivers.mavlink import Mavlink
 from kybflow.drivers.mavlink.session import open_session
@@ -106,11 +105,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="in the air")
     o = parser.parse_args()
     watch = measure(o.vehicles, o.seconds)
-    late = sorted(
-        after - before - PERIOD
-        for times in Timed.left.values()
-        for before, after in pairwise(times)
-    )
+    late = lateness(Timed.left)
     began, x = process_time(), 0
     for number in range(ADDITIONS):
         x += number

@@ -16,8 +16,6 @@ from kybflow.errors import DriverError
 from kybflow.site import Site
 
 FIRMWARES: dict[str, Firmware] = {"px4": PX4, "ardupilot": ARDUPILOT}
-HOVERS = ("MPC_THR_HOVER", "MAV_SYS_ID", "MOT_THST_HOVER", "SYSID_THISMAV")
-"""What `as_built` sets."""
 
 
 class Plans(NamedTuple):
@@ -34,7 +32,7 @@ class Plans(NamedTuple):
 def check_names(firmware: str, changes: Mapping[str, float]) -> None:
     """Raises DriverError for a parameter that the emulated firmware does not have."""
     profile = profile_of(firmware)
-    known = {*FIRMWARES[firmware].parameters, *HOVERS}
+    known = set(FIRMWARES[firmware].parameters)
     known |= {setting.name for setting in profile.indoors}
     known |= {danger.name for danger in profile.dangers}
     for name in changes.keys() - known:

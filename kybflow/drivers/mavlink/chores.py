@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.drivers.mavlink.clocks import TimeSync
+from kybflow.drivers.mavlink.hub import HEARTBEAT, heartbeat
 from kybflow.signals import NS, Time
 
 if TYPE_CHECKING:
@@ -57,8 +58,8 @@ class Chores:
         """Once a tick. Raises DriverError."""
         if now >= self._heartbeat:
             self._heartbeat = now + NS
-            self._port.send(_heartbeat(mavlink.MAV_TYPE_GCS), STATION)
-            self._port.send(_heartbeat(mavlink.MAV_TYPE_ONBOARD_CONTROLLER), ONBOARD)
+            self._port.send(HEARTBEAT, STATION)
+            self._port.send(heartbeat(mavlink.MAV_TYPE_ONBOARD_CONTROLLER), ONBOARD)
         if self._heard.heartbeat is None:
             return
         if self._clock.reboots != self._reboots:
@@ -88,8 +89,3 @@ class Chores:
         number = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
         interval = round(1e6 / self._rates[name])
         self._requests.ask(SET_MESSAGE_INTERVAL, number, interval, now=now, attempts=3)
-
-
-def _heartbeat(kind: int) -> mavlink.MAVLink_heartbeat_message:
-    invalid, active = mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_STATE_ACTIVE
-    return mavlink.MAVLink_heartbeat_message(kind, invalid, 0, 0, active, 3)

@@ -154,8 +154,9 @@ class Helm:
             if self.taken is not None:
                 raise Refused(self.taken.reason)
         elif (mode := self.modes.reported) in BY_HAND and mode != self._left_for:
-            self._take(Taken(f"a pilot took over: {mode}"))
-            raise Refused(f"a pilot took over: {mode}")
+            taken = Taken(f"a pilot took over: {mode}")
+            self._take(taken)
+            raise Refused(taken.reason)
         elif now - self._since > STUBBORN:
             raise Refused(self.modes.trouble)
         return False

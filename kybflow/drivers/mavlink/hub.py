@@ -30,7 +30,15 @@ GONE: Time = 3 * NS
 AGAIN: Time = NS
 """An old time at the same place is answered again after so long."""
 MOST_SENDERS = 256
-HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+
+
+def heartbeat(kind: int) -> Message:
+    """Ours. kind: as what we are there (MAV_TYPE)."""
+    invalid, active = mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_STATE_ACTIVE
+    return mavlink.MAVLink_heartbeat_message(kind, invalid, 0, 0, active, 3)
+
+
+HEARTBEAT = heartbeat(mavlink.MAV_TYPE_GCS)
 """As of a ground station."""
 
 

@@ -40,11 +40,11 @@ class Reclaiming:
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether a person may have it, who was to come back unasked: it is flown by hand, or
+        """Whether a person may have one that is to come back unasked: it is flown by hand, or
         neither in the mode of its failsafe nor in the one in which it follows."""
         mode = self._modes.reported
         is_other = mode != self._left_for and not self._modes.is_in("offboard")
-        return self.is_unasked and (mode in BY_HAND or is_other)
+        return mode in BY_HAND or is_other
 
     def expect(self) -> None:
         """It is to come back unasked, from the mode in which it is now."""
