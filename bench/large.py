@@ -107,8 +107,8 @@ def profile(path: Path) -> None:
     import cProfile
     import pstats
 
-    from kybflow.catalog import load_catalog
     from kybflow.dsl.compiler import check_mission
+    from kybflow.parts.catalog import load_catalog
 
     catalog = load_catalog()
     with cProfile.Profile() as profiler:

@@ -30,19 +30,19 @@ from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import all as dialect
 
-from kybflow.catalog import load_catalog
+from kybflow.api.flight import Request, fly
 from kybflow.drivers.emulated_autopilot import EmulatedAutopilot
+from kybflow.drivers.emulated_autopilot.firmware.preparing import Plans
 from kybflow.drivers.emulated_autopilot.fleet import Fleet
-from kybflow.drivers.emulated_autopilot.preparing import Plans
-from kybflow.drivers.mavlink.address import read_address
 from kybflow.drivers.mavlink.session import MavlinkSession, open_session
-from kybflow.drivers.mavlink.udp import UdpIn
-from kybflow.drivers.mavlink.wire import MemoryWire, Received, Wire, open_wire
+from kybflow.drivers.mavlink.transport.address import read_address
+from kybflow.drivers.mavlink.transport.udp import UdpIn
+from kybflow.drivers.mavlink.transport.wire import MemoryWire, Received, Wire, open_wire
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Seat, Session
+from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
-from kybflow.runtime.flight import Request, fly
 
 MISSION = Path(__file__).parent.parent / "missions" / "figure_eight.yaml"
 SET_POINT, SYSTEM = dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED, 60

@@ -25,12 +25,12 @@ from typing import Any, ClassVar
 
 from mavlink import GOAL, PERIOD, SET_POINT, SYSTEM, lateness, plan_of
 
+from kybflow.api.flight import Request, fly
 from kybflow.drivers.mavlink import Mavlink
 from kybflow.drivers.mavlink.session import open_session
-from kybflow.drivers.mavlink.wire import Wire, open_wire
+from kybflow.drivers.mavlink.transport.wire import Wire, open_wire
 from kybflow.parts import Seat, Session
 from kybflow.runtime.engine import Engine
-from kybflow.runtime.flight import Request, fly
 
 ADDITIONS = 1_000_000
 

@@ -39,8 +39,8 @@ from mutation_study import (  # noqa: E402
     with_library,
 )
 
-from kybflow.catalog import load_catalog  # noqa: E402
 from kybflow.dsl.compiler import compile_mission  # noqa: E402
+from kybflow.parts.catalog import load_catalog  # noqa: E402
 
 GOAL = 95.0
 
@@ -93,7 +93,7 @@ def hammer(count: int, jobs: int) -> None:
 
 def flown(found: list[Judged], count: int, folder: Path) -> None:
     """Fly accepted mutants; each must end on the ground, whatever it then misses."""
-    from kybflow.testing.cases import Case, try_case
+    from kybflow.campaigns.cases import Case, try_case
 
     accepted = [one for one in found if not one.refused and one.why in ("", MOVED)]
     chosen = random.Random(0).sample(accepted, min(count, len(accepted)))

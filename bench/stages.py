@@ -8,9 +8,9 @@ from time import perf_counter
 from typing import Any
 
 from kybflow.dsl.plan import Plan
+from kybflow.recording.recorder import VehicleChannel
 from kybflow.runtime.expectations import Judge
-from kybflow.runtime.recorder import VehicleChannel
-from kybflow.runtime.score import VehicleScore
+from kybflow.runtime.scores import VehicleScore
 
 
 class Stages:

@@ -23,15 +23,15 @@ from typing import Any
 import cv2
 import numpy
 
-from kybflow.cameras import Camera, Lens
-from kybflow.geometry import LEVEL, conjugate, distance, from_euler, multiply, sub
-from kybflow.signals import NS, Frame, Truth
-from kybflow.tags import Tag, TagMap
-from kybflow.vision.drawing import Room
+from kybflow.core.geometry import LEVEL, conjugate, distance, from_euler, multiply, sub
+from kybflow.core.signals import NS, Frame, Truth
 from kybflow.vision.families import FAMILIES, dictionary
-from kybflow.vision.locate_sight import Motion
-from kybflow.vision.locator import Locator, Prediction
+from kybflow.vision.locating.locator import Locator, Prediction
+from kybflow.vision.locating.sight import Motion
 from kybflow.vision.optics import Optics
+from kybflow.vision.rendering.drawing import Room
+from kybflow.world.cameras import Camera, Lens
+from kybflow.world.tags import Tag, TagMap
 
 OPTICS = Optics()
 LENS = Lens(640, 480, 520.0, 520.0, 318.0, 243.0, (-0.12, 0.03, 0.0005, -0.0004, 0.0))

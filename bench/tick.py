@@ -24,13 +24,13 @@ from typing import Any
 import mujoco
 from stages import Stages
 
-from kybflow.catalog import load_catalog
+from kybflow.api.flight import Request, fly
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.parts import Seat, Session
+from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
-from kybflow.runtime.flight import Request, fly
 
 MISSION = Path(__file__).parent.parent / "missions" / "figure_eight.yaml"
 GOALS = {1: 10.0, 16: 12.0}

@@ -1,5 +1,5 @@
 """`python -m kybflow`: the command line."""
 
-from kybflow.cli import main
+from kybflow.cli.app import main
 
 main()

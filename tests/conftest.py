@@ -1,11 +1,38 @@
-"""Makes the helpers beside the tests importable, and hypothesis draw the same in every run."""
+"""Makes the helpers in `support/` importable and hypothesis draw the same in every run.
+
+`run` flies a plan in the simulator; every event carries what the table of events says.
+"""
+
+from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parent / "support"))
 
 settings.register_profile("seeded", derandomize=True, database=None, deadline=None)
 settings.load_profile("seeded")
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Callable[..., object]:
+    from plans import plan
+
+    from kybflow.api.flight import Request, fly
+    from kybflow.parts.observables import EVENT_FIELDS
+
+    def run(*vehicles, seed=0, options=(), emitted=(), observers=(), listeners=(), **facts):
+        told = []
+        out = tmp_path / str(len(list(tmp_path.iterdir())))
+        request = Request(seed=seed, out=out, options=options, emitted=emitted)
+        flown = fly(plan(*vehicles, **facts), request, (*listeners, told.append), observers)
+        for event in told:
+            if event.name in EVENT_FIELDS:
+                assert set(event.fields) <= set(EVENT_FIELDS[event.name]), event
+        return flown, told
+
+    return run

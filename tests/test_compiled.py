@@ -15,9 +15,9 @@ FLY = """
 import sys
 from pathlib import Path
 from kybflow.dsl.compiler import compile_mission
-from kybflow.catalog import load_catalog
+from kybflow.parts.catalog import load_catalog
 from kybflow.runtime import vehicle
-from kybflow.runtime.flight import Request, fly
+from kybflow.api.flight import Request, fly
 
 plan = compile_mission(Path(sys.argv[1]), catalog=load_catalog()).plan
 print(Path(vehicle.__file__).suffix)

@@ -16,13 +16,10 @@ from typing import Any
 import pytest
 from flying import DT, SITE, at_rest, entry, estimate
 
-from kybflow.catalog import PartSpec, load_catalog
-from kybflow.files import File
-from kybflow.geometry import GRAVITY, LEVEL, ZERO, Vec3, from_heading
-from kybflow.params import Field
-from kybflow.parts import GROUND, Deck, Effect, Footprint
-from kybflow.runtime.checked import checked_command
-from kybflow.signals import (
+from kybflow.core.files import File
+from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Vec3, from_heading
+from kybflow.core.params import Field
+from kybflow.core.signals import (
     NS,
     Alarm,
     Battery,
@@ -42,6 +39,9 @@ from kybflow.signals import (
     SetpointKind,
     Tick,
 )
+from kybflow.parts import GROUND, Deck, Effect, Footprint
+from kybflow.parts.catalog import PartSpec, load_catalog
+from kybflow.runtime.finite import checked_command
 
 CATALOG = load_catalog()
 HEAVY = ("numpy", "scipy", "mujoco", "transitions", "cv2", "plotly", "foxglove", "pymavlink")

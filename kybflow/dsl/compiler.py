@@ -7,26 +7,26 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kybflow.dsl import targets
-from kybflow.dsl.attachments import attachments_of
 from kybflow.dsl.checks import run_checks
-from kybflow.dsl.diagnostics import Diagnostic, has_errors, in_order
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, has_errors, in_order
 from kybflow.dsl.document import Document, Parameter
-from kybflow.dsl.judge import is_library, judge_mission
-from kybflow.dsl.library_parts import judge_parts
-from kybflow.dsl.loading import Files
-from kybflow.dsl.lower import lower
+from kybflow.dsl.lowering.lower import lower
 from kybflow.dsl.plan import Plan, SourceFile
-from kybflow.dsl.reader import read
-from kybflow.dsl.resolve import resolve, resolve_library
-from kybflow.dsl.settings import parse_settings
-from kybflow.dsl.shape import shape
-from kybflow.dsl.source import SET, Span
-from kybflow.dsl.unused_names import unused_names
-from kybflow.dsl.written import written
+from kybflow.dsl.reading.attachments import attachments_of
+from kybflow.dsl.reading.reader import read
+from kybflow.dsl.reading.source import SET, Span
+from kybflow.dsl.resolving.loading import Files
+from kybflow.dsl.resolving.resolve import resolve, resolve_library
+from kybflow.dsl.resolving.settings import parse_settings
+from kybflow.dsl.resolving.unused_names import unused_names
+from kybflow.dsl.schema.judge import is_library, judge_mission
+from kybflow.dsl.shaping import targets
+from kybflow.dsl.shaping.library_parts import judge_parts
+from kybflow.dsl.shaping.shape import shape
+from kybflow.dsl.writing.written import written
 
 if TYPE_CHECKING:
-    from kybflow.catalog import Catalog
+    from kybflow.parts.catalog import Catalog
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,17 +7,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from kybflow.cameras import Camera
+from kybflow.core.geometry import Vec3
 from kybflow.dsl.plan import Cause
-from kybflow.dsl.source import Span, Text
-from kybflow.geometry import Vec3
+from kybflow.dsl.reading.source import Span, Text
 from kybflow.parts import Footprint
-from kybflow.shapes import Box, Shape
-from kybflow.site import Airframe, Parcel
-from kybflow.tags import Tag
+from kybflow.world.cameras import Camera
+from kybflow.world.shapes import Box, Shape
+from kybflow.world.tags import Tag
+from kybflow.world.vehicle_context import Airframe, Parcel
 
 if TYPE_CHECKING:
-    from kybflow.catalog import PartSpec
+    from kybflow.parts.catalog import PartSpec
 
 
 @dataclass(frozen=True, slots=True)

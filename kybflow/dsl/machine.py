@@ -19,7 +19,7 @@ from transitions import Machine
 
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import END, FlowPlan, TransitionPlan, VehiclePlan
-from kybflow.observables import chains_of, is_in
+from kybflow.parts.observables import chains_of, is_in
 
 Outcome = Literal["running", "done", "failed"]
 Guard = Callable[[], bool]

@@ -10,14 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from kybflow.cameras import Camera
+from kybflow.core.files import File
+from kybflow.core.geometry import Vec3
 from kybflow.dsl.expressions import Expression
-from kybflow.files import File
-from kybflow.geometry import Vec3
 from kybflow.parts import Leg
-from kybflow.shapes import Box, Shape
-from kybflow.site import NO_TAGS, Airframe, Parcel
-from kybflow.tags import TagMap
+from kybflow.world.cameras import Camera
+from kybflow.world.shapes import Box, Shape
+from kybflow.world.tags import TagMap
+from kybflow.world.vehicle_context import NO_TAGS, Airframe, Parcel
 
 Cause = Literal["next", "then", "failed", "within"]
 END = "end"

@@ -6,7 +6,7 @@ passive: none sleeps, starts a thread, prints, reads a clock or draws from a glo
 `self.params` is replaced as a whole when an option changes, between ticks; read it in every update.
 """
 
-from kybflow.params import Field, fields_of, param, params
+from kybflow.core.params import Field, fields_of, param, params
 from kybflow.parts.action import Action, Deck
 from kybflow.parts.base import Objection, Part
 from kybflow.parts.behavior import (

@@ -5,8 +5,8 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import Any, Protocol
 
+from kybflow.core.signals import Event
 from kybflow.parts.base import P, Part
-from kybflow.signals import Event
 
 BUILT_IN = frozenset({"switch", "set", "enable", "disable", "emit", "phase", "log", "stop"})
 """The actions that the language has itself."""

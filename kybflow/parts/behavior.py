@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Any, ClassVar, NamedTuple
 
-from kybflow.geometry import GRAVITY, Vec3, distance, heading_of
-from kybflow.parts.base import P, Part
-from kybflow.signals import (
+from kybflow.core.geometry import GRAVITY, Vec3, distance, heading_of
+from kybflow.core.signals import (
     Command,
     CommandKind,
     Done,
@@ -22,7 +21,8 @@ from kybflow.signals import (
     Tick,
     Time,
 )
-from kybflow.site import Site
+from kybflow.parts.base import P, Part
+from kybflow.world.vehicle_context import Site
 
 
 class Flight(Enum):

@@ -7,9 +7,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from kybflow.parts.base import P, Part
-from kybflow.shapes import Box
-from kybflow.signals import (
+from kybflow.core.signals import (
     Alarm,
     Command,
     CommandKind,
@@ -21,10 +19,12 @@ from kybflow.signals import (
     Tick,
     Time,
 )
-from kybflow.site import Site
+from kybflow.parts.base import P, Part
+from kybflow.world.shapes import Box
+from kybflow.world.vehicle_context import Site
 
 if TYPE_CHECKING:
-    from kybflow.vision.locator import Sighting
+    from kybflow.vision.locating.locator import Sighting
 
 
 class Estimator(Part[P]):

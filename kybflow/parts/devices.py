@@ -6,10 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from kybflow.errors import Refused
-from kybflow.parts.base import Objection, P, Part
-from kybflow.parts.fault import Rig
-from kybflow.signals import (
+from kybflow.core.errors import Refused
+from kybflow.core.signals import (
     Command,
     CommandKind,
     Estimate,
@@ -18,7 +16,9 @@ from kybflow.signals import (
     Time,
     Truth,
 )
-from kybflow.site import Site
+from kybflow.parts.base import Objection, P, Part
+from kybflow.parts.fault import Rig
+from kybflow.world.vehicle_context import Site
 
 if TYPE_CHECKING:
     import random

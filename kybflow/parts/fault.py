@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from math import hypot, prod
 from typing import TYPE_CHECKING, ClassVar
 
-from kybflow.geometry import ZERO, Vec3, add
+from kybflow.core.geometry import ZERO, Vec3, add
+from kybflow.core.signals import NS, Measurement, MeasurementKind, Time
 from kybflow.parts.base import P, Part
-from kybflow.signals import NS, Measurement, MeasurementKind, Time
 from kybflow.vision.optics import SOUND, Weakness
 
 if TYPE_CHECKING:

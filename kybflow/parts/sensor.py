@@ -6,11 +6,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from kybflow.cameras import Camera
+from kybflow.core.signals import Measurement, MeasurementKind, Time
 from kybflow.parts.base import Objection, P, Part
 from kybflow.parts.devices import Link
-from kybflow.signals import Measurement, MeasurementKind, Time
-from kybflow.site import Site
+from kybflow.world.cameras import Camera
+from kybflow.world.vehicle_context import Site
 
 if TYPE_CHECKING:
     import random

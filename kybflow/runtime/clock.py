@@ -9,7 +9,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from kybflow.signals import NS, Time
+from kybflow.core.signals import NS, Time
 
 
 class Clock(ABC):

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from itertools import combinations
 from typing import Any
 
+from kybflow.core.geometry import Vec3, distance
 from kybflow.dsl.expressions import (
     Aggregate,
     And,
@@ -29,8 +30,7 @@ from kybflow.dsl.expressions import (
     Value,
     Word,
 )
-from kybflow.geometry import Vec3, distance
-from kybflow.observables import OBSERVABLES, Unavailable, View, is_in
+from kybflow.parts.observables import OBSERVABLES, Unavailable, View, is_in
 
 OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
     "<": operator.lt,

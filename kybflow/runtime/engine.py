@@ -9,27 +9,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from kybflow.core.errors import described
+from kybflow.core.signals import NS, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import Plan
-from kybflow.errors import described
 from kybflow.parts import Session
-from kybflow.runtime.callbacks import Callbacks
 from kybflow.runtime.clock import Clock
-from kybflow.runtime.collisions import Collisions
 from kybflow.runtime.conditions import bind
-from kybflow.runtime.deck import Reach
-from kybflow.runtime.drops import Drops
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Judge
-from kybflow.runtime.flows import Flows
-from kybflow.runtime.injection import Injection
-from kybflow.runtime.operator import Operator
+from kybflow.runtime.fleet.action_context import Reach
+from kybflow.runtime.fleet.callbacks import Callbacks
+from kybflow.runtime.fleet.collisions import Collisions
+from kybflow.runtime.fleet.drops import Drops
+from kybflow.runtime.fleet.flows import Flows
+from kybflow.runtime.fleet.injection import Injection
+from kybflow.runtime.fleet.operator import Operator
 from kybflow.runtime.options import Options
-from kybflow.runtime.patience import Patience
 from kybflow.runtime.preflight import Line, preflight
-from kybflow.runtime.vehicle import Vehicle
+from kybflow.runtime.preflight_timeout import Patience
+from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.runtime.views import Actual, Believed
-from kybflow.signals import NS, Time
 
 LANDING_PATIENCE, SLOWEST_DESCENT = 60.0, 0.2
 """Seconds in which vehicles that are still in the air at the time limit must have landed, longer

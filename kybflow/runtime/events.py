@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from kybflow.errors import described
-from kybflow.signals import Event, Time
+from kybflow.core.errors import described
+from kybflow.core.signals import Event, Time
 
 Fields = str | float | bool | None
 

@@ -25,7 +25,7 @@ from kybflow.dsl.expressions import (
     Word,
 )
 from kybflow.dsl.plan import ExpectationPlan
-from kybflow.observables import OBSERVABLES, Unavailable, View
+from kybflow.parts.observables import OBSERVABLES, Unavailable, View
 from kybflow.runtime.conditions import OPERATORS, bind, value_of
 from kybflow.runtime.statistics import Samplers
 

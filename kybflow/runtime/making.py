@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from kybflow.core.errors import PartFailed
 from kybflow.dsl.plan import PartPlan, VehiclePlan
-from kybflow.errors import PartFailed
-from kybflow.site import Site
+from kybflow.world.vehicle_context import Site
 
 
 def parts_of(plan: VehiclePlan) -> list[PartPlan]:

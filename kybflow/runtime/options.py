@@ -14,13 +14,13 @@ from difflib import get_close_matches
 from math import isfinite
 from typing import Any, Protocol
 
+from kybflow.core.errors import OptionRefused, UnitError
+from kybflow.core.params import Field, fields_of, type_of
+from kybflow.core.units import format_quantity, parse_quantity
 from kybflow.dsl.plan import Plan, VehiclePlan
-from kybflow.errors import OptionRefused, UnitError
-from kybflow.params import Field, fields_of, type_of
 from kybflow.runtime.events import Events
 from kybflow.runtime.making import parts_of
-from kybflow.runtime.tightening import loosened
-from kybflow.units import format_quantity, parse_quantity
+from kybflow.runtime.safety.tightening import loosened
 
 
 class Holder(Protocol):

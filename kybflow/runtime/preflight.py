@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from kybflow.geometry import Vec3, distance
-from kybflow.runtime import standing
-from kybflow.runtime.rest import LONG
-from kybflow.runtime.vehicle import Vehicle
-from kybflow.shapes import Box
-from kybflow.signals import Estimate, MeasurementKind
+from kybflow.core.geometry import Vec3, distance
+from kybflow.core.signals import Estimate, MeasurementKind
+from kybflow.runtime.safety import take_off_tolerance
+from kybflow.runtime.vehicle.resting_bias import LONG
+from kybflow.runtime.vehicle.vehicle import Vehicle
+from kybflow.world.shapes import Box
 
 LINK_AGE = 1.0
 """Seconds in which the link must have delivered something."""
@@ -123,10 +123,10 @@ def _estimate(vehicle: Vehicle, estimate: Estimate) -> Line:
 def _start(vehicle: Vehicle, estimate: Estimate, others: Sequence[Vehicle]) -> Line:
     """Two motion capture bodies that are swapped stand where the other should start."""
     away = distance(estimate.position, vehicle.site.start)
-    green = away <= standing.allowed(estimate)
-    reason = f"{away:.2f} m from the declared start ({standing.said(estimate)})"
+    green = away <= take_off_tolerance.allowed(estimate)
+    reason = f"{away:.2f} m from the declared start ({take_off_tolerance.said(estimate)})"
     for other in others if not green else ():
-        there = distance(estimate.position, other.site.start) <= standing.LEAST
+        there = distance(estimate.position, other.site.start) <= take_off_tolerance.LEAST
         if there and other is not vehicle:
             reason += f"; the body of `{vehicle.name}` stands where `{other.name}` should start"
     return Line(vehicle.name, "start pose", green, reason, vehicle.plan.at)

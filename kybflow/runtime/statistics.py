@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from math import inf, sqrt
 
 from kybflow.dsl.expressions import Aggregate
-from kybflow.observables import Unavailable, View, is_in
+from kybflow.parts.observables import Unavailable, View, is_in
 
 
 class Statistics:

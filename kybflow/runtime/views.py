@@ -1,15 +1,15 @@
-"""What conditions and expectations see of a vehicle (`kybflow.observables.View`)."""
+"""What conditions and expectations see of a vehicle (`kybflow.parts.observables.View`)."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kybflow.geometry import Vec3
-from kybflow.observables import State, Unavailable
-from kybflow.signals import NS, Battery, Estimate, PayloadState, Setpoint, Sticks
+from kybflow.core.geometry import Vec3
+from kybflow.core.signals import NS, Battery, Estimate, PayloadState, Setpoint, Sticks
+from kybflow.parts.observables import State, Unavailable
 
 if TYPE_CHECKING:
-    from kybflow.runtime.vehicle import Vehicle
+    from kybflow.runtime.vehicle.vehicle import Vehicle
 
 
 class Believed:

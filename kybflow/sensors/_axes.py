@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import isfinite, sqrt
 from typing import Literal
 
-from kybflow.geometry import Quat, Vec3
+from kybflow.core.geometry import Quat, Vec3
 
 Units = Literal["m", "mm"]
 Axes = Literal["z_up", "y_up"]

@@ -8,8 +8,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
-from kybflow.errors import DriverError
-from kybflow.signals import Time
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import Time
 
 AGAIN = 1.0
 """Seconds between two attempts to open a lost device."""

@@ -6,11 +6,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from kybflow.geometry import Quat, Vec3
-from kybflow.offset import Offset
+from kybflow.core.clock_offset import Offset
+from kybflow.core.geometry import Quat, Vec3
+from kybflow.core.signals import NS, Measurement, Pose, Time
 from kybflow.parts.sensor import Stream
 from kybflow.sensors._axes import Axes, Units, to_world
-from kybflow.signals import NS, Measurement, Pose, Time
 
 
 class Tracked(Protocol):

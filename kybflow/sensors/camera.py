@@ -11,19 +11,19 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from kybflow.cameras import Camera as Mounted
-from kybflow.dsl.calibration import read_calibration
-from kybflow.dsl.diagnostics import did_you_mean
-from kybflow.errors import DriverError
-from kybflow.files import File, FilePath
-from kybflow.params import param, params
+from kybflow.core.errors import DriverError
+from kybflow.core.files import File, FilePath
+from kybflow.core.params import param, params
+from kybflow.core.signals import NS, Frame, Measurement, MeasurementKind, Time
+from kybflow.core.units import Duration
+from kybflow.dsl.diagnostics.diagnostic import did_you_mean
+from kybflow.dsl.shaping.world.calibration import read_calibration
 from kybflow.parts import Link, Objection, Sensor, Stream
 from kybflow.parts.sensor import frames_of
 from kybflow.sensors._capture import Captured, Grabber
-from kybflow.signals import NS, Frame, Measurement, MeasurementKind, Time
-from kybflow.site import Site
-from kybflow.units import Duration
 from kybflow.vision import OPENCV, WAY_OUT
+from kybflow.world.cameras import Camera as Mounted
+from kybflow.world.vehicle_context import Site
 
 if TYPE_CHECKING:
     import random

@@ -15,22 +15,22 @@ from collections.abc import Mapping, Sequence
 from math import ceil
 from typing import TYPE_CHECKING, NamedTuple
 
-from kybflow.cameras import Camera
-from kybflow.errors import DriverError
-from kybflow.geometry import ZERO, add, distance, integrate, rotate, scale
-from kybflow.params import param, params
+from kybflow.core.errors import DriverError
+from kybflow.core.geometry import ZERO, add, distance, integrate, rotate, scale
+from kybflow.core.params import param, params
+from kybflow.core.signals import NS, Frame, Measurement, MeasurementKind, Time, Truth
+from kybflow.core.units import Duration
 from kybflow.parts import Link, Sensor, Stream
 from kybflow.parts.sensor import frames_of
-from kybflow.signals import NS, Frame, Measurement, MeasurementKind, Time, Truth
-from kybflow.site import LEGS, Site
-from kybflow.units import Duration
 from kybflow.vision import OPENCV, WAY_OUT
 from kybflow.vision.optics import SOUND, Optics, Weakness
+from kybflow.world.cameras import Camera
+from kybflow.world.vehicle_context import LEGS, Site
 
 if TYPE_CHECKING:
     import random
 
-    from kybflow.vision.drawing import Room
+    from kybflow.vision.rendering.drawing import Room
 
 _ABOARD = 0.02
 """A payload that is nearer to its place on board is there, metres."""
@@ -60,7 +60,7 @@ class SimulatedCamera(Sensor[SimulatedCameraParams]):
         if not site.cameras:
             raise DriverError(f"the vehicle `{site.vehicle}` has no camera to take frames with")
         try:
-            from kybflow.vision.drawing import Room
+            from kybflow.vision.rendering.drawing import Room
         except ImportError as error:
             raise DriverError(f"a simulated camera needs OpenCV ({error}); {WAY_OUT}") from None
         side = 0.0 if site.payload is None else site.payload.size

@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from math import ceil
 from typing import TYPE_CHECKING
 
-from kybflow.geometry import Vec3, add, integrate, scale
-from kybflow.params import param, params
+from kybflow.core.geometry import Vec3, add, integrate, scale
+from kybflow.core.params import param, params
+from kybflow.core.signals import NS, Measurement, MeasurementKind, Pose, Time, Truth
+from kybflow.core.units import DEG, Angle, Duration, Frequency, Length
 from kybflow.parts import Link, Sensor, Stream
-from kybflow.signals import NS, Measurement, MeasurementKind, Pose, Time, Truth
-from kybflow.site import Site
-from kybflow.units import DEG, Angle, Duration, Frequency, Length
+from kybflow.world.vehicle_context import Site
 
 if TYPE_CHECKING:
     import random

@@ -8,8 +8,8 @@ from typing import NamedTuple, cast
 import cv2
 import numpy
 
-from kybflow.cameras import Lens
 from kybflow.vision.projection import Array, undistort
+from kybflow.world.cameras import Lens
 
 NO_MAP = cast(Array, None)
 """OpenCV's second map, where the first has both coordinates; its type hints forget it."""

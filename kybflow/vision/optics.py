@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from kybflow.geometry import ZERO, Vec3
-from kybflow.params import param, params
-from kybflow.units import Duration, Length, Number, Path, Ratio
+from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.params import param, params
+from kybflow.core.units import Duration, Length, Number, Path, Ratio
 
 
 @params

@@ -15,8 +15,8 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from kybflow.cameras import Camera, Lens
-from kybflow.geometry import Quat, Vec3, add, multiply, rotate
+from kybflow.core.geometry import Quat, Vec3, add, multiply, rotate
+from kybflow.world.cameras import Camera, Lens
 
 Array = NDArray[Any]
 

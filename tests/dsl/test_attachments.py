@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.catalog import load_catalog
-from kybflow.dsl.attachments import MAX_BYTES
+from kybflow.core.errors import OptionRefused
+from kybflow.core.files import File
 from kybflow.dsl.compiler import Result, compile_mission
-from kybflow.errors import OptionRefused
-from kybflow.files import File
+from kybflow.dsl.reading.attachments import MAX_BYTES
+from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.options import check_options
 
 MISSION = """kybflow: 1

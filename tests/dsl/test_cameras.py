@@ -6,15 +6,15 @@ from math import pi
 
 import pytest
 
-from kybflow.cameras import DOWN, Lens
-from kybflow.catalog import load_catalog
-from kybflow.dsl.calibration import read_calibration
-from kybflow.dsl.camera_params import FACING
-from kybflow.dsl.cameras import pinhole
+from kybflow.core.errors import FileError
+from kybflow.core.files import File
+from kybflow.core.geometry import rotate
 from kybflow.dsl.compiler import compile_mission
-from kybflow.errors import FileError
-from kybflow.files import File
-from kybflow.geometry import rotate
+from kybflow.dsl.shaping.world.calibration import read_calibration
+from kybflow.dsl.shaping.world.camera_params import FACING
+from kybflow.dsl.shaping.world.cameras import pinhole
+from kybflow.parts.catalog import load_catalog
+from kybflow.world.cameras import DOWN, Lens
 
 MISSION = """\
 kybflow: 1

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.expressions import Always, Compare, Distance, InState, Not, Place
-from kybflow.dsl.graph import cause_of
+from kybflow.dsl.graph.drawing import cause_of
 from kybflow.dsl.plan import Plan, StatePlan
-from kybflow.shapes import Cylinder, Plane
+from kybflow.parts.catalog import load_catalog
+from kybflow.world.shapes import Cylinder, Plane
 
 LAB = """
 library: lab

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kybflow.core.units import ANGLE, DURATION, LENGTH, RATIO
 from kybflow.dsl.expressions import (
     Aggregate,
     Always,
@@ -30,8 +31,7 @@ from kybflow.dsl.expressions import (
     describe,
     parse,
 )
-from kybflow.dsl.source import Span, Text
-from kybflow.units import ANGLE, DURATION, LENGTH, RATIO
+from kybflow.dsl.reading.source import Span, Text
 
 VEHICLES = {"a": ("up", "eight", "hover", "landed"), "b": ("up", "landed")}
 CONDITION = Scope("condition", VEHICLES, "a", {"a": ("mocap", "inertial")})

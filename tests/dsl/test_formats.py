@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from kybflow.cli import app
-from kybflow.dsl.annotations import to_annotation
-from kybflow.dsl.diagnostics import Diagnostic, Severity
-from kybflow.dsl.sarif import to_sarif
-from kybflow.dsl.source import Span
+from kybflow.cli.app import app
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics.github import to_annotation
+from kybflow.dsl.diagnostics.sarif import to_sarif
+from kybflow.dsl.reading.source import Span
 
 IMPORTED = Span("m.yaml", 3, 9, 3, 20)
 

@@ -10,10 +10,11 @@ from xml.etree import ElementTree
 import pytest
 from plans import part, plan, state, then, vehicle
 
+from kybflow.core.units import RATIO
 from kybflow.dsl.expressions import Compare, Number, Read
-from kybflow.dsl.graph import drawings, mermaid, svg
-from kybflow.dsl.graph_layout import Size, arranged
-from kybflow.dsl.graph_types import Edge
+from kybflow.dsl.graph.drawing import drawings, mermaid, svg
+from kybflow.dsl.graph.layout import Size, arranged
+from kybflow.dsl.graph.types import Edge
 from kybflow.dsl.plan import (
     CallbackPlan,
     FlowPlan,
@@ -23,7 +24,6 @@ from kybflow.dsl.plan import (
     Switch,
     TransitionPlan,
 )
-from kybflow.units import RATIO
 
 LOW = Compare("<", Read(None, "battery.remaining"), Number(0.3, RATIO))
 HOME = TransitionPlan("next", "down", when=LOW, hold=0.5)

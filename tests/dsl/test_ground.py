@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from ends import ending
 
-from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND, MOVING, Flight
+from kybflow.parts.catalog import load_catalog
 
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 Node = tuple[str, Flight]

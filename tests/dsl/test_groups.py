@@ -8,7 +8,7 @@ import pytest
 from looked_at import LookedAt
 
 from kybflow.dsl.expressions import GroupInState, Not, Scope, Separation, describe, parse
-from kybflow.dsl.source import Span, Text
+from kybflow.dsl.reading.source import Span, Text
 from kybflow.runtime.conditions import bind
 
 VEHICLES = dict.fromkeys("abc", ("up", "hover")) | {"d": ("up",)}

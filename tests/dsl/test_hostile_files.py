@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import Result, compile_mission
-from kybflow.dsl.composer import compose
+from kybflow.dsl.reading.composer import compose
+from kybflow.parts.catalog import load_catalog
 
 ORDINARY = Path(__file__).parents[2] / "missions" / "formation.yaml"
 MOST = 300
@@ -159,7 +159,7 @@ def test_the_process_ends_with_2_and_without_a_traceback(tmp_path: Path) -> None
         files.append(tmp_path / f"{number}.yaml")
         files[-1].write_bytes(data)
     done = subprocess.run(
-        [sys.executable, "-c", "from kybflow.cli import main; main()", "validate", *files],
+        [sys.executable, "-c", "from kybflow.cli.app import main; main()", "validate", *files],
         capture_output=True,
         text=True,
         check=False,

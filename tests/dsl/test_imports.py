@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from packaged import package
 
-from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.imports import installed
+from kybflow.dsl.resolving.imports import installed
+from kybflow.parts.catalog import load_catalog
 
 MISSION = """
 kybflow: 1

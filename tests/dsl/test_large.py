@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import check_mission
+from kybflow.parts.catalog import load_catalog
 
 BENCH = Path(__file__).parents[2] / "bench"
 

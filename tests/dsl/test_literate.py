@@ -1,5 +1,7 @@
 """Bad missions beside the exact report: every Markdown file in `literate/` is a test. Their form:
-`kybflow.dsl.pages`. Rewrite the reports of a file with: python tests/dsl/test_literate.py NAME.md
+`kybflow.dsl.diagnostics.pages`.
+
+Rewrite the reports of a file with: python tests/dsl/test_literate.py NAME.md
 """
 
 from __future__ import annotations
@@ -11,16 +13,16 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1]))  # where this runs without pytest
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))  # where this runs without pytest
 
 from benches import Benched
 
-from kybflow.catalog import Catalog, PartSpec, load_catalog
+from kybflow.core.signals import MeasurementKind
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import Result, compile_mission
-from kybflow.dsl.pages import Section, folder, sections, sections_of, write
-from kybflow.dsl.render import render
-from kybflow.signals import MeasurementKind
+from kybflow.dsl.diagnostics.pages import Section, folder, sections, sections_of, write
+from kybflow.dsl.diagnostics.render import render
+from kybflow.parts.catalog import Catalog, PartSpec, load_catalog
 
 CASES = {f"{case.family}: {case.heading}": case for case in sections()}
 

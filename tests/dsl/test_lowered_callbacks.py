@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from test_written import without_places
 
-from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import Result, compile_mission
 from kybflow.dsl.expressions import InState
 from kybflow.dsl.plan import (
@@ -20,6 +19,7 @@ from kybflow.dsl.plan import (
     Stop,
     Switch,
 )
+from kybflow.parts.catalog import load_catalog
 
 HEAD = """\
 kybflow: 1

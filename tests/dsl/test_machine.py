@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
+from kybflow.core.units import LENGTH
 from kybflow.dsl.expressions import Compare, Expression, Number, Read
 from kybflow.dsl.machine import VehicleMachine
 from kybflow.dsl.plan import PartPlan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
-from kybflow.site import Airframe
-from kybflow.units import LENGTH
+from kybflow.world.vehicle_context import Airframe
 
 PART = PartPlan("any", object, None, "any")
 HIGH = Compare(">", Read(None, "state.altitude"), Number(1.0, LENGTH))

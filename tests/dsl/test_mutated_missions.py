@@ -8,9 +8,9 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import Result, compile_mission
-from kybflow.dsl.render import render, to_json
+from kybflow.dsl.diagnostics.render import render, to_json
+from kybflow.parts.catalog import load_catalog
 
 REPO = Path(__file__).parents[2]
 TEXT = (REPO / "missions" / "figure_eight.yaml").read_text(encoding="utf-8")

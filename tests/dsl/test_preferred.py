@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
 
 MISSION = """\
 kybflow: 1

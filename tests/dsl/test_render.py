@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from kybflow.colour import coloured
-from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.dsl.render import render, to_json
-from kybflow.dsl.source import Span
+from kybflow.cli.colour import coloured
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.render import render, to_json
+from kybflow.dsl.reading.source import Span
 
 
 def finding(line: int, start: int, end: int, message: str = "wrong") -> Diagnostic:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import Result, compile_mission
 from kybflow.dsl.expressions import describe
 from kybflow.dsl.plan import Plan, VehiclePlan
+from kybflow.parts.catalog import load_catalog
 
 BEHAVIORS = "behaviors: {up: {do: take_off, height: $height, then: down}, down: {do: land}}"
 MISSION = f"""

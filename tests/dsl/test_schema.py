@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from jsonschema import Draft202012Validator
 
-from kybflow.catalog import BASES, load_catalog
-from kybflow.dsl.nodes import to_json
-from kybflow.dsl.published import schema_text
-from kybflow.dsl.reader import read
-from kybflow.dsl.schema import params_schema
+from kybflow.dsl.reading.nodes import to_json
+from kybflow.dsl.reading.reader import read
+from kybflow.dsl.schema.part_schema import params_schema
+from kybflow.dsl.schema.published import schema_text
+from kybflow.parts.catalog import BASES, load_catalog
 
 REPO = Path(__file__).parents[2]
 SCHEMA = json.loads(schema_text(load_catalog()))

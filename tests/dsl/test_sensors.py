@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from benches import Benched
 
+from kybflow.core.signals import MeasurementKind
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.signals import MeasurementKind
 
 MISSION = """\
 kybflow: 1

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from kybflow.catalog import load_catalog
-from kybflow.cli import app
+from kybflow.api.flight import Request, fly
+from kybflow.cli.app import app
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import FlowPlan, Plan
-from kybflow.dsl.resolve import MAX_AFTER_LIKE
-from kybflow.runtime.flight import Request, fly
+from kybflow.dsl.resolving.resolve import MAX_AFTER_LIKE
+from kybflow.parts.catalog import load_catalog
 
 HERE = Path(__file__).parent
 SHARED = HERE / "good" / "shared_flow.yaml"

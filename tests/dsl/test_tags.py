@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.catalog import load_catalog
+from kybflow.core.errors import FileError
+from kybflow.core.files import File
+from kybflow.core.geometry import LEVEL, from_euler, from_heading, rotate
 from kybflow.dsl.checks.tags import overlap
 from kybflow.dsl.compiler import check_mission
-from kybflow.dsl.tag_params import GridParams, TagParams, tag_of, tags_of
-from kybflow.dsl.tag_table import read_tags
-from kybflow.errors import FileError
-from kybflow.files import File
-from kybflow.geometry import LEVEL, from_euler, from_heading, rotate
-from kybflow.tags import Tag, TagMap
+from kybflow.dsl.shaping.world.tag_params import GridParams, TagParams, tag_of, tags_of
+from kybflow.dsl.shaping.world.tag_table import read_tags
+from kybflow.parts.catalog import load_catalog
 from kybflow.vision.families import FAMILIES
+from kybflow.world.tags import Tag, TagMap
 
 HEAD = "family, id, size, x, y, z, heading [deg]\n"
 

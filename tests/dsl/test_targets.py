@@ -10,13 +10,13 @@ from typing import Any, ClassVar
 
 import pytest
 
-from kybflow.catalog import Catalog, PartSpec, load_catalog
+from kybflow.core.errors import PartError
+from kybflow.core.signals import CommandKind
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import Result, compile_mission
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.dsl.targets import implied_targets
-from kybflow.errors import PartError
-from kybflow.signals import CommandKind
+from kybflow.dsl.shaping.targets import implied_targets
+from kybflow.parts.catalog import Catalog, PartSpec, load_catalog
 
 MISSION = """\
 kybflow: 1
@@ -194,7 +194,7 @@ def test_no_driver_is_imported_for_a_target_that_does_not_need_it(tmp_path: Path
     path.write_text(MISSION + "targets: {lab: {all: {driver: sim}}}\n")
     program = (
         "import json, sys\n"
-        "from kybflow.catalog import load_catalog\n"
+        "from kybflow.parts.catalog import load_catalog\n"
         "from kybflow.dsl.compiler import compile_mission\n"
         "for target in (None, 'sim', 'lab'):\n"
         f"    compile_mission({str(path)!r}, catalog=load_catalog(), target=target)\n"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.catalog import load_catalog
 from kybflow.dsl.compiler import check_mission, compile_mission
+from kybflow.parts.catalog import load_catalog
 
 MISSION = """kybflow: 1
 mission: m

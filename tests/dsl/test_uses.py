@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.catalog import Catalog
-from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.dsl.nodes import Scalar
-from kybflow.dsl.source import Span
-from kybflow.dsl.uses import Uses
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.reading.nodes import Scalar
+from kybflow.dsl.reading.source import Span
+from kybflow.dsl.shaping.uses import Uses
+from kybflow.parts.catalog import Catalog
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.catalog import load_catalog
+from kybflow.core.units import ANGLE, ANGULAR_RATE
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import ExpectationPlan, Plan
-from kybflow.dsl.written_values import quantity
-from kybflow.units import ANGLE, ANGULAR_RATE
+from kybflow.dsl.writing.values import quantity
+from kybflow.parts.catalog import load_catalog
 
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 

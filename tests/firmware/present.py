@@ -10,11 +10,11 @@ from functools import cache
 import pytest
 from real_flights import ASKED
 
-from kybflow.commands.mavlink import ticks
-from kybflow.drivers.mavlink.profile import profile_of
-from kybflow.drivers.mavlink.scouting import FIRMWARES, Scout
-from kybflow.drivers.mavlink.wire import open_wire
-from kybflow.errors import DriverError
+from kybflow.cli.commands.mavlink import ticks
+from kybflow.core.errors import DriverError
+from kybflow.drivers.mavlink.discovery import FIRMWARES, Scout
+from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.transport.wire import open_wire
 
 OWN = 245
 

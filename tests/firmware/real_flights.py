@@ -11,18 +11,18 @@ from typing import Any
 
 from witness import Watched, Witness
 
-from kybflow.catalog import load_catalog
+from kybflow.api.flight import Flown, Request, fly
+from kybflow.core.geometry import Vec3, add
+from kybflow.core.signals import Event, Measurement, Time, Truth
 from kybflow.drivers.mavlink import session
-from kybflow.drivers.mavlink.wire import Wire, open_wire
+from kybflow.drivers.mavlink.transport.wire import Wire, open_wire
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.geometry import Vec3, add
 from kybflow.parts import Link, Stream
+from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
-from kybflow.runtime.flight import Flown, Request, fly
 from kybflow.sensors.simulated_motion_capture import SimulatedMotionCapture
-from kybflow.signals import Event, Measurement, Time, Truth
-from kybflow.site import Site
+from kybflow.world.vehicle_context import Site
 
 HERE = Path(__file__).parent
 MISSIONS = HERE.parent.parent / "missions"

@@ -25,11 +25,11 @@ from real_flights import (
 )
 from witness import Witness
 
-from kybflow.drivers.mavlink.heard import Landed
-from kybflow.geometry import Vec3, norm
+from kybflow.core.geometry import Vec3, norm
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.telemetry.heard import Landed
 from kybflow.runtime.engine import Engine
-from kybflow.signals import NS, Time
-from kybflow.site import Site
+from kybflow.world.vehicle_context import Site
 
 pytestmark = pytest.mark.firmware
 Beside = Callable[[Mapping[int, str]], Witness]

@@ -9,9 +9,9 @@ import pytest
 from present import needed
 from real_flights import HERE, MISSIONS, flown, named, plan_of, shown, way
 
+from kybflow.api.flight import Flown
+from kybflow.core.signals import Event
 from kybflow.runtime.engine import Engine
-from kybflow.runtime.flight import Flown
-from kybflow.signals import Event
 
 pytestmark = pytest.mark.firmware
 EIGHT = ["up", "steady", "eight", "down", "landed"]

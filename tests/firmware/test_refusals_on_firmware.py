@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 from real_flights import MISSIONS, Room, flown, named, plan_of, shown
 
-from kybflow.commands.mavlink import ticks
+from kybflow.cli.commands.mavlink import ticks
+from kybflow.drivers.mavlink.discovery import Scout
+from kybflow.drivers.mavlink.firmware.profile import profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
-from kybflow.drivers.mavlink.profile import profile_of
-from kybflow.drivers.mavlink.scouting import Scout
-from kybflow.drivers.mavlink.wire import open_wire
+from kybflow.drivers.mavlink.transport.wire import open_wire
 from kybflow.dsl.plan import Plan
 
 pytestmark = pytest.mark.firmware

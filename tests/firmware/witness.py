@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterator, Mapping
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.commands.mavlink import ticks
-from kybflow.drivers.mavlink.chores import SET_MESSAGE_INTERVAL
-from kybflow.drivers.mavlink.heard import Heard, Landed
-from kybflow.drivers.mavlink.hub import AUTOPILOT, Hub
-from kybflow.drivers.mavlink.modes import DO_SET_MODE
-from kybflow.drivers.mavlink.profile import profile_of
-from kybflow.drivers.mavlink.requests import Request, Requests
-from kybflow.drivers.mavlink.truth import GroundTruth
-from kybflow.drivers.mavlink.wire import open_wire
-from kybflow.signals import NS, Time, Truth
-from kybflow.site import Site
+from kybflow.cli.commands.mavlink import ticks
+from kybflow.core.signals import NS, Time, Truth
+from kybflow.drivers.mavlink.control.modes import DO_SET_MODE
+from kybflow.drivers.mavlink.control.requests import Request, Requests
+from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.telemetry.heard import Heard, Landed
+from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
+from kybflow.drivers.mavlink.transport.router import AUTOPILOT, Hub
+from kybflow.drivers.mavlink.transport.wire import open_wire
+from kybflow.drivers.mavlink.upkeep import SET_MESSAGE_INTERVAL
+from kybflow.world.vehicle_context import Site
 
 OWN = 200
 """Our system id: not that of a mission, whose heartbeat the autopilot waits for."""

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from kybflow.geometry import LEVEL, ZERO
-from kybflow.runtime.checked import checked_command
-from kybflow.signals import Command, CommandKind, Setpoint, SetpointKind
+from kybflow.core.geometry import LEVEL, ZERO
+from kybflow.core.signals import Command, CommandKind, Setpoint, SetpointKind
+from kybflow.runtime.finite import checked_command
 
 GOOD = Command(LEVEL, 10.0, ZERO, None)
 MOVING = Setpoint(SetpointKind.VELOCITY, None, (1.0, 0.0, 0.0), heading_rate=0.1)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from looked_at import LookedAt
 
+from kybflow.core.units import LENGTH
 from kybflow.dsl.expressions import Aggregate, Compare, Number, Read, Scope, parse
-from kybflow.dsl.source import Span, Text
+from kybflow.dsl.reading.source import Span, Text
 from kybflow.runtime.conditions import bind
-from kybflow.units import LENGTH
 
 VEHICLES = {"a": ("up", "hover"), "b": ("up", "hover"), "c": ("up",)}
 

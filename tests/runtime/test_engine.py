@@ -12,14 +12,14 @@ import pytest
 from flights import NoParams, Still, down, hold, named, path, up
 from plans import part, state, then, vehicle, wrapped
 
+from kybflow.api.flight import in_the_air
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import LEVEL, ZERO
+from kybflow.core.signals import NS, Estimate, Failed, Setpoint, SetpointKind, Tick, Truth
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.expressions import Finally, InState
 from kybflow.dsl.plan import EstimatorPlan, ExpectationPlan, TransitionPlan
-from kybflow.errors import Refused
-from kybflow.geometry import LEVEL, ZERO
 from kybflow.parts import AIR, Entry, Link
-from kybflow.runtime.flight import in_the_air
-from kybflow.signals import NS, Estimate, Failed, Setpoint, SetpointKind, Tick, Truth
 
 
 class Exploding(Still, flight=AIR >> AIR, emits=SetpointKind.POSITION):

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from kybflow.catalog import load_catalog
-from kybflow.observables import EVENT_FIELDS, EVENTS, OF_THE_RUN, TOO_LATE
+from kybflow.parts.catalog import load_catalog
+from kybflow.parts.observables import EVENT_FIELDS, EVENTS, OF_THE_RUN, TOO_LATE
 
 RUNTIME = Path(__file__).parents[2] / "kybflow" / "runtime"
 TOLD = re.compile(r'\btell\(\s*"(\w+)"(?: if [^,]*? else "(\w+)")?|_tell\(\s*"(\w+)"')

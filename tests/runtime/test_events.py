@@ -1,7 +1,7 @@
 """Events are told at once and heard one tick later, by the short name by their own vehicle only."""
 
+from kybflow.core.signals import Event
 from kybflow.runtime.events import Events
-from kybflow.signals import Event
 
 
 def test_listeners_hear_at_once():

@@ -9,7 +9,7 @@ from looked_at import LookedAt
 
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.plan import ExpectationPlan
-from kybflow.dsl.source import Span, Text
+from kybflow.dsl.reading.source import Span, Text
 from kybflow.runtime.expectations import Judge, Verdict
 
 VEHICLES = {"a": ("up", "eight", "landed"), "b": ("up", "landed")}

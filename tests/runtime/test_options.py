@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 
-from kybflow.catalog import load_catalog
-from kybflow.errors import OptionRefused
+from kybflow.core.errors import OptionRefused
+from kybflow.core.signals import Event
+from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.events import Events
 from kybflow.runtime.options import Options
-from kybflow.signals import Event
 
 NAME = "mk.processors.limit_speed.speed"
 

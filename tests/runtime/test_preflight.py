@@ -15,17 +15,17 @@ from alarming import alarming
 from flights import down, named, path, up
 from plans import part, plan, state, then, vehicle, wrapped
 
-from kybflow.cameras import Camera, Lens
+from kybflow.api.inspection import inspect
+from kybflow.core.errors import DriverError
+from kybflow.core.geometry import LEVEL
+from kybflow.core.signals import NS, Battery, Estimate, Frame, MeasurementKind, Pose, Reaction
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, SensorPlan, TransitionPlan
-from kybflow.errors import DriverError
-from kybflow.geometry import LEVEL
 from kybflow.parts import Estimator, Link, Sensor, Stream
-from kybflow.runtime import standing
-from kybflow.runtime.inspection import inspect
 from kybflow.runtime.preflight import Line
-from kybflow.shapes import Box
-from kybflow.signals import NS, Battery, Estimate, Frame, MeasurementKind, Pose, Reaction
+from kybflow.runtime.safety import take_off_tolerance
+from kybflow.world.cameras import Camera, Lens
+from kybflow.world.shapes import Box
 
 
 def checks(*vehicles, **facts) -> dict[tuple[str, str], Line]:
@@ -255,7 +255,8 @@ def test_a_vague_estimate_may_be_further_from_the_start():
 
 def test_but_not_as_far_as_it_likes():
     estimate = Estimate(0, (0.0, 0.0, 0.0), (0.0,) * 3, LEVEL, (0.0,) * 3, "fusion", 0.0, 1.0)
-    assert [standing.said(estimate._replace(spread=s)) for s in (0.002, 0.083, 0.1, 5.0)] == [
+    spreads = (0.002, 0.083, 0.1, 5.0)
+    assert [take_off_tolerance.said(estimate._replace(spread=s)) for s in spreads] == [
         "0.25 m allowed", "0.25 m allowed", "0.30 m allowed, 3 times its spread",
         "2.00 m allowed, the most",
     ]  # fmt: skip

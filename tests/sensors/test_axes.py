@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.geometry import LEVEL, Quat, Vec3, from_axes, heading_of, rotate, tilt_of
+from kybflow.core.geometry import LEVEL, Quat, Vec3, from_axes, heading_of, rotate, tilt_of
 from kybflow.sensors._axes import to_world
 
 HALF = 0.5**0.5
@@ -44,7 +44,7 @@ def test_a_turn_about_the_axis_that_points_up_is_a_heading() -> None:
 @given(angles, angles)
 def test_what_is_fixed_to_the_body_goes_with_it(a: float, b: float) -> None:
     """A point on the body, converted, is where the converted pose puts it."""
-    from kybflow.geometry import from_euler
+    from kybflow.core.geometry import from_euler
 
     tracked, on_body = from_euler(a, b / 2, a - b), (0.1, 0.2, 0.3)
     point, _ = world(rotate(tracked, on_body), LEVEL, "m", "y_up")

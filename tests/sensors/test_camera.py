@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 from flying import SITE
 
-from kybflow.cameras import Camera as Mounted
-from kybflow.cameras import Lens
-from kybflow.errors import DriverError
-from kybflow.files import File, FilePath
+from kybflow.core.errors import DriverError
+from kybflow.core.files import File, FilePath
+from kybflow.core.signals import NS, Frame, Measurement, Time
 from kybflow.parts import Link
 from kybflow.sensors._capture import Captured, Grabber
 from kybflow.sensors.camera import Camera, CameraParams, Device
-from kybflow.signals import NS, Frame, Measurement, Time
+from kybflow.world.cameras import Camera as Mounted
+from kybflow.world.cameras import Lens
 
 cv2 = pytest.importorskip("cv2")
 numpy = pytest.importorskip("numpy")

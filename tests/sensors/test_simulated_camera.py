@@ -12,18 +12,18 @@ pytest.importorskip("cv2")
 import numpy
 from flying import SITE
 
-from kybflow.cameras import Camera, Lens
-from kybflow.catalog import load_catalog
-from kybflow.errors import DriverError
-from kybflow.geometry import LEVEL, ZERO, add
+from kybflow.core.errors import DriverError
+from kybflow.core.geometry import LEVEL, ZERO, add
+from kybflow.core.signals import NS, Frame, MeasurementKind, Truth
 from kybflow.parts import Effect, Link, Rig
+from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.simulated_camera import SimulatedCamera, SimulatedCameraParams
-from kybflow.shapes import Sphere
-from kybflow.signals import NS, Frame, MeasurementKind, Truth
-from kybflow.site import LEGS, Parcel, Site
-from kybflow.tags import Tag, TagMap
-from kybflow.vision.drawing import Room
 from kybflow.vision.optics import SOUND, Weakness
+from kybflow.vision.rendering.drawing import Room
+from kybflow.world.cameras import Camera, Lens
+from kybflow.world.shapes import Sphere
+from kybflow.world.tags import Tag, TagMap
+from kybflow.world.vehicle_context import LEGS, Parcel, Site
 
 LENS = Lens(160, 120, 120.0, 120.0, 79.5, 59.5)
 DOWN = Camera("down", LENS, ZERO, rate=30.0)

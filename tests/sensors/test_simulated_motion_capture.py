@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 from flying import SITE
 
-from kybflow.geometry import LEVEL, ZERO, add, from_heading, heading_of, rotate
+from kybflow.core.geometry import LEVEL, ZERO, add, from_heading, heading_of, rotate
+from kybflow.core.signals import NS, MeasurementKind, Pose, Truth
 from kybflow.parts import Effect, Link, Rig
 from kybflow.sensors.simulated_motion_capture import (
     SimulatedMotionCapture,
     SimulatedMotionCaptureParams,
 )
-from kybflow.signals import NS, MeasurementKind, Pose, Truth
 
 TICK = NS // 250
 SPEED, TURN = 0.5, 0.3

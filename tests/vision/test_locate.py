@@ -13,11 +13,11 @@ from floors import CAMERA, grid, lively, misplaced, moved, off, pad, still, trut
 from hypothesis import given, settings  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 
-from kybflow.geometry import LEVEL, conjugate, from_euler, integrate, multiply, sub  # noqa: E402
-from kybflow.tags import Tag  # noqa: E402
-from kybflow.vision.locate import locate  # noqa: E402
-from kybflow.vision.locate_sight import Motion, View  # noqa: E402
+from kybflow.core.geometry import LEVEL, conjugate, from_euler, integrate, multiply, sub  # noqa: E402
+from kybflow.vision.locating.locate import locate  # noqa: E402
+from kybflow.vision.locating.sight import Motion, View  # noqa: E402
 from kybflow.vision.projection import project  # noqa: E402
+from kybflow.world.tags import Tag  # noqa: E402
 
 GLOBAL = CAMERA._replace(row_time=0.0)
 OVER = (0.95, 0.95, 1.2)

@@ -20,15 +20,15 @@ from floors import (  # noqa: E402
     truth_at,
 )
 
-from kybflow.geometry import LEVEL, from_euler  # noqa: E402
-from kybflow.tags import Tag, TagMap  # noqa: E402
-from kybflow.vision.detect import Detector  # noqa: E402
-from kybflow.vision.locate_sight import Motion  # noqa: E402
-from kybflow.vision.locator import Locator, Prediction  # noqa: E402
+from kybflow.core.geometry import LEVEL, from_euler  # noqa: E402
+from kybflow.vision.detection.detect import Detector  # noqa: E402
+from kybflow.vision.detection.search import Search  # noqa: E402
+from kybflow.vision.detection.shapes import Shapes  # noqa: E402
+from kybflow.vision.detection.wide import WideSearch  # noqa: E402
+from kybflow.vision.locating.locator import Locator, Prediction  # noqa: E402
+from kybflow.vision.locating.sight import Motion  # noqa: E402
 from kybflow.vision.projection import project  # noqa: E402
-from kybflow.vision.search import Search  # noqa: E402
-from kybflow.vision.search_shapes import Shapes  # noqa: E402
-from kybflow.vision.search_wide import WideSearch  # noqa: E402
+from kybflow.world.tags import Tag, TagMap  # noqa: E402
 
 TAGS = grid()
 BODY = still((0.9, 1.0, 1.2), from_euler(0.06, -0.08, 0.7))

@@ -14,9 +14,9 @@ cv2 = pytest.importorskip("cv2")
 import numpy  # noqa: E402 - after the skip
 from typer.testing import CliRunner  # noqa: E402
 
-from kybflow.cli import app  # noqa: E402
+from kybflow.cli.app import app  # noqa: E402
 from kybflow.vision.families import FAMILIES, cells, dictionary  # noqa: E402
-from kybflow.vision.sheets import PAPERS, lay_out, pdf, png, raster  # noqa: E402
+from kybflow.vision.printing.sheets import PAPERS, lay_out, pdf, png, raster  # noqa: E402
 
 POINTS = 72.0 / 25.4
 

@@ -11,15 +11,15 @@ import numpy
 from floors import CAMERA, grid, still
 from test_drawing import find
 
-from kybflow.geometry import LEVEL, Vec3, add, from_euler, norm, scale
-from kybflow.shapes import Box, Cylinder, Plane, Shape, Sphere
-from kybflow.signals import Truth
-from kybflow.tags import Tag, TagMap
-from kybflow.vision.drawing import Room
+from kybflow.core.geometry import LEVEL, Vec3, add, from_euler, norm, scale
+from kybflow.core.signals import Truth
 from kybflow.vision.grid import grid as nodes
 from kybflow.vision.optics import Optics
-from kybflow.vision.shutter import Shot
-from kybflow.vision.solids import Solids, cover, hides
+from kybflow.vision.rendering.drawing import Room
+from kybflow.vision.rendering.shutter import Shot
+from kybflow.vision.rendering.solids import Solids, cover, hides
+from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
+from kybflow.world.tags import Tag, TagMap
 
 SHAPES: dict[str, Shape] = {
     "pillar": Cylinder((0.6, 0.6, 0.0), 0.1, 2.2),

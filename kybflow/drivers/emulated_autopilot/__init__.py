@@ -12,16 +12,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
+from kybflow.core.signals import CommandKind, MeasurementKind
 from kybflow.drivers.mavlink import Autopilot, AutopilotParams, Mavlink
 from kybflow.drivers.sim import SimParams
 from kybflow.parts import Driver, Seat, Session, param, params
-from kybflow.signals import CommandKind, MeasurementKind
 
 if TYPE_CHECKING:
     import random
 
+    from kybflow.drivers.emulated_autopilot.firmware.preparing import Plans
     from kybflow.drivers.emulated_autopilot.fleet import Fleet
-    from kybflow.drivers.emulated_autopilot.preparing import Plans
 
 
 @params

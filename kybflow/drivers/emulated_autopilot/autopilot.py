@@ -12,24 +12,34 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.drivers.emulated_autopilot.arming import refusal
-from kybflow.drivers.emulated_autopilot.channel import Channel
-from kybflow.drivers.emulated_autopilot.control import Control
-from kybflow.drivers.emulated_autopilot.estimator import Estimator
-from kybflow.drivers.emulated_autopilot.failsafe import act, forgets
-from kybflow.drivers.emulated_autopilot.firmware import Firmware, Role
-from kybflow.drivers.emulated_autopilot.flight import Flight
-from kybflow.drivers.emulated_autopilot.hearing import Ears
-from kybflow.drivers.emulated_autopilot.parameters import Parameters
-from kybflow.drivers.emulated_autopilot.payload import Outputs
-from kybflow.drivers.emulated_autopilot.senses import Senses
+from kybflow.core.geometry import LEVEL, ZERO, Vec3
+from kybflow.core.signals import (
+    NEVER,
+    NS,
+    Battery,
+    Command,
+    Imu,
+    Measurement,
+    Position,
+    Time,
+    Truth,
+)
+from kybflow.drivers.emulated_autopilot.control.arming import refusal
+from kybflow.drivers.emulated_autopilot.control.control import Control
+from kybflow.drivers.emulated_autopilot.control.failsafe import act, forgets
+from kybflow.drivers.emulated_autopilot.control.flight import Flight
+from kybflow.drivers.emulated_autopilot.control.payload import Outputs
+from kybflow.drivers.emulated_autopilot.estimation.estimator import Estimator
+from kybflow.drivers.emulated_autopilot.estimation.sensors import Senses
+from kybflow.drivers.emulated_autopilot.firmware.firmware import Firmware, Role
+from kybflow.drivers.emulated_autopilot.firmware.parameters import Parameters
+from kybflow.drivers.emulated_autopilot.messages.channel import Channel
+from kybflow.drivers.emulated_autopilot.messages.hearing import Ears
+from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
 from kybflow.drivers.emulated_autopilot.state import CRITICAL, INFO, Failures, Landed, State, Sticks
-from kybflow.drivers.emulated_autopilot.telemetry import MAKERS
-from kybflow.drivers.mavlink.profile import profile_of
-from kybflow.drivers.mavlink.wire import Wire
-from kybflow.geometry import LEVEL, ZERO, Vec3
-from kybflow.signals import NEVER, NS, Battery, Command, Imu, Measurement, Position, Time, Truth
-from kybflow.site import Site
+from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.transport.wire import Wire
+from kybflow.world.vehicle_context import Site
 
 REPEATS: Time = 30 * NS
 """How often ArduPilot says why it can't be armed."""

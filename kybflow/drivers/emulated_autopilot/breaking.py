@@ -12,9 +12,9 @@ from dataclasses import fields
 from math import radians
 from typing import TYPE_CHECKING, NamedTuple
 
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS, Time
 from kybflow.drivers.emulated_autopilot.state import Failures
-from kybflow.errors import DriverError
-from kybflow.signals import NS, Time
 
 if TYPE_CHECKING:
     from kybflow.drivers.emulated_autopilot.autopilot import Autopilot

@@ -5,12 +5,17 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 
+from kybflow.core.signals import NS, Measurement, MeasurementKind, Pose, Time
 from kybflow.drivers.emulated_autopilot.autopilot import Autopilot, Body
-from kybflow.drivers.emulated_autopilot.preparing import FIRMWARES, Plans, as_built, prepared
+from kybflow.drivers.emulated_autopilot.firmware.preparing import (
+    FIRMWARES,
+    Plans,
+    as_built,
+    prepared,
+)
 from kybflow.drivers.sim.vehicle import Vehicle
 from kybflow.drivers.sim.world import World
 from kybflow.parts import Seat
-from kybflow.signals import NS, Measurement, MeasurementKind, Pose, Time
 
 PERIOD: Time = NS // 125
 """An autopilot steps so often, and not more often."""

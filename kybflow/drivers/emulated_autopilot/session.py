@@ -7,17 +7,17 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from operator import attrgetter
 
+from kybflow.core.signals import Measurement, Time, Truth
 from kybflow.drivers.emulated_autopilot.autopilot import Autopilot
+from kybflow.drivers.emulated_autopilot.firmware.preparing import Plans
 from kybflow.drivers.emulated_autopilot.fleet import Emulated, Fleet
-from kybflow.drivers.emulated_autopilot.preparing import Plans
 from kybflow.drivers.mavlink import AutopilotParams, MavlinkParams
-from kybflow.drivers.mavlink.hub import Hub, Port
-from kybflow.drivers.mavlink.lead import Lag
+from kybflow.drivers.mavlink.control.latency import Lag
+from kybflow.drivers.mavlink.firmware.profile import profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
-from kybflow.drivers.mavlink.profile import profile_of
-from kybflow.drivers.mavlink.wire import Wire, memory_wires
+from kybflow.drivers.mavlink.transport.router import Hub, Port
+from kybflow.drivers.mavlink.transport.wire import Wire, memory_wires
 from kybflow.parts import Link, Seat, Session
-from kybflow.signals import Measurement, Time, Truth
 
 LAG = Lag(position=0.04, acceleration=0.1)
 """By how much an emulated autopilot comes after its set-points."""

@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
-from kybflow.drivers.emulated_autopilot.control import Goal
-from kybflow.drivers.emulated_autopilot.estimator import Estimator
-from kybflow.drivers.emulated_autopilot.firmware import Firmware, Mode
-from kybflow.drivers.emulated_autopilot.parameters import Parameters
-from kybflow.drivers.emulated_autopilot.setpoints import Tilt
-from kybflow.drivers.mavlink.frames import Tangent
-from kybflow.geometry import Vec3
-from kybflow.signals import Battery, Time
-from kybflow.site import Airframe
+from kybflow.core.geometry import Vec3
+from kybflow.core.signals import Battery, Time
+from kybflow.drivers.emulated_autopilot.control.control import Goal
+from kybflow.drivers.emulated_autopilot.control.setpoints import Tilt
+from kybflow.drivers.emulated_autopilot.estimation.estimator import Estimator
+from kybflow.drivers.emulated_autopilot.firmware.firmware import Firmware, Mode
+from kybflow.drivers.emulated_autopilot.firmware.parameters import Parameters
+from kybflow.drivers.mavlink.protocol.frames import Tangent
+from kybflow.world.vehicle_context import Airframe
 
 CRITICAL, WARNING, INFO = 2, 4, 6
 """Severities of STATUSTEXT."""

@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from kybflow.errors import DriverError
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import CommandKind, MeasurementKind
+from kybflow.core.units import Duration, Frequency
 from kybflow.parts import Driver, Objection, Seat, Session, param, params
-from kybflow.signals import CommandKind, MeasurementKind
-from kybflow.units import Duration, Frequency
 
 if TYPE_CHECKING:
     import random
@@ -125,7 +125,7 @@ class Mavlink(Driver[MavlinkParams]):
 
     @classmethod
     def objection(cls, params: MavlinkParams) -> Objection | None:
-        from kybflow.drivers.mavlink.address import read_address
+        from kybflow.drivers.mavlink.transport.address import read_address
 
         try:
             if params.address is not None:

@@ -7,22 +7,22 @@ from collections.abc import Sequence
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
-from kybflow.drivers.mavlink.chores import Chores
-from kybflow.drivers.mavlink.clocks import BootClock
-from kybflow.drivers.mavlink.heard import WARNING, Heard, Landed
-from kybflow.drivers.mavlink.heard import Said as Text
-from kybflow.drivers.mavlink.hub import Port
-from kybflow.drivers.mavlink.parameters import Parameters
-from kybflow.drivers.mavlink.profile import Profile
-from kybflow.drivers.mavlink.requests import Requests
-from kybflow.drivers.mavlink.taking import Silence
-from kybflow.drivers.mavlink.telemetry import Telemetry
-from kybflow.drivers.mavlink.truth import GroundTruth
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.control.override import Silence
+from kybflow.drivers.mavlink.control.requests import Requests
+from kybflow.drivers.mavlink.firmware.profile import Profile
+from kybflow.drivers.mavlink.telemetry.clocks import BootClock
+from kybflow.drivers.mavlink.telemetry.heard import WARNING, Heard, Landed
+from kybflow.drivers.mavlink.telemetry.heard import Said as Text
+from kybflow.drivers.mavlink.telemetry.measurements import Telemetry
+from kybflow.drivers.mavlink.telemetry.parameters import Parameters
+from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
+from kybflow.drivers.mavlink.transport.router import Port
+from kybflow.drivers.mavlink.upkeep import Chores
 from kybflow.parts import Said, Seat
-from kybflow.signals import NS, Time
 
 if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.framing import Message
+    from kybflow.drivers.mavlink.protocol.framing import Message
 
 AUTOPILOT = 1
 """Its component."""

@@ -7,27 +7,9 @@ from collections.abc import Sequence
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.drivers.mavlink import codec
-from kybflow.drivers.mavlink.capacity import Capacity
-from kybflow.drivers.mavlink.chores import Chores
-from kybflow.drivers.mavlink.contact import Contact
-from kybflow.drivers.mavlink.drift import Drift
-from kybflow.drivers.mavlink.frames import Anchor
-from kybflow.drivers.mavlink.heard import Landed
-from kybflow.drivers.mavlink.helm import Goal, Helm
-from kybflow.drivers.mavlink.hover import Hover
-from kybflow.drivers.mavlink.hub import Port
-from kybflow.drivers.mavlink.lead import Lag, led
-from kybflow.drivers.mavlink.modes import DO_SET_MODE
-from kybflow.drivers.mavlink.payload import Grip
-from kybflow.drivers.mavlink.profile import Profile
-from kybflow.drivers.mavlink.telemetry import INERTIAL
-from kybflow.drivers.mavlink.vision import Vision
-from kybflow.drivers.mavlink.watch import Watch
-from kybflow.errors import DriverError, Refused
-from kybflow.geometry import LEVEL, ZERO, heading_of
-from kybflow.parts import Check, Link, Said, Seat
-from kybflow.signals import (
+from kybflow.core.errors import DriverError, Refused
+from kybflow.core.geometry import LEVEL, ZERO, heading_of
+from kybflow.core.signals import (
     NS,
     Command,
     CommandKind,
@@ -39,6 +21,24 @@ from kybflow.signals import (
     Time,
     Truth,
 )
+from kybflow.drivers.mavlink.contact import Contact
+from kybflow.drivers.mavlink.control.hover import Hover
+from kybflow.drivers.mavlink.control.latency import Lag, led
+from kybflow.drivers.mavlink.control.modes import DO_SET_MODE
+from kybflow.drivers.mavlink.control.offboard import Goal, Helm
+from kybflow.drivers.mavlink.control.payload import Grip
+from kybflow.drivers.mavlink.firmware.profile import Profile
+from kybflow.drivers.mavlink.preflight.watch import Watch
+from kybflow.drivers.mavlink.protocol import codec
+from kybflow.drivers.mavlink.protocol.frames import Anchor
+from kybflow.drivers.mavlink.telemetry.drift import Drift
+from kybflow.drivers.mavlink.telemetry.heard import Landed
+from kybflow.drivers.mavlink.telemetry.measurements import INERTIAL
+from kybflow.drivers.mavlink.telemetry.vision import Vision
+from kybflow.drivers.mavlink.transport.capacity import Capacity
+from kybflow.drivers.mavlink.transport.router import Port
+from kybflow.drivers.mavlink.upkeep import Chores
+from kybflow.parts import Check, Link, Said, Seat
 
 PATIENCE: Time = 10 * NS
 """How long nothing at all may be heard after opening."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from kybflow.drivers.mavlink.hub import Hub
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import Time
+from kybflow.drivers.mavlink.firmware.profile import Profile, profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
-from kybflow.drivers.mavlink.profile import Profile, profile_of
-from kybflow.drivers.mavlink.wire import Wire, open_wire
-from kybflow.errors import DriverError
+from kybflow.drivers.mavlink.transport.router import Hub
+from kybflow.drivers.mavlink.transport.wire import Wire, open_wire
 from kybflow.parts import Link, Seat, Session
-from kybflow.signals import Time
 
 Group = tuple[int, str | None]
 """What the vehicles of a hub share: our system id, and the file with the secret."""
@@ -84,6 +84,6 @@ def _place(seat: Seat, number: int) -> tuple[Profile, str, int]:
 
 
 def _key(path: str | None) -> bytes | None:
-    from kybflow.drivers.mavlink.signing import read_key
+    from kybflow.drivers.mavlink.protocol.signing import read_key
 
     return None if path is None else read_key(Path(path))

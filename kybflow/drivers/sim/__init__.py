@@ -13,9 +13,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from kybflow.parts import Driver, Seat, Session, param, params
-from kybflow.signals import CommandKind, MeasurementKind
-from kybflow.units import (
+from kybflow.core.signals import CommandKind, MeasurementKind
+from kybflow.core.units import (
     DEG,
     Acceleration,
     Angle,
@@ -27,6 +26,7 @@ from kybflow.units import (
     Speed,
     Velocity,
 )
+from kybflow.parts import Driver, Seat, Session, param, params
 
 if TYPE_CHECKING:
     import random

@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from kybflow.core.signals import NS, Time
 from kybflow.drivers.sim.model import FIRST_BODY, OBSTACLE, PARCEL
-from kybflow.signals import NS, Time
 
 FORGOTTEN: Time = NS // 2
 """After so long without touching, the next touch is another collision."""

@@ -19,9 +19,9 @@ from math import cos, sin, sqrt
 from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
-from kybflow.geometry import Vec3
-from kybflow.shapes import Box, Cylinder, Plane, Shape, Sphere
-from kybflow.site import LEGS, Parcel, Site
+from kybflow.core.geometry import Vec3
+from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
+from kybflow.world.vehicle_context import LEGS, Parcel, Site
 
 ROTORS = ((1.0, 1.0, 1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0), (1.0, -1.0, -1.0))
 """Each rotor's side along body x and y, and the sign of its drag torque about body z."""

@@ -17,9 +17,18 @@ from collections.abc import Iterator
 from math import sqrt
 from typing import NamedTuple
 
-from kybflow.geometry import GRAVITY, LEVEL, ZERO, Quat, from_heading, heading_of, multiply, wrap
-from kybflow.signals import Command
-from kybflow.site import Airframe
+from kybflow.core.geometry import (
+    GRAVITY,
+    LEVEL,
+    ZERO,
+    Quat,
+    from_heading,
+    heading_of,
+    multiply,
+    wrap,
+)
+from kybflow.core.signals import Command
+from kybflow.world.vehicle_context import Airframe
 
 LEVELLING = 0.10
 """How fast the accelerometer levels the attitude, 1/s; its square over four corrects the bias."""

@@ -14,9 +14,9 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
+from kybflow.core.geometry import Vec3, add, cross, distance, norm, rotate
 from kybflow.drivers.sim.model import FIRST_BODY, mount
-from kybflow.geometry import Vec3, add, cross, distance, norm, rotate
-from kybflow.site import LEGS, Parcel
+from kybflow.world.vehicle_context import LEGS, Parcel
 
 _NOTHING, _LEAVING, _CLEAR = 0, 2, 3
 """What a parcel touches, as bits: 1 vehicles, 2 all else."""

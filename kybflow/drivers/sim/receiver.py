@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 
-from kybflow.descent import Descent
+from kybflow.core.geometry import LEVEL, ZERO
+from kybflow.core.signals import NEVER, NS, Command, Time
 from kybflow.drivers.sim.onboard import Pilot
-from kybflow.geometry import LEVEL, ZERO
-from kybflow.signals import NEVER, NS, Command, Time
-from kybflow.site import Airframe
+from kybflow.flight.descent import Descent
+from kybflow.world.vehicle_context import Airframe
 
 WATCHDOG: Time = NS // 4
 """How long an armed vehicle waits for a command before it comes down by itself."""
@@ -16,8 +16,8 @@ WATCHDOG: Time = NS // 4
 
 class Receiver:
     """Hands commands to the pilot, `late` nanoseconds after they were sent. When nothing arrives
-    for too long its watchdog levels out and comes down by the law of `kybflow.descent`; from then
-    on it heeds nothing but a command to stop the rotors."""
+    for too long its watchdog levels out and comes down by the law of `kybflow.flight.descent`; from
+    then on it heeds nothing but a command to stop the rotors."""
 
     def __init__(self, pilot: Pilot, airframe: Airframe, watched: bool) -> None:
         self.descent: Descent | None = None

@@ -12,10 +12,10 @@ from itertools import chain
 from math import exp, sqrt
 from typing import TYPE_CHECKING
 
+from kybflow.core.geometry import Vec3, integrate
+from kybflow.core.signals import NS, Battery, Imu, Pose, Position, Time, Truth
 from kybflow.drivers.sim.model import SENSORS
-from kybflow.geometry import Vec3, integrate
-from kybflow.signals import NS, Battery, Imu, Pose, Position, Time, Truth
-from kybflow.site import Airframe
+from kybflow.world.vehicle_context import Airframe
 
 if TYPE_CHECKING:
     import numpy

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy
 
+from kybflow.core.signals import NS, Command, Measurement, MeasurementKind, Payload, Time, Truth
 from kybflow.drivers.sim.model import Body
 from kybflow.drivers.sim.onboard import Pilot, Rotors
 from kybflow.drivers.sim.receiver import Receiver
 from kybflow.drivers.sim.sensors import Averages, Cell, MotionCapture, Positions, bias, draw
 from kybflow.drivers.sim.wind import Wind
 from kybflow.parts import Link, Rig, Seat
-from kybflow.signals import NS, Command, Measurement, MeasurementKind, Payload, Time, Truth
-from kybflow.site import Airframe
+from kybflow.world.vehicle_context import Airframe
 
 if TYPE_CHECKING:
     import random

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from kybflow.errors import DriverError
-from kybflow.signals import NS, Time
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS, Time
 
 PERIOD: Time = NS // 60
 LOOK_AT = (0.0, 0.0, 0.8)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import exp, sqrt
 
-from kybflow.geometry import ZERO, Vec3
+from kybflow.core.geometry import ZERO, Vec3
 
 GUST_TIME = 1.0
 """Seconds."""

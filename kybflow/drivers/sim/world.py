@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import mujoco
 
+from kybflow.core.errors import DriverError, Refused
+from kybflow.core.geometry import add, conjugate, rotate
+from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.sim.contacts import Contacts
 from kybflow.drivers.sim.model import ACTUATORS, FIRST_BODY, SENSORS, Body, loaded, world_text
 from kybflow.drivers.sim.parcels import FallingParcel
 from kybflow.drivers.sim.vehicle import Update, Vehicle
 from kybflow.drivers.sim.viewer import Viewer
-from kybflow.errors import DriverError, Refused
-from kybflow.geometry import add, conjugate, rotate
 from kybflow.parts import Link, Seat, Session
-from kybflow.signals import NS, Time, Truth
 
 if TYPE_CHECKING:
     import random

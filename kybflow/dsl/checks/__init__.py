@@ -36,12 +36,12 @@ from kybflow.dsl.checks import (
     tags,
 )
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import Document
-from kybflow.dsl.source import Span
+from kybflow.dsl.reading.source import Span
 
 if TYPE_CHECKING:
-    from kybflow.catalog import Catalog
+    from kybflow.parts.catalog import Catalog
 
 CHECKS: tuple[Callable[[Case], Iterator[Diagnostic]], ...] = (
     links.unknown_targets,

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.goals import wrong_goal
-from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
 from kybflow.dsl.document import ActionUse
-from kybflow.dsl.option_names import members, option_values, unknown_vehicle
-from kybflow.dsl.source import Text
-from kybflow.dsl.values import shown_value
+from kybflow.dsl.names.option_names import members, option_values, unknown_vehicle
+from kybflow.dsl.reading.source import Text
+from kybflow.dsl.reading.values import shown_value
 
 _TIGHTEN = "its parameters can be tightened with `set`"
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import hypot
 
+from kybflow.core.geometry import Vec3
+from kybflow.core.units import LENGTH
 from kybflow.dsl.document import State
-from kybflow.dsl.source import Span
-from kybflow.geometry import Vec3
+from kybflow.dsl.reading.source import Span
 from kybflow.parts import Footprint
-from kybflow.units import LENGTH
 
 _SAME = 1e-6
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entries import endless_states
 from kybflow.dsl.checks.phases import phases
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import Phase, State, Transition, Vehicle
 from kybflow.dsl.expressions import Condition
-from kybflow.dsl.expressions_tokens import KEYWORDS
-from kybflow.dsl.reasoning import implies
-from kybflow.dsl.source import Text
+from kybflow.dsl.expressions.reasoning import implies
+from kybflow.dsl.expressions.tokens import KEYWORDS
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.reading.source import Text
 
 WORDS = KEYWORDS | {"all", "any", "start", "operator"}
 _MARKS = frozenset({"*", "="})  # `transitions` reads them as any state and as the same state

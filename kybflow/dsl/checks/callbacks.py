@@ -7,15 +7,15 @@ from collections.abc import Iterator
 from string import Formatter
 from typing import get_args
 
-from kybflow.dsl.built_in import BUILT_IN
+from kybflow.core.signals import ReactionName
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.told import OPERATOR, Told, fields_of
-from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
 from kybflow.dsl.document import Callback
-from kybflow.dsl.source import Text
-from kybflow.observables import ALARM_FIELDS, EVENTS
-from kybflow.signals import ReactionName
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.reading.source import Text
+from kybflow.parts.observables import ALARM_FIELDS, EVENTS
 
 _CUSTOM = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*\Z", re.ASCII)
 _PLACEHOLDER = re.compile(r"[A-Za-z_]\w*\Z", re.ASCII)

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, TypeVar, cast
 
-from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.document import Document, State, Vehicle
 from kybflow.dsl.expressions import Condition, Scope, parse
-from kybflow.dsl.reasoning import natural
-from kybflow.dsl.scopes import Scopes
-from kybflow.dsl.source import Text
+from kybflow.dsl.expressions.reasoning import natural
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names.scopes import Scopes
+from kybflow.dsl.reading.source import Text
 from kybflow.parts import Behavior, Flight, Leg
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from kybflow.catalog import Catalog
+    from kybflow.parts.catalog import Catalog
 
 T = TypeVar("T")
 NO_TARGET = frozenset({"fault"})

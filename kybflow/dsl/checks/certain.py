@@ -6,14 +6,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import Transition
 from kybflow.dsl.expressions import Always, Compare, Condition, Eventually, Finally, parse
-from kybflow.dsl.expressions_tree import Aggregate
-from kybflow.dsl.reasoning import always_holds, never_holds
-from kybflow.dsl.source import Text
-from kybflow.units import DURATION, format_quantity
+from kybflow.dsl.expressions.reasoning import always_holds, never_holds
+from kybflow.dsl.expressions.tree import Aggregate
+from kybflow.dsl.reading.source import Text
 
 
 class Asked(NamedTuple):

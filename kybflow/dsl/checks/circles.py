@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.told import Told
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import ActionUse, Callback
-from kybflow.dsl.option_names import members, options_named
+from kybflow.dsl.names.option_names import members, options_named
 
 
 class _Said(NamedTuple):

@@ -1,12 +1,12 @@
 """Conditions, health and expectations, read and typed: KYB210 to KYB214
-(`kybflow.dsl.expressions_errors`)."""
+(`kybflow.dsl.expressions.errors`)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.expressions import parse
 
 

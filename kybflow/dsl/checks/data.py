@@ -10,18 +10,18 @@ from dataclasses import replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from kybflow.dsl.built_in import BUILT_IN
+from kybflow.core.errors import PartError
+from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind
 from kybflow.dsl.checks.case import Case, part_of
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
-from kybflow.dsl.rates import divides
-from kybflow.dsl.sensors import provided
-from kybflow.errors import PartError
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.shaping.rates import divides
+from kybflow.dsl.shaping.sensors import provided
 from kybflow.parts import Leg
-from kybflow.signals import CommandKind, MeasurementKind, SetpointKind
 
 if TYPE_CHECKING:
-    from kybflow.catalog import PartSpec
+    from kybflow.parts.catalog import PartSpec
 
 
 def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.phases import Wish, gifts, phases, wishes
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import Document, Flow, Phase
-from kybflow.dsl.flows import named_vehicles, own_vehicles
-from kybflow.dsl.source import Span
+from kybflow.dsl.reading.source import Span
+from kybflow.dsl.shaping.flows import named_vehicles, own_vehicles
 
 
 class _Holder(NamedTuple):

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.flights import PHRASES
 from kybflow.dsl.checks.phases import Wish, gifts, wishes
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import Flow, Phase, Transition
 from kybflow.dsl.expressions import And, Condition, GroupInState, InState
-from kybflow.dsl.flows import GROUNDED, named_vehicles, own_vehicles
+from kybflow.dsl.shaping.flows import GROUNDED, named_vehicles, own_vehicles
 from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 _ANY = frozenset({GROUND, AIR, MOVING})

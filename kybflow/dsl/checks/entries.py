@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from kybflow.core.geometry import Vec3, distance
 from kybflow.dsl.document import State, Transition, Vehicle
-from kybflow.geometry import Vec3, distance
 from kybflow.parts import GROUND
 
 _MOST = 16

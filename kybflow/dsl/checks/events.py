@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.told import ANY, OPERATOR, Told
-from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
 from kybflow.dsl.document import Transition
-from kybflow.dsl.source import Text
-from kybflow.observables import OF_THE_SIMULATOR, TOO_LATE
+from kybflow.dsl.reading.source import Text
+from kybflow.parts.observables import OF_THE_SIMULATOR, TOO_LATE
 
 
 def unknown_events(case: Case) -> Iterator[Diagnostic]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from kybflow.core.signals import MeasurementKind
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic, Severity, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
 from kybflow.dsl.document import EstimatorUse
 from kybflow.parts import Estimator
-from kybflow.signals import MeasurementKind
 
 
 def never_used(case: Case) -> Iterator[Diagnostic]:

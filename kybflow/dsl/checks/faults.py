@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic, Severity, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
 from kybflow.dsl.document import FaultUse
 from kybflow.dsl.expressions import parse
-from kybflow.dsl.source import Span, Text
-from kybflow.units import DURATION, format_quantity
+from kybflow.dsl.reading.source import Span, Text
 
 
 def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:

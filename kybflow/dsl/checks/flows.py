@@ -11,12 +11,12 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.goals import wrong_goal
 from kybflow.dsl.checks.phases import phases, reached, wishes
 from kybflow.dsl.checks.told import OPERATOR
-from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
 from kybflow.dsl.document import Document, Flow, Phase, Transition
 from kybflow.dsl.expressions import parse
-from kybflow.dsl.option_names import members, unknown_vehicle
+from kybflow.dsl.names.option_names import members, unknown_vehicle
 from kybflow.dsl.plan import END
-from kybflow.dsl.source import Text
+from kybflow.dsl.reading.source import Text
 
 
 def flow_names(case: Case) -> Iterator[Diagnostic]:

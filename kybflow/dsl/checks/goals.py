@@ -4,9 +4,9 @@ built-in state but `fault`."""
 from __future__ import annotations
 
 from kybflow.dsl.checks.case import NO_TARGET, TARGETS
-from kybflow.dsl.diagnostics import Diagnostic, did_you_mean, goals_like
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean, goals_like
 from kybflow.dsl.document import Vehicle
-from kybflow.dsl.source import Text
+from kybflow.dsl.reading.source import Text
 
 
 def wrong_goal(code: str, name: Text, vehicle: Vehicle) -> Diagnostic | None:

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from kybflow.dsl.checks.arrows import WORDS
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
 from kybflow.dsl.document import Document
-from kybflow.dsl.source import Text
+from kybflow.dsl.reading.source import Text
 
 
 def groups(case: Case) -> Iterator[Diagnostic]:

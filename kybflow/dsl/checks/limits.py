@@ -6,16 +6,16 @@ from collections.abc import Iterator
 from math import atan
 from typing import NamedTuple
 
+from kybflow.core.geometry import GRAVITY
+from kybflow.core.params import fields_of
+from kybflow.core.units import ANGLE, FORCE, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import PartUse, Vehicle
-from kybflow.dsl.source import Span, Text
-from kybflow.geometry import GRAVITY
-from kybflow.params import fields_of
+from kybflow.dsl.reading.source import Span, Text
 from kybflow.parts import Footprint
-from kybflow.site import Airframe
-from kybflow.units import ANGLE, FORCE, format_quantity
+from kybflow.world.vehicle_context import Airframe
 
 _ROUNDING = 1e-6
 _SPARE = 1.1

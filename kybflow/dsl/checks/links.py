@@ -9,12 +9,12 @@ from kybflow.dsl.checks.case import TARGETS, Case, part_of
 from kybflow.dsl.checks.flights import PHRASES, Link, flights_of
 from kybflow.dsl.checks.goals import no_state, wrong_goal
 from kybflow.dsl.checks.phases import all_known
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import State, Vehicle
-from kybflow.dsl.flows import GROUNDED
-from kybflow.dsl.source import Span
-from kybflow.observables import chains_of
+from kybflow.dsl.reading.source import Span
+from kybflow.dsl.shaping.flows import GROUNDED
 from kybflow.parts import GROUND, MOVING, Leg
+from kybflow.parts.observables import chains_of
 
 
 def unknown_targets(case: Case) -> Iterator[Diagnostic]:

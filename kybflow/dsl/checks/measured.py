@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 
+from kybflow.core.signals import MeasurementKind
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.certain import Asked, conditions_of, expectations_of
 from kybflow.dsl.checks.links import reached_states
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import Vehicle
 from kybflow.dsl.expressions import Compare, GroupInState, InState, Read, Word
-from kybflow.dsl.expressions_tree import Aggregate
-from kybflow.observables import chains_of
-from kybflow.signals import MeasurementKind
+from kybflow.dsl.expressions.tree import Aggregate
+from kybflow.parts.observables import chains_of
 
 _ESTIMATED = ("state.", "estimate.", "position_error", "velocity_error", "estimator")
 

@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from itertools import pairwise
 from math import hypot, inf
 
+from kybflow.core.geometry import Vec3, distance
+from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.aims import aim_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import extent, footprints, shown_point
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import ObstacleUse, State, Vehicle
-from kybflow.geometry import Vec3, distance
 from kybflow.parts import GROUND, Footprint
-from kybflow.shapes import Box, Cylinder, Plane, Shape
-from kybflow.units import LENGTH, format_quantity
+from kybflow.world.shapes import Box, Cylinder, Plane, Shape
 
 _ROUNDING = 1e-6
 _STANDS = 0.05

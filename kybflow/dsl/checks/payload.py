@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import floor
 
+from kybflow.core.geometry import GRAVITY
+from kybflow.core.units import FORCE, MASS, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import State, Vehicle
-from kybflow.geometry import GRAVITY
-from kybflow.site import Parcel
-from kybflow.units import FORCE, MASS, format_quantity
+from kybflow.world.vehicle_context import Parcel
 
 _SPARE = 1.1
 _GRAMS = 10.0

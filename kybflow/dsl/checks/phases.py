@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.document import Document, Flow, Phase, Vehicle
-from kybflow.dsl.option_names import members
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names.option_names import members
 from kybflow.dsl.plan import END
-from kybflow.dsl.source import Text
+from kybflow.dsl.reading.source import Text
 
 
 class Wish(NamedTuple):

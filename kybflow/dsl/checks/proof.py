@@ -16,7 +16,7 @@ from kybflow.dsl.checks.entries import endless_states
 from kybflow.dsl.checks.flights import Flights, Link, Node, comes_down, flights_of
 from kybflow.dsl.checks.links import reached_states
 from kybflow.dsl.checks.told import OPERATOR
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import Transition, Vehicle
 from kybflow.dsl.expressions import Compare, Number, Read
 from kybflow.parts import AIR, GROUND

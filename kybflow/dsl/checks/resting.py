@@ -6,18 +6,18 @@ from collections.abc import Iterator
 from itertools import product
 from typing import NamedTuple
 
-from kybflow.dsl.built_in import BUILT_IN
+from kybflow.core.geometry import Vec3, distance
+from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.aims import aim_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entries import endless_states, entries_of
 from kybflow.dsl.checks.flights import may_end
 from kybflow.dsl.checks.space import shown_point
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import State, Vehicle
-from kybflow.dsl.source import Span
-from kybflow.geometry import Vec3, distance
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.reading.source import Span
 from kybflow.parts import GROUND
-from kybflow.units import LENGTH, format_quantity
 
 _BELOW = frozenset({"landed", "brake", "hover", "auto_land"})
 """Built-in states that lead to the ground below."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.cameras import Camera
+from kybflow.core.signals import MeasurementKind
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import SensorUse, Vehicle
-from kybflow.signals import MeasurementKind
+from kybflow.world.cameras import Camera
 
 
 def of_no_use(case: Case) -> Iterator[Diagnostic]:

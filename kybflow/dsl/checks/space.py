@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import inf
 
+from kybflow.core.geometry import ZERO, Vec3, distance
+from kybflow.core.units import LENGTH, SPEED, format_quantity
 from kybflow.dsl.checks.aims import aim_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entries import Entries, entries_of
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import State, Vehicle
-from kybflow.geometry import ZERO, Vec3, distance
 from kybflow.parts import GROUND, Footprint
-from kybflow.shapes import Box
-from kybflow.units import LENGTH, SPEED, format_quantity
+from kybflow.world.shapes import Box
 
 _ROUNDING = 1e-6
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import TagsUse
-from kybflow.shapes import Box
-from kybflow.tags import Tag
-from kybflow.units import LENGTH, format_quantity
+from kybflow.world.shapes import Box
+from kybflow.world.tags import Tag
 
 _LARGE = 2.0
 """Side of a black square, metres, that hardly anybody prints."""

@@ -7,12 +7,12 @@ from itertools import chain
 from math import floor, sqrt
 from typing import NamedTuple
 
+from kybflow.core.geometry import Vec3, conjugate, distance, dot, multiply, rotate, sub
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import TagsUse
-from kybflow.dsl.tag_params import GridParams
-from kybflow.geometry import Vec3, conjugate, distance, dot, multiply, rotate, sub
-from kybflow.tags import Key, Tag
+from kybflow.dsl.shaping.world.tag_params import GridParams
+from kybflow.world.tags import Key, Tag
 
 _PLANE = 0.005
 """Tags whose faces are no further apart, metres, are on the same plane."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from kybflow.dsl.built_in import BUILT_IN
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.document import Document, Vehicle
-from kybflow.dsl.option_names import members
-from kybflow.observables import ALARM_FIELDS, EVENT_FIELDS, EVENTS, OF_THE_RUN
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names.option_names import members
+from kybflow.parts.observables import ALARM_FIELDS, EVENT_FIELDS, EVENTS, OF_THE_RUN
 
 ANY = "any"
 OPERATOR = "operator."

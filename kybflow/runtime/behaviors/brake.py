@@ -9,11 +9,11 @@ after `patience` at the latest: the hover that follows holds the same point.
 
 from __future__ import annotations
 
-from kybflow.geometry import norm
+from kybflow.core.geometry import norm
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration, Duration, Speed
+from kybflow.flight.motion import Coast
 from kybflow.parts import AIR, MOVING, Behavior, Entry, param, params
-from kybflow.runtime.motion import Coast
-from kybflow.signals import Done, Setpoint, SetpointKind, Tick
-from kybflow.units import Acceleration, Duration, Speed
 
 
 @params

@@ -2,7 +2,7 @@
 
 It first flies in a straight line to the nearest point of the circle (from its centre: to the
 point ahead) and stops there; from there the arc length follows a rest-to-rest profile s(t)
-(`kybflow.runtime.profiles`) and, with phi = phi0 + s / r,
+(`kybflow.flight.profiles`) and, with phi = phi0 + s / r,
 
     p = c + r (cos phi, sin phi),   v = s' e,   a = s'' e - s'^2/r n,
     j = (s''' - s'^3/r^2) e - 3 s' s''/r n,        e = (-sin phi, cos phi), n = (cos phi, sin phi)
@@ -15,13 +15,13 @@ from __future__ import annotations
 
 from math import atan2, copysign, cos, hypot, inf, pi, sin, tan
 
-from kybflow.errors import Refused
-from kybflow.geometry import GRAVITY
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import GRAVITY
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration, Length, Number, Position, Speed, Vec3
+from kybflow.flight.motion import Coast, Motion, Straight, cruise_speed
+from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import Coast, Motion, Straight, cruise_speed
-from kybflow.runtime.profiles import Profile
-from kybflow.signals import Done, Setpoint, SetpointKind, Tick
-from kybflow.units import Acceleration, Length, Number, Position, Speed, Vec3
 
 _CHORDS = 48
 """Straight lines that stand for the circle in its footprint."""

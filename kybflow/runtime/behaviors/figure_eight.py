@@ -16,11 +16,11 @@ from __future__ import annotations
 
 from math import cos, hypot, pi, sin, sqrt
 
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Angle, Duration, Length, Number, Vec3
+from kybflow.flight.motion import Coast, Motion
+from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import Coast, Motion
-from kybflow.runtime.profiles import Profile
-from kybflow.signals import Done, Setpoint, SetpointKind, Tick
-from kybflow.units import Angle, Duration, Length, Number, Vec3
 
 _CHORDS = 96
 """Straight lines that stand for the eight in its footprint."""

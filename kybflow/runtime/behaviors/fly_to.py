@@ -4,7 +4,7 @@ It is done when the vehicle has been within `tolerance` of the goal for `dwell`,
 `heading_tolerance` of its heading where that is given. The setpoint
 follows a rest-to-rest profile with at most `speed` and `acceleration`; a short way has a lower
 peak, V = sqrt(distance * acceleration / (15/8)), so it stops at the goal whatever the distance
-(`kybflow.runtime.profiles`; TeleKyb's SmoothLinearFlyTo had a negative cruise time there). The
+(`kybflow.flight.profiles`; TeleKyb's SmoothLinearFlyTo had a negative cruise time there). The
 planned speed stays at 95 % of the airframe's limit, because tracking needs the rest. Entered in
 motion it sheds that velocity on the way. A `heading` is turned to by the shorter way.
 
@@ -13,11 +13,20 @@ Fails when it is not there `patience` after the planned end. World frame, metres
 
 from __future__ import annotations
 
-from kybflow.geometry import distance
+from kybflow.core.geometry import distance
+from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.core.units import (
+    Acceleration,
+    Angle,
+    AngularRate,
+    Duration,
+    Length,
+    Position,
+    Speed,
+    Vec3,
+)
+from kybflow.flight.motion import Coast, Dwell, Straight, Turn, cruise_speed
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import Coast, Dwell, Straight, Turn, cruise_speed
-from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
-from kybflow.units import Acceleration, Angle, AngularRate, Duration, Length, Position, Speed, Vec3
 
 
 @params

@@ -1,7 +1,7 @@
 """Fly along straight legs from corner to corner, stopping at each; done at the last.
 
 Each leg is a rest-to-rest profile with at most `speed` and `acceleration`
-(`kybflow.runtime.profiles`). The next leg begins when the vehicle has been within `tolerance` of
+(`kybflow.flight.profiles`). The next leg begins when the vehicle has been within `tolerance` of
 the corner for `dwell`, and within `heading_tolerance` of its heading where that is given; it begins
 at the corner itself, so the trajectory has no step. A `heading` is turned to on the first leg, by
 the shorter way.
@@ -12,12 +12,12 @@ leg. World frame, metres.
 
 from __future__ import annotations
 
-from kybflow.errors import Refused
-from kybflow.geometry import distance
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import distance
+from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration, Angle, AngularRate, Duration, Length, Path, Speed, Vec3
+from kybflow.flight.motion import Coast, Dwell, Straight, Turn, cruise_speed
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import Coast, Dwell, Straight, Turn, cruise_speed
-from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
-from kybflow.units import Acceleration, Angle, AngularRate, Duration, Length, Path, Speed, Vec3
 
 
 @params

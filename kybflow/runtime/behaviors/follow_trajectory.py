@@ -7,7 +7,7 @@
 A table of comma-separated values: t, x, y, z are needed; velocities (vx, vy, vz), accelerations
 (ax, ay, az) and yaw may follow. Without a unit in the header (`x [cm]`) a column is SI; yaw says
 `[deg]` or `[rad]`. Between rows it flies quintic pieces without a step in position, velocity or
-acceleration; what is not written comes from splines (`kybflow.runtime.trajectory`). The file stands
+acceleration; what is not written comes from splines (`kybflow.flight.trajectory`). The file stands
 beside the mission or below it, begins and ends at rest, and is judged with the mission: its lines,
 where it goes, how fast, how sharply.
 
@@ -22,15 +22,15 @@ from __future__ import annotations
 
 from math import copysign
 
-from kybflow.errors import Refused
-from kybflow.files import File
-from kybflow.geometry import Vec3, distance, norm, wrap
+from kybflow.core.errors import Refused
+from kybflow.core.files import File
+from kybflow.core.geometry import Vec3, distance, norm, wrap
+from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration, AngularRate, Duration, Length, Speed
+from kybflow.flight.motion import Coast, Dwell, Straight, cruise_speed
+from kybflow.flight.profiles import Profile
+from kybflow.flight.trajectory import read_trajectory
 from kybflow.parts import AIR, Behavior, Entry, Footprint, Origin, param, params
-from kybflow.runtime.motion import Coast, Dwell, Straight, cruise_speed
-from kybflow.runtime.profiles import Profile
-from kybflow.runtime.trajectory import read_trajectory
-from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
-from kybflow.units import Acceleration, AngularRate, Duration, Length, Speed
 
 
 @params

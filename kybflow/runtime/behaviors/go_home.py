@@ -2,7 +2,7 @@
 
 Home is the vehicle's `home` in the mission, its start where none is given. The height is the
 present one, or `height` above the ground of the start where that is more, but always 0.3 m below
-the fence's top. Both legs are rest-to-rest profiles (`kybflow.runtime.profiles`); entered in motion
+the fence's top. Both legs are rest-to-rest profiles (`kybflow.flight.profiles`); entered in motion
 it sheds that velocity on the way. It is done above home when the vehicle is within `tolerance`, and
 `patience` after the planned end in any case: what follows lands it, wherever it is.
 
@@ -12,12 +12,12 @@ it lands where it is. World frame, metres; the heading is kept.
 
 from __future__ import annotations
 
-from kybflow.errors import Refused
-from kybflow.geometry import Vec3, distance
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import Vec3, distance
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration, Duration, Length, Speed
+from kybflow.flight.motion import Coast, Straight, cruise_speed
 from kybflow.parts import AIR, MOVING, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import Coast, Straight, cruise_speed
-from kybflow.signals import Done, Setpoint, SetpointKind, Tick
-from kybflow.units import Acceleration, Duration, Length, Speed
 
 _UNDER_TOP = 0.3
 _CLEARANCE = 0.2

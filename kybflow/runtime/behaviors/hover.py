@@ -1,16 +1,16 @@
 """Hold the position and the heading of entry, for a time or until something else is asked.
 
-Entered in motion it first comes to rest (see `kybflow.runtime.motion`) and holds the point where it
+Entered in motion it first comes to rest (see `kybflow.flight.motion`) and holds the point where it
 does; it never refuses to start, whatever the speed (TeleKyb's Hover refused above 0.2 m/s).
 Position in the world, metres; heading in radians from east.
 """
 
 from __future__ import annotations
 
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Duration, Vec3
+from kybflow.flight.motion import Coast
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import Coast
-from kybflow.signals import Done, Setpoint, SetpointKind, Tick
-from kybflow.units import Duration, Vec3
 
 
 @params

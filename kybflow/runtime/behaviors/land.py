@@ -25,8 +25,9 @@ from __future__ import annotations
 
 from math import hypot, sqrt
 
-from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import (
+from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration, Duration, Length, Position, Speed, Vec3
+from kybflow.flight.motion import (
     COAST_ACCELERATION,
     IDLE,
     Coast,
@@ -36,8 +37,7 @@ from kybflow.runtime.motion import (
     cruise_speed,
     entry_motion,
 )
-from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
-from kybflow.units import Acceleration, Duration, Length, Position, Speed, Vec3
+from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param, params
 
 _STILL = 0.03
 _AVERAGED, _LEVEL, _LONGER = 1.0, 0.05, 4.0

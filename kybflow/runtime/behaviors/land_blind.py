@@ -2,9 +2,9 @@
 
 The last resort when the estimate is lost. It needs neither estimator nor tracker: the on-board
 controller keeps the attitude level and its heading from the IMU, and the thrust follows the law of
-`kybflow.descent`, which holds a speed of about half a metre a second by the specific force that the
-IMU feels, whatever is wrong with the thrust's model, and notices the touch-down. Its speed in m/s
-(time in s), from rest, for an error e of the thrust's model:
+`kybflow.flight.descent`, which holds a speed of about half a metre a second by the specific force
+that the IMU feels, whatever is wrong with the thrust's model, and notices the touch-down. Its speed
+in m/s (time in s), from rest, for an error e of the thrust's model:
 
     from      e = -10 %     0             +10 %
     0.5 m     0.52 (1.2)    0.53 (1.3)    0.54 (1.4)
@@ -14,7 +14,8 @@ IMU feels, whatever is wrong with the thrust's model, and notices the touch-down
 
 An accelerometer that is wrong by 0.25 m/s^2 makes 1.5 m/s (2.9 s) or 1.0 m/s (10 s) of the 1.0 m/s
 from 2.5 m. Where an estimator needs the IMU, what it felt at rest on the ground is known and counts
-as gravity (`kybflow.runtime.rest`): only what it has been wrong by since then does that.
+as gravity (`kybflow.runtime.vehicle.resting_bias`): only what it has been wrong by since then
+does that.
 
 It begins at the vertical speed of the last setpoint, or of the estimate.
 
@@ -43,12 +44,12 @@ open-loop ramp is gentle for every error, this one is bounded for all of them.
 
 from __future__ import annotations
 
-from kybflow.descent import Descent
-from kybflow.geometry import GRAVITY, LEVEL, ZERO
+from kybflow.core.geometry import GRAVITY, LEVEL, ZERO
+from kybflow.core.signals import NS, Command, CommandKind, Done, Imu, MeasurementKind, Tick, Time
+from kybflow.core.units import Damping, Duration, Ratio
+from kybflow.flight.descent import Descent
+from kybflow.flight.motion import IDLE, entry_motion
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, param, params
-from kybflow.runtime.motion import IDLE, entry_motion
-from kybflow.signals import NS, Command, CommandKind, Done, Imu, MeasurementKind, Tick, Time
-from kybflow.units import Damping, Duration, Ratio
 
 _ARREST = 0.8
 _MOST = 0.3

@@ -8,10 +8,10 @@ somebody stands by who puts it in as the servo closes.
 
 from __future__ import annotations
 
+from kybflow.core.signals import Done, Grip, PayloadState, SetpointKind, Tick
+from kybflow.core.units import Vec3
+from kybflow.flight.motion import IDLE
 from kybflow.parts import GROUND, Behavior, Footprint, params
-from kybflow.runtime.motion import IDLE
-from kybflow.signals import Done, Grip, PayloadState, SetpointKind, Tick
-from kybflow.units import Vec3
 
 
 @params

@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from math import inf
 
+from kybflow.core.signals import Done, Failed, Grip, PayloadState, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Duration, Vec3
+from kybflow.flight.motion import IDLE, Coast
 from kybflow.parts import AIR, GROUND, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import IDLE, Coast
-from kybflow.signals import Done, Failed, Grip, PayloadState, Setpoint, SetpointKind, Tick
-from kybflow.units import Duration, Vec3
 
 
 @params

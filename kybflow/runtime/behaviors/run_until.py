@@ -11,7 +11,7 @@ TeleKyb has no such behavior; there a person at the joystick stopped it. It give
 velocity, because what counts is the way over ground until something happens, not a schedule: a
 vehicle that is held back does not run after a setpoint that went ahead. The speed rises with the
 smoothstep S, and falls with its mirror image, the acceleration at most `acceleration`
-(`kybflow.runtime.profiles`; where there is no room for the speed asked for, a lower one). It begins
+(`kybflow.flight.profiles`; where there is no room for the speed asked for, a lower one). It begins
 to slow down when what is left of `at_most`, measured by the estimate along the velocity, is what
 slowing down takes.
 
@@ -22,13 +22,13 @@ heading and, as far as an estimated velocity can, the height are kept. World fra
 
 from __future__ import annotations
 
-from kybflow.errors import Refused
-from kybflow.geometry import Vec3, add, dot, norm, scale, sub
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import Vec3, add, dot, norm, scale, sub
+from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration, Duration, Length, Velocity
+from kybflow.flight.motion import Coast, cruise_speed
+from kybflow.flight.profiles import STEEPEST, Profile, smoothstep
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import Coast, cruise_speed
-from kybflow.runtime.profiles import STEEPEST, Profile, smoothstep
-from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
-from kybflow.units import Acceleration, Duration, Length, Velocity
 
 
 @params

@@ -1,7 +1,7 @@
 """Climb straight up from the ground to a height above it, and be done there.
 
 The setpoint rises from the estimate's position at entry along a rest-to-rest profile
-(`kybflow.runtime.profiles`) with at most `speed` and `acceleration`. Where the vehicle stays more
+(`kybflow.flight.profiles`) with at most `speed` and `acceleration`. Where the vehicle stays more
 than 0.3 m behind, the profile waits for it, so that a vehicle that can't lift is not asked ever
 more; where it is more than 0.1 m ahead, lifted by its autopilot, the profile goes on from there. It
 is done when the profile has ended and the height is within `tolerance` for `dwell`.
@@ -12,12 +12,12 @@ tolerance 10 cm are TeleKyb's. `height` is in metres above the ground of the sta
 
 from __future__ import annotations
 
-from kybflow.geometry import ZERO
+from kybflow.core.geometry import ZERO
+from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration, Duration, Length, Speed, Vec3
+from kybflow.flight.motion import Dwell, Motion, cruise_speed
+from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, GROUND, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.motion import Dwell, Motion, cruise_speed
-from kybflow.runtime.profiles import Profile
-from kybflow.signals import Done, Failed, Setpoint, SetpointKind, Tick
-from kybflow.units import Acceleration, Duration, Length, Speed, Vec3
 
 _LEASH, _AHEAD = 0.3, 0.1
 _LEAP = 0.02

@@ -6,10 +6,10 @@ Its setpoint is always IDLE, so it needs neither tracker nor estimate. It is wha
 
 from __future__ import annotations
 
+from kybflow.core.signals import Setpoint, SetpointKind, Tick
+from kybflow.core.units import Vec3
+from kybflow.flight.motion import IDLE
 from kybflow.parts import GROUND, Behavior, Footprint, params
-from kybflow.runtime.motion import IDLE
-from kybflow.signals import Setpoint, SetpointKind, Tick
-from kybflow.units import Vec3
 
 
 @params

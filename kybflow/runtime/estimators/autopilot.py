@@ -17,11 +17,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from kybflow.geometry import add, integrate, scale
+from kybflow.core.geometry import add, integrate, scale
+from kybflow.core.signals import NS, Estimate, Measurement, MeasurementKind, Odometry, Time
+from kybflow.core.units import Duration
 from kybflow.parts import Estimator, param, params
-from kybflow.signals import NS, Estimate, Measurement, MeasurementKind, Odometry, Time
-from kybflow.site import Site
-from kybflow.units import Duration
+from kybflow.world.vehicle_context import Site
 
 
 @params

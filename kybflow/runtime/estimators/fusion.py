@@ -3,7 +3,7 @@
 Position, velocity, attitude and the biases of accelerometer and gyroscope with their covariance (J.
 Solà, "Quaternion kinematics for the error-state Kalman filter", 2017, sec. 5 and 6). A measurement
 counts at the time at which it was true, and the IMU is replayed from there to now; one that comes
-out of order does no harm, one older than `memory` is left out (`kybflow.runtime.fusion_replay`).
+out of order does no harm, one older than `memory` is left out (`kybflow.flight.fusion.replay`).
 
 source: `mocap` takes poses, `tags` the poses that printed tags in camera frames tell, `position`
 positions alone, as of GPS. With these the filter begins at rest: the tilt is what the accelerometer
@@ -15,7 +15,7 @@ further than `widest_gate`, plus four times its own deviation, from where the ve
 be, however wide the filter's own spread: by the estimate that it flies on where that is another's,
 else by the filter. So a body that was exchanged with another's is not followed. The filter begins
 anew when all was refused for longer than `doubt`, and the measurement is where a vehicle can be
-(`kybflow.runtime.pose_gate`, gone on from the other's estimate, else from the newest measurement
+(`kybflow.flight.pose_gate`, gone on from the other's estimate, else from the newest measurement
 that passed), or when measurements elsewhere have been consistent for `settled` seconds in which
 nothing else was flown on.
 
@@ -31,15 +31,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
-from kybflow.geometry import ZERO, Vec3
+from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.signals import NS, Estimate, Imu, Measurement, MeasurementKind, Time
+from kybflow.core.units import DEG, Acceleration, Angle, AngularRate, Duration, Length, Ratio, Speed
 from kybflow.parts import Estimator, param, params
 from kybflow.runtime.estimators.inertial import SILENT
-from kybflow.signals import NS, Estimate, Imu, Measurement, MeasurementKind, Time
-from kybflow.site import Site
-from kybflow.units import DEG, Acceleration, Angle, AngularRate, Duration, Length, Ratio, Speed
+from kybflow.world.vehicle_context import Site
 
 if TYPE_CHECKING:
-    from kybflow.vision.locator import Sighting
+    from kybflow.vision.locating.locator import Sighting
 
 Source = Literal["mocap", "tags", "position"]
 _KINDS = {
@@ -125,8 +125,8 @@ class Fusion(Estimator[FusionParams]):
 
     def __init__(self, params: FusionParams, site: Site) -> None:
         super().__init__(params, site)
-        from kybflow.runtime.fusion_filter import Filter
-        from kybflow.runtime.fusion_sources import source
+        from kybflow.flight.fusion.filter import Filter
+        from kybflow.flight.fusion.sources import source
 
         self.filter = Filter(params, site.heading)
         self._read = source(params, site, self.filter.at, self._saw)

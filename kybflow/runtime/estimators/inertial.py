@@ -30,11 +30,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import pi, sqrt
 
-from kybflow.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate, rotate
+from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate, rotate
+from kybflow.core.signals import NS, Estimate, Imu, Measurement, MeasurementKind, Time
+from kybflow.core.units import Acceleration, Duration, Frequency, Speed
 from kybflow.parts import Estimator, param, params
-from kybflow.signals import NS, Estimate, Imu, Measurement, MeasurementKind, Time
-from kybflow.site import Site
-from kybflow.units import Acceleration, Duration, Frequency, Speed
+from kybflow.world.vehicle_context import Site
 
 SILENT = NS // 10
 """An IMU that was not heard for so long tells nothing about the motion since."""

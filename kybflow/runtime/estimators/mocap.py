@@ -1,6 +1,6 @@
 """State from motion capture: pose by pose, velocities by a filtered derivative, predicted to now.
 
-The filter is `kybflow.runtime.tracked_pose`.
+The filter is `kybflow.flight.tracked_pose`.
 
 A pose whose stamp is not newer than the last one's is dropped, and so is one that is none (a lost
 body: not finite, or no rotation). After a gap longer than `gap` the filter starts again, and until
@@ -8,16 +8,17 @@ body: not finite, or no rotation). After a gap longer than `gap` the filter star
 along an axis, metres.
 
 A pose that no flight explains is dropped as well (two bodies exchanged, a reflection taken for a
-marker), so that the estimate ages and stops being healthy (`kybflow.runtime.pose_gate`).
+marker), so that the estimate ages and stops being healthy (`kybflow.flight.pose_gate`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from kybflow.geometry import ZERO, add, distance, integrate, scale
-from kybflow.parts import Estimator, param, params
-from kybflow.runtime.pose_gate import (
+from kybflow.core.geometry import ZERO, add, distance, integrate, scale
+from kybflow.core.signals import NS, Estimate, Measurement, MeasurementKind, Pose, Time
+from kybflow.core.units import Duration, Length
+from kybflow.flight.pose_gate import (
     LOOK_AHEAD,
     UNKNOWN_PACE,
     PoseGate,
@@ -25,10 +26,9 @@ from kybflow.runtime.pose_gate import (
     is_same,
     seen_from,
 )
-from kybflow.runtime.tracked_pose import TrackedParams, TrackedPose
-from kybflow.signals import NS, Estimate, Measurement, MeasurementKind, Pose, Time
-from kybflow.site import Site
-from kybflow.units import Duration, Length
+from kybflow.flight.tracked_pose import TrackedParams, TrackedPose
+from kybflow.parts import Estimator, param, params
+from kybflow.world.vehicle_context import Site
 
 
 @params

@@ -1,8 +1,8 @@
 """State from printed tags that the vehicle's cameras see, frame by frame, predicted to now.
 
-Each frame gives the pose of the body (`kybflow.vision.locator`), searched where the last ones
-predict it, the first where the vehicle starts; the poses give the motion
-(`kybflow.runtime.tracked_pose`), whose acceleration changes with the attitude until now. How fast
+Each frame gives the pose of the body (`kybflow.vision.locating.locator`), searched where the
+last ones predict it, the first where the vehicle starts; the poses give the motion
+(`kybflow.flight.tracked_pose`), whose acceleration changes with the attitude until now. How fast
 the body turns while a rolling shutter reads a frame is solved for with its pose, because the poses
 tell it too late. Frames of several cameras with the same stamp give one pose together. A frame that
 is not newer than the last one that told a pose is dropped.
@@ -27,17 +27,17 @@ from math import sqrt
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from kybflow.geometry import distance, from_heading
+from kybflow.core.geometry import distance, from_heading
+from kybflow.core.signals import NS, Estimate, Frame, Measurement, MeasurementKind, Pose, Time
+from kybflow.core.units import Length
+from kybflow.flight.tracked_pose import TrackedParams, TrackedPose
 from kybflow.parts import Estimator, param, params
-from kybflow.runtime.tracked_pose import TrackedParams, TrackedPose
-from kybflow.signals import NS, Estimate, Frame, Measurement, MeasurementKind, Pose, Time
-from kybflow.site import Site
-from kybflow.units import Length
 from kybflow.vision import OPENCV
+from kybflow.world.vehicle_context import Site
 
 if TYPE_CHECKING:
-    from kybflow.vision.locate_fit import Located
-    from kybflow.vision.locator import Prediction
+    from kybflow.vision.locating.fit import Located
+    from kybflow.vision.locating.locator import Prediction
 
 ACCELERATION = 5.0
 SURE = 3
@@ -72,7 +72,7 @@ class TagCamera(Estimator[TagCameraParams]):
         self._start = (site.start, from_heading(site.heading))
         self._spread = 0.0
         if site.cameras:
-            from kybflow.vision.locator import Locator
+            from kybflow.vision.locating.locator import Locator
 
             self._locator = Locator(site.tags, site.cameras)
 
@@ -111,8 +111,8 @@ class TagCamera(Estimator[TagCameraParams]):
     def _predicted(self, time: Time, t: float) -> Prediction | None:
         """Where the vehicle is when a frame is taken: before the first pose, where the mission puts
         it; None where nobody knows any more."""
-        from kybflow.vision.locate_sight import Motion
-        from kybflow.vision.locator import Prediction
+        from kybflow.vision.locating.locator import Prediction
+        from kybflow.vision.locating.sight import Motion
 
         track = self._track
         if track.count == 0:

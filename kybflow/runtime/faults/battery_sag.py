@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from kybflow.core.units import Ratio
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.units import Ratio
 
 
 @params

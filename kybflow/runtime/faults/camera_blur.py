@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from kybflow.core.signals import MeasurementKind
+from kybflow.core.units import Number
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.signals import MeasurementKind
-from kybflow.units import Number
 from kybflow.vision.optics import Weakness
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from kybflow.core.signals import MeasurementKind
 from kybflow.parts import Effect, Fault, params
-from kybflow.signals import MeasurementKind
 from kybflow.vision.optics import Weakness
 
 

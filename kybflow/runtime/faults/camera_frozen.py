@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from kybflow.core.signals import Frame, Measurement, MeasurementKind
 from kybflow.parts import Effect, Fault, params
-from kybflow.signals import Frame, Measurement, MeasurementKind
 
 if TYPE_CHECKING:
     import random

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from kybflow.core.signals import Frame, Measurement, MeasurementKind
 from kybflow.parts import Effect, Fault, params
-from kybflow.signals import Frame, Measurement, MeasurementKind
 
 
 @params

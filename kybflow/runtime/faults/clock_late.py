@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from kybflow.core.units import Duration
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.units import Duration
 
 
 @params

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from kybflow.core.units import Duration, Velocity
+from kybflow.flight.air import rising
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.runtime.air import rising
-from kybflow.units import Duration, Velocity
 
 
 @params

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kybflow.geometry import ZERO
+from kybflow.core.geometry import ZERO
+from kybflow.core.units import Accelerations, AngularVelocity
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.units import Accelerations, AngularVelocity
 
 
 @params

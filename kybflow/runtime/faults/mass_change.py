@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from kybflow.core.units import Mass, Ratio
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.units import Mass, Ratio
 
 
 @params

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from kybflow.core.signals import Measurement, MeasurementKind, Pose
+from kybflow.core.units import Ratio
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.signals import Measurement, MeasurementKind, Pose
-from kybflow.units import Ratio
 
 
 @params

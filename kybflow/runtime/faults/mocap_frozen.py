@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from kybflow.core.signals import Measurement, MeasurementKind, Pose
 from kybflow.parts import Effect, Fault, params
-from kybflow.signals import Measurement, MeasurementKind, Pose
 
 if TYPE_CHECKING:
     import random

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kybflow.geometry import add
+from kybflow.core.geometry import add
+from kybflow.core.signals import Measurement, MeasurementKind, Pose
+from kybflow.core.units import Position
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.signals import Measurement, MeasurementKind, Pose
-from kybflow.units import Position
 
 
 @params

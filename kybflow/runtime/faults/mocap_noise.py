@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kybflow.geometry import Vec3, add, integrate
+from kybflow.core.geometry import Vec3, add, integrate
+from kybflow.core.signals import Measurement, MeasurementKind, Pose
+from kybflow.core.units import DEG, Angle, Length
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.signals import Measurement, MeasurementKind, Pose
-from kybflow.units import DEG, Angle, Length
 
 
 @params

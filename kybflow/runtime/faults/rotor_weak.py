@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal
 
+from kybflow.core.units import Ratio
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.units import Ratio
 
 _ROTORS = ("front_left", "rear_left", "rear_right", "front_right")
 

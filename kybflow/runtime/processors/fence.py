@@ -21,12 +21,12 @@ from __future__ import annotations
 from math import sqrt
 from typing import ClassVar
 
-from kybflow.geometry import ZERO, Vec3
+from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.signals import Estimate, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Length
 from kybflow.parts import Processor, param, params
-from kybflow.shapes import Box
-from kybflow.signals import Estimate, Setpoint, SetpointKind, Tick
-from kybflow.site import Site
-from kybflow.units import Length
+from kybflow.world.shapes import Box
+from kybflow.world.vehicle_context import Site
 
 _UNDER = 0.5
 _STOPPING = 1.0

@@ -6,7 +6,7 @@ it states and the one that its velocity and position have between two ticks: wit
     |v - u| <= A dt,    |p - q - (u + v) dt / 2| <= A dt^2 / 4
 
 (q, u: the last tick's). One that breaks them is followed by a reference governor
-(`kybflow.runtime.governor`) that stays within the limit and catches up without overshoot. The rate
+(`kybflow.flight.governor`) that stays within the limit and catches up without overshoot. The rate
 of change of setpoints of velocity is limited in the same way. World frame.
 """
 
@@ -15,12 +15,12 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import ClassVar
 
-from kybflow.geometry import ZERO, Vec3, add, norm, sub
+from kybflow.core.geometry import ZERO, Vec3, add, norm, sub
+from kybflow.core.signals import Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration
+from kybflow.flight.governor import Follower, motion_of, shortened
 from kybflow.parts import Processor, param, params
-from kybflow.runtime.governor import Follower, motion_of, shortened
-from kybflow.signals import Setpoint, SetpointKind, Tick
-from kybflow.site import Site
-from kybflow.units import Acceleration
+from kybflow.world.vehicle_context import Site
 
 _SLACK = 1.0 + 1e-6
 

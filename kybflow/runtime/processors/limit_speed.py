@@ -1,7 +1,7 @@
 """Keep the speed of the setpoint under a limit; follow behind where it asks for more.
 
 A trajectory within the limit passes unchanged, bit for bit. One that is faster, or that jumps, is
-followed by a reference governor (`kybflow.runtime.governor`) that goes at most `speed`, changes its
+followed by a reference governor (`kybflow.flight.governor`) that goes at most `speed`, changes its
 velocity by at most `catch_up`, and catches up without overshoot. Setpoints of velocity are
 shortened to the limit, their direction kept. World frame.
 """
@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from kybflow.geometry import ZERO, Vec3, distance, norm
+from kybflow.core.geometry import ZERO, Vec3, distance, norm
+from kybflow.core.signals import Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration, Speed
+from kybflow.flight.governor import Follower, motion_of, shortened
 from kybflow.parts import Processor, param, params
-from kybflow.runtime.governor import Follower, motion_of, shortened
-from kybflow.signals import Setpoint, SetpointKind, Tick
-from kybflow.site import Site
-from kybflow.units import Acceleration, Speed
+from kybflow.world.vehicle_context import Site
 
 _SLACK = 1.0 + 1e-6
 

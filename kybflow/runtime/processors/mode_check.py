@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from kybflow.core.signals import Alarm, Reaction, Setpoint, SetpointKind, Tick
 from kybflow.parts import Processor, param, params
-from kybflow.signals import Alarm, Reaction, Setpoint, SetpointKind, Tick
 
 
 @params

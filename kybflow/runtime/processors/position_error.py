@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from kybflow.geometry import ZERO, Vec3, add, distance, norm, scale, sub
+from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale, sub
+from kybflow.core.signals import Alarm, Reaction, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Length
 from kybflow.parts import Processor, param, params
-from kybflow.signals import Alarm, Reaction, Setpoint, SetpointKind, Tick
-from kybflow.site import Site
-from kybflow.units import Length
+from kybflow.world.vehicle_context import Site
 
 _LATELY = 2.0
 

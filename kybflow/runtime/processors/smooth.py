@@ -21,11 +21,11 @@ from __future__ import annotations
 from math import exp
 from typing import ClassVar, NamedTuple
 
-from kybflow.geometry import ZERO, Vec3, add, norm, scale, sub
+from kybflow.core.geometry import ZERO, Vec3, add, norm, scale, sub
+from kybflow.core.signals import NS, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Duration
 from kybflow.parts import Processor, param, params
-from kybflow.signals import NS, Setpoint, SetpointKind, Tick
-from kybflow.site import Site
-from kybflow.units import Duration
+from kybflow.world.vehicle_context import Site
 
 _SETTLED = 7.5
 """k t at which (1 + k t + (k t)^2 / 2) exp(-k t) is 2 %."""

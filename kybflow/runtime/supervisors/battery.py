@@ -15,10 +15,10 @@ is an event of its own. The value of `battery_low` is the charge left, 0 to 1.
 
 from __future__ import annotations
 
+from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick
+from kybflow.core.units import Duration, Ratio
 from kybflow.parts import Supervisor, param, params
-from kybflow.signals import NS, Alarm, Reaction, ReactionName, Tick
-from kybflow.site import Site
-from kybflow.units import Duration, Ratio
+from kybflow.world.vehicle_context import Site
 
 _RECOVERED = 0.05
 

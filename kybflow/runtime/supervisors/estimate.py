@@ -11,10 +11,10 @@ returned in every tick; the engine makes one event of it.
 
 from __future__ import annotations
 
+from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
+from kybflow.core.units import Duration, Length
 from kybflow.parts import Supervisor, param, params
-from kybflow.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
-from kybflow.site import Site
-from kybflow.units import Duration, Length
+from kybflow.world.vehicle_context import Site
 
 
 @params

@@ -12,11 +12,11 @@ persists is returned in every tick; the engine makes one event of it. World fram
 
 from __future__ import annotations
 
+from kybflow.core.signals import Alarm, Reaction, ReactionName, Tick
+from kybflow.core.units import Length
 from kybflow.parts import Supervisor, param, params
-from kybflow.shapes import Box
-from kybflow.signals import Alarm, Reaction, ReactionName, Tick
-from kybflow.site import Site
-from kybflow.units import Length
+from kybflow.world.shapes import Box
+from kybflow.world.vehicle_context import Site
 
 _BACK_INSIDE = 0.05
 

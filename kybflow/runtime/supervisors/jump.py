@@ -12,11 +12,11 @@ The default reaction is `land_blind`: which of the two positions is wrong can't 
 
 from __future__ import annotations
 
-from kybflow.geometry import distance
+from kybflow.core.geometry import distance
+from kybflow.core.signals import NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
+from kybflow.core.units import Length, Number
 from kybflow.parts import Supervisor, param, params
-from kybflow.signals import NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
-from kybflow.site import Site
-from kybflow.units import Length, Number
+from kybflow.world.vehicle_context import Site
 
 _SHARE = 0.05
 _LASTS = NS

@@ -9,9 +9,9 @@ The default reaction is `land`, or `land_blind` where by then there is no estima
 
 from __future__ import annotations
 
+from kybflow.core.signals import Alarm, Reaction, ReactionName, Tick
+from kybflow.core.units import Duration
 from kybflow.parts import Supervisor, param, params
-from kybflow.signals import Alarm, Reaction, ReactionName, Tick
-from kybflow.units import Duration
 
 
 @params

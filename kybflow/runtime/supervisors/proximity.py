@@ -12,11 +12,11 @@ other is gone; where neither is, they land after the mission's `hover_limit`.
 
 from __future__ import annotations
 
-from kybflow.geometry import distance, dot, sub
+from kybflow.core.geometry import distance, dot, sub
+from kybflow.core.signals import NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
+from kybflow.core.units import Length
 from kybflow.parts import Supervisor, param, params
-from kybflow.signals import NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
-from kybflow.site import Site
-from kybflow.units import Length
+from kybflow.world.vehicle_context import Site
 
 _APART = 0.05
 _CLOSING = 20.0
@@ -76,7 +76,7 @@ class Proximity(Supervisor[ProximityParams]):
 
 
 def _stopping(own: Estimate, other: Estimate) -> float:
-    """The way in which two vehicles that close in come to rest (`kybflow.runtime.hold`), metres."""
+    """The way in which two vehicles that close in come to rest, as `safety.hold` brakes; metres."""
     away = sub(other.position, own.position)
     apart = max(distance(other.position, own.position), 1e-6)
     closing = max(dot(sub(own.velocity, other.velocity), away) / apart, 0.0)

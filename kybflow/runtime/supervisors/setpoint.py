@@ -13,12 +13,12 @@ The default reaction is `brake`: the vehicle holds where it is, and goes on from
 
 from __future__ import annotations
 
-from kybflow.geometry import ZERO, add, distance, scale
+from kybflow.core.geometry import ZERO, add, distance, scale
+from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
+from kybflow.core.signals import Setpoint as Followed
+from kybflow.core.units import Length
 from kybflow.parts import Supervisor, param, params
-from kybflow.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
-from kybflow.signals import Setpoint as Followed
-from kybflow.site import Site
-from kybflow.units import Length
+from kybflow.world.vehicle_context import Site
 
 _LASTS = NS // 10
 

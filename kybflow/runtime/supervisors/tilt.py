@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from math import degrees
 
-from kybflow.geometry import tilt_of
+from kybflow.core.geometry import tilt_of
+from kybflow.core.signals import Alarm, Reaction, ReactionName, Tick
+from kybflow.core.units import DEG, Angle
 from kybflow.parts import Supervisor, param, params
-from kybflow.signals import Alarm, Reaction, ReactionName, Tick
-from kybflow.site import Site
-from kybflow.units import DEG, Angle
+from kybflow.world.vehicle_context import Site
 
 _BACK = 0.087
 

@@ -17,13 +17,13 @@ from __future__ import annotations
 
 from math import atan2
 
-from kybflow.geometry import Quat, Vec3, add, conjugate, multiply, norm, rotate
+from kybflow.core.geometry import Quat, Vec3, add, conjugate, multiply, norm, rotate
+from kybflow.core.signals import Command, CommandKind, Setpoint, Tick
+from kybflow.core.units import AngularRate, Damping
+from kybflow.flight.governor import shortened
 from kybflow.parts import Tracker, param, params
-from kybflow.runtime.governor import shortened
 from kybflow.runtime.trackers.geometric import Geometric, GeometricParams
-from kybflow.signals import Command, CommandKind, Setpoint, Tick
-from kybflow.site import Site
-from kybflow.units import AngularRate, Damping
+from kybflow.world.vehicle_context import Site
 
 
 @params

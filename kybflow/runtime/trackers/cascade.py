@@ -7,7 +7,7 @@ does what an integral would, without winding up against it. A VELOCITY setpoint 
 ACCELERATION setpoint only its own; the integral is kept meanwhile, because it stands for a
 disturbance that does not end with the kind.
 
-Attitude and thrust give the specific force a + g (`kybflow.runtime.steering`: limits, mass, the
+Attitude and thrust give the specific force a + g (`kybflow.flight.steering`: limits, mass, the
 on-board attitude's error). The jerk turns it at the rate z x jerk / |a + g|, fed forward as body
 rates (Mellinger and Kumar, ICRA 2011, eq. 11). While tilt or thrust is limited, on the ground, and
 in steps longer than 40 ms, the integral stands still.
@@ -15,11 +15,11 @@ in steps longer than 40 ms, the integral stands still.
 
 from __future__ import annotations
 
-from kybflow.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, rotate
+from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, rotate
+from kybflow.core.signals import Command, Estimate, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Number
 from kybflow.parts import param, params
-from kybflow.runtime.steered import Steered, SteeredParams
-from kybflow.signals import Command, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.units import Number
+from kybflow.runtime.trackers._steered import Steered, SteeredParams
 
 
 @params

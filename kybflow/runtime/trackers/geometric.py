@@ -32,18 +32,18 @@ seeds, position in cm, velocity in cm/s), each tracker as it comes:
 A lap of 4 s needs the airframes' whole tilt. With the gains of this one `cascade` comes as near
 (0.13, 0.27 cm at 10 s), but shakes: 0.39, 1.28 cm/s.
 
-Limits, mass and the trim against the on-board attitude's error: `kybflow.runtime.steering`.
+Limits, mass and the trim against the on-board attitude's error: `kybflow.flight.steering`.
 """
 
 from __future__ import annotations
 
 from math import cos, sin, sqrt
 
-from kybflow.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, conjugate, heading_of, rotate
+from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, conjugate, heading_of, rotate
+from kybflow.core.signals import Command, Estimate, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Number
 from kybflow.parts import param, params
-from kybflow.runtime.steered import Steered, SteeredParams
-from kybflow.signals import Command, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.units import Number
+from kybflow.runtime.trackers._steered import Steered, SteeredParams
 
 
 @params

@@ -32,7 +32,7 @@ from __future__ import annotations
 from math import hypot, tan
 from typing import Literal
 
-from kybflow.geometry import (
+from kybflow.core.geometry import (
     GRAVITY,
     LEVEL,
     ZERO,
@@ -44,12 +44,12 @@ from kybflow.geometry import (
     scale,
     sub,
 )
+from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration, Damping, Length, Number, Speed
+from kybflow.flight.governor import shortened
+from kybflow.flight.steering import LEAST_LIFT, LONGEST_STEP, MOST_THRUST
 from kybflow.parts import Tracker, param, params
-from kybflow.runtime.governor import shortened
-from kybflow.runtime.steering import LEAST_LIFT, LONGEST_STEP, MOST_THRUST
-from kybflow.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.site import Site
-from kybflow.units import Acceleration, Damping, Length, Number, Speed
+from kybflow.world.vehicle_context import Site
 
 By = Literal["position", "velocity", "acceleration"]
 _COMMANDS = {

@@ -12,13 +12,13 @@ acceleration, comes back as fast as the tilt lets it. The integral is horizontal
 holds the velocity off, such as wind; it is kept when the kind of setpoint changes. Vertically the
 estimated mass does its work. TeleKyb's standard tracker has 7.5 for D in its velocity mode.
 
-Attitude, thrust and limits: `kybflow.runtime.steering`. The jerk is fed forward as body rates,
+Attitude, thrust and limits: `kybflow.flight.steering`. The jerk is fed forward as body rates,
 z x jerk / |a + g|.
 """
 
 from __future__ import annotations
 
-from kybflow.geometry import (
+from kybflow.core.geometry import (
     GRAVITY,
     ZERO,
     Vec3,
@@ -31,11 +31,11 @@ from kybflow.geometry import (
     scale,
     sub,
 )
+from kybflow.core.signals import Command, Estimate, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Damping, Number, Speed
+from kybflow.flight.governor import shortened
 from kybflow.parts import param, params
-from kybflow.runtime.governor import shortened
-from kybflow.runtime.steered import Steered, SteeredParams
-from kybflow.signals import Command, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.units import Damping, Number, Speed
+from kybflow.runtime.trackers._steered import Steered, SteeredParams
 
 
 @params

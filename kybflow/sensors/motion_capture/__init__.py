@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from kybflow.params import param, params
+from kybflow.core.params import param, params
+from kybflow.core.signals import MeasurementKind
+from kybflow.core.units import Duration
 from kybflow.parts.devices import Link
 from kybflow.parts.sensor import Sensor, Stream
 from kybflow.sensors._axes import Axes, Units
 from kybflow.sensors._stream import Poses
-from kybflow.signals import MeasurementKind
-from kybflow.site import Site
-from kybflow.units import Duration
+from kybflow.world.vehicle_context import Site
 
 if TYPE_CHECKING:
     import random

@@ -12,10 +12,10 @@ from collections import deque
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from kybflow.errors import described
-from kybflow.geometry import Quat, Vec3
+from kybflow.core.errors import described
+from kybflow.core.geometry import Quat, Vec3
+from kybflow.core.signals import Time
 from kybflow.sensors._waker import CHUNK, Waker
-from kybflow.signals import Time
 
 SILENT = 10.0
 """Seconds without a frame after which the program is begun again."""

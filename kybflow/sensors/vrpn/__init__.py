@@ -3,7 +3,7 @@
 Vicon Tracker, OptiTrack Motive and VRPN's own server speak it. Every vehicle takes the body that
 has its name unless `body` says otherwise; all share one link to a server, which opens itself again
 when it was lost. Poses carry the server's stamps, put on the run's clock by the least delay seen
-(`kybflow.offset`), so the two clocks need not agree, only go on. What no pose is, as
+(`kybflow.core.clock_offset`), so the two clocks need not agree, only go on. What no pose is, as
 written for a body that is lost, is left out.
 """
 
@@ -11,22 +11,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from kybflow.errors import DriverError
-from kybflow.params import param, params
+from kybflow.core.errors import DriverError
+from kybflow.core.params import param, params
+from kybflow.core.signals import MeasurementKind
+from kybflow.core.units import Duration
 from kybflow.parts.base import Objection
 from kybflow.parts.devices import Link
 from kybflow.parts.sensor import Sensor, Stream
 from kybflow.sensors._axes import Axes, Units
 from kybflow.sensors._stream import Poses
-from kybflow.signals import MeasurementKind
-from kybflow.site import Site
-from kybflow.units import Duration
+from kybflow.world.vehicle_context import Site
 
 if TYPE_CHECKING:
     import random
     from collections.abc import Mapping
 
-    from kybflow.cameras import Camera
+    from kybflow.world.cameras import Camera
 
 
 @params

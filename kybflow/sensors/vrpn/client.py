@@ -13,14 +13,14 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from kybflow.errors import DriverError
-from kybflow.geometry import Quat, Vec3
-from kybflow.offset import Offset
+from kybflow.core.clock_offset import Offset
+from kybflow.core.errors import DriverError
+from kybflow.core.geometry import Quat, Vec3
+from kybflow.core.signals import NS, Time
 from kybflow.sensors._waker import Waker
 from kybflow.sensors.vrpn.codec import PING, CodecError, PoseReport
 from kybflow.sensors.vrpn.link import Address, Connection
 from kybflow.sensors.vrpn.peer import Heard, Peer
-from kybflow.signals import NS, Time
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 2.0
 """Seconds from the beginning of one attempt to open a link to the next; doubled each time."""

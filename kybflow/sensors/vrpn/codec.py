@@ -17,9 +17,9 @@ from __future__ import annotations
 import struct
 from typing import Any, NamedTuple
 
-from kybflow.errors import DriverError
-from kybflow.geometry import Quat, Vec3
-from kybflow.signals import Time
+from kybflow.core.errors import DriverError
+from kybflow.core.geometry import Quat, Vec3
+from kybflow.core.signals import Time
 
 MAGIC, VERSION = b"vrpn: ver. ", b"07.38"
 COOKIE_SIZE = 24

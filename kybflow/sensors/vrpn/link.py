@@ -9,7 +9,7 @@ import struct
 import time
 from typing import NamedTuple
 
-from kybflow.errors import DriverError
+from kybflow.core.errors import DriverError
 from kybflow.sensors._waker import CHUNK, Waker
 from kybflow.sensors.vrpn.codec import COOKIE, encode_lob
 

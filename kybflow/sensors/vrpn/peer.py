@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from kybflow.core.signals import Time
 from kybflow.sensors.vrpn.codec import (
     PING,
     PONG,
@@ -25,7 +26,6 @@ from kybflow.sensors.vrpn.codec import (
     point_to,
     pointed_to,
 )
-from kybflow.signals import Time
 
 
 class Said(NamedTuple):

@@ -11,12 +11,12 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from kybflow.core.errors import KybflowError
+from kybflow.core.geometry import LEVEL, Vec3, add, integrate
+from kybflow.core.signals import Command, Estimate, Measurement, MeasurementKind, Pose, Time, Truth
 from kybflow.dsl.plan import Plan
-from kybflow.errors import KybflowError
-from kybflow.geometry import LEVEL, Vec3, add, integrate
 from kybflow.parts import Check, Driver, Link, Rig, Said, Seat, Session, Taken
 from kybflow.sensors.vrpn.server import Server
-from kybflow.signals import Command, Estimate, Measurement, MeasurementKind, Pose, Time, Truth
 
 Publish = Callable[[str, Pose], None]
 """Called with a vehicle's name and a pose, its time that of the run."""

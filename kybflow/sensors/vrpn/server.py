@@ -14,8 +14,9 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-from kybflow.errors import DriverError
-from kybflow.geometry import Quat, Vec3
+from kybflow.core.errors import DriverError
+from kybflow.core.geometry import Quat, Vec3
+from kybflow.core.signals import Time
 from kybflow.sensors._waker import CHUNK, Waker
 from kybflow.sensors.vrpn.codec import (
     COOKIE,
@@ -32,7 +33,6 @@ from kybflow.sensors.vrpn.codec import (
 )
 from kybflow.sensors.vrpn.link import PORT
 from kybflow.sensors.vrpn.peer import Peer, Said
-from kybflow.signals import Time
 
 MOST_WAITING = 1 << 16
 """Bytes that a client may leave unread, here and as much again in the system's buffer: poses that

@@ -14,15 +14,15 @@ pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
 from sims import seat
 
-from kybflow.catalog import load_catalog
+from kybflow.api.flight import Request, fly
+from kybflow.core.signals import NS, Odometry, Pose
 from kybflow.drivers.emulated_autopilot import (
     EmulatedAutopilot,
     EmulatedAutopilotParams,
 )
 from kybflow.drivers.emulated_autopilot.autopilot import Autopilot
 from kybflow.dsl.compiler import compile_mission
-from kybflow.runtime.flight import Request, fly
-from kybflow.signals import NS, Odometry, Pose
+from kybflow.parts.catalog import load_catalog
 
 MISSIONS = Path(__file__).parents[3] / "missions"
 

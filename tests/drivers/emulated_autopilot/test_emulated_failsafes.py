@@ -19,7 +19,7 @@ from benches_of_autopilots import (  # noqa: E402
     Bench,
 )
 
-from kybflow.signals import NS  # noqa: E402
+from kybflow.core.signals import NS  # noqa: E402
 
 
 def after(bench, becomes, most=20.0):

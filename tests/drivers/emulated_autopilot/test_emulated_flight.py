@@ -23,9 +23,9 @@ from benches_of_autopilots import (  # noqa: E402
 )
 from sims import FRAME  # noqa: E402
 
-from kybflow.drivers.mavlink.frames import attitude_to_ned  # noqa: E402
+from kybflow.core.geometry import from_euler, heading_of, norm, tilt_of  # noqa: E402
+from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned  # noqa: E402
 from kybflow.drivers.sim import SimParams  # noqa: E402
-from kybflow.geometry import from_euler, heading_of, norm, tilt_of  # noqa: E402
 
 BOTH = pytest.mark.parametrize("name", ["px4", "ardupilot"])
 

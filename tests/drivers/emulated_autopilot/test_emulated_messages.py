@@ -12,11 +12,11 @@ mavlink = pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is
 from benches_of_autopilots import ACCEPTED, ONBOARD, REJECTED, UNSUPPORTED, Bench  # noqa: E402
 from sims import QUIET, seat  # noqa: E402
 
+from kybflow.core.errors import DriverError  # noqa: E402
 from kybflow.drivers.emulated_autopilot.breaking import read_break  # noqa: E402
-from kybflow.drivers.emulated_autopilot.preparing import FIRMWARES  # noqa: E402
-from kybflow.drivers.mavlink.profile import profile_of  # noqa: E402
-from kybflow.errors import DriverError  # noqa: E402
-from kybflow.site import Parcel  # noqa: E402
+from kybflow.drivers.emulated_autopilot.firmware.preparing import FIRMWARES  # noqa: E402
+from kybflow.drivers.mavlink.firmware.profile import profile_of  # noqa: E402
+from kybflow.world.vehicle_context import Parcel  # noqa: E402
 
 BOTH = pytest.mark.parametrize("name", ["px4", "ardupilot"])
 INT32, REAL32 = 6, 9

@@ -19,9 +19,9 @@ from rehearsals import (
     supervised,
 )
 
+from kybflow.core.signals import NS, Alarm, Reaction
 from kybflow.dsl.plan import PartPlan
 from kybflow.parts import Supervisor
-from kybflow.signals import NS, Alarm, Reaction
 
 SWITCH = {"px4": ("POSCTL", "POSITION"), "ardupilot": ("LOITER", "LOITER")}
 """The pilot's mode as the emulated firmware and as the driver call it."""

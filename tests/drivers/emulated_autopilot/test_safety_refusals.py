@@ -14,10 +14,10 @@ from plans import part, state, then
 from rehearsals import AUTOPILOTS, DRIVER, UP, Rehearsal
 from typer.testing import CliRunner
 
-from kybflow.cli import app
-from kybflow.drivers.mavlink.profile import profile_of
+from kybflow.cli.app import app
+from kybflow.drivers.mavlink.firmware.profile import profile_of
 from kybflow.dsl.plan import TransitionPlan
-from kybflow.site import Parcel
+from kybflow.world.vehicle_context import Parcel
 
 slow = pytest.mark.slow
 STARTS = "behavior_started"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from kybflow.drivers.mavlink.ailments import NAMES, WAYS_OUT, Sensors
+from kybflow.drivers.mavlink.preflight.ailments import NAMES, WAYS_OUT, Sensors
 
 GYROSCOPE, COMPASS, BATTERY, READY, MORE = 1, 4, 1 << 25, 1 << 28, 1 << 31
 ALL = 0xFFFF_FFFF

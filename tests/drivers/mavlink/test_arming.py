@@ -16,8 +16,8 @@ from fake import (
     at,
 )
 
-from kybflow.errors import Refused
-from kybflow.geometry import ZERO
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import ZERO
 
 UP = at((0.0, 0.0, 1.0))
 

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from kybflow.drivers.mavlink.profile import Ask, Danger, Setting, profile_of
-from kybflow.errors import DriverError
+from kybflow.core.errors import DriverError
+from kybflow.drivers.mavlink.firmware.profile import Ask, Danger, Setting, profile_of
 
 PX4, ARDUPILOT = profile_of("px4"), profile_of("ardupilot")
 BOTH = pytest.mark.parametrize("profile", [PX4, ARDUPILOT], ids=lambda profile: profile.name)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from fake import Bench
 
+from kybflow.core.signals import MeasurementKind
 from kybflow.drivers.mavlink import MavlinkParams
-from kybflow.drivers.mavlink.capacity import Capacity
-from kybflow.drivers.mavlink.profile import profile_of
-from kybflow.signals import MeasurementKind
+from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.transport.capacity import Capacity
 
 SLOW, QUICK = "serial:/dev/ttyUSB0:57600", "serial:/dev/ttyUSB0:921600"
 SIZES = {"ATTITUDE_QUATERNION": 60, "HEARTBEAT": 21}

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.drivers.mavlink.clocks import MS, BootClock, TimeSync, boot_time
-from kybflow.signals import NS, Time
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.telemetry.clocks import MS, BootClock, TimeSync, boot_time
 
 TICK: Time = 4 * MS
 BOOTED: Time = -40 * NS

@@ -12,12 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow import geometry as g
-from kybflow.drivers.mavlink import decode
-from kybflow.drivers.mavlink.codec import Throttle, encode, position_estimate, vision
-from kybflow.drivers.mavlink.frames import IDENTITY, Anchor, Tangent, attitude_to_ned, to_ned
-from kybflow.geometry import LEVEL, ZERO
-from kybflow.signals import (
+from kybflow.core import geometry as g
+from kybflow.core.geometry import LEVEL, ZERO
+from kybflow.core.signals import (
     NS,
     Battery,
     Command,
@@ -28,6 +25,15 @@ from kybflow.signals import (
     Setpoint,
     SetpointKind,
     Sticks,
+)
+from kybflow.drivers.mavlink.protocol import decode
+from kybflow.drivers.mavlink.protocol.codec import Throttle, encode, position_estimate, vision
+from kybflow.drivers.mavlink.protocol.frames import (
+    IDENTITY,
+    Anchor,
+    Tangent,
+    attitude_to_ned,
+    to_ned,
 )
 
 THROTTLE = Throttle(0.5, 20.0)

@@ -12,9 +12,9 @@ from fake import estimate
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.drivers.mavlink.drift import SLOW, Drift
-from kybflow.geometry import LEVEL, ZERO, add, norm, scale
-from kybflow.signals import NS, Odometry
+from kybflow.core.geometry import LEVEL, ZERO, add, norm, scale
+from kybflow.core.signals import NS, Odometry
+from kybflow.drivers.mavlink.telemetry.drift import SLOW, Drift
 
 OFF = (0.06, -0.04, 0.03)
 RATE = 50

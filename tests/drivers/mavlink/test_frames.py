@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow import geometry as g
-from kybflow.drivers.mavlink import frames as f
+from kybflow.core import geometry as g
+from kybflow.drivers.mavlink.protocol import frames as f
 
 angles = st.floats(-3.1, 3.1)
 numbers = st.floats(-50.0, 50.0)

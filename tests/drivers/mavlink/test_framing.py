@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.drivers.mavlink.framing import Counts, Framing, Message, Packer, Parser
-from kybflow.errors import DriverError
+from kybflow.core.errors import DriverError
+from kybflow.drivers.mavlink.protocol.framing import Counts, Framing, Message, Packer, Parser
 
 NAN = math.nan
 ATTITUDE = mavlink.MAVLink_attitude_message(1234, 0.5, -0.25, 3.0, 0.125, 0.0, 0.0)
@@ -207,8 +207,8 @@ def test_what_nobody_wants_is_checked_but_not_read() -> None:
 def test_without_pymavlink_it_says_what_to_install() -> None:
     program = (
         "import sys\nsys.modules['pymavlink'] = None\n"
-        "from kybflow.errors import DriverError\n"
-        "try:\n    import kybflow.drivers.mavlink.framing\n"
+        "from kybflow.core.errors import DriverError\n"
+        "try:\n    import kybflow.drivers.mavlink.protocol.framing\n"
         "except DriverError as error:\n    print(error)"
     )
     done = subprocess.run(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from kybflow.drivers.mavlink.heard import CHUNK_PATIENCE, Heard, Landed, Said
-from kybflow.signals import NS
+from kybflow.core.signals import NS
+from kybflow.drivers.mavlink.telemetry.heard import CHUNK_PATIENCE, Heard, Landed, Said
 
 mavlink = pytest.importorskip("pymavlink.dialects.v20.all")
 

@@ -8,9 +8,9 @@ pytest.importorskip("pymavlink")
 
 from fake import RESTING, at
 
-from kybflow.drivers.mavlink.hover import Hover
-from kybflow.geometry import LEVEL, ZERO
-from kybflow.signals import NS, CommandKind, Odometry
+from kybflow.core.geometry import LEVEL, ZERO
+from kybflow.core.signals import NS, CommandKind, Odometry
+from kybflow.drivers.mavlink.control.hover import Hover
 
 TOLD = {"MPC_THR_HOVER": 0.4}
 STILL = Odometry(0, ZERO, ZERO, LEVEL, ZERO, 0.1)

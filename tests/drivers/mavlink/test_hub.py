@@ -8,12 +8,18 @@ from typing import Any, ClassVar
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.drivers.mavlink.framing import Packer, Parser
-from kybflow.drivers.mavlink.hub import Hub, Port
-from kybflow.drivers.mavlink.signing import Signing
-from kybflow.drivers.mavlink.wire import MOST_HELD, MemoryWire, Received, Wire, memory_wires
-from kybflow.errors import DriverError
-from kybflow.signals import NS
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS
+from kybflow.drivers.mavlink.protocol.framing import Packer, Parser
+from kybflow.drivers.mavlink.protocol.signing import Signing
+from kybflow.drivers.mavlink.transport.router import Hub, Port
+from kybflow.drivers.mavlink.transport.wire import (
+    MOST_HELD,
+    MemoryWire,
+    Received,
+    Wire,
+    memory_wires,
+)
 
 KEY = bytes(range(32))
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 12, 81, 0, 4, 3)

@@ -10,9 +10,9 @@ from fake import RESTING, at
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.drivers.mavlink.lead import Lag, led
-from kybflow.geometry import ZERO
-from kybflow.signals import CommandKind, Setpoint, SetpointKind
+from kybflow.core.geometry import ZERO
+from kybflow.core.signals import CommandKind, Setpoint, SetpointKind
+from kybflow.drivers.mavlink.control.latency import Lag, led
 
 vectors = st.tuples(*(st.floats(-3.0, 3.0),) * 3)
 times = st.floats(0.0, 1.0)

@@ -10,11 +10,11 @@ from fake import ARM, RESTING, Bench, at, pushed
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.drivers.mavlink.arming import LIFTED
-from kybflow.drivers.mavlink.lifting import raised
-from kybflow.errors import Refused
-from kybflow.geometry import ZERO
-from kybflow.signals import NS, CommandKind, Setpoint, SetpointKind
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import ZERO
+from kybflow.core.signals import NS, CommandKind, Setpoint, SetpointKind
+from kybflow.drivers.mavlink.control.arming import LIFTED
+from kybflow.drivers.mavlink.control.take_off import raised
 
 STREAM = "SET_POSITION_TARGET_LOCAL_NED"
 MOVING = Setpoint(

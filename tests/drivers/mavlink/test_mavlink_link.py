@@ -19,11 +19,11 @@ from fake import (
     mavlink,
 )
 
-from kybflow.errors import DriverError, Refused
-from kybflow.geometry import ZERO
+from kybflow.core.errors import DriverError, Refused
+from kybflow.core.geometry import ZERO
+from kybflow.core.signals import NS, MeasurementKind, Odometry
 from kybflow.parts import Said
-from kybflow.signals import NS, MeasurementKind, Odometry
-from kybflow.site import Parcel
+from kybflow.world.vehicle_context import Parcel
 
 UP = at((0.0, 0.0, 1.0))
 STREAM = "SET_POSITION_TARGET_LOCAL_NED"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from fake import PERIOD, Fake, seat
 
+from kybflow.core.errors import DriverError
 from kybflow.drivers.mavlink.session import open_session
-from kybflow.drivers.mavlink.wire import MemoryWire, memory_wires
-from kybflow.errors import DriverError
+from kybflow.drivers.mavlink.transport.wire import MemoryWire, memory_wires
 
 
 class Closing:

@@ -9,11 +9,11 @@ pytest.importorskip("pymavlink")
 from fake import SET_MODE
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.drivers.mavlink.heard import Heard
-from kybflow.drivers.mavlink.modes import Modes
-from kybflow.drivers.mavlink.profile import profile_of
-from kybflow.drivers.mavlink.requests import Requests
-from kybflow.signals import NS
+from kybflow.core.signals import NS
+from kybflow.drivers.mavlink.control.modes import Modes
+from kybflow.drivers.mavlink.control.requests import Requests
+from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.telemetry.heard import Heard
 
 TICK = NS // 50
 

@@ -10,8 +10,8 @@ pytest.importorskip("pymavlink")
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.drivers.mavlink.parameters import AT_ONCE, Parameters, rounded
-from kybflow.signals import NS
+from kybflow.core.signals import NS
+from kybflow.drivers.mavlink.telemetry.parameters import AT_ONCE, Parameters, rounded
 
 INT32, REAL32 = 6, 9
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from fake import FAILED, GRIPPER, SERVO, UNSUPPORTED, Bench
 
-from kybflow.errors import Refused
-from kybflow.signals import Payload
-from kybflow.site import Parcel
+from kybflow.core.errors import Refused
+from kybflow.core.signals import Payload
+from kybflow.world.vehicle_context import Parcel
 
 CARRIED = Parcel(mass=0.2, size=0.1, channel=1, aboard=True)
 

@@ -10,9 +10,9 @@ pytest.importorskip("pymavlink")
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.drivers.mavlink.heard import Heard
-from kybflow.drivers.mavlink.requests import Request, Requests
-from kybflow.signals import NS
+from kybflow.core.signals import NS
+from kybflow.drivers.mavlink.control.requests import Request, Requests
+from kybflow.drivers.mavlink.telemetry.heard import Heard
 
 MODE, ARM, INTERVAL = 176, 400, 511
 MS = NS // 1000

@@ -6,8 +6,8 @@ from __future__ import annotations
 import pytest
 from fake import AIR, ARM, GROUND, PERIOD, RESTING, SET_MODE, Bench, at, estimate
 
-from kybflow.geometry import ZERO
-from kybflow.signals import NS, Odometry
+from kybflow.core.geometry import ZERO
+from kybflow.core.signals import NS, Odometry
 
 UP = at((0.0, 0.0, 1.0))
 STREAM = "SET_POSITION_TARGET_LOCAL_NED"

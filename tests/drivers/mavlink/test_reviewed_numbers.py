@@ -8,9 +8,9 @@ from math import inf, isfinite, nan
 import pytest
 from fake import Bench, at, estimate, mavlink
 
-from kybflow.drivers.mavlink.hover import USUAL, Hover
-from kybflow.geometry import ZERO
-from kybflow.signals import NS, Imu, Odometry
+from kybflow.core.geometry import ZERO
+from kybflow.core.signals import NS, Imu, Odometry
+from kybflow.drivers.mavlink.control.hover import USUAL, Hover
 
 MS = 1_000_000
 FLOATS = ("float", "double")

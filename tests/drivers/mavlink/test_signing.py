@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.drivers.mavlink.framing import Counts, Packer, Parser
-from kybflow.drivers.mavlink.signing import EPOCH, SIGNATURE, STEP, Signing, read_key
-from kybflow.errors import DriverError
+from kybflow.core.errors import DriverError
+from kybflow.drivers.mavlink.protocol.framing import Counts, Packer, Parser
+from kybflow.drivers.mavlink.protocol.signing import EPOCH, SIGNATURE, STEP, Signing, read_key
 
 KEY, OTHER = bytes(range(32)), bytes(32)
 SECOND = 1_000_000_000

@@ -12,12 +12,12 @@ from pymavlink.dialects.v20 import all as mavlink
 from test_signing import KEY, OTHER, Wall, signing
 from test_watch import looked
 
-from kybflow.drivers.mavlink.framing import Packer, Parser
-from kybflow.drivers.mavlink.hub import GONE, Hub
-from kybflow.drivers.mavlink.scouting import Scout
-from kybflow.drivers.mavlink.signing import Signing
-from kybflow.drivers.mavlink.wire import Received, Wire
-from kybflow.signals import NS, Time
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.discovery import Scout
+from kybflow.drivers.mavlink.protocol.framing import Packer, Parser
+from kybflow.drivers.mavlink.protocol.signing import Signing
+from kybflow.drivers.mavlink.transport.router import GONE, Hub
+from kybflow.drivers.mavlink.transport.wire import Received, Wire
 
 HOUR = 3600.0
 TODAY = 360_000_000.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fake import at
 
-from kybflow.drivers.mavlink.stream import Stream
-from kybflow.signals import NS
+from kybflow.core.signals import NS
+from kybflow.drivers.mavlink.control.stream import Stream
 
 MS = NS // 1000
 

@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 from sims import FRAME
 
-from kybflow import geometry as g
-from kybflow.drivers.mavlink.frames import Tangent, attitude_to_ned, to_frd, to_ned
-from kybflow.drivers.mavlink.truth import LONGEST, STEP, GroundTruth
-from kybflow.geometry import ZERO
-from kybflow.signals import NS
-from kybflow.site import LEGS, Parcel, Site
+from kybflow.core import geometry as g
+from kybflow.core.geometry import ZERO
+from kybflow.core.signals import NS
+from kybflow.drivers.mavlink.protocol.frames import Tangent, attitude_to_ned, to_frd, to_ned
+from kybflow.drivers.mavlink.telemetry.truth import LONGEST, STEP, GroundTruth
+from kybflow.world.vehicle_context import LEGS, Parcel, Site
 
 RADIUS = 6_378_100.0
 EARTH = Tangent.on_sphere(-35.3632621, 149.1652374, 584.0, RADIUS)

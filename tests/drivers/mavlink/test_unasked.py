@@ -8,7 +8,7 @@ pytest.importorskip("pymavlink")
 
 from fake import AIR, REJECTED, SET_MODE, Bench, at
 
-from kybflow.errors import Refused
+from kybflow.core.errors import Refused
 
 UP = at((0.0, 0.0, 1.0))
 STREAM = "SET_POSITION_TARGET_LOCAL_NED"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from fake import ARM, Bench, estimate
 
-from kybflow.details import details, headline
-from kybflow.errors import Refused
+from kybflow.core.details import details, headline
+from kybflow.core.errors import Refused
 
 RUN_PREARM_CHECKS = 401
 COMPASS, ESTIMATE, RECEIVER = 1 << 2, 1 << 21, 1 << 16

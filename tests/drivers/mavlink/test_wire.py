@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
-from kybflow.drivers.mavlink.address import Address
-from kybflow.drivers.mavlink.pipe import Pipe
-from kybflow.drivers.mavlink.tcp import TcpServer
-from kybflow.drivers.mavlink.udp import MOST_AT_ONCE, UdpIn
-from kybflow.drivers.mavlink.wire import Wire, memory_wires, open_wire
-from kybflow.errors import DriverError
-from kybflow.signals import NS
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS
+from kybflow.drivers.mavlink.transport.address import Address
+from kybflow.drivers.mavlink.transport.pipe import Pipe
+from kybflow.drivers.mavlink.transport.tcp import TcpServer
+from kybflow.drivers.mavlink.transport.udp import MOST_AT_ONCE, UdpIn
+from kybflow.drivers.mavlink.transport.wire import Wire, memory_wires, open_wire
 
 PATIENCE = 60.0
 """Seconds after which what does not come never will; never waited for in full."""

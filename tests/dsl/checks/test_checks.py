@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.catalog import load_catalog
 from kybflow.dsl.checks import CHECKS
 from kybflow.dsl.checks.entries import Entries
 from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
 
 ROOT = Path(__file__).parents[3]
 

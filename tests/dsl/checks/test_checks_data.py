@@ -7,8 +7,7 @@ from typing import Any
 
 from plans import FENCE, NANO
 
-from kybflow.catalog import PartSpec
-from kybflow.dsl.built_in import BUILT_IN
+from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.data import (
     chains_that_do_not_connect,
@@ -16,9 +15,10 @@ from kybflow.dsl.checks.data import (
     missing_measurements,
 )
 from kybflow.dsl.document import Document, EstimatorUse, PartUse, State, Vehicle
-from kybflow.dsl.source import Span, Text
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.reading.source import Span, Text
 from kybflow.parts import AIR, GROUND, Leg
-from kybflow.signals import CommandKind, MeasurementKind, SetpointKind
+from kybflow.parts.catalog import PartSpec
 
 SPAN = Span("m.yaml", 1, 1, 1, 2)
 POSITION, VELOCITY = SetpointKind.POSITION, SetpointKind.VELOCITY

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from kybflow.catalog import load_catalog
-from kybflow.cli import app
+from kybflow.cli.app import app
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.diagnostics import Severity
+from kybflow.dsl.diagnostics.diagnostic import Severity
+from kybflow.parts.catalog import load_catalog
 
 MISSION = """kybflow: 1
 mission: free

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kybflow.dsl.checks.obstacles import nearest, path_of
 from kybflow.parts import Footprint
-from kybflow.shapes import Box, Cylinder, Plane, Shape, Sphere
+from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
 SHAPES: tuple[Shape, ...] = (
     Box((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)),
@@ -51,7 +51,7 @@ def test_two_points_are_a_path_and_more_are_bounds() -> None:
 
 @pytest.mark.parametrize("name", ["circle", "figure_eight"])
 def test_a_path_stays_within_its_bounds(name: str) -> None:
-    from kybflow.catalog import load_catalog
+    from kybflow.parts.catalog import load_catalog
 
     spec = load_catalog().get("behaviors", name)
     own = {

@@ -9,7 +9,7 @@ from benches import Benched
 
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import compile_mission
-from kybflow.site import Parcel
+from kybflow.world.vehicle_context import Parcel
 
 MISSION = """
 kybflow: 1

@@ -5,10 +5,10 @@ from flying import DT, entry, fly, hardest, ideal, worst_mismatch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kybflow.geometry import ZERO, Vec3, distance, norm
+from kybflow.core.geometry import ZERO, Vec3, distance, norm
+from kybflow.core.signals import Done
 from kybflow.parts import MOVING
 from kybflow.runtime.behaviors.brake import Brake, BrakeParams
-from kybflow.signals import Done
 
 START = (0.0, 0.0, 1.0)
 speeds = st.floats(-2.0, 2.0)

@@ -7,10 +7,10 @@ from flying import entry, fastest, fly, ideal, worst_mismatch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kybflow.errors import Refused
-from kybflow.geometry import ZERO, Vec3, distance
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import ZERO, Vec3, distance
+from kybflow.core.signals import Done
 from kybflow.runtime.behaviors.circle import Circle, CircleParams
-from kybflow.signals import Done
 
 CENTER = (0.5, 0.0, 1.2)
 numbers = st.floats(-2.0, 2.0)

@@ -7,9 +7,9 @@ from flying import entry, fastest, fly, ideal, worst_mismatch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kybflow.geometry import ZERO
+from kybflow.core.geometry import ZERO
+from kybflow.core.signals import Done
 from kybflow.runtime.behaviors.figure_eight import FigureEight, FigureEightParams
-from kybflow.signals import Done
 
 START = (0.2, -1.0, 1.0)
 

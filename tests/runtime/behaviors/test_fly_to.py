@@ -18,10 +18,10 @@ from flying import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kybflow.geometry import ZERO, Vec3, from_heading, norm
+from kybflow.core.geometry import ZERO, Vec3, from_heading, norm
+from kybflow.core.signals import Done, Failed, Setpoint
 from kybflow.parts import Footprint
 from kybflow.runtime.behaviors.fly_to import FlyTo, FlyToParams
-from kybflow.signals import Done, Failed, Setpoint
 
 START = (0.0, 0.0, 1.0)
 numbers = st.floats(-3.0, 3.0)

@@ -3,10 +3,10 @@
 import pytest
 from flying import entry, fastest, fly, hardest, ideal, worst_mismatch
 
-from kybflow.errors import Refused
-from kybflow.geometry import ZERO, distance
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import ZERO, distance
+from kybflow.core.signals import Done, Failed
 from kybflow.runtime.behaviors.follow_path import FollowPath, FollowPathParams
-from kybflow.signals import Done, Failed
 
 START = (0.0, 0.0, 1.0)
 PATH = ((1.0, 0.0, 1.0), (1.0, 1.0, 1.0), (1.0, 1.0, 1.0), (0.0, 1.0, 1.5))

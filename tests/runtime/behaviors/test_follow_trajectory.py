@@ -5,11 +5,11 @@ import math
 import pytest
 from flying import DT, entry, estimate, fly, hardest, ideal, worst_mismatch
 
-from kybflow.errors import Refused
-from kybflow.files import File
-from kybflow.geometry import ZERO, distance
+from kybflow.core.errors import Refused
+from kybflow.core.files import File
+from kybflow.core.geometry import ZERO, distance
+from kybflow.core.signals import Done, Failed
 from kybflow.runtime.behaviors.follow_trajectory import FollowTrajectory, FollowTrajectoryParams
-from kybflow.signals import Done, Failed
 
 FIRST = (0.2, 0.0, 1.0)
 TEXT = """t, x, y, z, yaw [deg]

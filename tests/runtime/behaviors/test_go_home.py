@@ -3,13 +3,13 @@
 import pytest
 from flying import SITE, entry, fly, ideal, worst_mismatch
 
-from kybflow.errors import Refused
-from kybflow.geometry import ZERO, Vec3
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.signals import Done
 from kybflow.parts import MOVING
 from kybflow.runtime.behaviors.go_home import GoHome, GoHomeParams
-from kybflow.shapes import Box
-from kybflow.signals import Done
-from kybflow.site import Site
+from kybflow.world.shapes import Box
+from kybflow.world.vehicle_context import Site
 
 
 def flown(where: Vec3, velocity: Vec3 = ZERO, site: Site = SITE, **more: object):

@@ -3,8 +3,8 @@
 import pytest
 from flying import DT, entry, fastest, fly, hardest, ideal, worst_mismatch
 
+from kybflow.core.signals import Done
 from kybflow.runtime.behaviors.hover import Hover, HoverParams
-from kybflow.signals import Done
 
 START = (0.5, -0.2, 1.0)
 

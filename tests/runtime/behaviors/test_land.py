@@ -7,10 +7,10 @@ from flying import DT, entry, estimate, fly, point_mass, tick, worst_mismatch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kybflow.geometry import ZERO, Vec3, distance, norm
+from kybflow.core.geometry import ZERO, Vec3, distance, norm
+from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind
 from kybflow.parts import GROUND, MOVING
 from kybflow.runtime.behaviors.land import Land, LandParams
-from kybflow.signals import Done, Failed, Setpoint, SetpointKind
 
 IDLE = Setpoint(SetpointKind.IDLE)
 START = (0.3, 0.4, 1.5)

@@ -5,11 +5,11 @@ import re
 import pytest
 from flying import DT, MASS, SITE, entry, tick
 
-from kybflow.geometry import GRAVITY, ZERO, tilt_of
+from kybflow.core.geometry import GRAVITY, ZERO, tilt_of
+from kybflow.core.signals import NS, Command, Done, Imu, MeasurementKind, Setpoint, SetpointKind
 from kybflow.parts import AIR, GROUND, MOVING, Entry
 from kybflow.runtime.behaviors import land_blind
 from kybflow.runtime.behaviors.land_blind import LandBlind, LandBlindParams
-from kybflow.signals import NS, Command, Done, Imu, MeasurementKind, Setpoint, SetpointKind
 
 DRAG = 0.3
 ERRORS = (-0.10, -0.05, 0.0, 0.05, 0.10)

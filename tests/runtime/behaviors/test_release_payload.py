@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 from flying import at_rest, entry, estimate, tick
 
-from kybflow.geometry import ZERO
+from kybflow.core.geometry import ZERO
+from kybflow.core.signals import Done, Failed, Grip, PayloadState
+from kybflow.flight.motion import IDLE
 from kybflow.parts import GROUND
 from kybflow.runtime.behaviors.load_payload import LoadPayload, LoadPayloadParams
 from kybflow.runtime.behaviors.release_payload import ReleasePayload, ReleasePayloadParams
-from kybflow.runtime.motion import IDLE
-from kybflow.signals import Done, Failed, Grip, PayloadState
 
 PLACE = (0.5, 0.0, 1.0)
 HELD = at_rest(PLACE)

@@ -5,10 +5,10 @@ from flying import DT, entry, fly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kybflow.errors import Refused
-from kybflow.geometry import ZERO, add, distance, norm, scale, sub
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import ZERO, add, distance, norm, scale, sub
+from kybflow.core.signals import Done, Failed, SetpointKind
 from kybflow.runtime.behaviors.run_until import RunUntil, RunUntilParams
-from kybflow.signals import Done, Failed, SetpointKind
 
 START = (0.0, 0.5, 1.0)
 EAST = (0.4, 0.0, 0.0)

@@ -16,10 +16,10 @@ from flying import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.geometry import ZERO, Vec3
+from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.signals import Done, Failed, Setpoint
 from kybflow.parts import GROUND
 from kybflow.runtime.behaviors.take_off import TakeOff, TakeOffParams
-from kybflow.signals import Done, Failed, Setpoint
 
 TABLE = (1.0, 2.0, 0.7)
 

@@ -2,10 +2,10 @@
 
 from flying import entry, tick
 
-from kybflow.geometry import ZERO
+from kybflow.core.geometry import ZERO
+from kybflow.core.signals import Setpoint, SetpointKind
 from kybflow.parts import GROUND
 from kybflow.runtime.behaviors.wait_on_ground import WaitOnGround, WaitOnGroundParams
-from kybflow.signals import Setpoint, SetpointKind
 
 
 def test_it_idles_without_an_estimate() -> None:

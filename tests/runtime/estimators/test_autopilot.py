@@ -6,12 +6,12 @@ from math import inf, nan
 
 import pytest
 
-from kybflow.geometry import LEVEL, ZERO, Vec3, from_heading, heading_of
+from kybflow.core.geometry import LEVEL, ZERO, Vec3, from_heading, heading_of
+from kybflow.core.signals import NS, Estimate, Imu, MeasurementKind, Odometry, Pose
 from kybflow.parts import Estimator
 from kybflow.runtime.estimators.autopilot import Autopilot, AutopilotParams
 from kybflow.runtime.estimators.mocap import Mocap
-from kybflow.signals import NS, Estimate, Imu, MeasurementKind, Odometry, Pose
-from kybflow.site import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, Site
 
 FRAME = Airframe(
     mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05,

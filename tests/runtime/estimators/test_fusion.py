@@ -25,9 +25,9 @@ from flown_figure import (
     where,
 )
 
-from kybflow.geometry import conjugate, distance, multiply, sub
+from kybflow.core.geometry import conjugate, distance, multiply, sub
+from kybflow.core.signals import NS, Frame, Imu, Measurement, MeasurementKind, Pose
 from kybflow.runtime.estimators.fusion import Fusion, FusionParams
-from kybflow.signals import NS, Frame, Imu, Measurement, MeasurementKind, Pose
 
 
 class Flight:
@@ -230,7 +230,7 @@ def test_frames_are_located_where_the_vehicle_was_when_they_were_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pytest.importorskip("cv2")
-    monkeypatch.setattr("kybflow.vision.locator.Locator", FakeLocator)
+    monkeypatch.setattr("kybflow.vision.locating.locator.Locator", FakeLocator)
     part = fusion(source="tags", position_noise=0.001, attitude_noise=radians(0.1))
     image = numpy.zeros((4, 4), numpy.uint8)
     for truth, arriving in World(3, 5.0, rate=10.0).flight():

@@ -11,11 +11,11 @@ from flown_figure import Instant
 from plans import part, state, then, vehicle
 from test_fusion import assert_consistent, nees
 
-from kybflow.catalog import load_catalog
+from kybflow.core.geometry import ZERO, distance
+from kybflow.core.signals import NS
 from kybflow.dsl.plan import EstimatorPlan
-from kybflow.geometry import ZERO, distance
+from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
-from kybflow.signals import NS
 
 NOISE, TURNED = 0.02, radians(1.0)
 SAMPLES, OLDEST = 10, 0.6

@@ -7,7 +7,7 @@ from math import cos, sin
 
 import pytest
 
-from kybflow.geometry import (
+from kybflow.core.geometry import (
     GRAVITY,
     LEVEL,
     ZERO,
@@ -21,9 +21,9 @@ from kybflow.geometry import (
     multiply,
     rotate,
 )
+from kybflow.core.signals import NS, Battery, Estimate, Imu, MeasurementKind, Pose
 from kybflow.runtime.estimators.inertial import Inertial, InertialParams
-from kybflow.signals import NS, Battery, Estimate, Imu, MeasurementKind, Pose
-from kybflow.site import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, Site
 
 FRAME = Airframe(mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05)
 PLACE = Site("a", FRAME, ZERO, 0.0, None, 0.004)

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.geometry import GRAVITY, LEVEL, ZERO, add, from_euler, heading_of
+from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, add, from_euler, heading_of
+from kybflow.core.signals import NS, Battery, Estimate, MeasurementKind, Pose
 from kybflow.runtime.estimators.mocap import Mocap, MocapParams
-from kybflow.signals import NS, Battery, Estimate, MeasurementKind, Pose
-from kybflow.site import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, Site
 
 FRAME = Airframe(mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05)
 PLACE = Site("a", FRAME, ZERO, 0.0, None, 0.004)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from math import cos, degrees, pi, sin
-from pathlib import Path
 
 import pytest
 
 numpy = pytest.importorskip("numpy")
 pytest.importorskip("cv2")
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "vision"))
 
 from floors import (  # noqa: E402
     CAMERA,
@@ -26,10 +23,10 @@ from floors import (  # noqa: E402
 )
 from flying import SITE  # noqa: E402
 
-from kybflow.geometry import from_euler, heading_of, wrap  # noqa: E402
+from kybflow.core.geometry import from_euler, heading_of, wrap  # noqa: E402
+from kybflow.core.signals import NS, MeasurementKind  # noqa: E402
 from kybflow.runtime.estimators.tag_camera import TagCamera, TagCameraParams  # noqa: E402
-from kybflow.signals import NS, MeasurementKind  # noqa: E402
-from kybflow.tags import TagMap  # noqa: E402
+from kybflow.world.tags import TagMap  # noqa: E402
 
 TAGS = grid()
 RATE, LATENCY = 30, 0.04

@@ -7,10 +7,10 @@ import statistics
 
 import pytest
 
-from kybflow.catalog import load_catalog
-from kybflow.geometry import LEVEL, ZERO, distance, tilt_of
+from kybflow.core.geometry import LEVEL, ZERO, distance, tilt_of
+from kybflow.core.signals import NS, Battery, Frame, Imu, Pose
 from kybflow.parts import Effect, Rig
-from kybflow.signals import NS, Battery, Frame, Imu, Pose
+from kybflow.parts.catalog import load_catalog
 from kybflow.vision.optics import Weakness
 
 POSE = Pose(0, (1.0, 2.0, 3.0), LEVEL)

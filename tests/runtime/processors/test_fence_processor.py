@@ -5,11 +5,11 @@ from flying import FENCE, SITE, at_rest, entry, estimate, fly, point_mass, tick
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.geometry import ZERO, Vec3
+from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.signals import Done, Setpoint, SetpointKind
 from kybflow.runtime.behaviors.land import Land, LandParams
 from kybflow.runtime.processors.fence import Fence, FenceParams
-from kybflow.shapes import Box
-from kybflow.signals import Done, Setpoint, SetpointKind
+from kybflow.world.shapes import Box
 
 numbers = st.floats(-50.0, 50.0)
 MIDDLE = estimate((0.0, 0.0, 1.0))

@@ -7,14 +7,14 @@ from flying import DT, SITE, at_rest, entry, fly, ideal, tick
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kybflow.geometry import ZERO, distance, norm
+from kybflow.core.geometry import ZERO, distance, norm
+from kybflow.core.signals import Setpoint, SetpointKind
 from kybflow.runtime.behaviors.figure_eight import FigureEight, FigureEightParams
 from kybflow.runtime.behaviors.fly_to import FlyTo, FlyToParams
 from kybflow.runtime.processors.limit_acceleration import (
     LimitAcceleration,
     LimitAccelerationParams,
 )
-from kybflow.signals import Setpoint, SetpointKind
 
 START = (0.0, 0.0, 1.0)
 

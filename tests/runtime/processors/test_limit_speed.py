@@ -7,10 +7,10 @@ from flying import DT, SITE, at_rest, entry, fly, ideal, tick
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kybflow.geometry import ZERO, distance, norm
+from kybflow.core.geometry import ZERO, distance, norm
+from kybflow.core.signals import Setpoint, SetpointKind
 from kybflow.runtime.behaviors.figure_eight import FigureEight, FigureEightParams
 from kybflow.runtime.processors.limit_speed import LimitSpeed, LimitSpeedParams
-from kybflow.signals import Setpoint, SetpointKind
 
 START = (0.0, 0.0, 1.0)
 

@@ -2,9 +2,9 @@
 
 from flying import SITE, tick
 
-from kybflow.params import fields_of
+from kybflow.core.params import fields_of
+from kybflow.core.signals import Alarm, Reaction, Setpoint, SetpointKind
 from kybflow.runtime.processors.mode_check import ModeCheck, ModeCheckParams
-from kybflow.signals import Alarm, Reaction, Setpoint, SetpointKind
 
 POSITION, VELOCITY, ACCELERATION = (
     Setpoint(kind)

@@ -2,9 +2,9 @@
 
 from flying import DT, SITE, at_rest, estimate, tick
 
-from kybflow.geometry import ZERO
+from kybflow.core.geometry import ZERO
+from kybflow.core.signals import Alarm, Reaction, Setpoint, SetpointKind
 from kybflow.runtime.processors.position_error import PositionError, PositionErrorParams
-from kybflow.signals import Alarm, Reaction, Setpoint, SetpointKind
 
 PROCESSOR = PositionError(PositionErrorParams(), SITE)
 KNOWN = estimate((0.0, 0.0, 1.0))

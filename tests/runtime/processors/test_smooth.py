@@ -7,11 +7,11 @@ from flying import DT, SITE, Sample, at_rest, entry, fly, ideal, tick, worst_mis
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kybflow.geometry import ZERO, distance, norm
+from kybflow.core.geometry import ZERO, distance, norm
+from kybflow.core.signals import Setpoint, SetpointKind
 from kybflow.runtime.behaviors.circle import Circle, CircleParams
 from kybflow.runtime.behaviors.figure_eight import FigureEight, FigureEightParams
 from kybflow.runtime.processors.smooth import Smooth, SmoothParams
-from kybflow.signals import Setpoint, SetpointKind
 
 START = (0.0, 0.0, 1.0)
 

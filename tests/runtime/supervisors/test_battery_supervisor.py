@@ -2,10 +2,10 @@
 
 from flying import SITE, tick
 
-from kybflow.params import fields_of
+from kybflow.core.params import fields_of
+from kybflow.core.signals import NS, Alarm, Reaction
+from kybflow.core.signals import Battery as Report
 from kybflow.runtime.supervisors.battery import Battery, BatteryParams
-from kybflow.signals import NS, Alarm, Reaction
-from kybflow.signals import Battery as Report
 
 
 def check(supervisor: Battery, left: float, airborne: bool = True) -> Alarm | None:

@@ -3,8 +3,8 @@
 import pytest
 from flying import SITE, estimate, tick
 
+from kybflow.core.signals import NS, Alarm, Reaction
 from kybflow.runtime.supervisors.estimate import Estimate, EstimateParams
-from kybflow.signals import NS, Alarm, Reaction
 
 HERE = (0.0, 0.0, 1.0)
 

@@ -3,10 +3,10 @@
 import pytest
 from flying import FENCE, SITE, estimate, tick
 
-from kybflow.geometry import Vec3
+from kybflow.core.geometry import Vec3
+from kybflow.core.signals import Alarm, Reaction
 from kybflow.runtime.supervisors.fence import Fence, FenceParams
-from kybflow.shapes import Box
-from kybflow.signals import Alarm, Reaction
+from kybflow.world.shapes import Box
 
 
 def fence(**more: object) -> Fence:

@@ -2,8 +2,8 @@
 
 from flying import SITE, estimate, tick
 
+from kybflow.core.signals import NS, Alarm, Reaction, Tick
 from kybflow.runtime.supervisors.jump import Jump, JumpParams
-from kybflow.signals import NS, Alarm, Reaction, Tick
 
 PERIOD = 0.01
 

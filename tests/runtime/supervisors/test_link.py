@@ -2,8 +2,8 @@
 
 from flying import SITE, tick
 
+from kybflow.core.signals import Alarm, Reaction
 from kybflow.runtime.supervisors.link import Link, LinkParams
-from kybflow.signals import Alarm, Reaction
 
 
 def test_a_silence_lands() -> None:

@@ -2,8 +2,8 @@
 
 from flying import SITE, estimate, tick
 
+from kybflow.core.signals import Alarm, Reaction
 from kybflow.runtime.supervisors.proximity import Proximity, ProximityParams
-from kybflow.signals import Alarm, Reaction
 
 TWO = SITE._replace(diameters={"nano": 0.19, "mk": 0.51})
 BOUND = 0.5 * (0.19 + 0.51) + 0.05

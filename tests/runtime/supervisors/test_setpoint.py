@@ -2,9 +2,9 @@
 
 from flying import DT, SITE, at_rest, estimate, tick
 
-from kybflow.geometry import Vec3
+from kybflow.core.geometry import Vec3
+from kybflow.core.signals import Alarm, Reaction, SetpointKind
 from kybflow.runtime.supervisors.setpoint import Setpoint, SetpointParams
-from kybflow.signals import Alarm, Reaction, SetpointKind
 
 HERE = (0.0, 0.0, 1.0)
 

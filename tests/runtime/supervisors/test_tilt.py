@@ -5,9 +5,9 @@ from math import radians
 import pytest
 from flying import SITE, estimate, tick
 
-from kybflow.geometry import from_euler
+from kybflow.core.geometry import from_euler
+from kybflow.core.signals import Alarm, Reaction
 from kybflow.runtime.supervisors.tilt import Tilt, TiltParams
-from kybflow.signals import Alarm, Reaction
 
 
 def at(degrees: float):

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plans import part, state, then, vehicle
 
-from kybflow.geometry import (
+from kybflow.core.geometry import (
     LEVEL,
     ZERO,
     Quat,
@@ -23,10 +23,10 @@ from kybflow.geometry import (
     norm,
     rotate,
 )
+from kybflow.core.signals import CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.runtime.trackers.body_rates import BodyRates, BodyRatesParams, _turn
 from kybflow.runtime.trackers.geometric import Geometric, GeometricParams
-from kybflow.signals import CommandKind, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.site import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, Site
 
 FRAME = Airframe(
     mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05, drag=0.0,

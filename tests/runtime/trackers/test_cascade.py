@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.geometry import GRAVITY, LEVEL, ZERO, body_z, from_euler, heading_of, tilt_of
-from kybflow.runtime.mass import MassEstimator
+from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, body_z, from_euler, heading_of, tilt_of
+from kybflow.core.signals import CommandKind, Estimate, Setpoint, SetpointKind, Tick
+from kybflow.flight.mass import MassEstimator
 from kybflow.runtime.trackers.cascade import Cascade, CascadeParams
-from kybflow.signals import CommandKind, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.site import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, Site
 
 FRAME = Airframe(
     mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05, drag=0.0,

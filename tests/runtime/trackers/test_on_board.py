@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plans import part, state, then, vehicle
 
-from kybflow.geometry import (
+from kybflow.core.geometry import (
     GRAVITY,
     LEVEL,
     ZERO,
@@ -21,11 +21,11 @@ from kybflow.geometry import (
     scale,
     sub,
 )
-from kybflow.runtime.checked import checked_command
-from kybflow.runtime.steering import LEAST_LIFT, MOST_THRUST
+from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
+from kybflow.flight.steering import LEAST_LIFT, MOST_THRUST
+from kybflow.runtime.finite import checked_command
 from kybflow.runtime.trackers.on_board import OnBoard, OnBoardParams
-from kybflow.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.site import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, Site
 
 FRAME = Airframe(
     mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05, drag=0.3,

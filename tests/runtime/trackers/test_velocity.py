@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plans import part, state, then, vehicle
 
-from kybflow.geometry import GRAVITY, LEVEL, ZERO, body_z, scale, tilt_of
+from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, body_z, scale, tilt_of
+from kybflow.core.signals import Command, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.runtime.trackers.velocity import Velocity, VelocityParams
-from kybflow.signals import Command, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.site import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, Site
 
 FRAME = Airframe(
     mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05, drag=0.0,

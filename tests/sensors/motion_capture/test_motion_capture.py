@@ -7,21 +7,17 @@ import random
 import subprocess
 import sys
 import threading
-from pathlib import Path
 from typing import Any
 
 import pytest
 from flying import SITE
+from servers import until
 
-from kybflow.geometry import LEVEL
+from kybflow.core.geometry import LEVEL
+from kybflow.core.signals import NS, Measurement, MeasurementKind, Pose
 from kybflow.sensors._stream import Poses
 from kybflow.sensors.motion_capture import MotionCapture, MotionCaptureParams, feed
 from kybflow.sensors.motion_capture.feed import Arrived, subscribe
-from kybflow.signals import NS, Measurement, MeasurementKind, Pose
-
-sys.path.insert(0, str(Path(__file__).parent.parent / "vrpn"))
-
-from servers import until
 
 pytest.importorskip("motioncapture", "1.1")
 

@@ -11,9 +11,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from kybflow.catalog import load_catalog
-from kybflow.cli import app
+from kybflow.cli.app import app
 from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.vrpn import VrpnParams
 
 REPO = Path(__file__).parents[3]

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from servers import free_port
 
-from kybflow.catalog import load_catalog
+from kybflow.api.flight import Request, fly
+from kybflow.core.signals import NS, Event, Pose
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.runtime.flight import Request, fly
+from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.vrpn.publishing import published
 from kybflow.sensors.vrpn.server import Server
-from kybflow.signals import NS, Event, Pose
 
 MISSION = """\
 kybflow: 1

@@ -11,13 +11,13 @@ from collections.abc import Iterator
 import pytest
 from servers import free_port, until
 
-from kybflow.errors import DriverError
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS
 from kybflow.sensors.vrpn.client import Report, Subscription, subscribe
 from kybflow.sensors.vrpn.codec import COOKIE, POSE, PoseReport, encode_lob, encode_pose
 from kybflow.sensors.vrpn.link import Address, read_address
 from kybflow.sensors.vrpn.peer import Peer
 from kybflow.sensors.vrpn.server import MOST_CLIENTS, Server
-from kybflow.signals import NS
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 OPENINGS = pytest.mark.parametrize("direct", [True, False], ids=["direct", "lob"])

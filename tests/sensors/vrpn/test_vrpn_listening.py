@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from kybflow.core.signals import NS
 from kybflow.sensors.vrpn.client import Key, Subscription, _Listener
 from kybflow.sensors.vrpn.codec import COOKIE, PING, POSE, PoseReport, encode_pose
 from kybflow.sensors.vrpn.peer import Peer, Said
-from kybflow.signals import NS
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 

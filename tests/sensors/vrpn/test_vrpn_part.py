@@ -9,13 +9,13 @@ import pytest
 from flying import SITE
 from servers import until
 
-from kybflow.errors import DriverError
-from kybflow.geometry import LEVEL
+from kybflow.core.errors import DriverError
+from kybflow.core.geometry import LEVEL
+from kybflow.core.signals import NS, Measurement, MeasurementKind, Pose
 from kybflow.sensors._stream import Poses
 from kybflow.sensors.vrpn import Vrpn, VrpnParams
 from kybflow.sensors.vrpn.client import Report
 from kybflow.sensors.vrpn.server import Server
-from kybflow.signals import NS, Measurement, MeasurementKind, Pose
 
 MS = NS // 1000
 

@@ -11,18 +11,18 @@ import pytest
 from servers import free_port, until
 from typer.testing import CliRunner
 
-from kybflow.catalog import load_catalog
-from kybflow.cli import app
+from kybflow.api.flight import Request, fly
+from kybflow.cli.app import app
+from kybflow.core.errors import KybflowError
+from kybflow.core.geometry import Quat, Vec3, distance
+from kybflow.core.signals import NS, Pose
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.errors import KybflowError
-from kybflow.geometry import Quat, Vec3, distance
 from kybflow.parts import Link
-from kybflow.runtime.flight import Request, fly
+from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.vrpn.client import Report, subscribe
 from kybflow.sensors.vrpn.link import Address
 from kybflow.sensors.vrpn.publishing import Noise, Tapped, published, still, to
-from kybflow.signals import NS, Pose
 
 MISSIONS = Path(__file__).parents[3] / "missions"
 

@@ -6,8 +6,8 @@ run begins. It emits `tally_reached` once, in the call with the number `most`.
 
 from __future__ import annotations
 
+from kybflow.core.signals import Event
 from kybflow.parts import Action, Deck, param, params
-from kybflow.signals import Event
 
 
 @params

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from math import cos, pi, sin
 
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Duration, Length
 from kybflow.parts import AIR, Behavior, Entry, param, params
-from kybflow.signals import Done, Setpoint, SetpointKind, Tick
-from kybflow.units import Duration, Length
 
 
 @params

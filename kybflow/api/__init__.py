@@ -1,0 +1,3 @@
+"""Joins plan, drivers, engine and recording: validate, open, inspect, fly. The command line and
+studies call it; nothing below does.
+"""

@@ -1,0 +1,120 @@
+"""`kybflow new`: a mission of one's own, begun from one that an installed package ships."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from kybflow.api.library import OWN, Shipped, libraries, missions
+from kybflow.core.errors import KybflowError
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.diagnostics.diagnostic import did_you_mean
+from kybflow.dsl.reading.nodes import Mapping, Scalar, entries_of
+from kybflow.dsl.reading.source import Span
+from kybflow.dsl.schema.published import schema_text
+from kybflow.parts.catalog import load_catalog
+
+SCHEMA = "mission.schema.json"
+"""The schema that an editor completes from, beside the missions of a folder."""
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,59}\Z", re.ASCII)
+_LINE = f"# yaml-language-server: $schema={SCHEMA}\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """What was written, in this order: the files that the mission names, itself, the schema."""
+
+    mission: Path
+    written: tuple[Path, ...]
+
+
+class _Change(NamedTuple):
+    """A piece of one line and what takes its place."""
+
+    span: Span
+    text: str
+
+
+def begin_mission(name: str, origin: str, folder: Path) -> Begun:
+    """Write the mission `name` into `folder`, from the shipped one called `origin`, and the schema
+    for editors where there is none; files that it names come along. Raises KybflowError, and
+    overwrites nothing."""
+    if not _NAME.match(name):
+        raise KybflowError(f"`{name}` can't be the name of a mission: letters, digits and `_`")
+    one, path, schema = _shipped(origin), folder / f"{name}.yaml", folder / SCHEMA
+    texts = {folder / file: one.path.parent / file for file in _attached(one)}
+    wanted = {target: source.read_text(encoding="utf-8") for target, source in texts.items()}
+    wanted = {file: text for file, text in wanted.items() if not _holds(file, text)}
+    wanted[path] = _rewritten(one, name)
+    if not schema.exists():
+        wanted[schema] = schema_text(load_catalog())
+    taken = next((file for file in wanted if file.exists()), None)
+    if taken is not None:
+        raise KybflowError(f"`{taken}` is there already; nothing was written")
+    for file, text in wanted.items():
+        _write(file, text)
+    return Begun(path, tuple(wanted))
+
+
+def _attached(one: Shipped) -> Iterator[str]:
+    """The files that the mission names, from its folder."""
+    plan = compile_mission(one.path, catalog=load_catalog()).plan
+    for source in plan.sources if plan is not None else ():
+        path = Path(source.path)
+        if path.suffix not in (".yaml", ".yml"):
+            yield os.path.relpath(path, one.path.parent)
+
+
+def _holds(path: Path, text: str) -> bool:
+    return path.is_file() and path.read_text(encoding="utf-8", errors="replace") == text
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as stream:
+            stream.write(text)
+    except FileExistsError:
+        raise KybflowError(f"`{path}` is there already; nothing was written") from None
+    except OSError as error:
+        raise KybflowError(f"`{path}` can't be written: {error.strerror}") from None
+
+
+def _shipped(origin: str) -> Shipped:
+    known = {one.name: one for one in missions()}
+    found = known.get(origin.removeprefix(f"{OWN}/").removesuffix(".yaml"))
+    if found is None or found.root is None:
+        hint = did_you_mean(origin, known)
+        raise KybflowError(f"no package ships a mission `{origin}`; {hint}")
+    return found
+
+
+def _rewritten(one: Shipped, name: str) -> str:
+    """Its text with another name, installed imports and a schema that is at hand."""
+    lines = one.source.text.splitlines(keepends=True)
+    for change in sorted(_changes(one, name), key=lambda c: c.span.column, reverse=True):
+        span, at = change.span, change.span.line - 1
+        line = lines[at]
+        lines[at] = line[: span.column - 1] + change.text + line[span.end_column - 1 :]
+    kept = [line for line in lines if not line.startswith("# yaml-language-server:")]
+    return _LINE + "".join(kept)
+
+
+def _changes(one: Shipped, name: str) -> Iterator[_Change]:
+    root = one.root
+    assert isinstance(root, Mapping)
+    mission = root.get("mission")
+    if isinstance(mission, Scalar):
+        yield _Change(mission.span, name)
+    known = {os.path.realpath(library.path): library.name for library in libraries()}
+    for entry in entries_of(root.get("import")).values():
+        written = entry.value
+        file = written.get("from") if isinstance(written, Mapping) else written
+        if isinstance(file, Scalar):
+            target = os.path.realpath(one.path.parent / file.text)
+            if target in known:
+                yield _Change(file.span, known[target])

@@ -1,0 +1,209 @@
+"""One run from a plan to a run folder: opens the drivers, flies, and writes what the run leaves."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from kybflow.api.expected_faults import foreseen_faults
+from kybflow.api.opening import Devices, build_vehicles, check_pace, clock_for, open_devices
+from kybflow.core.errors import DriverError, PartFailed
+from kybflow.core.geometry import norm
+from kybflow.core.signals import Event
+from kybflow.dsl.plan import Plan
+from kybflow.recording.outcome import EXIT_CODES, Ending, summarise
+from kybflow.recording.pictures import Pictures
+from kybflow.recording.recorder import Recorder
+from kybflow.recording.run_folder import RunFolder, create_run_folder
+from kybflow.runtime.engine import Engine, Observer
+from kybflow.runtime.events import Events
+from kybflow.runtime.expectations import Verdict
+from kybflow.runtime.fleet.operator import check_emitted
+from kybflow.runtime.interrupts import Interrupts
+from kybflow.runtime.options import check_options
+from kybflow.runtime.scores import Score
+from kybflow.runtime.vehicle.vehicle import Vehicle
+
+_AT_REST, _MISTAKEN = 0.3, 0.3
+"""At the end a simulated vehicle on the ground is no faster (m/s), and no higher above where it
+believes itself to be (m)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a run is asked for beside its plan.
+
+    speed: pace of a simulated clock, None for as fast as it goes. options: changes made before
+    take-off, as (name, value). emitted: events that a person gives, as (seconds, name). out: the
+    run folder, None for one under `runs/`. sets: what set the plan's parameters, as `NAME=VALUE`;
+    for the record, the plan has it.
+    """
+
+    seed: int = 0
+    out: Path | None = None
+    speed: float | None = None
+    options: tuple[tuple[str, str], ...] = ()
+    emitted: tuple[tuple[float, str], ...] = ()
+    sets: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """What a run left. never_given: the operator's events whose time came after its end."""
+
+    folder: Path
+    summary: dict[str, Any]
+    never_given: tuple[tuple[float, str], ...] = ()
+
+    @property
+    def exit_code(self) -> int:
+        return EXIT_CODES[self.summary["outcome"]]
+
+
+def fly(
+    plan: Plan,
+    request: Request,
+    listeners: Sequence[Callable[[Event], None]] = (),
+    observers: Sequence[Observer] = (),
+) -> Flown:
+    """Fly `plan`. Raises RunFolderError when the folder can't be used, OptionRefused for an option
+    that can't be changed, EventRefused for an event that nothing waits for; whatever happens later
+    is in the summary."""
+    began, started = time.monotonic(), datetime.now().astimezone()
+    check_options(plan, request.options)
+    check_emitted(plan, (name for _, name in request.emitted))
+    folder = create_run_folder(plan, request.out, started)
+    recorder = Recorder(folder.log, plan)
+    try:
+        folder.describe(plan, request, started)
+        events = Events((recorder.event, folder.event, *listeners))
+        run = _Run(plan, request, events, recorder)
+        run.fly((*observers, *_pictures(plan, folder)))
+        recorder.close()
+        folder.close()
+        wall_time_s = time.monotonic() - began
+        summary = run.summary(wall_time_s, recorder.failed or folder.failed)
+        if not folder.finish(summary):
+            summary = run.summary(wall_time_s, recorder.failed or folder.failed)
+    finally:
+        recorder.close()
+        folder.close()
+    return Flown(folder.path, summary, run.never_given)
+
+
+def _pictures(plan: Plan, folder: RunFolder) -> list[Observer]:
+    return [Pictures(folder)] if any(vehicle.cameras for vehicle in plan.vehicles) else []
+
+
+def in_the_air(vehicle: Vehicle) -> bool:
+    """Whether it is, as it believes or as the simulator knows: one that believes itself on the
+    ground may be mistaken."""
+    truth, estimate = vehicle.truth, vehicle.estimate
+    if vehicle.activity.airborne or truth is None:
+        return vehicle.activity.airborne
+    height = truth.position[2]
+    if height - vehicle.site.start[2] < _MISTAKEN:
+        return False
+    mistaken = estimate is not None and height - estimate.position[2] > _MISTAKEN
+    return mistaken or norm(truth.velocity) > _AT_REST
+
+
+@contextmanager
+def _unsearched() -> Iterator[None]:
+    """What is there now is not searched for garbage any more, so that no tick waits for a search
+    through every module (0.1 s on a slow machine)."""
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+
+
+class _Run:
+    """A run under way: what is open, and how it ended."""
+
+    def __init__(self, plan: Plan, request: Request, events: Events, recorder: Recorder) -> None:
+        self._plan, self._request = plan, request
+        self._events, self._recorder = events, recorder
+        self._score = Score(plan)
+        self._engine: Engine | None = None
+        self._reason: str | None = None
+        self._driver_failed: str | None = None
+        self._verdicts: tuple[Verdict, ...] = ()
+
+    def fly(self, observers: Sequence[Observer]) -> None:
+        """Open the drivers, fly to the end, close them."""
+        devices: Devices | None = None
+        try:
+            check_pace(self._plan, self._request.speed)
+            devices = open_devices(self._plan, self._request.seed)
+            self._reason = self._flown(devices, observers)
+        except DriverError as error:
+            self._driver_failed = str(error)
+        except PartFailed as failure:
+            self._reason = f"`{failure.part}` can't be made: {failure}"
+        finally:
+            if devices is not None:
+                reasons = devices.close()
+                self._driver_failed = self._driver_failed or "; ".join(reasons) or None
+        self._judge()
+        self._events.tell("run_ended", reason=self._reason or self._driver_failed)
+
+    def _flown(self, devices: Devices, observers: Sequence[Observer]) -> str | None:
+        plan, events = self._plan, self._events
+        vehicles = build_vehicles(plan, devices, events, self._recorder, self._score)
+        clock = clock_for(plan, self._request.speed)
+        asked = self._request
+        engine = self._engine = Engine(
+            plan, clock, devices.sessions, vehicles, events, observers, asked.seed, asked.emitted
+        )
+        for name, value in asked.options:
+            engine.options.set(name, value, "command line")
+        with Interrupts(engine), _unsearched():
+            reason = engine.run()
+        self._driver_failed = next((v.link_error for v in vehicles if v.link_error), None)
+        return reason
+
+    def _judge(self) -> None:
+        engine = self._engine
+        if engine is None:
+            return
+        if engine.flying:
+            for vehicle in engine.vehicles:
+                vehicle.activity.close(engine.clock.now)
+            engine.flows.close(engine.clock.now)
+        ended_well = self._reason is None and self._driver_failed is None
+        self._verdicts = engine.judge.verdicts(engine.seconds() if ended_well else None)
+
+    @property
+    def never_given(self) -> tuple[tuple[float, str], ...]:
+        """The operator's events whose time did not come."""
+        return self._engine.operator.waiting if self._engine is not None else ()
+
+    def summary(self, wall_time_s: float, recording: str | None) -> dict[str, Any]:
+        """The content of `summary.json`."""
+        engine = self._engine
+        ending = Ending(
+            reason=self._reason,
+            interrupted=engine is not None and engine.interrupts > 0,
+            driver=self._driver_failed,
+            recording=recording,
+            airborne=[v.name for v in engine.vehicles if in_the_air(v)] if engine else (),
+            foreseen=foreseen_faults(self._plan.expectations),
+        )
+        return summarise(
+            self._plan,
+            self._score,
+            self._verdicts,
+            ending,
+            seed=self._request.seed,
+            sim_time_s=engine.seconds() if engine else 0.0,
+            wall_time_s=wall_time_s,
+            flows=engine.flows.record() if engine else {},
+        )

@@ -1,0 +1,143 @@
+"""What a plan needs to fly: the drivers' sessions, the sensors beside them, the vehicles, and a
+clock."""
+
+from __future__ import annotations
+
+import random
+from typing import Any, NamedTuple
+
+from kybflow.core.errors import DriverError, described
+from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
+from kybflow.parts import Driver, Link, Seat, Session, Stream
+from kybflow.recording.recorder import Recorder
+from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
+from kybflow.runtime.events import Events
+from kybflow.runtime.monitoring.body_health import Bodies
+from kybflow.runtime.monitoring.estimate_history import Whereabouts
+from kybflow.runtime.monitoring.sensing import Opened
+from kybflow.runtime.scores import Score
+from kybflow.runtime.vehicle.vehicle import Vehicle
+from kybflow.world.vehicle_context import Site
+
+
+class Devices(NamedTuple):
+    """What is open: the drivers' sessions, and each vehicle's sensors beside them, by name."""
+
+    sessions: list[Session]
+    sensors: dict[str, list[Opened]]
+
+    def close(self) -> list[str]:
+        """Close everything; what would not be closed, and why."""
+        streams = [sensor.stream for opened in self.sensors.values() for sensor in opened]
+        devices: list[Stream | Session] = [*streams, *self.sessions]
+        reasons = []
+        for device in devices:
+            try:
+                device.close()
+            except Exception as error:  # a part may raise anything; the others are closed too
+                reasons.append(f"{type(device).__name__} can't be closed: {described(error)}")
+        return reasons
+
+
+def goes_by_the_wall(plan: Plan) -> PartPlan | None:
+    """A sensor that measures in real time beside vehicles that are all simulated."""
+    sensors = (s.part for v in plan.vehicles for s in v.sensors) if plan.simulated else ()
+    return next((part for part in sensors if part.cls.real_time(part.params)), None)
+
+
+def check_pace(plan: Plan, speed: float | None) -> None:
+    """Raises DriverError for a pace of the simulated clock that a sensor can't keep."""
+    part = goes_by_the_wall(plan)
+    if part is not None and speed != 1.0:
+        reason = f"`{part.name}` ({part.at}) measures in real time, so the simulation must go at"
+        raise DriverError(f"{reason} its pace: fly with `--speed 1`")
+
+
+def open_devices(plan: Plan, seed: int) -> Devices:
+    """Open everything that the plan names. Raises DriverError, and nothing is open then."""
+    devices = Devices(_open_sessions(plan, seed), {})
+    links = _links(devices)
+    try:
+        for vehicle in plan.vehicles:
+            opened = devices.sensors[vehicle.name] = []
+            site, link = site_of(plan, vehicle), links[vehicle.name]
+            for sensor in vehicle.sensors:
+                own = random.Random(f"{seed} {vehicle.name} {sensor.part.label}")
+                opened.append(Opened(sensor, _stream(sensor.part, site, link, own)))
+    except BaseException:
+        devices.close()
+        raise
+    return devices
+
+
+def _stream(part: PartPlan, site: Site, link: Link, own: random.Random) -> Stream:
+    try:
+        stream: Stream = part.cls.open(part.params, site, link, own)
+    except DriverError as error:
+        raise DriverError(f"`{part.name}` ({part.at}): {error}") from error
+    return stream
+
+
+def _links(devices: Devices) -> dict[str, Link]:
+    return {name: link for session in devices.sessions for name, link in session.links.items()}
+
+
+def _open_sessions(plan: Plan, seed: int) -> list[Session]:
+    """One session for each driver, with every vehicle that flies on it."""
+    generator = random.Random(seed)
+    by_driver: dict[type[Driver[Any]], list[VehiclePlan]] = {}
+    for vehicle in plan.vehicles:
+        by_driver.setdefault(vehicle.driver.cls, []).append(vehicle)
+    sessions: list[Session] = []
+    try:
+        for driver, vehicles in by_driver.items():
+            seats = [Seat(site_of(plan, v), v.driver.params) for v in vehicles]
+            sessions.append(driver.open(seats, generator))
+    except BaseException:
+        Devices(sessions, {}).close()
+        raise
+    return sessions
+
+
+def site_of(plan: Plan, vehicle: VehiclePlan) -> Site:
+    """What a vehicle's parts may know of it and of the place it flies in."""
+    return Site(
+        vehicle.name,
+        vehicle.airframe,
+        vehicle.start,
+        vehicle.heading,
+        plan.fence,
+        1.0 / plan.control_rate,
+        vehicle.home,
+        plan.obstacles,
+        {other.name: other.airframe.diameter for other in plan.vehicles},
+        plan.tags,
+        vehicle.cameras,
+        vehicle.payload,
+    )
+
+
+def build_vehicles(
+    plan: Plan, devices: Devices, events: Events, recorder: Recorder, score: Score
+) -> list[Vehicle]:
+    links, bodies, fleet = _links(devices), Bodies(), Whereabouts()
+    return [
+        Vehicle(
+            vehicle,
+            site_of(plan, vehicle),
+            links[vehicle.name],
+            events,
+            recorder.vehicle(vehicle.name),
+            score.vehicle(vehicle.name),
+            devices.sensors[vehicle.name],
+            bodies,
+            fleet,
+        )
+        for vehicle in plan.vehicles
+    ]
+
+
+def clock_for(plan: Plan, speed: float | None) -> Clock:
+    if plan.simulated:
+        return SimulatedClock(plan.control_rate, speed)
+    return WallClock(plan.control_rate)

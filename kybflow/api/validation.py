@@ -1,0 +1,92 @@
+"""`kybflow validate`: every mission under some paths, one after the other."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from kybflow.dsl.compiler import Result, check_mission
+from kybflow.dsl.diagnostics.render import render_all, to_json
+from kybflow.dsl.reading.folders import mission_files
+from kybflow.parts.catalog import load_catalog
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """One file after its validation, and how long that took."""
+
+    path: str
+    result: Result
+    milliseconds: float
+    valid: bool
+
+    @property
+    def reports(self) -> list[str]:
+        """What is to be printed for it, one text a finding and a last line."""
+        texts = render_all(self.result.diagnostics, self.result.texts)
+        count = len(texts)
+        if self.valid:
+            warned = f", {count} warning{'s' * (count > 1)}" if count else ""
+            texts.append(f"{self.path}: ok{warned} ({self.milliseconds:.1f} ms)")
+        return texts
+
+    @property
+    def annotations(self) -> list[str]:
+        """What GitHub Actions shows beside the lines, one command a finding."""
+        from kybflow.dsl.diagnostics.github import to_annotation
+
+        return [to_annotation(d) for d in self.result.diagnostics]
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """All of it for programs."""
+        return {
+            "path": self.path,
+            "valid": self.valid,
+            "milliseconds": round(self.milliseconds, 3),
+            "diagnostics": [to_json(d) for d in self.result.diagnostics],
+        }
+
+
+def validate_paths(
+    paths: Iterable[Path], target: str | None, sets: Sequence[str]
+) -> Iterator[Checked]:
+    """Each mission of `paths`; a folder stands for the missions and libraries in it and
+    below."""
+    catalog = load_catalog()
+    for path in _missions(paths):
+        begin = time.perf_counter()
+        result = check_mission(path, catalog=catalog, target=target, sets=sets)
+        took = (time.perf_counter() - begin) * 1e3
+        yield Checked(str(path), result, took, result.valid)
+
+
+def _missions(paths: Iterable[Path]) -> Iterator[Path]:
+    for path in paths:
+        if path.is_dir():
+            yield from mission_files(path)
+        else:
+            yield path
+
+
+def _as_json(files: Sequence[Checked]) -> str:
+    whole = {
+        "kybflow": 1,
+        "valid": all(f.valid for f in files),
+        "files": [f.summary for f in files],
+    }
+    return json.dumps(whole, indent=2)
+
+
+def _as_sarif(files: Sequence[Checked]) -> str:
+    from kybflow.dsl.diagnostics.sarif import to_sarif
+
+    return to_sarif(d for file in files for d in file.result.diagnostics)
+
+
+WHOLE: dict[str, Callable[[Sequence[Checked]], str]] = {"json": _as_json, "sarif": _as_sarif}
+"""The formats that say everything in one text, at the end."""

@@ -1,0 +1,166 @@
+"""`kybflow mavlink`: who is heard at an address, and what an autopilot needs for flight indoors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import typer
+
+from kybflow.cli.arguments import echo, examples
+
+if TYPE_CHECKING:
+    from kybflow.core.signals import Time
+    from kybflow.drivers.mavlink.discovery import Scout
+
+SETUP = examples(
+    "kybflow mavlink setup --vehicle px4",
+    "kybflow mavlink setup --vehicle px4 --system 2 --simulator --write",
+    "kybflow mavlink setup --vehicle ardupilot --address serial:/dev/ttyUSB0:57600",
+)
+LISTEN = examples(
+    "kybflow mavlink listen --address udpin:127.0.0.1:14540",
+    "kybflow mavlink listen --address serial:/dev/ttyUSB0:57600 --for 20s",
+)
+WRONG, FAILED = 1, 3
+RATE = 100
+LONGEST = 3600
+Given = TypeVar("Given")
+Read = TypeVar("Read")
+
+app = typer.Typer(no_args_is_help=True)
+
+
+class Vehicle(StrEnum):
+    PX4 = "px4"
+    ARDUPILOT = "ardupilot"
+
+
+OwnSystem = Annotated[
+    int, typer.Option(min=1, max=255, help="The system id of this program, as in the mission.")
+]
+Key = Annotated[Path | None, typer.Option(help="File with the secret of signed messages.")]
+
+
+@app.callback()
+def _group() -> None:
+    """Meet an autopilot: hear it, and set its parameters."""
+
+
+@app.command("setup", epilog=SETUP)
+def setup(
+    vehicle: Annotated[Vehicle, typer.Option(help="Whose firmware it is.")],
+    address: Annotated[
+        str | None,
+        typer.Option(help="Where it is; where the firmware's own simulator is by default."),
+    ] = None,
+    system: Annotated[
+        int | None,
+        typer.Option(min=1, max=254, help="Its system id; needed where several are heard."),
+    ] = None,
+    write: Annotated[
+        bool, typer.Option("--write", help="Write what is wrong, and read it back.")
+    ] = False,
+    simulator: Annotated[
+        bool, typer.Option("--simulator", help="It is the firmware's own simulator.")
+    ] = False,
+    own_system: OwnSystem = 245,
+    key: Key = None,
+) -> None:
+    """Look at the parameters that flight indoors without GPS needs; nothing is written without
+    --write.
+
+    Exit codes:
+
+    0: all is right.
+    1: something is not.
+    2: the command line is invalid.
+    3: the autopilot can't be reached.
+    """
+    from kybflow.cli.printing.autopilots import set_up
+    from kybflow.drivers.mavlink.firmware.profile import profile_of
+    from kybflow.drivers.mavlink.preflight.outfit import Outfit
+
+    profile = profile_of(vehicle.value)
+    place = address or profile.default_address(system or 1)
+    with _opened(place, system, own_system, key) as scout:
+        outfit = Outfit(profile, own_system, simulator=simulator)
+        is_right = set_up(scout, ticks(), outfit, write=write)
+    raise typer.Exit(0 if is_right else WRONG)
+
+
+@app.command("listen", epilog=LISTEN)
+def listen(
+    address: Annotated[str, typer.Option(help="Where to listen, such as udpin:127.0.0.1:14540.")],
+    duration: Annotated[str, typer.Option("--for", help="How long, such as 5s.")] = "5s",
+    own_system: OwnSystem = 245,
+    key: Key = None,
+) -> None:
+    """Say which autopilots are heard at an address.
+
+    Exit codes:
+
+    0: at least one is heard.
+    2: the command line is invalid.
+    3: none is.
+    """
+    from kybflow.cli.printing.autopilots import listen_to
+
+    patience = _duration(duration)
+    with _opened(address, None, own_system, key) as scout:
+        listen_to(scout, ticks(), patience)
+
+
+def ticks() -> Iterator[Time]:
+    """The wall's time, waiting for each."""
+    from kybflow.runtime.clock import WallClock
+
+    clock = WallClock(RATE)
+    while True:
+        yield clock.step()
+
+
+@contextmanager
+def _opened(address: str, system: int | None, own_system: int, key: Path | None) -> Iterator[Scout]:
+    """A scout on the wire of that address; what fails there ends the command."""
+    from kybflow.core.errors import DriverError
+    from kybflow.drivers.mavlink.protocol.signing import read_key
+    from kybflow.drivers.mavlink.transport.address import read_address
+
+    secret = None if key is None else _given("--key", read_key, key)
+    place = _given("--address", read_address, address)
+    try:
+        from kybflow.drivers.mavlink.discovery import Scout
+        from kybflow.drivers.mavlink.transport.wire import open_wire
+
+        with closing(open_wire(place)) as wire:
+            yield Scout(wire, system, own_system, secret)
+    except DriverError as error:
+        echo(f"error: {error}", err=True)
+        raise typer.Exit(FAILED) from None
+
+
+def _given(option: str, read: Callable[[Given], Read], text: Given) -> Read:
+    from kybflow.core.errors import DriverError
+
+    try:
+        return read(text)
+    except DriverError as error:
+        raise typer.BadParameter(str(error), param_hint=option) from None
+
+
+def _duration(text: str) -> Time:
+    from kybflow.core.errors import UnitError
+    from kybflow.core.units import DURATION, parse_quantity
+
+    try:
+        seconds = parse_quantity(text, DURATION)
+    except UnitError as error:
+        message = f"{error}; {error.hint}" if error.hint else str(error)
+        raise typer.BadParameter(message, param_hint="--for") from None
+    if not 0.0 < seconds <= LONGEST:
+        raise typer.BadParameter(f"`{text}` is not within 0 s to {LONGEST} s", param_hint="--for")
+    return round(seconds * 1e9)

@@ -1,0 +1,135 @@
+"""`kybflow mocap-server`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kybflow.cli.arguments import INVALID, RunOut, Seed, Sets, Target, console, echo, examples
+
+if TYPE_CHECKING:
+    from kybflow.core.geometry import Vec3
+    from kybflow.sensors.vrpn.server import Server
+
+EXAMPLES = examples(
+    "kybflow mocap-server missions/figure_eight.yaml",
+    "kybflow mocap-server missions/figure_eight.yaml --host 10.0.0.5 --port 3884",
+    "kybflow mocap-server --still courier=0,0,0.1 --still pillar=1,2,0",
+)
+STILL_RATE = 120
+
+
+def mocap_server(
+    mission: Annotated[
+        Path | None, typer.Argument(help="The mission whose simulated vehicles are published.")
+    ] = None,
+    still: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--still",
+            metavar="NAME=X,Y,Z",
+            help="Instead of a mission: a body at rest, in metres, until Ctrl-C.",
+        ),
+    ] = None,
+    host: Annotated[
+        str, typer.Option(help="Our address to listen on; 0.0.0.0 lets everybody in.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port, TCP and UDP; 0 takes a free one.")
+    ] = 3883,
+    target: Target = None,
+    sets: Sets = None,
+    seed: Seed = 0,
+    out: RunOut = None,
+) -> None:
+    """Fly a mission in real time and publish its simulated vehicles over VRPN, as a motion-capture
+    system would.
+
+    Each vehicle is the tracker of its name, sensor 0, in metres, z up, noise and faults included.
+    """
+    if (mission is None) == (not still):
+        raise typer.BadParameter("give a mission, or bodies with --still", param_hint="MISSION")
+    places = dict(_place(text) for text in still or ())
+    from kybflow.sensors.vrpn.server import Server
+
+    settings = tuple(sets or ())
+    if mission is not None:
+        _check(mission, target, settings)
+    server = Server(host, port)
+    try:
+        echo(f"VRPN server on {host}:{server.port} (HOST:PORT or tcp://HOST:PORT); Ctrl-C ends it")
+        if mission is None:
+            _stand(places, server, seed)
+        else:
+            raise typer.Exit(_fly(mission, server, target, settings, seed, out))
+    finally:
+        server.close()
+
+
+def _check(mission: Path, target: str | None, sets: tuple[str, ...]) -> None:
+    """End with what is wrong with the mission, before anything is said to listen."""
+    from kybflow.api.findings import findings
+    from kybflow.dsl.compiler import compile_mission
+    from kybflow.parts.catalog import load_catalog
+
+    result = compile_mission(mission, catalog=load_catalog(), target=target, sets=sets)
+    if result.plan is None:
+        for text in findings(result, mission):
+            echo(text, err=True)
+        raise typer.Exit(INVALID)
+
+
+def _fly(
+    mission: Path,
+    server: Server,
+    target: str | None,
+    sets: tuple[str, ...],
+    seed: int,
+    out: Path | None,
+) -> int:
+    from kybflow.api.flight import Request
+    from kybflow.api.running import Asked, run_mission
+    from kybflow.sensors.vrpn.publishing import published, to
+
+    request = Request(seed, out, 1.0, sets=sets)
+    asked = Asked(mission, target, request, live=False, plain=False, report=False)
+    screen, errors = (console(stream) for stream in (sys.stdout, sys.stderr))
+    return run_mission(asked, screen, errors, lambda plan: published(plan, to(server)))
+
+
+def _stand(places: dict[str, Vec3], server: Server, seed: int) -> None:
+    import random
+
+    from kybflow.parts.catalog import load_catalog
+    from kybflow.runtime.clock import WallClock
+    from kybflow.sensors.vrpn.codec import CodecError
+    from kybflow.sensors.vrpn.publishing import Noise, still, to
+
+    sim = load_catalog().get("drivers", "sim").params()
+    noise = Noise(sim.mocap_position_noise, sim.mocap_attitude_noise)
+    publish, clock = still(places, to(server), noise, random.Random(seed)), WallClock(STILL_RATE)
+    try:
+        while True:
+            publish(clock.step())
+    except KeyboardInterrupt:
+        return
+    except CodecError as error:
+        raise typer.BadParameter(str(error), param_hint="--still") from None
+
+
+def _place(text: str) -> tuple[str, Vec3]:
+    """Name and place of `NAME=X,Y,Z`."""
+    from math import isfinite
+
+    name, _, numbers = text.rpartition("=")
+    try:
+        x, y, z = map(float, numbers.split(","))
+    except ValueError:
+        x = float("nan")
+        y = z = x
+    if not name.strip() or not all(map(isfinite, (x, y, z))):
+        raise typer.BadParameter(f"`{text}` is not NAME=X,Y,Z", param_hint="--still")
+    return name.strip(), (x, y, z)

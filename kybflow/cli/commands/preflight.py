@@ -1,0 +1,82 @@
+"""`kybflow preflight`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kybflow.cli.arguments import INVALID, Seed, Sets, Target, echo, examples
+from kybflow.core.details import details, headline
+
+if TYPE_CHECKING:
+    from kybflow.dsl.plan import Plan
+    from kybflow.runtime.preflight import Line
+
+EXAMPLES = examples(
+    "kybflow preflight missions/figure_eight.yaml",
+    "kybflow preflight missions/figure_eight.yaml --target lab",
+)
+RED, FAILED = 1, 3
+
+
+def preflight(
+    mission: Annotated[Path, typer.Argument(help="The mission that is to fly.")],
+    target: Target = None,
+    sets: Sets = None,
+    seed: Seed = 0,
+) -> None:
+    """Look at everything that must be well before take-off; nothing arms.
+
+    Exit codes:
+
+    0: every line is green.
+    1: one is red.
+    2: the mission is invalid.
+    3: a driver or device failed.
+    """
+    from kybflow.api.findings import findings
+    from kybflow.dsl.compiler import compile_mission
+    from kybflow.parts.catalog import load_catalog
+
+    result = compile_mission(mission, catalog=load_catalog(), target=target, sets=tuple(sets or ()))
+    for text in findings(result, mission):
+        echo(text, err=True)
+    if result.plan is None:
+        raise typer.Exit(INVALID)
+    raise typer.Exit(_look(result.plan, seed))
+
+
+def _look(plan: Plan, seed: int) -> int:
+    from kybflow.api.inspection import inspect
+    from kybflow.core.errors import DriverError, PartFailed
+
+    try:
+        found = inspect(plan, seed)
+    except DriverError as error:
+        echo(f"error: {error}", err=True)
+        return FAILED
+    except PartFailed as failure:
+        echo(f"error: `{failure.part}` can't be made: {failure}", err=True)
+        return RED
+    echo("\n".join(table(found.lines)))
+    if found.driver_failed:
+        return FAILED
+    return 0 if all(line.green for line in found.lines) else RED
+
+
+def table(lines: Sequence[Line]) -> list[str]:
+    """The lines in columns: red or green, vehicle, check, reason, mission line; below a line the
+    table that its reason carries."""
+    names = max(len(line.vehicle) for line in lines)
+    checks = max(len(line.check) for line in lines)
+    margin = " " * (len("green") + names + checks + 8)
+    found = []
+    for line in lines:
+        colour, at = "green" if line.green else "RED  ", f"  [{line.at}]" if line.at else ""
+        reason = headline(line.reason)
+        found.append(f"{colour}  {line.vehicle:{names}}  {line.check:{checks}}  {reason}{at}")
+        found += [f"{margin}{row}" for row in details(line.reason)]
+    return found

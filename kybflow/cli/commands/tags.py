@@ -1,0 +1,179 @@
+"""`kybflow tags`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kybflow.cli.arguments import INVALID, echo, examples
+from kybflow.vision import WAY_OUT
+
+if TYPE_CHECKING:
+    from kybflow.vision.printing.sheets import Page
+    from kybflow.world.tags import TagMap
+
+EXAMPLES = examples(
+    "kybflow tags missions/courier.yaml --paper a3 --out floor.pdf",
+    "kybflow tags --family 36h11 --ids 0-99 --size 19.5cm --paper a3 --out floor.pdf",
+    "kybflow tags --family 36h11 --ids 100,101,102 --size 4cm --out pad.png",
+)
+_BARE = re.compile(r"\s*[\d.]+\s*\Z")
+_RANGE = re.compile(r"\s*(\d{1,6})\s*(?:-\s*(\d{1,6})\s*)?\Z")
+
+
+class Paper(StrEnum):
+    A4 = "a4"
+    A3 = "a3"
+
+
+def tags(
+    out: Annotated[Path, typer.Option(help="The file to write: .pdf, or .png, a file a page.")],
+    mission: Annotated[
+        Path | None, typer.Argument(help="A mission, all of whose tags are to be printed.")
+    ] = None,
+    ids: Annotated[
+        str | None, typer.Option(help="Which tags: numbers and ranges, such as 0-9,12.")
+    ] = None,
+    size: Annotated[
+        str | None, typer.Option(help="Side of the black square, such as 19.5cm.")
+    ] = None,
+    family: Annotated[str | None, typer.Option(help="The tags' family; 36h11 unless said.")] = None,
+    paper: Annotated[Paper, typer.Option(help="What it is printed on.")] = Paper.A4,
+) -> None:
+    """Write sheets of tags to print, true to scale: those of a mission, or some of a family."""
+    try:
+        from kybflow.vision.printing.sheets import lay_out
+    except ImportError as error:
+        raise typer.BadParameter(f"tags are drawn with OpenCV ({error}); {WAY_OUT}") from None
+    if out.suffix not in (".pdf", ".png"):
+        raise typer.BadParameter(f"`{out}` should end in .pdf or .png", param_hint="--out")
+    pages: list[Page] = []
+    for sort, side, numbers in _asked(mission, ids, size, family):
+        try:
+            pages += lay_out(sort, numbers, side, paper.value)
+        except ValueError as error:
+            option, way = _way_out(sort, side, paper, mission, size)
+            raise typer.BadParameter(f"{error}; {way}", param_hint=option) from None
+    for path, data in _files(out, pages, paper.value):
+        try:
+            path.write_bytes(data)
+        except OSError as error:
+            message = f"`{path}` can't be written: {error.strerror}"
+            raise typer.BadParameter(message, param_hint="--out") from None
+        echo(f"wrote {path}")
+    echo("print at 100 %, not fitted to the page; the bar must measure 100 mm")
+
+
+def _way_out(
+    family: str, side: float, paper: Paper, mission: Path | None, size: str | None
+) -> tuple[str, str]:
+    """What to change where a tag is too large for the paper: the option or argument, and how."""
+    from kybflow.vision.printing.sheets import lay_out
+
+    if size is not None and _BARE.match(size):
+        return "--size", f"a number alone is metres: write the unit, such as {size.strip()}cm"
+    if paper is not Paper.A3:
+        try:
+            lay_out(family, [0], side, Paper.A3.value)
+        except ValueError:
+            pass
+        else:
+            return "--paper", "take --paper a3" + ("" if mission else ", or a smaller --size")
+    if mission is None:
+        return "--size", "make it smaller"
+    return "MISSION", "make the tags of its world smaller"
+
+
+def _asked(
+    mission: Path | None, ids: str | None, size: str | None, family: str | None
+) -> list[tuple[str, float, list[int]]]:
+    """Family, size and numbers of what is to be printed."""
+    if mission is not None:
+        if ids or size or family:
+            raise typer.BadParameter(
+                "a mission says its tags itself; leave out --ids, --size and --family"
+            )
+        return _sorts(_tags_of(mission), mission)
+    if ids is None or size is None:
+        raise typer.BadParameter("say which tags: MISSION, or --ids and --size")
+    family = family or "36h11"
+    side = _size(size)
+    return [(family, side, _numbers(ids, family))]
+
+
+def _tags_of(mission: Path) -> TagMap:
+    from kybflow.api.findings import findings
+    from kybflow.dsl.compiler import compile_mission
+    from kybflow.parts.catalog import load_catalog
+
+    result = compile_mission(mission, catalog=load_catalog())
+    for text in findings(result, mission):
+        echo(text, err=True)
+    if result.plan is None:
+        raise typer.Exit(INVALID)
+    return result.plan.tags
+
+
+def _sorts(tags: TagMap, mission: Path) -> list[tuple[str, float, list[int]]]:
+    """The tags of a mission, those of one family and size together, the largest first."""
+    sorts: dict[tuple[str, float], list[int]] = {}
+    for tag in tags:
+        sorts.setdefault((tag.family, tag.size), []).append(tag.id)
+    if not sorts:
+        message = f"`{mission}` has no tags; they stand in `world: {{tags: ...}}`"
+        raise typer.BadParameter(message, param_hint="MISSION")
+    order = sorted(sorts, key=lambda sort: (-sort[1], sort[0]))
+    return [(*sort, sorted(sorts[sort])) for sort in order]
+
+
+def _files(out: Path, pages: Sequence[Page], paper: str) -> Iterator[tuple[Path, bytes]]:
+    """What is to be written: `floor.pdf`, or `floor-1.png`, `floor-2.png`, ... of several pages."""
+    from kybflow.vision.printing.sheets import pdf, png
+
+    if out.suffix == ".pdf":
+        yield out, pdf(pages, paper)
+        return
+    for i, page in enumerate(pages):
+        number = f"-{i + 1}" if len(pages) > 1 else ""
+        yield out.with_name(f"{out.stem}{number}.png"), png(page, paper)
+
+
+def _size(text: str) -> float:
+    from kybflow.core.errors import UnitError
+    from kybflow.core.units import LENGTH, parse_quantity
+
+    try:
+        size = parse_quantity(text, LENGTH)
+    except UnitError as error:
+        message = f"{error}; {error.hint}" if error.hint else str(error)
+        raise typer.BadParameter(message, param_hint="--size") from None
+    if size <= 0.0:
+        raise typer.BadParameter(f"`{text}` must be above 0", param_hint="--size")
+    return size
+
+
+def _numbers(text: str, family: str) -> list[int]:
+    from kybflow.vision.families import FAMILIES
+
+    if family not in FAMILIES:
+        known = ", ".join(FAMILIES)
+        message = f"there is no family `{family}`; there are {known}"
+        raise typer.BadParameter(message, param_hint="--family")
+    most = FAMILIES[family][1]
+    numbers: list[int] = []
+    for part in text.split(","):
+        match = _RANGE.match(part)
+        if match is None:
+            message = f"`{part}` is no number and no range; write it like 0-9,12"
+            raise typer.BadParameter(message, param_hint="--ids")
+        first, last = int(match[1]), int(match[2] or match[1])
+        if not first <= last < most:
+            message = f"`{part}` is no range of {family}, whose tags are 0 to {most - 1}"
+            raise typer.BadParameter(message, param_hint="--ids")
+        numbers += range(first, last + 1)
+    return numbers

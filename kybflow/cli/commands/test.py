@@ -1,0 +1,136 @@
+"""`kybflow test`."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Annotated, cast
+
+import typer
+
+from kybflow.cli.arguments import INVALID, Sets, Target, echo, examples
+
+if TYPE_CHECKING:
+    from kybflow.campaigns.cases import Case, Tried
+
+EXAMPLES = examples(
+    "kybflow test missions",
+    "kybflow test missions/figure_eight.yaml --seeds 0..99",
+    "kybflow test missions --junit report.xml --full",
+)
+_SEEDS = re.compile(r"(\d{1,9})(?:\.\.(\d{1,9}))?")
+_MOST = 100_000
+
+
+def fly_tests(
+    paths: Annotated[list[Path], typer.Argument(help="Missions, or folders with missions below.")],
+    seeds: Annotated[
+        str, typer.Option(help="Seeds to fly each mission with: `0..99`, `3`, or `0,7,20..29`.")
+    ] = "0",
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Flights at a time; one a processor by default.")
+    ] = None,
+    junit: Annotated[Path | None, typer.Option(help="Write JUnit XML to this file.")] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="Fail when a state or transition was never taken.")
+    ] = False,
+    out: Annotated[
+        Path, typer.Option(help="Where the run folders of flights that fail are kept.")
+    ] = Path("runs"),
+    keep: Annotated[bool, typer.Option("--keep", help="Keep every run folder.")] = False,
+    target: Target = None,
+    sets: Sets = None,
+) -> None:
+    """Fly missions as tests, and tell which states and transitions no flight has taken.
+
+    Exit codes:
+
+    0: every flight succeeded.
+    1: one failed.
+    2: a mission or the command line is invalid.
+    3: a driver or device failed, or a process that flew died.
+    130: interrupted.
+    """
+    from datetime import datetime
+
+    from kybflow.campaigns.cases import Case
+    from kybflow.campaigns.finding import missions_under
+
+    folder = out / f"test-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    numbers = _seeds(seeds)
+    found = list(missions_under(paths))
+    if not found:
+        echo(f"no mission is under {', '.join(map(str, paths))}", err=True)
+        raise typer.Exit(INVALID)
+    cases = [
+        Case(path, seed, folder / f"{n}-{path.stem}-{seed}", target, tuple(sets or ()), keep)
+        for n, path in enumerate(found)
+        for seed in numbers
+    ]
+    if junit is not None:
+        _report(junit, ())
+    with _made(folder):
+        raise typer.Exit(_fly(cases, jobs or os.cpu_count() or 1, junit, full))
+
+
+def _fly(cases: Sequence[Case], jobs: int, junit: Path | None, full: bool) -> int:
+    """Fly them and tell what became of them; the exit code."""
+    from rich.console import Console
+
+    from kybflow.campaigns.session import coverage_of, exit_code, run_cases
+    from kybflow.cli.output import Outlet
+    from kybflow.cli.printing.test_results import Bar, show_table
+
+    console = Console(file=cast(IO[str], Outlet(sys.stdout)), emoji=False)
+    with Bar(console, len(cases)) as bar:
+        tried = run_cases(cases, jobs, bar.done)
+    coverage = coverage_of(tried)
+    show_table(console, tried, coverage)
+    if len(tried) < len(cases):
+        console.print(f"stopped after {len(tried)} of {len(cases)} flights", highlight=False)
+    if junit is not None:
+        _report(junit, tried)
+    missed = full and any(one.missed for one in coverage.values())
+    return exit_code(tried, len(cases)) or int(missed)
+
+
+@contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """Make `folder` before anything flies; remove it when nothing was kept in it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"`{folder}` can't be written: {error.strerror}"
+        raise typer.BadParameter(message, param_hint="--out") from None
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            folder.rmdir()
+
+
+def _report(junit: Path, tried: Sequence[Tried]) -> None:
+    from kybflow.campaigns.junit import write_junit
+
+    try:
+        write_junit(junit, tried)
+    except OSError as error:
+        message = f"`{junit}` can't be written: {error.strerror}"
+        raise typer.BadParameter(message, param_hint="--junit") from None
+
+
+def _seeds(text: str) -> list[int]:
+    """`0..99`, `3`, `0,7,20..29` as numbers, each once."""
+    numbers: dict[int, None] = {}
+    for item in text.split(","):
+        match = _SEEDS.fullmatch(item.strip())
+        first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, -1)
+        if not 0 <= last - first < _MOST:
+            message = f"`{item.strip()}` is no seed and no range of seeds; write `7` or `0..99`"
+            raise typer.BadParameter(message, param_hint="--seeds")
+        numbers.update(dict.fromkeys(range(first, last + 1)))
+    return list(numbers)

@@ -1,0 +1,156 @@
+"""Dimensions, their units, and the annotated types that carry them: the unit is in the type.
+
+`Length` is a plain `float` in metres for the reader and for mypy; the dimension in its annotation
+is what the compiler reads to decode `1.2 m`, to write the JSON Schema and to print the table of
+parameters. Inside kybflow every value is SI.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Annotated
+
+from kybflow.core.errors import UnitError
+
+Vec3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """What a quantity measures. `units` maps a unit's symbol to its factor to SI.
+
+    A dimension with `bare_allowed` reads a number without a unit as SI.
+    """
+
+    name: str
+    si: str
+    units: dict[str, float]
+    example: str
+    bare_allowed: bool = True
+
+    def __hash__(self) -> int:
+        return hash(self.name)
+
+
+DEG = math.pi / 180.0
+
+NUMBER = Dimension("number", "", {}, "2")
+LENGTH = Dimension("length", "m", {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3}, "1.2 m")
+SPEED = Dimension(
+    "speed", "m/s", {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6}, "0.5 m/s"
+)
+ACCELERATION = Dimension(
+    "acceleration", "m/s^2", {"m/s^2": 1.0, "m/s2": 1.0, "cm/s^2": 1e-2}, "2 m/s^2"
+)
+ANGLE = Dimension("angle", "rad", {"deg": DEG, "rad": 1.0}, "20 deg", bare_allowed=False)
+ANGULAR_RATE = Dimension(
+    "angular rate", "rad/s", {"deg/s": DEG, "rad/s": 1.0}, "50 deg/s", bare_allowed=False
+)
+DURATION = Dimension("duration", "s", {"s": 1.0, "ms": 1e-3, "min": 60.0}, "300 ms")
+FREQUENCY = Dimension("frequency", "Hz", {"Hz": 1.0, "kHz": 1e3}, "120 Hz")
+MASS = Dimension("mass", "kg", {"kg": 1.0, "g": 1e-3}, "1.05 kg")
+INERTIA = Dimension("inertia", "kg m^2", {"kg m^2": 1.0, "g m^2": 1e-3}, "0.012 kg m^2")
+FORCE = Dimension("force", "N", {"N": 1.0, "mN": 1e-3}, "2.3 N")
+RATIO = Dimension("ratio", "", {"%": 1e-2}, "20 %")
+DAMPING = Dimension("rate constant", "1/s", {"1/s": 1.0}, "0.25 1/s")
+VOLTAGE = Dimension("voltage", "V", {"V": 1.0, "mV": 1e-3}, "14.8 V")
+
+DIMENSIONS: dict[str, Dimension] = {
+    d.name: d
+    for d in (
+        NUMBER, LENGTH, SPEED, ACCELERATION, ANGLE, ANGULAR_RATE, DURATION, FREQUENCY, MASS,
+        INERTIA, FORCE, RATIO, DAMPING, VOLTAGE,
+    )
+}  # fmt: skip
+
+Number = Annotated[float, NUMBER]
+Length = Annotated[float, LENGTH]
+Speed = Annotated[float, SPEED]
+Acceleration = Annotated[float, ACCELERATION]
+Angle = Annotated[float, ANGLE]
+AngularRate = Annotated[float, ANGULAR_RATE]
+Duration = Annotated[float, DURATION]
+Frequency = Annotated[float, FREQUENCY]
+Mass = Annotated[float, MASS]
+Inertia = Annotated[float, INERTIA]
+Force = Annotated[float, FORCE]
+Ratio = Annotated[float, RATIO]
+Damping = Annotated[float, DAMPING]
+Voltage = Annotated[float, VOLTAGE]
+Position = Annotated[Vec3, LENGTH]
+Velocity = Annotated[Vec3, SPEED]
+AngularVelocity = Annotated[Vec3, ANGULAR_RATE]
+Accelerations = Annotated[Vec3, ACCELERATION]
+Inertias = Annotated[Vec3, INERTIA]
+Path = Annotated[tuple[Vec3, ...], LENGTH]
+
+# A number and, after it, a unit: `1.2 m`, `-3e-2m/s`, `0.25 1/s`.
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.].*|1/s)?\s*\Z")
+
+
+def parse_quantity(text: str, dimension: Dimension) -> float:
+    """The value of `text` in the SI unit of `dimension`.
+
+    Raises UnitError, with what was found and what was expected, when the text is no finite
+    quantity, has no unit where one is needed, or has a unit of another dimension.
+    """
+    match = _QUANTITY.match(text)
+    if match is None:
+        raise UnitError(
+            f"`{text}` is not {article(dimension.name)}", f"write it like `{dimension.example}`"
+        )
+    value = float(match[1])
+    unit = (match[2] or "").strip()
+    factor = _factor(text, match[1], unit, dimension)
+    if not math.isfinite(value * factor):
+        raise UnitError(f"`{text}` is not finite", f"write it like `{dimension.example}`")
+    return value * factor
+
+
+def _factor(text: str, number: str, unit: str, dimension: Dimension) -> float:
+    if not unit:
+        if dimension.bare_allowed:
+            return 1.0
+        choices = " or ".join(f"`{number} {u}`" for u in dimension.units)
+        raise UnitError(f"{article(dimension.name)} needs a unit", f"write {choices}")
+    if unit in dimension.units:
+        return dimension.units[unit]
+    for other in DIMENSIONS.values():
+        if unit in other.units:
+            raise UnitError(
+                f"`{text}` is {article(other.name)}, but {article(dimension.name)} is needed",
+                f"write it like `{dimension.example}`",
+            )
+    known = ", ".join(f"`{u}`" for u in dimension.units) or "none"
+    raise UnitError(
+        f"`{unit}` is no unit of {dimension.name}", f"the units of {dimension.name} are {known}"
+    )
+
+
+def article(noun: str) -> str:
+    """`noun` with `a` or `an` before it."""
+    return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
+
+
+def format_quantity(value: float, dimension: Dimension) -> str:
+    """`value` (SI) as a person would write it: `0.034 m`, `20 deg`, `15 %`."""
+    if dimension is ANGLE or dimension is ANGULAR_RATE:
+        return f"{value / DEG:.4g} {'deg' if dimension is ANGLE else 'deg/s'}"
+    if dimension is RATIO:
+        return f"{value * 100:.4g} %"
+    return f"{value:.4g} {dimension.si}".rstrip()
+
+
+_READABLE = {"rad": (1 / DEG, "deg"), "rad/s": (1 / DEG, "deg/s")}
+_SMALL = {"m": (100.0, "cm"), "m/s": (100.0, "cm/s")}
+
+
+def format_measured(value: float, si: str, sign: str = "") -> str:
+    """A measured `value` (in the SI unit `si`) with three digits, as a report shows it: angles in
+    degrees, lengths and speeds below one in centimetres. `sign` "+" shows the plus."""
+    factor, unit = _READABLE.get(si, (1.0, si))
+    if si in _SMALL and abs(value) < 1.0:
+        factor, unit = _SMALL[si]
+    return f"{value * factor:{sign}.3g} {unit}".rstrip()

@@ -1,0 +1,1 @@
+"""How an emulated autopilot flies: modes, setpoints, position control, arming, failsafe."""

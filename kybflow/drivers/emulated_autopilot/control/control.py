@@ -1,0 +1,146 @@
+"""The emulated autopilot's position control: a goal in, attitude and thrust for the attitude loop
+out.
+
+Per axis: v = P (goal - position) + goal's velocity; a = PV (v - velocity) + integral + goal's
+acceleration; thrust along a + g. What the goal leaves out is not controlled. ENU, SI.
+"""
+
+from __future__ import annotations
+
+from math import hypot, tan
+from typing import NamedTuple
+
+from kybflow.core.geometry import (
+    GRAVITY,
+    LEVEL,
+    ZERO,
+    Quat,
+    Vec3,
+    from_thrust_direction,
+    norm,
+    wrap,
+)
+from kybflow.core.signals import Command
+from kybflow.core.units import DEG
+from kybflow.world.vehicle_context import Airframe
+
+Axes = tuple[float | None, float | None, float | None]
+FREE: Axes = (None, None, None)
+POSITION = (1.2, 1.2, 1.5)
+"""Gains of the position, 1/s."""
+VELOCITY = (3.5, 3.5, 5.0)
+"""Gains of the velocity, 1/s."""
+INTEGRAL = (1.0, 1.0, 2.5)
+"""Gains of the velocity's integral, 1/s^2."""
+MOST_INTEGRAL = (2.0, 2.0, 4.0)
+"""Bounds of the integrals, m/s^2."""
+TILT = 35.0 * DEG
+TURNS = 90.0 * DEG
+"""How fast the wanted heading may turn, rad/s."""
+LIGHTEST = 0.15
+"""Least thrust in the air, as a part of the weight: a quadrotor needs some to keep its attitude."""
+
+
+class Goal(NamedTuple):
+    """What is to be followed; None where it isn't said. ENU of the autopilot's own local frame."""
+
+    position: Axes = FREE
+    velocity: Axes = FREE
+    acceleration: Axes = FREE
+    heading: float | None = None
+    heading_rate: float | None = None
+
+
+class Speeds(NamedTuple):
+    """Bounds of what is made of a position's error, m/s."""
+
+    along: float
+    up: float
+    down: float
+
+
+class Control:
+    """`thrust` is the last one, newtons."""
+
+    def __init__(self, airframe: Airframe, heading: float) -> None:
+        self._airframe = airframe
+        self._integral = [0.0, 0.0, 0.0]
+        self._heading = heading
+        self.thrust = 0.0
+
+    def begin(self, heading: float) -> None:
+        """Start anew, at this heading."""
+        self._integral, self._heading = [0.0, 0.0, 0.0], heading
+
+    def ground(self, heading: float) -> Command:
+        """Turn the rotors slowly, on the ground."""
+        self.begin(heading)
+        self.thrust = 0.1 * self._airframe.hover_thrust
+        return Command(LEVEL, self.thrust, ZERO, None)
+
+    def follow(
+        self, goal: Goal, position: Vec3, velocity: Vec3, heading: float, speeds: Speeds, dt: float
+    ) -> Command:
+        """One step of `dt` towards `goal`."""
+        wanted = self._velocity(goal, position, speeds)
+        ax, ay, az = self._acceleration(goal, wanted, velocity, dt)
+        up = max(LIGHTEST * GRAVITY, az + GRAVITY)
+        most = up * tan(TILT)
+        along = hypot(ax, ay)
+        if along > most:
+            ax, ay = ax * most / along, ay * most / along
+        turn = self._turn(goal, dt)
+        force = (ax, ay, up)
+        attitude = from_thrust_direction(force, self._heading)
+        self.thrust = self._bounded(self._airframe.mass * norm(force))
+        return Command(attitude, self.thrust, (0.0, 0.0, turn), heading)
+
+    def hold(self, attitude: Quat, thrust: float, rates: Vec3, heading: float) -> Command:
+        """Hand over an attitude as it is. thrust: newtons."""
+        self._integral = [0.0, 0.0, 0.0]
+        self.thrust = self._bounded(thrust)
+        return Command(attitude, self.thrust, rates, heading)
+
+    def _bounded(self, thrust: float) -> float:
+        return max(0.0, min(self._airframe.max_thrust, thrust))
+
+    def _velocity(self, goal: Goal, position: Vec3, speeds: Speeds) -> Axes:
+        asked: list[float | None] = [None, None, None]
+        for axis, (to, at, gain) in enumerate(zip(goal.position, position, POSITION, strict=True)):
+            if to is not None:
+                asked[axis] = gain * (to - at)
+        x, y, z = asked
+        if x is not None and y is not None and (speed := hypot(x, y)) > speeds.along:
+            x, y = x * speeds.along / speed, y * speeds.along / speed
+        if z is not None:
+            z = max(-speeds.down, min(speeds.up, z))
+        fx, fy, fz = goal.velocity
+        return (_sum(x, fx), _sum(y, fy), _sum(z, fz))
+
+    def _acceleration(self, goal: Goal, wanted: Axes, velocity: Vec3, dt: float) -> Vec3:
+        out = [0.0, 0.0, 0.0]
+        for axis, (to, at, fed) in enumerate(zip(wanted, velocity, goal.acceleration, strict=True)):
+            out[axis] = 0.0 if fed is None else fed
+            if to is not None:
+                most = MOST_INTEGRAL[axis]
+                grown = self._integral[axis] + INTEGRAL[axis] * (to - at) * dt
+                self._integral[axis] = max(-most, min(most, grown))
+                out[axis] += VELOCITY[axis] * (to - at)
+            out[axis] += self._integral[axis]
+        return (out[0], out[1], out[2])
+
+    def _turn(self, goal: Goal, dt: float) -> float:
+        """Turn the wanted heading; how fast it turns."""
+        rate = goal.heading_rate or 0.0
+        if goal.heading is None:
+            self._heading = wrap(self._heading + rate * dt)
+            return rate
+        left = wrap(goal.heading - self._heading)
+        self._heading = wrap(self._heading + max(-TURNS * dt, min(TURNS * dt, left)))
+        return rate
+
+
+def _sum(a: float | None, b: float | None) -> float | None:
+    if a is None:
+        return b
+    return a if b is None else a + b

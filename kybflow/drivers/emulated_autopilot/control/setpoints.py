@@ -1,0 +1,100 @@
+"""What a client asks an emulated autopilot to follow: SET_POSITION_TARGET_* and SET_ATTITUDE_TARGET
+become goals in its own local ENU frame."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.core.geometry import Quat, Vec3, add, from_heading, rotate
+from kybflow.drivers.emulated_autopilot.control.control import FREE, Axes, Goal
+from kybflow.drivers.mavlink.protocol.frames import attitude_from_ned, from_frd, heading_from_ned
+
+LOCAL, LOCAL_OFFSET, BODY, BODY_OFFSET, BODY_FRD = 1, 7, 8, 9, 12
+_YAW, _YAW_RATE = 0x400, 0x800
+_POSITION, _VELOCITY, _ACCELERATION = 0x007, 0x038, 0x1C0
+_ROLL_RATE, _PITCH_RATE, _TURN_RATE, _THRUST, _ATTITUDE = 1, 2, 4, 64, 128
+
+
+class Tilt(NamedTuple):
+    """An attitude, or where it is None body rates, and a throttle of 0 to 1. rates: None where
+    they aren't said."""
+
+    attitude: Quat | None
+    rates: Vec3 | None
+    throttle: float
+
+
+def position_target(message: Any, at: Vec3, heading: float, by_axis: bool) -> Goal | None:
+    """What SET_POSITION_TARGET_LOCAL_NED asks for; None where it asks for nothing, or in a frame
+    that isn't known. at, heading: where the vehicle is, for the frames that go with it. by_axis:
+    whether an axis can be left out alone; otherwise its group is."""
+    m, mask = message, message.type_mask
+    if m.coordinate_frame not in (LOCAL, LOCAL_OFFSET, BODY, BODY_OFFSET, BODY_FRD):
+        return None
+    position = _axes((m.x, m.y, m.z), mask, _POSITION, by_axis)
+    velocity = _axes((m.vx, m.vy, m.vz), mask, _VELOCITY, by_axis)
+    acceleration = _axes((m.afx, m.afy, m.afz), mask, _ACCELERATION, by_axis)
+    turned = m.coordinate_frame in (BODY, BODY_OFFSET, BODY_FRD)
+    if turned:
+        position, velocity, acceleration = (
+            _turned(axes, heading) for axes in (position, velocity, acceleration)
+        )
+    if m.coordinate_frame in (LOCAL_OFFSET, BODY_OFFSET) and None not in position:
+        x, y, z = position
+        position = add(at, (x or 0.0, y or 0.0, z or 0.0))
+    to = rate = None
+    if not mask & _YAW and isfinite(m.yaw):
+        to = heading - m.yaw if turned else heading_from_ned(m.yaw)
+    if not mask & _YAW_RATE and isfinite(m.yaw_rate):
+        rate = -m.yaw_rate
+    if position == velocity == acceleration == FREE:
+        return None
+    return Goal(position, velocity, acceleration, to, rate)
+
+
+def attitude_target(message: Any) -> Tilt | None:
+    """What SET_ATTITUDE_TARGET asks for; None where it leaves out the thrust, or both attitude and
+    rates."""
+    mask = message.type_mask
+    if mask & _THRUST or not isfinite(message.thrust):
+        return None
+    rates = None
+    if not mask & (_ROLL_RATE | _PITCH_RATE | _TURN_RATE):
+        rates = from_frd((message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate))
+    w, x, y, z = message.q
+    attitude = None if mask & _ATTITUDE else attitude_from_ned((w, x, y, z))
+    if attitude is None and rates is None:
+        return None
+    return Tilt(attitude, rates, message.thrust)
+
+
+def as_local(message: Any, ned: Vec3) -> Any:
+    """A SET_POSITION_TARGET_GLOBAL_INT as the local message that means the same. ned: its
+    position in the local frame."""
+    m, (x, y, z) = message, ned
+    return mavlink.MAVLink_set_position_target_local_ned_message(
+        m.time_boot_ms, m.target_system, m.target_component, LOCAL, m.type_mask, x, y, z,
+        m.vx, m.vy, m.vz, m.afx, m.afy, m.afz, m.yaw, m.yaw_rate,
+    )  # fmt: skip
+
+
+def _axes(values: tuple[float, float, float], mask: int, group: int, by_axis: bool) -> Axes:
+    """North, east and down as east, north and up, without those that the mask ignores."""
+    first = group & -group
+    left = [mask & first << axis or not isfinite(v) for axis, v in enumerate(values)]
+    if not by_axis and any(left):
+        return FREE
+    n, e, d = (None if out else v for out, v in zip(left, values, strict=True))
+    return (e, n, None if d is None else -d)
+
+
+def _turned(axes: Axes, heading: float) -> Axes:
+    """Forward, right and down, read as north, east and down, in the world."""
+    right, forward, up = axes
+    if right is None or forward is None:
+        return (None, None, up)
+    x, y, _ = rotate(from_heading(heading), (forward, -right, 0.0))
+    return (x, y, up)

@@ -1,0 +1,1 @@
+"""What an emulated autopilot believes of itself, from its simulated sensors."""

@@ -1,0 +1,1 @@
+"""One file an emulated firmware, and what they have in common."""

@@ -1,0 +1,112 @@
+"""One wire of an emulated autopilot: who listens there, and what is sent to them how often."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping
+from typing import Any
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.core.signals import NEVER, NS, Time
+from kybflow.drivers.emulated_autopilot.state import Failures
+from kybflow.drivers.mavlink.protocol.framing import Counts, Packer, Parser
+from kybflow.drivers.mavlink.protocol.signing import Signing
+from kybflow.drivers.mavlink.transport.udp import UdpIn
+from kybflow.drivers.mavlink.transport.wire import Wire
+
+AUTOPILOT = 1
+"""Our component (MAV_COMP_ID_AUTOPILOT1)."""
+LISTENS: Time = 5 * NS
+"""A ground station is there for so long after its last heartbeat."""
+FASTEST = 250.0
+
+
+class Channel:
+    """`station` is when a ground station's heartbeat was heard last. streams: what is sent from
+    the beginning, hertz."""
+
+    def __init__(
+        self,
+        wire: Wire,
+        system: int,
+        key: bytes | None,
+        streams: Mapping[str, float],
+        failures: Failures,
+        generator: random.Random,
+    ) -> None:
+        self.wire = wire
+        self.station: Time | None = None
+        self.counts = Counts()
+        signing = None if key is None else Signing(key)
+        self._signing = signing
+        self._packer = Packer(system, signing)
+        self._parsers: dict[Any, Parser] = {}
+        self._failures, self._generator = failures, generator
+        self._streams: dict[str, tuple[Time, Time]] = {}
+        self._usual, self._soonest = dict(streams), 0
+        for name, rate in streams.items():
+            self.stream(name, rate)
+
+    def receive(self, now: Time) -> list[Any]:
+        """What was heard since the last call."""
+        heard: list[Any] = []
+        for data, sender in self.wire.receive(now):
+            parser = self._parsers.get(sender)
+            if parser is None:
+                parser = self._parsers[sender] = Parser(self._signing, self.counts)
+            heard += parser.parse(data)
+        return [] if self._failures.deaf else [m for m in heard if not self._is_lost()]
+
+    def send(self, message: Any) -> None:
+        """To everybody on this wire."""
+        if self._failures.silent or self._is_lost():
+            return
+        data = self._packer.pack(message, AUTOPILOT)
+        if isinstance(self.wire, UdpIn):
+            for sender in self._parsers:
+                self.wire.send(data, sender)
+        else:
+            self.wire.send(data)
+
+    def has_station(self, now: Time) -> bool:
+        return self.station is not None and now - self.station < LISTENS
+
+    def stream(self, name: str, rate: float) -> None:
+        """Send a message at `rate` hertz from now on; not at all when it is zero."""
+        self._soonest = 0
+        if rate <= 0.0:
+            self._streams.pop(name, None)
+        else:
+            period = round(NS / min(rate, FASTEST))
+            self._streams[name] = (period, self._streams.get(name, (0, 0))[1])
+
+    def usual(self, name: str) -> float:
+        """The rate with which it began."""
+        return self._usual.get(name, 0.0)
+
+    def interval(self, name: str) -> float:
+        """Seconds between two, 0 where it isn't sent."""
+        return self._streams.get(name, (0, 0))[0] / NS
+
+    def due(self, now: Time) -> list[str]:
+        """The names of the messages that are to be sent now."""
+        if now < self._soonest:
+            return []
+        due = []
+        for name, (period, at) in self._streams.items():
+            if at <= now:
+                due.append(name)
+                behind = now - at >= period
+                self._streams[name] = (period, now + period if behind else at + period)
+        self._soonest = min((at for _, at in self._streams.values()), default=NEVER)
+        return due
+
+    def _is_lost(self) -> bool:
+        return self._failures.drops > 0.0 and self._generator.random() < self._failures.drops
+
+
+def name_of(number: int) -> str:
+    """The name of a kind of message; empty for one that nobody knows."""
+    made = mavlink.mavlink_map.get(number)
+    return "" if made is None else str(made.msgname)

@@ -1,0 +1,93 @@
+"""The mode that is wanted, against the mode that the autopilot says it is in.
+
+Its acknowledgement says that a request was taken; HEARTBEAT or CURRENT_MODE say what is in force,
+and only they count.
+"""
+
+from __future__ import annotations
+
+from kybflow.core.signals import Time
+from kybflow.drivers.mavlink.control.requests import Requests
+from kybflow.drivers.mavlink.control.retries import Insisting
+from kybflow.drivers.mavlink.firmware.profile import Profile
+from kybflow.drivers.mavlink.telemetry.heard import Heard
+
+DO_SET_MODE = 176
+
+
+class Modes:
+    """`wanted` is a mode's name in the profile, None while none is. `was_in_force`: whether the
+    autopilot has been in it since it was wanted. `before`: its mode, as a number, when one was
+    first wanted."""
+
+    def __init__(self, profile: Profile, heard: Heard, requests: Requests) -> None:
+        self.wanted: str | None = None
+        self.was_in_force = False
+        self.before: int | None = None
+        self._profile, self._heard, self._requests = profile, heard, requests
+        self._asking: Insisting | None = None
+
+    @property
+    def reported(self) -> str:
+        """The mode that the autopilot says it is in, by its own name."""
+        mode = self._heard.mode
+        return "no known mode" if mode is None else self._profile.mode_name(mode)
+
+    def is_in(self, name: str) -> bool:
+        """Whether the autopilot says that it is in this mode of the profile."""
+        return self._heard.mode == self._profile.modes[name]
+
+    @property
+    def in_force(self) -> bool:
+        """Whether it is in the wanted mode now."""
+        return self.wanted is not None and self.is_in(self.wanted)
+
+    @property
+    def has_left(self) -> bool:
+        """Whether it was in the wanted mode and is in another now."""
+        return self.was_in_force and not self.in_force
+
+    def want(self, name: str | None) -> None:
+        """Want this mode from now on; None to want none."""
+        if name != self.wanted:
+            self._want(name)
+
+    def again(self) -> None:
+        """Want the same mode anew, though the autopilot has left it."""
+        self._want(self.wanted)
+
+    def step(self, now: Time) -> bool:
+        """Ask for the wanted mode where that is due, once a tick; whether it is in force. A mode
+        that was in force and was left is not asked for again."""
+        if self.wanted is None:
+            return False
+        if self.before is None:
+            self.before = self._heard.mode
+        if self.in_force:
+            self.was_in_force = True
+            self._drop()
+            return True
+        if not self.was_in_force:
+            if self._asking is None:
+                params = self._profile.mode_params(self._profile.modes[self.wanted])
+                self._asking = Insisting(self._requests, DO_SET_MODE, params)
+            self._asking.step(now)
+        return False
+
+    @property
+    def trouble(self) -> str:
+        """Why it is not in the wanted mode, in the autopilot's own words where it gave any."""
+        if self.wanted is None:
+            return "no mode is wanted"
+        name = self._profile.mode_name(self._profile.modes[self.wanted])
+        refusal = self._asking.refusal if self._asking is not None else ""
+        return f"it won't go from {self.reported} to {name}" + (f": {refusal}" if refusal else "")
+
+    def _want(self, name: str | None) -> None:
+        self.wanted, self.was_in_force = name, False
+        self._drop()
+
+    def _drop(self) -> None:
+        if self._asking is not None:
+            self._asking.drop()
+            self._asking = None

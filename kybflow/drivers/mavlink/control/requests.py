@@ -1,0 +1,186 @@
+"""Commands that an autopilot is asked to carry out: acknowledged, sent again, refused in its words.
+
+COMMAND_ACK names the command and nothing more. So of each command one request at a time is on its
+way, and the next one waits for its turn. A newer request on the same matter takes the place of the
+older one, which is not sent again: who disarms does not want to be armed by a late retry. The first
+answer after that counts for the older one.
+
+Sent again after `patience`, then after twice as long each time, up to 2 s. That a command was
+accepted does not say that it was carried out: look at what the autopilot reports.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Literal
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.core.signals import NS, Time
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink.protocol.framing import Message
+    from kybflow.drivers.mavlink.telemetry.heard import Heard
+
+Outcome = Literal["waiting", "accepted", "refused", "silent"]
+
+PATIENCE = 0.3
+ATTEMPTS = 5
+LONGEST: Time = 2 * NS
+WORDS_LATE: Time = 3 * NS // 10
+"""How long after the refusal its reason may come."""
+PROGRESS: Time = 10 * NS
+"""How long a command that is in progress may be silent."""
+
+ACCEPTED, IN_PROGRESS = 0, 5
+RESULTS = (
+    "ACCEPTED", "TEMPORARILY_REJECTED", "DENIED", "UNSUPPORTED", "FAILED", "IN_PROGRESS",
+    "CANCELLED", "COMMAND_LONG_ONLY", "COMMAND_INT_ONLY", "UNSUPPORTED_MAV_FRAME",
+    "NOT_IN_CONTROL",
+)  # fmt: skip
+NUMBERED = frozenset(
+    {
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+        mavlink.MAV_CMD_REQUEST_MESSAGE,
+        mavlink.MAV_CMD_DO_SET_SERVO,
+        mavlink.MAV_CMD_DO_SET_RELAY,
+        mavlink.MAV_CMD_DO_GRIPPER,
+    }
+)
+"""Commands whose first parameter says what they are about."""
+
+
+class Request:
+    """One command, from when it was asked until it ended. `words`: empty while it waits and when
+    it was accepted, else why not, as far as the autopilot says it."""
+
+    def __init__(
+        self, command: int, params: tuple[float, ...], asked: Time, patience: float, attempts: int
+    ) -> None:
+        self.command, self.params, self.asked = command, params, asked
+        self.outcome: Outcome = "waiting"
+        self.words = ""
+        self.sent = 0
+        self.attempts = attempts
+        self.refusal = ""
+        self.is_going_on = False
+        self.next: Time = asked
+        self.wait: Time = round(patience * NS)
+
+    @property
+    def matter(self) -> tuple[float, ...]:
+        """What it is about: a newer request about the same replaces it."""
+        return (self.command, self.params[0]) if self.command in NUMBERED else (self.command,)
+
+    def end(self, outcome: Outcome, words: str = "") -> None:
+        self.outcome, self.words = outcome, words
+
+
+class Requests:
+    """The requests to one autopilot. target: its system and component. own_system: who asks; an
+    answer to somebody else is not ours (0 takes every answer). heard: where its words are."""
+
+    def __init__(self, heard: Heard, *, target: tuple[int, int], own_system: int = 0) -> None:
+        self._heard, self._target, self._own = heard, target, own_system
+        self._waiting: list[Request] = []
+        self._replaced: list[Request] = []
+
+    def ask(
+        self,
+        command: int,
+        *params: float,
+        now: Time,
+        patience: float = PATIENCE,
+        attempts: int = ATTEMPTS,
+    ) -> Request:
+        """Ask for a command (MAV_CMD) with up to seven parameters, the rest being 0. The very one
+        that already waits is given back. patience: seconds until it is sent again. attempts: how
+        often it is sent at most."""
+        filled = (*map(float, params), *(0.0,) * (7 - len(params)))
+        request = Request(command, filled, now, patience, attempts)
+        for other in self._waiting:
+            if other.matter != request.matter or other.refusal:
+                continue
+            if repr(other.params) == repr(filled):  # one NaN is like another
+                return other
+            other.end("refused", "a newer request took its place")
+            if other.sent and not other.is_going_on:
+                self._replaced.append(other)
+        self._waiting.append(request)
+        self._tidy()
+        return request
+
+    def hear(self, message: Message, now: Time) -> None:
+        """Take in one message; all but COMMAND_ACK pass by."""
+        if message.get_type() != "COMMAND_ACK":
+            return
+        if self._own and message.target_system not in (0, self._own):
+            return
+        command = message.command
+        if any(request.command == command for request in self._replaced):
+            self._replaced = [r for r in self._replaced if r.command != command]
+            return
+        for request in self._waiting:
+            if request.command == command and request.sent and not request.refusal:
+                _answer(request, message.result, now)
+                break
+        self._tidy()
+
+    def due(self, now: Time) -> list[Message]:
+        """What is to be sent now, the oldest first. Call it in every tick: it also ends what was
+        refused or not answered."""
+        self._replaced = [request for request in self._replaced if now < request.next]
+        for request in self._waiting:
+            if now >= request.next:
+                self._expire(request)
+        self._tidy()
+        return [self._send(request, now) for request in self._turns() if now >= request.next]
+
+    def _expire(self, request: Request) -> None:
+        """End it if its time is over."""
+        if request.refusal:
+            said = self._heard.words(request.asked)
+            why = f": {said}" if said else ", and it does not say why"
+            request.end("refused", f"refused ({request.refusal}){why}")
+        elif request.is_going_on:
+            request.end("silent", f"{name_of(request.command)} began, and no end of it was told")
+        elif request.sent >= request.attempts:
+            tries = "once" if request.sent == 1 else f"{request.sent} times"
+            request.end("silent", f"no answer to {name_of(request.command)}, sent {tries}")
+
+    def _turns(self) -> Iterator[Request]:
+        """The first request of each command; one that was refused waits for words alone."""
+        seen: set[int] = set()
+        for request in self._waiting:
+            if not request.refusal and request.command not in seen:
+                seen.add(request.command)
+                yield request
+
+    def _send(self, request: Request, now: Time) -> Message:
+        request.next = now + request.wait
+        request.wait = min(2 * request.wait, LONGEST)
+        confirmation = min(request.sent, 255)
+        request.sent += 1
+        return mavlink.MAVLink_command_long_message(
+            *self._target, request.command, confirmation, *request.params
+        )
+
+    def _tidy(self) -> None:
+        self._waiting = [r for r in self._waiting if r.outcome == "waiting"]
+
+
+def name_of(command: int) -> str:
+    """A command as the MAVLink documents call it, such as `DO_SET_MODE`."""
+    entry = mavlink.enums["MAV_CMD"].get(command)
+    return entry.name.removeprefix("MAV_CMD_") if entry else f"command {command}"
+
+
+def _answer(request: Request, result: int, now: Time) -> None:
+    if result == ACCEPTED:
+        request.end("accepted")
+    elif result == IN_PROGRESS:
+        request.is_going_on = True
+        request.next = now + PROGRESS
+    else:
+        request.refusal = RESULTS[result] if result < len(RESULTS) else f"result {result}"
+        request.next = now + WORDS_LATE

@@ -1,0 +1,142 @@
+"""Autopilots met outside a mission: who is heard at an address, and their parameters.
+
+Until it hears us, an autopilot may say nothing; so a heartbeat is sent once a second, as of a
+ground station, for which alone PX4 speaks its texts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.telemetry.heard import Heard
+from kybflow.drivers.mavlink.telemetry.parameters import Parameters
+from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Hub, Port
+from kybflow.drivers.mavlink.transport.wire import Wire
+
+PATIENCE: Time = 6 * NS
+"""How long an autopilot may take until it is heard: some need two of our heartbeats."""
+OTHERS: Time = 3 * NS // 2
+"""How much longer others are waited for."""
+SILENT: Time = 5 * NS
+"""Without a heartbeat for so long, it is gone."""
+FIRMWARES = {3: "ardupilot", 12: "px4"}
+"""Those that fly missions, by MAV_AUTOPILOT."""
+_WAYS = {
+    "udpin": "is the autopilot told to send to that port, and does no other program take it?",
+    "udpout": "does an autopilot listen there?",
+    "tcp": "does an autopilot listen there, and is nobody else connected?",
+    "tcpin": "is the autopilot told to connect there?",
+    "serial": "is it the right device, with the autopilot's baud rate?",
+}
+
+
+class Scout:
+    """Listens on one wire. `heard`: what each autopilot said, by its system id. system: the one
+    that is looked for; none: whoever is there. own_system, key: as in a mission."""
+
+    def __init__(
+        self, wire: Wire, system: int | None, own_system: int, key: bytes | None = None
+    ) -> None:
+        self.heard: dict[int, Heard] = {}
+        self.parameters: dict[int, Parameters] = {}
+        self.now: Time = 0
+        self._wire, self._system, self._own = wire, system, own_system
+        self._hub = Hub({wire.address: wire}, own_system, key)
+        first = system or (1 if own_system != 1 else 2)
+        self._asked = self._hub.port(wire.address, first)
+        self._ports: dict[int, Port] = {first: self._asked}
+        self._beat: Time | None = None
+
+    def step(self, now: Time) -> None:
+        """Hear everybody, and tell everybody that we are there."""
+        self.now = now
+        self._hub.poll(now)
+        for system in sorted(self._asked.heard_from - set(self._ports) - {self._own}):
+            self._ports[system] = self._hub.port(self._wire.address, system)
+        for system, port in self._ports.items():
+            for message in port.take():
+                self._hear(system, message)
+        if self._beat is None or now - self._beat >= NS:
+            self._beat = now
+            for port in self._ports.values():
+                port.send(HEARTBEAT)
+
+    def watch(
+        self, ticks: Iterator[Time], patience: Time, until: Callable[[], bool] = lambda: False
+    ) -> None:
+        """Go on for so long, or `until`."""
+        end = self.now + patience
+        while self.now < end and not until():
+            self.step(next(ticks))
+
+    def find(self, ticks: Iterator[Time]) -> list[int]:
+        """The one that is looked for, as soon as it is heard; else all that are. Raises DriverError
+        where there is none."""
+        self.watch(ticks, PATIENCE, lambda: bool(self._fitting()))
+        if self._system is None and self._fitting():
+            self.watch(ticks, OTHERS)
+        return self.found()
+
+    def found(self) -> list[int]:
+        """Who of those that are looked for is there. Raises DriverError where nobody is: what was
+        heard, what to try."""
+        if fitting := self._fitting():
+            return fitting
+        raise DriverError(self._silence())
+
+    def _fitting(self) -> list[int]:
+        return [s for s in self.there() if self._system in (None, s)]
+
+    def there(self) -> list[int]:
+        """The systems whose autopilot sent a heartbeat."""
+        return sorted(s for s, heard in self.heard.items() if heard.heartbeat is not None)
+
+    def settle(
+        self,
+        system: int,
+        bytewise: bool,
+        ticks: Iterator[Time],
+        names: Iterable[str],
+        writes: Mapping[str, float] | None = None,
+    ) -> Parameters:
+        """Write parameters of an autopilot that was found, then read all of `names` anew. Raises
+        DriverError where it falls silent."""
+        if system not in self.parameters:
+            self.parameters[system] = Parameters(bytewise, target=(system, AUTOPILOT))
+        parameters, written, read = self.parameters[system], writes or {}, tuple(names)
+        for name, value in written.items():
+            parameters.write(name, value, self.now)
+        self._await(system, parameters, tuple(written), ticks)
+        parameters.read(read, self.now, again=True)
+        self._await(system, parameters, read, ticks)
+        return parameters
+
+    def _await(
+        self, system: int, parameters: Parameters, names: tuple[str, ...], ticks: Iterator[Time]
+    ) -> None:
+        while not parameters.is_complete(names):
+            for message in parameters.due(self.now):
+                self._ports[system].send(message)
+            self.step(next(ticks))
+            heartbeat = self.heard[system].heartbeat
+            if heartbeat is None or self.now - heartbeat > SILENT:
+                raise DriverError(
+                    f"system {system} at {self._wire.address} fell silent: is it still powered and"
+                    " in reach?"
+                )
+
+    def _hear(self, system: int, message: Message) -> None:
+        self.heard.setdefault(system, Heard()).hear(message, self.now)
+        if system in self.parameters:
+            self.parameters[system].hear(message, self.now)
+
+    def _silence(self) -> str:
+        if others := self.there():
+            names = ", ".join(str(system) for system in others)
+            return f"system {self._system} is not heard at {self._wire.address}, but {names}"
+        trouble = self._asked.trouble() or f"no autopilot is heard at {self._wire.address}"
+        way = _WAYS.get(self._wire.address.partition(":")[0])
+        return f"{trouble}; {way}" if way else trouble

@@ -1,0 +1,198 @@
+"""ArduPilot Copter, as seen in version 4.5.7 with its own simulator."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from kybflow.drivers.mavlink.control.latency import Lag
+from kybflow.drivers.mavlink.firmware.profile import (
+    DO_GRIPPER,
+    DO_SET_RELAY,
+    DO_SET_SERVO,
+    GRAB,
+    OWN,
+    RELEASE,
+    Ask,
+    Danger,
+    Output,
+    Profile,
+    Setting,
+    named,
+)
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink.protocol.framing import Message
+    from kybflow.drivers.mavlink.telemetry.heard import Heard
+
+NAMES = MappingProxyType(
+    {
+        0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL",
+        7: "CIRCLE", 9: "LAND", 11: "DRIFT", 13: "SPORT", 14: "FLIP", 15: "AUTOTUNE",
+        16: "POSHOLD", 17: "BRAKE", 18: "THROW", 19: "AVOID_ADSB", 20: "GUIDED_NOGPS",
+        21: "SMART_RTL",
+    }
+)  # fmt: skip
+HAS_POSITION, GUESSES = 16, 128
+"""In the flags of its estimator: an absolute position; one that is held for want of any."""
+GRIPPER, RELAY, FREE = 28, -1, 0
+"""What an output may be for: the gripper, a pin that is on or off, or nothing, which is free to be
+commanded."""
+FIRST_AUXILIARY = 9
+"""The first auxiliary output, which is relay 0 where it is one."""
+OPEN, CLOSED = 1100.0, 1900.0
+"""Microseconds."""
+GATE = 0.6
+"""Metres: how far off its estimator still takes a position, three times the 0.2 m that it gives
+every position from outside at least."""
+FINEST = 0.02
+
+_CLIMBS = "it would climb and return"
+INDOORS = (
+    Setting("VISO_TYPE", 1, "takes poses from kybflow", restart=True),
+    Setting("EK3_SRC1_POSXY", 6, "its position is the one from kybflow"),
+    Setting("EK3_SRC1_VELXY", 0, "no velocity of GPS"),
+    Setting("EK3_SRC1_POSZ", 6, "heights are those of kybflow's world"),
+    Setting("EK3_SRC1_VELZ", 0, "no velocity of GPS"),
+    Setting("EK3_SRC1_YAW", 6, "its heading is the one from kybflow"),
+    Setting("GPS_TYPE", 0, "no GPS indoors", restart=True),
+    Setting("COMPASS_ENABLE", 0, "no compass among steel and currents", restart=True),
+    Setting("FS_THR_ENABLE", 0, "it flies without a transmitter; with one, 3 (land) is as good",
+            {3: "it lands when its transmitter is lost"}),
+    Setting("FS_GCS_ENABLE", 5, "it lands when our heartbeat stops"),
+    Setting("FS_GCS_TIMEOUT", 2.0, "it notices within two seconds that our heartbeat stopped",
+            rule="at_most"),
+    Setting("SYSID_MYGCS", OWN, "the heartbeat that it waits for is ours"),
+    Setting("FS_EKF_ACTION", 1, "it lands when it has lost its position in a mode that needs one",
+            {3: "it lands when it has lost its position, in every mode"}),
+    Setting("GUID_TIMEOUT", 0.5, "it stops within half a second when accelerations, velocities or"
+            " attitudes stop; a position alone it holds", rule="at_most"),
+    Setting("GUID_OPTIONS", 8, "thrust is thrust, not a climb rate", rule="bits"),
+)  # fmt: skip
+
+_RETRACES, _FALLS = "it would fly back the way it came", "its rotors would stop in the air"
+_EARLY_RETURN = MappingProxyType(
+    dict.fromkeys((2, 6), f"on a low battery {_CLIMBS}")
+    | dict.fromkeys((3, 4), f"on a low battery {_RETRACES}")
+)
+_EARLY_END = MappingProxyType({5: f"on a low battery {_FALLS}"})
+DANGERS = (
+    Danger(
+        "FS_GCS_ENABLE",
+        {0: "without our heartbeat nothing would happen, a position set-point is held for ever"},
+        "5 (land)",
+    ),
+    Danger(
+        "FS_GCS_ENABLE",
+        dict.fromkeys((1, 2, 6), f"without our heartbeat {_CLIMBS}")
+        | dict.fromkeys((3, 4), f"without our heartbeat {_RETRACES}"),
+        "5 (land)", indoors=True,
+    ),
+    Danger(
+        "FS_GCS_TIMEOUT", cure="2", above=5.0,
+        excess="for so many seconds it would fly on without our heartbeat",
+    ),
+    Danger("SYSID_MYGCS", others="it waits for another program's heartbeat, not for ours"),
+    Danger(
+        "FS_EKF_ACTION",
+        {
+            0: "without a position it would fly on",
+            2: "without a position it would take its climb from a throttle stick, and fall where"
+            " there is none",
+        },
+        "1 (land)",
+    ),
+    Danger(
+        "GUID_TIMEOUT", cure="0.5", above=3.0,
+        excess="for so many seconds it would fly on with the last velocity or acceleration",
+    ),
+    Danger("BATT_FS_LOW_ACT", _EARLY_END, "1 (land)"),
+    Danger("BATT_FS_CRT_ACT", _EARLY_END, "1 (land)"),
+    Danger("BATT_FS_LOW_ACT", _EARLY_RETURN, "1 (land)", indoors=True),
+    Danger("BATT_FS_CRT_ACT", _EARLY_RETURN, "1 (land)", indoors=True),
+)  # fmt: skip
+
+
+def mode_params(custom_mode: int) -> tuple[float, float, float]:
+    return (1.0, float(custom_mode), 0.0)
+
+
+def default_address(system: int) -> str:
+    return f"tcp:127.0.0.1:{5760 + 10 * (system - 1)}"
+
+
+def output(channel: int, _simulator: bool) -> Output:
+    number = FIRST_AUXILIARY - 1 + channel
+    return Output(number, f"SERVO{number}_FUNCTION")
+
+
+def grip(channel: int, is_open: bool, function: float | None) -> tuple[Ask, ...]:
+    """An open relay is off. Its gripper is the first one."""
+    servo = Ask(DO_SET_SERVO, (float(channel), OPEN if is_open else CLOSED))
+    gripper = Ask(DO_GRIPPER, (1.0, RELEASE if is_open else GRAB))
+    if function is None:
+        return (servo, gripper)
+    if function == RELAY:
+        number = float(max(channel - FIRST_AUXILIARY, 0))
+        return (Ask(DO_SET_RELAY, (number, 0.0 if is_open else 1.0), seen=False),)
+    if function == GRIPPER:
+        return (gripper,)
+    return (servo,) if function == FREE else ()
+
+
+def ready(heard: Heard) -> str | None:
+    """It calls itself ready in STABILIZE without a position, with which GUIDED then won't arm."""
+    if heard.mode is None or NAMES.get(heard.mode) != "GUIDED":
+        return "it says whether it can be armed only of the mode in which it is: not GUIDED yet"
+    if heard.ekf is None:
+        return "its estimator is unheard"
+    if not heard.ekf & HAS_POSITION:
+        return f"it has no position yet (EKF_STATUS_REPORT flags {heard.ekf})"
+    if heard.ready is None:
+        return "its health is unheard"
+    return None if heard.ready else "its checks before arming have not passed"
+
+
+def spread(status: Message) -> float | None:
+    """Of EKF_STATUS_REPORT, whose variance is no variance but how far off the last position was, as
+    a share of what is still taken; so this is a bound, not an estimate."""
+    if not status.flags & HAS_POSITION or status.flags & GUESSES:
+        return None
+    return max(GATE * float(status.pos_horiz_variance), FINEST)
+
+
+ARDUPILOT = Profile(
+    name="ardupilot",
+    names=NAMES,
+    modes=named(NAMES, offboard="GUIDED", land="LAND", hold="BRAKE"),
+    streams=MappingProxyType(
+        {
+            "HEARTBEAT": 5.0, "SYS_STATUS": 5.0, "EXTENDED_SYS_STATE": 10.0,
+            "ATTITUDE_QUATERNION": 50.0, "LOCAL_POSITION_NED": 50.0, "RAW_IMU": 100.0,
+            "EKF_STATUS_REPORT": 5.0, "BATTERY_STATUS": 2.0, "SERVO_OUTPUT_RAW": 10.0,
+            "ATTITUDE_TARGET": 10.0, "RC_CHANNELS": 10.0, "GPS_RAW_INT": 5.0,
+            "GLOBAL_POSITION_INT": 5.0,
+        }
+    ),
+    simulator_streams=MappingProxyType({"SIM_STATE": 50.0}),
+    indoors=INDOORS,
+    dangers=DANGERS,
+    streams_first=False,
+    climbs=True,
+    needs_origin=True,
+    raises=True,
+    integer_parameters_bytewise=False,
+    hover_parameter="MOT_THST_HOVER",
+    reaction="FS_GCS_ENABLE",
+    feeds=("VISO_TYPE", "EK3_SRC1_POSXY", "EK3_SRC1_POSZ", "EK3_SRC1_YAW"),
+    feeds_own=("GPS_TYPE", "EK3_SRC1_POSXY"),
+    lag=Lag(position=0.1, acceleration=0.2),
+    takeoff_height=0.5,
+    sphere=6_378_100.0,
+    mode_params=mode_params,
+    default_address=default_address,
+    output=output,
+    grip=grip,
+    ready=ready,
+    spread=spread,
+)  # fmt: skip

@@ -1,0 +1,191 @@
+"""PX4, as seen in version 1.18 with its simulator SIH."""
+
+from __future__ import annotations
+
+from math import isfinite
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from kybflow.drivers.mavlink.control.latency import Lag
+from kybflow.drivers.mavlink.firmware.profile import (
+    DO_GRIPPER,
+    DO_SET_ACTUATOR,
+    GRAB,
+    RELEASE,
+    Ask,
+    Danger,
+    Output,
+    Profile,
+    Setting,
+    named,
+)
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink.protocol.framing import Message
+    from kybflow.drivers.mavlink.telemetry.heard import Heard
+
+AUTO = 4
+NAMES = MappingProxyType(
+    {
+        main << 16 | sub << 24: name
+        for main, sub, name in (
+            (1, 0, "MANUAL"), (2, 0, "ALTITUDE"), (3, 0, "POSITION"), (5, 0, "ACRO"),
+            (6, 0, "OFFBOARD"), (7, 0, "STABILIZED"), (AUTO, 2, "TAKEOFF"), (AUTO, 3, "HOLD"),
+            (AUTO, 4, "MISSION"), (AUTO, 5, "RETURN"), (AUTO, 6, "LAND"), (AUTO, 8, "FOLLOW"),
+            (AUTO, 9, "PRECISION_LAND"),
+        )
+    }
+)  # fmt: skip
+HAS_POSITION = 8 | 16
+"""In the flags of its estimator: a horizontal position, relative or absolute."""
+MOTORS = 4
+GRIPPER, FIRST_SET, SETS = 430, 301, 6
+"""What an output may be for: the gripper, or one of the six actuator sets."""
+
+INDOORS = (
+    Setting("EKF2_EV_CTRL", 15, "takes position, height, velocity and heading from kybflow"),
+    Setting("EKF2_EVP_NOISE", 0.01, "believes a position to a centimetre", rule="at_most"),
+    Setting("EKF2_EVV_NOISE", 0.05, "believes a velocity to 5 cm/s", rule="at_most"),
+    Setting("EKF2_EVA_NOISE", 0.03, "believes a heading to 2 degrees", rule="at_most"),
+    Setting("EKF2_HGT_REF", 3, "heights are those of kybflow's world", restart=True),
+    Setting("EKF2_GPS_CTRL", 0, "no GPS indoors"),
+    Setting("EKF2_MAG_TYPE", 5, "no compass among steel and currents", restart=True),
+    Setting("EKF2_RNG_CTRL", 0, "a range finder would take the height over, 0.3 m off"),
+    Setting("EKF2_BARO_CTRL", 1, "without vision the barometer must still tell that it landed"),
+    Setting("SYS_HAS_GPS", 0, "it would not arm without one", restart=True),
+    Setting("SYS_HAS_MAG", 0, "it would not arm without one", restart=True),
+    Setting("COM_ARM_WO_GPS", 1, "it may be armed without GPS, and warns",
+            {2: "it may be armed without GPS, without a warning"}),
+    Setting("COM_OBL_RC_ACT", 4, "it lands when set-points stop",
+            {5: "it holds where it is when set-points stop, and lands when it has no position"}),
+    Setting("COM_OF_LOSS_T", 0.5, "it notices within half a second that they stopped, and goes on"
+            " with the last one no longer", rule="at_most"),
+    Setting("COM_RCL_EXCEPT", 4, "it follows set-points without a transmitter", rule="bits"),
+    Setting("NAV_RCL_ACT", 3, "it lands when a transmitter is lost in another mode",
+            {1: "it holds where it is when a transmitter is lost in another mode"}),
+    Setting("COM_LOW_BAT_ACT", 2, "it lands where it is on a critical battery",
+            {0: "it only warns of a critical battery: kybflow lands it, or nobody does"}),
+    Setting("EKF2_ACC_NOISE", 1.0, "the simulated accelerometer is as noisy", simulator_only=True),
+    Setting("EKF2_GYR_NOISE", 0.03, "the simulated gyroscope is noisy too", simulator_only=True),
+    Setting("SIH_KDV", 0.25, "a drag as airframes of kybflow's library have it, not four times as "
+            "much", simulator_only=True),
+    Setting("EKF2_TAU_POS", 0.1, "so its output follows the poses sooner", simulator_only=True),
+    Setting("EKF2_TAU_VEL", 0.1, "and its velocity too", simulator_only=True),
+    Setting("SENS_EN_GPSSIM", 0, "no GPS in the simulator either",
+            simulator_only=True, restart=True),
+    Setting("SENS_EN_MAGSIM", 0, "no compass in the simulator either",
+            simulator_only=True, restart=True),
+)  # fmt: skip
+
+_CLIMBS, _FALLS = "it would climb and return", "its rotors would stop in the air"
+_GIVEN_UP = {
+    value: f"without set-points it would change to {mode}, and without a transmitter climb and"
+    " return"
+    for value, mode in ((0, "POSITION"), (1, "ALTITUDE"), (2, "STABILIZED"))
+}
+_UNHEARD = "3 (land), or 0 (nothing: lost set-points count)"
+DANGERS = (
+    Danger(
+        "COM_OBL_RC_ACT",
+        _GIVEN_UP | dict.fromkeys((6, 7), f"without set-points {_FALLS}"),
+        "4 (land)",
+    ),
+    Danger("COM_OBL_RC_ACT", {3: f"without set-points {_CLIMBS}"}, "4 (land)", indoors=True),
+    Danger(
+        "COM_OF_LOSS_T", cure="0.5", above=1.0,
+        excess="for so many seconds it would fly on without set-points",
+    ),
+    Danger("NAV_DLL_ACT", dict.fromkeys((5, 6), f"without our heartbeat {_FALLS}"), _UNHEARD),
+    Danger("NAV_DLL_ACT", {2: f"without our heartbeat {_CLIMBS}"}, _UNHEARD, indoors=True),
+    Danger(
+        "COM_LOW_BAT_ACT", dict.fromkeys((1, 3), f"on a critical battery {_CLIMBS}"), "2 (land)",
+        indoors=True,
+    ),
+)  # fmt: skip
+
+
+def mode_params(custom_mode: int) -> tuple[float, float, float]:
+    return (1.0, float(custom_mode >> 16 & 0xFF), float(custom_mode >> 24 & 0xFF))
+
+
+def default_address(system: int) -> str:
+    return f"udpin:127.0.0.1:{14540 + system - 1}"
+
+
+def output(channel: int, simulator: bool) -> Output:
+    """The simulator has main outputs alone, of which motors take four."""
+    if simulator:
+        return Output(MOTORS + channel, f"PWM_MAIN_FUNC{MOTORS + channel}")
+    return Output(channel, f"PWM_AUX_FUNC{channel}", shown=False)
+
+
+def grip(_channel: int, is_open: bool, function: float | None) -> tuple[Ask, ...]:
+    """Its acknowledgement of either is no proof: only the pulses are."""
+    gripper = Ask(DO_GRIPPER, (1.0, RELEASE if is_open else GRAB))
+    if function == GRIPPER:
+        return (gripper,)
+    if function is None:
+        return (gripper, _actuator(1, is_open))
+    number = int(function) - FIRST_SET + 1 if isfinite(function) else 0
+    return (_actuator(number, is_open),) if 1 <= number <= SETS else ()
+
+
+def ready(heard: Heard) -> str | None:
+    if heard.mode is None or NAMES.get(heard.mode) != "OFFBOARD":
+        return "it says whether it can be armed only of the mode in which it is: not OFFBOARD yet"
+    if heard.ready:
+        return None
+    if heard.ekf is not None and not heard.ekf & HAS_POSITION:
+        return f"it has no position yet (ESTIMATOR_STATUS flags {heard.ekf})"
+    return (
+        "it says that it is not ready to arm" if heard.ready is False else "its health is unheard"
+    )
+
+
+def spread(status: Message) -> float | None:
+    """Of ESTIMATOR_STATUS, which has it in metres."""
+    return float(status.pos_horiz_accuracy) if status.flags & HAS_POSITION else None
+
+
+def _actuator(number: int, is_open: bool) -> Ask:
+    """One of six, -1 open, 1 closed. The others' NaN leaves them as they are."""
+    values = [float("nan")] * SETS
+    values[number - 1] = -1.0 if is_open else 1.0
+    return Ask(DO_SET_ACTUATOR, (*values, 0.0))
+
+
+PX4 = Profile(
+    name="px4",
+    names=NAMES,
+    modes=named(NAMES, offboard="OFFBOARD", land="LAND", hold="HOLD"),
+    streams=MappingProxyType(
+        {
+            "HEARTBEAT": 5.0, "CURRENT_MODE": 5.0, "SYS_STATUS": 5.0, "EXTENDED_SYS_STATE": 10.0,
+            "ATTITUDE_QUATERNION": 50.0, "LOCAL_POSITION_NED": 50.0, "HIGHRES_IMU": 100.0,
+            "ESTIMATOR_STATUS": 5.0, "BATTERY_STATUS": 2.0, "SERVO_OUTPUT_RAW": 10.0,
+            "ATTITUDE_TARGET": 10.0, "RC_CHANNELS": 10.0, "GPS_RAW_INT": 5.0,
+            "GLOBAL_POSITION_INT": 5.0,
+        }
+    ),
+    simulator_streams=MappingProxyType({"HIL_STATE_QUATERNION": 50.0}),
+    indoors=INDOORS,
+    dangers=DANGERS,
+    streams_first=True,
+    climbs=False,
+    needs_origin=False,
+    raises=False,
+    integer_parameters_bytewise=True,
+    hover_parameter="MPC_THR_HOVER",
+    reaction="COM_OBL_RC_ACT",
+    feeds=("EKF2_EV_CTRL", "EKF2_HGT_REF"),
+    feeds_own=("EKF2_GPS_CTRL",),
+    lag=Lag(position=0.12, acceleration=0.2),
+    takeoff_height=0.5,
+    sphere=None,
+    mode_params=mode_params,
+    default_address=default_address,
+    output=output,
+    grip=grip,
+    ready=ready,
+    spread=spread,
+)  # fmt: skip

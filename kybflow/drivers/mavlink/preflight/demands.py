@@ -1,0 +1,134 @@
+"""What is demanded of an autopilot's parameters before it flies.
+
+Those with which it would be dangerous once this program or the link dies are its `watchdog`. What
+flight without GPS needs beside them is `parameters`: a line for each that is wrong, and the command
+that sets them. Each is told once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from kybflow.core.details import detailed
+from kybflow.drivers.mavlink.firmware.profile import Setting
+from kybflow.parts import Check
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink import MavlinkParams
+    from kybflow.drivers.mavlink.contact import Contact
+
+
+class Demands:
+    """Of one autopilot. params: how the mission has it."""
+
+    def __init__(self, contact: Contact, params: MavlinkParams) -> None:
+        self._profile, self._parameters = contact.profile, contact.parameters
+        self._contact = contact
+        self._is_outside, self._system = contact.is_outside, contact.port.system
+        self._params, self._own = params, params.own_system
+        feeds = contact.profile.feeds if self._is_outside else contact.profile.feeds_own
+        self._feeds = feeds
+
+    def names(self) -> list[str]:
+        """The parameters that are looked at."""
+        settings = (setting.name for setting in self._settings())
+        dangers = (danger.name for danger in self._profile.dangers)
+        return list(dict.fromkeys((*settings, *dangers, *self._feeds)))
+
+    def watchdog(self) -> Check:
+        """Whether it goes safe by itself."""
+        names = [danger.name for danger in self._profile.dangers]
+        if not self._parameters.is_complete(names):
+            return Check("watchdog", False, "its parameters are being read")
+        if dangers := self._dangers():
+            said = f"dangerous: {', '.join(dangers)}"
+            return Check("watchdog", False, detailed(said, dangers.values()), waits=False)
+        if (reaction := self._profile.reaction) not in self._parameters.values:
+            reason = f"it does not tell {reaction}, what it does once this program is dead"
+            reason += self._contact.unheeded or ": does it hear us?"
+            return Check("watchdog", False, reason, waits=False)
+        return Check("watchdog", True, self._reaction() + self._missing(names))
+
+    def set_up(self) -> Check:
+        """Whether it is set up for flight without GPS."""
+        settings, values = list(self._settings()), self._parameters.values
+        names = [setting.name for setting in settings]
+        if not self._parameters.is_complete(names):
+            known = sum(name in values for name in names)
+            return Check("parameters", False, f"{known} of {len(names)} have been read")
+        wrong = [s for s in settings if self._is_wrong(s)]
+        if not wrong:
+            return Check("parameters", True, "set for flight without GPS" + self._missing(names))
+        said = f"{len(wrong)} of {len(names)} are not as flight without GPS needs them"
+        dangers = self._dangers()
+        rest = [setting for setting in wrong if setting.name not in dangers]
+        if len(rest) < len(wrong):
+            said += f", {len(wrong) - len(rest)} of these under `watchdog`"
+        rows = [*self._table(rest), f"to set all of them: `{self._cure()} --write`"]
+        return Check("parameters", False, detailed(said, rows), waits=False)
+
+    def fed(self) -> str:
+        """What its position is to be made of, and the way out where it has none."""
+        values = self._parameters.values
+        known = ", ".join(f"{name} {values[name]:g}" for name in self._feeds if name in values)
+        if not self._is_outside:
+            return f"it is to find its own by {known}: are there satellites to be seen?"
+        if any(self._is_wrong(setting) for setting in self._settings()):
+            return "it is not set up to take the one that it is told: see `parameters`"
+        return (
+            f"it is told one, and set up to take it ({known}): parameters that were just written"
+            " may count only after it has started anew"
+        )
+
+    def _settings(self) -> Iterator[Setting]:
+        """What must be set for flight without GPS, where it flies without."""
+        if self._is_outside:
+            for setting in self._profile.indoors:
+                if self._params.simulator or not setting.simulator_only:
+                    yield setting
+
+    def _dangers(self) -> dict[str, str]:
+        """What is dangerous, by the parameter's name."""
+        values = self._parameters.values
+        return self._profile.dangers_in(values, self._own, indoors=self._is_outside)
+
+    def _reaction(self) -> str:
+        """What it does once this program is dead, by a parameter that is not dangerous."""
+        name, values = self._profile.reaction, self._parameters.values
+        setting = next(s for s in self._profile.indoors if s.name == name)
+        if not self._is_wrong(setting):
+            return setting.does(values[name])
+        return f"{name} is {values[name]:g}, which is not dangerous here"
+
+    def _table(self, wrong: Sequence[Setting]) -> Iterator[str]:
+        """A line for each: name, what it is, what it should be, why."""
+        values, own = self._parameters.values, self._own
+        cells = [
+            (f"{s.name} is {values[s.name]:g},", f"should be {s.wanted(own, values[s.name]):g}:")
+            for s in wrong
+        ]
+        found, wanted = (max((len(row[i]) for row in cells), default=0) for i in range(2))
+        for row, setting in zip(cells, wrong, strict=True):
+            yield f"{row[0]:{found}}  {row[1]:{wanted}}  {setting.why}"
+
+    def _cure(self) -> str:
+        """The command that looks at its parameters."""
+        params = self._params
+        words = f"kybflow mavlink setup --vehicle {self._profile.name} --system {self._system}"
+        if params.address is not None:
+            words += f" --address {params.address}"
+        if params.own_system != type(params).own_system:
+            words += f" --own-system {params.own_system}"
+        if params.key is not None:
+            words += f" --key {params.key}"
+        return words + (" --simulator" if params.simulator else "")
+
+    def _is_wrong(self, setting: Setting) -> bool:
+        """Whether it is known, and will not do."""
+        found = self._parameters.values.get(setting.name)
+        return found is not None and not setting.accepts(found, self._own)
+
+    def _missing(self, names: list[str]) -> str:
+        missing = [name for name in dict.fromkeys(names) if name in self._parameters.missing]
+        return f"; it does not know {', '.join(missing)}" if missing else ""

@@ -1,0 +1,100 @@
+"""Signatures of MAVLink 2 messages: who knows the secret may speak, and each frame counts once.
+
+13 bytes after the checksum: link id, time (48 bits, steps of 10 us since 1 January 2015, UTC), and
+the first 6 bytes of SHA-256 over the secret and all bytes before them. A frame is refused unless
+its time is later than the last of its stream (link id, system, component), and, for a new stream,
+no more than a minute before our own. Nothing is exempt, RADIO_STATUS neither.
+
+This is not left to pymavlink, which believes the time of a frame before it has looked at the
+signature: one forged frame would silence a vehicle.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from hashlib import sha256
+from hmac import compare_digest
+from pathlib import Path
+from string import hexdigits
+
+from kybflow.core.errors import DriverError
+
+SIGNATURE = 13
+"""Bytes of a signature with its link id and its time."""
+STEP = 10_000
+"""Nanoseconds."""
+EPOCH = 1_420_070_400_000_000_000
+"""Nanoseconds from 1970 to 2015."""
+MINUTE = 60 * 100_000
+KEY = 32
+
+
+class Signing:
+    """Signs what goes out and judges what comes in. read: nanoseconds since 1970."""
+
+    def __init__(self, key: bytes, read: Callable[[], int] = time.time_ns) -> None:
+        """Raises DriverError unless the key has 32 bytes."""
+        if len(key) != KEY:
+            raise DriverError(f"the key of signed messages has {len(key)} bytes, not {KEY}")
+        self._key, self._read = key, read
+        self._newest = 0
+        self._last: dict[tuple[int, int, int], int] = {}
+
+    def signature(self, frame: bytes, link: int) -> bytes:
+        """What follows a frame."""
+        self._newest = max(self._newest + 1, self._now())
+        data = frame + bytes((link,)) + self._newest.to_bytes(6, "little")
+        return data[len(frame) :] + sha256(self._key + data).digest()[:6]
+
+    def knows(self, frame: bytes) -> bool:
+        """Whether whoever signed a frame has the secret, however old it is."""
+        return compare_digest(sha256(self._key + frame[:-6]).digest()[:6], frame[-6:])
+
+    def accepts(self, frame: bytes, system: int, component: int) -> bool:
+        """Whether a signed frame of that sender is right, and new."""
+        if not self.knows(frame):
+            return False
+        stream = (frame[-13], system, component)
+        stamp = int.from_bytes(frame[-12:-6], "little")
+        last = self._last.get(stream)
+        if stamp <= last if last is not None else stamp + MINUTE < max(self._newest, self._now()):
+            return False
+        self._last[stream] = stamp
+        self._newest = max(self._newest, stamp)
+        return True
+
+    def _now(self) -> int:
+        return max(0, self._read() - EPOCH) // STEP
+
+
+def read_key(path: Path) -> bytes:
+    """The secret in a file: 32 bytes, 64 hexadecimal digits, or a passphrase, whose SHA-256 it then
+    is, as for QGroundControl and MAVProxy. Space around a text is no part of it. Raises
+    DriverError."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DriverError(f"no key can be read from `{path}`: {error.strerror}") from error
+    text = _text(data)
+    if text is None:
+        if len(data) != KEY:
+            raise DriverError(
+                f"`{path}` has {len(data)} bytes, which are no text: a key is {KEY} bytes,"
+                f" {2 * KEY} hexadecimal digits or a passphrase"
+            )
+        return data
+    if not text:
+        raise DriverError(f"`{path}` is empty: write a passphrase into it")
+    if len(text) == 2 * KEY and all(character in hexdigits for character in text):
+        return bytes.fromhex(text)
+    return sha256(text.encode()).digest()
+
+
+def _text(data: bytes) -> str | None:
+    """None where it can't be one; 32 random bytes look like one never."""
+    try:
+        text = data.decode().strip()
+    except UnicodeDecodeError:
+        return None
+    return text if text.isprintable() else None

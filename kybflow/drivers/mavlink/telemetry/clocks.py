@@ -1,0 +1,158 @@
+"""The clock of an autopilot and ours.
+
+An autopilot stamps what it says with the time since it booted. `BootClock` brings that to the run's
+time by the least delay (`kybflow.core.clock_offset`): a message is heard at a tick, up to a tick
+late, but of some hundred a second a few come just before one. `TimeSync` measures the same offset
+there and back. Its answers too wait for a tick, on one of the two ways only: its offset is half of
+that wrong, some 2 ms, whatever is averaged. So stamps come from `BootClock`, and `TimeSync` says
+how long the way is, and answers the autopilot.
+
+What it answers with is not the run's time but the autopilot's own, as `BootClock` knows it. An
+autopilot that has learned the offset adds it to the stamps that we send; one that has not takes
+them as they are. With answers in its own time the offset is near zero, and stamps in its own time
+are right for both.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.core.clock_offset import Offset
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.protocol.framing import Message
+
+MS: Time = NS // 1000
+BACK: Time = NS
+"""A stamp so far before the newest is of another boot, or late."""
+AGREED = 3
+"""As many of them in a row are of another boot."""
+LONGEST_UP = 10 * 365 * 86400 * NS
+"""A stamp that is later counts from 1970, not from the boot."""
+OFTEN: Time = NS // 10
+SELDOM: Time = NS
+FIRST = 20
+"""Requests that are sent often."""
+MEMORY: Time = 10 * NS
+SLOW: Time = 5 * MS
+"""A round trip that is longer than the least one by more than this says nothing of the offset."""
+
+
+class BootClock:
+    """`reboots`: how often the autopilot has started anew since it was first heard."""
+
+    def __init__(self) -> None:
+        self.reboots = 0
+        self._offset = Offset()
+        self._known: Time | None = None
+        self._newest: tuple[Time, Time] | None = None
+        self._back = 0
+
+    def to_run(self, boot: Time, now: Time) -> Time:
+        """When something happened that came now and is stamped with nanoseconds since the boot.
+        Never in the future, and never before what is stamped earlier."""
+        if self._newest is not None and boot < self._newest[0] - BACK:
+            self._back += 1
+            if self._back < AGREED:
+                return now
+            self._begin()
+        self._back = 0
+        offset = self._offset.of(now, boot)
+        if self._offset.is_doubted:
+            return now
+        self._known = offset
+        stamp = min(boot + offset, now)
+        if self._newest is None or boot > self._newest[0]:
+            stamp = max(stamp, self._newest[1]) if self._newest is not None else stamp
+            self._newest = boot, stamp
+            return stamp
+        return self._newest[1] if boot == self._newest[0] else min(stamp, self._newest[1])
+
+    def to_boot(self, time: Time) -> Time | None:
+        """A time of the run in nanoseconds since the boot, None before anything was heard or for a
+        time before the boot."""
+        if self._known is None or time < self._known:
+            return None
+        return time - self._known
+
+    def _begin(self) -> None:
+        self.reboots += 1
+        self._offset, self._newest = Offset(), None
+
+
+def boot_time(message: Message) -> Time | None:
+    """Nanoseconds since the boot that a message carries, None where it carries none: no such field,
+    none filled in, or the time of day in its place. `time_boot_ms` is whole milliseconds."""
+    stamp: int = getattr(message, "time_boot_ms", 0) * MS
+    stamp = stamp or getattr(message, "time_usec", 0) * 1000
+    return stamp if 0 < stamp < LONGEST_UP else None
+
+
+class Sample(NamedTuple):
+    """One round trip: when its answer came, how long it took, and what must be added to a time of
+    the autopilot to have ours (nanoseconds)."""
+
+    time: Time
+    round_trip: Time
+    offset: Time
+
+
+class TimeSync:
+    """TIMESYNC both ways. Pure: what is to be sent is returned."""
+
+    def __init__(self, clock: BootClock) -> None:
+        self._clock, self._reboots = clock, clock.reboots
+        self._asked: deque[Time] = deque(maxlen=FIRST)
+        self._sent = 0
+        self._next: Time | None = None
+        self._samples: deque[Sample] = deque()
+
+    @property
+    def round_trip(self) -> Time | None:
+        """The least of the last ten seconds, in nanoseconds; a tick is part of it."""
+        return min((sample.round_trip for sample in self._samples), default=None)
+
+    @property
+    def offset(self) -> Time | None:
+        """What must be added to a time of the autopilot to have ours, by the quickest round trip of
+        the last ten seconds."""
+        quickest = min(self._samples, key=lambda sample: sample.round_trip, default=None)
+        return None if quickest is None else quickest.offset
+
+    def due(self, now: Time) -> list[Message]:
+        """What is to be asked now: ten times a second at first, then once."""
+        while self._samples and now - self._samples[0].time > MEMORY:
+            self._samples.popleft()
+        if self._next is not None and now < self._next:
+            return []
+        self._sent += 1
+        self._next = now + (OFTEN if self._sent < FIRST else SELDOM)
+        self._asked.append(now)
+        return [_message(0, now)]
+
+    def hear(self, message: Message, now: Time) -> list[Message]:
+        """The answer to what the autopilot asks; nothing while its clock is not known."""
+        if message.get_type() != "TIMESYNC":
+            return []
+        if self._clock.reboots != self._reboots:
+            self._reboots = self._clock.reboots
+            self._samples.clear()
+        if message.tc1 == 0:
+            own = self._clock.to_boot(now)
+            return [_message(own, message.ts1)] if own else []
+        if message.ts1 in self._asked:
+            self._asked.remove(message.ts1)
+            self._learn(message.ts1, message.tc1, now)
+        return []
+
+    def _learn(self, sent: Time, there: Time, now: Time) -> None:
+        sample = Sample(now, now - sent, (sent + now) // 2 - there)
+        least = self.round_trip
+        if least is None or sample.round_trip <= least + SLOW:
+            self._samples.append(sample)
+
+
+def _message(tc1: int, ts1: int) -> Message:
+    return mavlink.MAVLink_timesync_message(tc1, ts1)

@@ -1,0 +1,211 @@
+"""What an autopilot has said last: its mode, whether it is armed, its health, its words.
+
+Nothing of it is asked for here. A text that is longer than one message comes in chunks of 50 bytes
+which share a number; what is lost of it is an ellipsis. HEARTBEAT counts where an autopilot sends
+it: a camera or a ground station may have the same system id.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Set
+from enum import Enum
+from math import isfinite
+from typing import TYPE_CHECKING, NamedTuple
+
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.preflight.ailments import Sensors
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink.protocol.framing import Message
+
+WARNING = 4
+"""MAV_SEVERITY: what is worse has a lower number."""
+NO_AUTOPILOT = 8
+ARMED = 128
+READY = 1 << 28
+CHUNK = 50
+CHUNK_PATIENCE: Time = NS // 5
+"""How long a text waits for the rest of it."""
+MOST_TEXTS = 100
+MOST_CHUNKS = 20
+LOST = "…"
+
+
+class Landed(Enum):
+    """Where the vehicle itself thinks that it is (MAV_LANDED_STATE)."""
+
+    UNKNOWN = 0
+    GROUND = 1
+    AIR = 2
+    TAKING_OFF = 3
+    LANDING = 4
+
+
+class Said(NamedTuple):
+    """A text of the autopilot: when it came, its MAV_SEVERITY (0 the worst, 7 the least), and the
+    words."""
+
+    time: Time
+    severity: int
+    text: str
+
+
+class _Chunks:
+    """A text of which not everything has come. `last` is the number of its last chunk, None while
+    that has not come."""
+
+    def __init__(self, since: Time, severity: int) -> None:
+        self.since, self.severity = since, severity
+        self.parts: dict[int, str] = {}
+        self.last: int | None = None
+
+    @property
+    def is_whole(self) -> bool:
+        return self.last is not None and all(i in self.parts for i in range(self.last + 1))
+
+    @property
+    def text(self) -> str:
+        """All that has come, with an ellipsis for every gap."""
+        last = max(self.parts) + 1 if self.last is None else self.last
+        words = [self.parts.get(i, LOST) for i in range(last + 1)]
+        return "".join(w for i, w in enumerate(words) if w != LOST or words[i - 1 : i] != [LOST])
+
+
+class Heard:
+    """What one autopilot has said last.
+
+    heartbeat: when its newest HEARTBEAT came; None before the first, as in all others. autopilot:
+    its MAV_AUTOPILOT. status: its MAV_STATE. mode: custom_mode. ready: whether it says that it can
+    be armed in the mode in which it is. ekf: the flags of its estimator (EKF_STATUS_REPORT or
+    ESTIMATOR_STATUS). servos: the pulses of its main outputs in microseconds, channel 1 first.
+    throttle: what its attitude controller asks for, 0 to 1. at: when each sort of message came
+    last. texts: what it said, the newest last.
+    """
+
+    def __init__(self) -> None:
+        self.heartbeat: Time | None = None
+        self.autopilot: int | None = None
+        self.status: int | None = None
+        self.mode: int | None = None
+        self.armed = False
+        self.ready: bool | None = None
+        self.sensors: Sensors | None = None
+        self.landed = Landed.UNKNOWN
+        self.ekf: int | None = None
+        self.servos: tuple[int, ...] = ()
+        self.throttle: float | None = None
+        self.at: dict[str, Time] = {}
+        self.texts: deque[Said] = deque(maxlen=MOST_TEXTS)
+        self._chunks: dict[tuple[int, int], _Chunks] = {}
+        self._hear: dict[str, Callable[[Message, Time], None]] = {
+            "HEARTBEAT": self._heartbeat,
+            "CURRENT_MODE": self._current_mode,
+            "SYS_STATUS": self._sys_status,
+            "EXTENDED_SYS_STATE": self._extended_sys_state,
+            "EKF_STATUS_REPORT": self._flags,
+            "ESTIMATOR_STATUS": self._flags,
+            "SERVO_OUTPUT_RAW": self._servo_output_raw,
+            "ATTITUDE_TARGET": self._attitude_target,
+            "STATUSTEXT": self._statustext,
+        }
+
+    @property
+    def heeds(self) -> Set[str]:
+        """What of it is looked into."""
+        return self._hear.keys()
+
+    def hear(self, message: Message, now: Time) -> None:
+        """Take in one message, in the order in which they came."""
+        sort = message.get_type()
+        hear = self._hear.get(sort)
+        if hear is not None:
+            hear(message, now)
+        self.at[sort] = now
+        if self._chunks:
+            self._give_up(now)
+
+    @property
+    def ill(self) -> str:
+        """What it reports as not well, in words; empty where nothing is."""
+        ill = "" if self.sensors is None else self.sensors.words
+        return f"it reports as not well: {ill}" if ill else ""
+
+    def words(self, since: Time) -> str:
+        """What it said since then of warning or worse, newest last, each but once."""
+        texts = (s.text for s in self.texts if s.time >= since and s.severity <= WARNING)
+        newest = dict.fromkeys(reversed(list(texts)))
+        return "; ".join(reversed(newest))
+
+    def _heartbeat(self, message: Message, now: Time) -> None:
+        if message.autopilot == NO_AUTOPILOT:
+            return
+        self.heartbeat = now
+        self.autopilot = message.autopilot
+        self.status = message.system_status
+        self.mode = message.custom_mode
+        self.armed = bool(message.base_mode & ARMED)
+
+    def _current_mode(self, message: Message, now: Time) -> None:
+        self.mode = message.custom_mode
+
+    def _sys_status(self, message: Message, now: Time) -> None:
+        health = message.onboard_control_sensors_health
+        self.sensors = Sensors(
+            message.onboard_control_sensors_present,
+            message.onboard_control_sensors_enabled,
+            health,
+        )
+        self.ready = bool(health & READY)
+
+    def _extended_sys_state(self, message: Message, now: Time) -> None:
+        known = {landed.value for landed in Landed}
+        state = message.landed_state
+        self.landed = Landed(state) if state in known else Landed.UNKNOWN
+
+    def _flags(self, message: Message, now: Time) -> None:
+        self.ekf = message.flags
+
+    def _servo_output_raw(self, message: Message, now: Time) -> None:
+        if message.port == 0:
+            self.servos = tuple(getattr(message, f"servo{i}_raw") for i in range(1, 17))
+
+    def _attitude_target(self, message: Message, now: Time) -> None:
+        self.throttle = message.thrust if isfinite(message.thrust) else None
+
+    def _statustext(self, message: Message, now: Time) -> None:
+        text: str = message.text.split("\0", maxsplit=1)[0]
+        if message.id == 0:
+            self._say(now, message.severity, text)
+            return
+        key = message.get_srcComponent(), message.id
+        if key not in self._chunks:
+            if len(self._chunks) >= MOST_CHUNKS:
+                self._end(next(iter(self._chunks)))
+            self._chunks[key] = _Chunks(now, message.severity)
+        chunks = self._chunks[key]
+        chunks.parts[message.chunk_seq] = text
+        if len(text) < CHUNK:
+            chunks.last = max(message.chunk_seq, chunks.last or 0)
+        if chunks.is_whole:
+            self._end(key)
+
+    def _give_up(self, now: Time) -> None:
+        """Say what there is of the texts that have waited too long for the rest of them."""
+        waited = [k for k, c in self._chunks.items() if now - c.since > CHUNK_PATIENCE]
+        for key in waited:
+            self._end(key)
+
+    def _end(self, key: tuple[int, int]) -> None:
+        chunks = self._chunks.pop(key)
+        self._say(chunks.since, chunks.severity, chunks.text)
+
+    def _say(self, time: Time, severity: int, text: str) -> None:
+        clean = " ".join("".join(_printable(text)).split())
+        if clean:
+            self.texts.append(Said(time, severity, clean))
+
+
+def _printable(text: str) -> Iterator[str]:
+    """The characters of `text`; a space for each that a terminal would obey."""
+    return (character if character.isprintable() else " " for character in text)

@@ -1,0 +1,171 @@
+"""What one autopilot says, as measurements: its own estimate, what its inertial sensors feel, its
+battery, its GPS, what a person's sticks do. What is not finite, or no rotation, is left out.
+
+Where its position is its own, the frame in which it has it is laid into the world so that it stands
+at the mission's start, with the mission's heading, when it first has a sound position on the
+ground. An autopilot that starts anew has another frame; where that lies is not known any more of a
+vehicle that has flown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Set
+from typing import TYPE_CHECKING
+
+from kybflow.core.signals import NS, Imu, Measurement, Odometry, Payload, Time
+from kybflow.drivers.mavlink.firmware.profile import Profile
+from kybflow.drivers.mavlink.protocol import decode
+from kybflow.drivers.mavlink.protocol.frames import IDENTITY, Anchor, Tangent, from_ned
+from kybflow.drivers.mavlink.telemetry.clocks import BootClock, boot_time
+from kybflow.drivers.mavlink.telemetry.heard import Heard, Landed
+from kybflow.world.vehicle_context import Site
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink.protocol.framing import Message
+
+INERTIAL = ("RAW_IMU", "SCALED_IMU", "HIGHRES_IMU")
+"""The best last: worse ones are left out once a better one came."""
+STATUS = frozenset({"ESTIMATOR_STATUS", "EKF_STATUS_REPORT"})
+"""What autopilots say of their estimator, each one of them."""
+OLDEST: Time = 2 * NS
+"""How old what belongs to a measurement may be."""
+SILENT: Time = 5 * NS
+"""How long BATTERY_STATUS must have been silent for SYS_STATUS to count."""
+
+
+class Telemetry:
+    """`anchor`: where its own frame lies, None while that is not known. `odometry`: its newest own
+    estimate. `spread`: of its position, metres, None while it has none. `heading`: in its own
+    frame, as ENU."""
+
+    def __init__(
+        self, site: Site, profile: Profile, heard: Heard, clock: BootClock, is_outside: bool
+    ) -> None:
+        self.anchor: Anchor | None = IDENTITY if is_outside else None
+        self.odometry: Odometry | None = None
+        self.spread: float | None = None
+        self.heading: float | None = None
+        self._site, self._profile, self._heard, self._clock = site, profile, heard, clock
+        self._is_outside = is_outside
+        self._attitude: Message | None = None
+        self._reboots, self._has_flown = clock.reboots, False
+        self._inertial = 0
+        self._imu: Time | None = None
+        self._origin: Tangent | None = None
+        self._taken: list[Measurement] = []
+        self._hear: dict[str, Callable[[Message, Time], Measurement | None]] = {
+            "ATTITUDE_QUATERNION": self._turned,
+            "LOCAL_POSITION_NED": self._moved,
+            **dict.fromkeys(STATUS & profile.streams.keys(), self._status),
+            "BATTERY_STATUS": self._battery,
+            "SYS_STATUS": self._battery,
+            "GPS_GLOBAL_ORIGIN": self._placed,
+            "GPS_RAW_INT": self._gps,
+            "RC_CHANNELS": decode.sticks,
+            "MANUAL_CONTROL": decode.sticks,
+            **dict.fromkeys(INERTIAL, self._felt),
+        }
+        if site.payload is not None:
+            self._taken.append(Payload(0, not site.payload.aboard, site.payload.aboard))
+
+    @property
+    def heeds(self) -> Set[str]:
+        """What it is made of."""
+        return self._hear.keys()
+
+    def hear(self, message: Message, now: Time) -> None:
+        """Take in one message, after `Heard` did."""
+        hear = self._hear.get(message.get_type())
+        measurement = None if hear is None else hear(message, now)
+        if measurement is not None:
+            self._taken.append(measurement)
+
+    def add(self, measurement: Measurement) -> None:
+        self._taken.append(measurement)
+
+    def take(self) -> list[Measurement]:
+        """What came since this was asked last, oldest first."""
+        taken, self._taken = self._taken, []
+        return taken
+
+    def _turned(self, message: Message, now: Time) -> None:
+        if not decode.is_attitude(message):
+            self._attitude = None
+            return
+        self._attitude, self.heading = message, decode.own_heading(message)
+        if self._clock.to_boot(now) is None:
+            self._time(message, now)
+
+    def _moved(self, message: Message, now: Time) -> Odometry | None:
+        if self._clock.reboots != self._reboots:
+            self._begin_anew()
+        self._has_flown = self._has_flown or self._heard.armed
+        attitude = self._attitude
+        if attitude is None or now - self._heard.at.get("ATTITUDE_QUATERNION", now) > OLDEST:
+            return None
+        m = message
+        if not decode.is_finite(m.x, m.y, m.z, m.vx, m.vy, m.vz):
+            return None
+        if self.anchor is None:
+            self.anchor = self._standing(message)
+        if self.anchor is None or self.spread is None:
+            return None
+        time = self._time(message, now)
+        self.odometry = decode.odometry(
+            message, attitude, time, spread=self.spread, anchor=self.anchor
+        )
+        return self.odometry
+
+    def _time(self, message: Message, now: Time) -> Time:
+        boot = boot_time(message)
+        return now if boot is None else self._clock.to_run(boot, now)
+
+    def _standing(self, message: Message) -> Anchor | None:
+        """The anchor by which it stands where the mission says; None while it does not stand, or
+        has no sound position."""
+        if self.heading is None or self.spread is None or self._heard.landed is not Landed.GROUND:
+            return None
+        if self._has_flown and self._reboots:
+            return None
+        there = from_ned((message.x, message.y, message.z))
+        return Anchor.joining(there, self.heading, self._site.start, self._site.heading)
+
+    def _begin_anew(self) -> None:
+        self._reboots = self._clock.reboots
+        self._attitude = self._origin = self.odometry = self.spread = None
+        self.anchor = self.anchor if self._is_outside else None
+
+    def _status(self, message: Message, now: Time) -> None:
+        spread = self._profile.spread(message)
+        self.spread = spread if spread is not None and decode.is_finite(spread) else None
+        if self.spread is None:
+            self.odometry = None
+
+    def _felt(self, message: Message, now: Time) -> Imu | None:
+        m = message
+        if not decode.is_finite(m.xacc, m.yacc, m.zacc, m.xgyro, m.ygyro, m.zgyro):
+            return None
+        rank = INERTIAL.index(message.get_type())
+        if rank < self._inertial:
+            return None
+        if rank > self._inertial:
+            self._inertial, self._imu = rank, None
+        time = self._time(message, now)
+        felt = decode.imu(message, time, self._imu)
+        self._imu = time
+        return felt
+
+    def _battery(self, message: Message, now: Time) -> Measurement | None:
+        told = self._heard.at.get("BATTERY_STATUS")
+        better = told is not None and now - told < SILENT
+        if better and message.get_type() == "SYS_STATUS":
+            return None
+        return decode.battery(message, now)
+
+    def _placed(self, message: Message, now: Time) -> None:
+        self._origin = decode.tangent(message)
+
+    def _gps(self, message: Message, now: Time) -> Measurement | None:
+        if self._is_outside or self._origin is None or self.anchor is None:
+            return None
+        return decode.gps(message, now, origin=self._origin, anchor=self.anchor)

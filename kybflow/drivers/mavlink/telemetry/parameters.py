@@ -1,0 +1,173 @@
+"""Reading and writing the parameters of an autopilot, by name, few at a time.
+
+A value is a float32 on the wire. Where whole numbers travel bytewise, the four bytes of the float
+are those of the number; else they are a float as any other. A name that is asked for three times
+and never answered does not exist there, as far as one can know, unless the autopilot says so itself
+(PARAM_ERROR). What was written counts once it is told back.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from math import isnan
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.core.signals import NS, Time
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink.protocol.framing import Message
+
+TRIES = 3
+FIRST_WAIT: Time = NS // 2
+AT_ONCE = 5
+"""How many may be unanswered at a time."""
+DOES_NOT_EXIST = 1
+ERRORS = {2: "out of its range", 3: "not permitted", 4: "no such component", 5: "read-only"}
+WHOLE = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "<I", 6: "<i"}
+"""How a whole number of each MAV_PARAM_TYPE lies in the four bytes."""
+
+
+class _Errand:
+    """One name that is being read, or written where `value` is not None. `next` is when it is sent
+    again, 0 before it was sent."""
+
+    def __init__(self, value: float | None) -> None:
+        self.value = value
+        self.tries = 0
+        self.next: Time = 0
+
+    def begin_anew(self) -> None:
+        self.tries, self.next = 0, 0
+
+
+class Parameters:
+    """The parameters of one autopilot, those that were asked for.
+
+    bytewise: how whole numbers travel. target: its system and component. values: what it told last.
+    missing: asked for three times and never told. refused: why it did not take what was written, by
+    name; `values` has what it kept.
+    """
+
+    def __init__(self, bytewise: bool, *, target: tuple[int, int]) -> None:
+        self.values: dict[str, float] = {}
+        self.missing: set[str] = set()
+        self.refused: dict[str, str] = {}
+        self._bytewise, self._target = bytewise, target
+        self._types: dict[str, int] = {}
+        self._errands: dict[str, _Errand] = {}
+
+    def read(self, names: Iterable[str], now: Time, again: bool = False) -> None:
+        """Ask for these, but for what is known, or known to be missing; for that too, `again`."""
+        for name in names:
+            if name in self._errands:
+                continue
+            if again:
+                self.missing.discard(name)
+            elif name in self.values or name in self.missing:
+                continue
+            self._errands[name] = _Errand(None)
+
+    def write(self, name: str, value: float, now: Time) -> None:
+        """Set one; what it is at present is read first where its type is not known."""
+        self.refused.pop(name, None)
+        self.missing.discard(name)
+        self._errands[name] = _Errand(rounded(value))
+
+    def is_complete(self, names: Iterable[str]) -> bool:
+        """Whether nothing is awaited of these any more."""
+        return not any(name in self._errands for name in names)
+
+    def hear(self, message: Message, now: Time) -> None:
+        """Take in one message; those that aren't about parameters pass by."""
+        sort = message.get_type()
+        if sort == "PARAM_VALUE":
+            self._value(message)
+        elif sort == "PARAM_ERROR":
+            self._error(message)
+
+    def due(self, now: Time) -> list[Message]:
+        """What is to be sent now. Call it in every tick: it also ends what was never answered."""
+        for name, errand in list(self._errands.items()):
+            if errand.tries >= TRIES and now >= errand.next:
+                self._give_up(name)
+        under_way = list(self._errands.items())[:AT_ONCE]
+        return [self._send(name, e, now) for name, e in under_way if now >= e.next]
+
+    def _value(self, message: Message) -> None:
+        name = name_in(message)
+        errand = self._errands.get(name)
+        if errand is None and name not in self.values:
+            return
+        is_first = name not in self._types
+        self._types[name] = message.param_type
+        value = self.values[name] = self._decoded(message)
+        if errand is None:
+            return
+        if errand.value is None or is_same(errand.value, value):
+            del self._errands[name]
+        elif is_first:
+            errand.begin_anew()  # now that its type is known
+
+    def _error(self, message: Message) -> None:
+        name = name_in(message)
+        errand = self._errands.pop(name, None)
+        if errand is None:
+            return
+        if message.error == DOES_NOT_EXIST:
+            self._forget(name)
+        else:
+            self.refused[name] = ERRORS.get(message.error, f"error {message.error}")
+
+    def _give_up(self, name: str) -> None:
+        errand = self._errands.pop(name)
+        if errand.value is None or name not in self._types:
+            self._forget(name)
+        else:
+            self.refused[name] = f"it stays at {self.values[name]:g}"
+
+    def _forget(self, name: str) -> None:
+        self.missing.add(name)
+        self.values.pop(name, None)
+        self._types.pop(name, None)
+
+    def _send(self, name: str, errand: _Errand, now: Time) -> Message:
+        errand.next = now + (FIRST_WAIT << errand.tries)
+        errand.tries += 1
+        sort = self._types.get(name)
+        if errand.value is None or sort is None:
+            return mavlink.MAVLink_param_request_read_message(*self._target, name.encode(), -1)
+        on_wire = self._encoded(errand.value, sort)
+        return mavlink.MAVLink_param_set_message(*self._target, name.encode(), on_wire, sort)
+
+    def _decoded(self, message: Message) -> float:
+        value = float(message.param_value)
+        if not self._bytewise or message.param_type not in WHOLE:
+            return value
+        (whole,) = struct.unpack(WHOLE[message.param_type], struct.pack("<f", value))
+        return float(whole)
+
+    def _encoded(self, value: float, sort: int) -> float:
+        if not self._bytewise or sort not in WHOLE:
+            return value
+        (on_wire,) = struct.unpack("<f", struct.pack(WHOLE[sort], round(value)))
+        return float(on_wire)
+
+
+def rounded(value: float) -> float:
+    """`value` as a float32 has it."""
+    (near,) = struct.unpack("<f", struct.pack("<f", value))
+    return float(near)
+
+
+def is_same(one: float, other: float) -> bool:
+    """Whether two values are one in float32; a NaN is like another."""
+    return rounded(one) == rounded(other) or (isnan(one) and isnan(other))
+
+
+def name_in(message: Message) -> str:
+    """The name that a message about a parameter carries."""
+    name: str = message.param_id
+    return name.split("\0", maxsplit=1)[0]

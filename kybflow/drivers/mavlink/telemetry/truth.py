@@ -1,0 +1,189 @@
+"""The truth of a firmware's own simulator, put where the mission says, and a parcel that falls.
+
+The simulator has a place on earth of its own. What it first tells of a vehicle that stands on the
+ground is taken for the mission's start and its heading, so from then on its world is the mission's,
+moved and turned. A message is true when it arrives; between two the vehicle goes on as it moved.
+
+A place comes in steps of 1e-7 degrees, 1.1 cm, of which a tracker would make 1 m/s. The velocity is
+finer, so the place is followed by its integral, which is put right by `SHARE` of what it is off,
+and at once by what no rounding explains.
+
+The firmware knows of no parcel. On board it hangs as in kybflow's own simulator, without weight;
+released it is a point that falls, with no drag and no bounce, and rests where it touches the floor.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+from kybflow.core.geometry import (
+    GRAVITY,
+    ZERO,
+    Vec3,
+    add,
+    cross,
+    heading_of,
+    integrate,
+    rotate,
+    scale,
+)
+from kybflow.core.signals import NS, Time, Truth
+from kybflow.drivers.mavlink.protocol.decode import is_finite
+from kybflow.drivers.mavlink.protocol.frames import (
+    Anchor,
+    Tangent,
+    attitude_from_ned,
+    from_frd,
+    from_ned,
+)
+from kybflow.drivers.sim.model import mount
+from kybflow.world.vehicle_context import Parcel, Site
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink.protocol.framing import Message
+
+STEP = 0.012
+"""Metres by which rounding may put a place off."""
+SHARE = 0.04
+LONGEST = 0.2
+"""Seconds for which a vehicle goes on as it moved where nothing is heard."""
+
+
+class GroundTruth:
+    """Of one vehicle. sphere: the radius of the earth in its simulator, metres, None for that of
+    WGS 84."""
+
+    def __init__(self, site: Site, sphere: float | None) -> None:
+        self._site, self._sphere = site, sphere
+        self._tangent: Tangent | None = None
+        self._anchor = Anchor()
+        self._newest: Truth | None = None
+        self._heard: Time = 0
+        self._now: tuple[Time, Truth] | None = None  # `_newest` moved on, and until when
+        self._parcel = None if site.payload is None else _Fall(site.payload)
+
+    def hear(self, message: Message, now: Time, *, on_ground: bool) -> None:
+        """A SIM_STATE or a HIL_STATE_QUATERNION; others are passed over. on_ground: whether the
+        vehicle says that it stands; until it does there is no truth."""
+        kind = message.get_type()
+        if kind == "SIM_STATE":
+            degrees = (message.lat_int * 1e-7, message.lon_int * 1e-7)
+            height, speed = message.alt, (message.vn, message.ve, message.vd)
+            turn = (message.q1, message.q2, message.q3, message.q4)
+            rates = (message.xgyro, message.ygyro, message.zgyro)
+        elif kind == "HIL_STATE_QUATERNION":
+            degrees = (message.lat * 1e-7, message.lon * 1e-7)
+            height = message.alt * 1e-3
+            speed = (message.vx * 1e-2, message.vy * 1e-2, message.vz * 1e-2)
+            w, x, y, z = message.attitude_quaternion
+            turn = (w, x, y, z)
+            rates = (message.rollspeed, message.pitchspeed, message.yawspeed)
+        else:
+            return
+        if not is_finite(*degrees, height, *speed, *turn, *rates):
+            return
+        attitude = attitude_from_ned(turn)
+        if self._tangent is None:
+            if not on_ground:
+                return
+            self._tangent = self._touching(*degrees, height)
+            start, heading = self._site.start, self._site.heading
+            self._anchor = Anchor.joining(ZERO, heading_of(attitude), start, heading)
+        velocity = self._anchor.turned(from_ned(speed))
+        place = self._anchor.to_world(self._tangent.local(*degrees, height))
+        self._newest = Truth(
+            self._followed(place, velocity, now),
+            velocity,
+            self._anchor.attitude_to_world(attitude),
+            from_frd(rates),
+        )
+        self._heard, self._now = now, None
+
+    def truth(self, now: Time) -> Truth | None:
+        """Where the vehicle and its parcel are; None until it was heard of on the ground."""
+        vehicle = self._vehicle(now)
+        if vehicle is None or self._parcel is None:
+            return vehicle
+        return vehicle._replace(payload=self._parcel.position(vehicle, now))
+
+    def release(self, now: Time) -> None:
+        """Let the parcel go, with the velocity that it has at its place."""
+        vehicle = self._vehicle(now)
+        if self._parcel is not None and vehicle is not None:
+            self._parcel.release(vehicle, now)
+
+    def load(self) -> None:
+        """Put the parcel on board."""
+        if self._parcel is not None:
+            self._parcel.load()
+
+    def _vehicle(self, now: Time) -> Truth | None:
+        if self._newest is None:
+            return None
+        if self._now is None or self._now[0] != now:
+            position, velocity, attitude, turn, payload = self._newest
+            gone = min(max((now - self._heard) / NS, 0.0), LONGEST)
+            position = add(position, scale(velocity, gone))
+            attitude = integrate(attitude, turn, gone)
+            self._now = now, Truth(position, velocity, attitude, turn, payload)
+        return self._now[1]
+
+    def _followed(self, place: Vec3, velocity: Vec3, now: Time) -> Vec3:
+        """The place without its rounding."""
+        last, gone = self._newest, (now - self._heard) / NS
+        if last is None or gone > LONGEST:
+            return place
+        mean = scale(add(last.velocity, velocity), 0.5)
+        ahead = add(last.position, scale(mean, gone))
+        x, y, z = (_corrected(a, b) for a, b in zip(ahead, place, strict=True))
+        return (x, y, z)
+
+    def _touching(self, latitude: float, longitude: float, height: float) -> Tangent:
+        if self._sphere is None:
+            return Tangent.on_ellipsoid(latitude, longitude, height)
+        return Tangent.on_sphere(latitude, longitude, height, self._sphere)
+
+
+def _corrected(ahead: float, told: float) -> float:
+    off = told - ahead
+    excess = off - max(-STEP, min(off, STEP))
+    return ahead + excess + SHARE * (off - excess)
+
+
+class _Fall:
+    """A parcel: on board, or falling since it was let go. One that was never on board lies on the
+    floor where the vehicle was first seen."""
+
+    def __init__(self, made: Parcel) -> None:
+        self._hangs: Vec3 = (0.0, 0.0, mount(made))
+        self._rests = mount(made)
+        self._aboard = made.aboard
+        self._let_go: tuple[Time, Vec3, Vec3] | None = None
+
+    def load(self) -> None:
+        self._aboard, self._let_go = True, None
+
+    def release(self, vehicle: Truth, now: Time) -> None:
+        if not self._aboard:
+            return
+        along = rotate(vehicle.attitude, cross(vehicle.angular_velocity, self._hangs))
+        self._aboard = False
+        self._let_go = (now, self._place(vehicle), add(vehicle.velocity, along))
+
+    def position(self, vehicle: Truth, now: Time) -> Vec3:
+        """Its centre."""
+        if self._aboard:
+            return self._place(vehicle)
+        if self._let_go is None:
+            self._let_go = (now, self._place(vehicle), ZERO)
+        begun, (x, y, z), (vx, vy, vz) = self._let_go
+        drop = max(z - self._rests, 0.0)
+        falls = (vz + sqrt(vz * vz + 2.0 * GRAVITY * drop)) / GRAVITY if drop else 0.0
+        gone = max((now - begun) / NS, 0.0)
+        t = min(gone, falls)
+        height = self._rests if gone >= falls else z + vz * t - 0.5 * GRAVITY * t * t
+        return (x + vx * t, y + vy * t, height)
+
+    def _place(self, vehicle: Truth) -> Vec3:
+        return add(vehicle.position, rotate(vehicle.attitude, self._hangs))

@@ -1,0 +1,72 @@
+"""How the address of an autopilot is written.
+
+`udpin:[HOST:]PORT` waits for datagrams and answers whoever sent them; `udpout:HOST:PORT` sends them
+first; `tcp:HOST:PORT` connects; `tcpin:[HOST:]PORT` lets others connect; `serial:DEVICE:BAUD` is a
+cable or a radio. Where we listen, the host is this machine alone unless another is written.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from kybflow.core.errors import DriverError
+
+LOOPBACK = "127.0.0.1"
+LISTENING = frozenset({"udpin", "tcpin"})
+CALLING = frozenset({"udpout", "tcp"})
+KINDS = ("udpin", "udpout", "tcp", "tcpin", "serial")
+_PLACE = re.compile(r"(?:([^\s:/@\[\]]+):)?(\d{1,5})")
+_FORMS = (
+    "write `udpin:HOST:PORT`, `udpout:HOST:PORT`, `tcp:HOST:PORT`, `tcpin:HOST:PORT` or"
+    " `serial:DEVICE:BAUD`"
+)
+
+
+class Address(NamedTuple):
+    """kind: one of `KINDS`. place: a host or a serial device. number: a port or a baud rate; port
+    0, which nobody can write, is any that is free."""
+
+    kind: str
+    place: str
+    number: int
+
+    def __str__(self) -> str:
+        return f"{self.kind}:{self.place}:{self.number}"
+
+
+def read_address(text: str) -> Address:
+    """Raises DriverError with what to write instead."""
+    kind, _, rest = text.strip().partition(":")
+    if kind == "serial":
+        return _serial(text, rest)
+    if kind == "udp":
+        raise DriverError(
+            f"`{text}` could mean two things: write `udpin:{rest}` to wait for the autopilot to"
+            f" send, or `udpout:{rest}` to send first"
+        )
+    if kind not in KINDS:
+        raise DriverError(f"`{text}` is no MAVLink address: {_FORMS}")
+    return _host(text, kind, rest)
+
+
+def _host(text: str, kind: str, rest: str) -> Address:
+    match = _PLACE.fullmatch(rest)
+    if match is None:
+        raise DriverError(f"`{text}` is no MAVLink address: write `{kind}:HOST:PORT`")
+    host, port = match[1], int(match[2])
+    if host is None and kind in CALLING:
+        raise DriverError(f"`{text}` says no host: write `{kind}:HOST:{port}`")
+    if not 0 < port < 65536:
+        raise DriverError(f"`{text}` has port {port}: ports go from 1 to 65535")
+    return Address(kind, host or LOOPBACK, port)
+
+
+def _serial(text: str, rest: str) -> Address:
+    device, _, baud = rest.rpartition(":")  # a device may have colons in its name
+    if not device or not re.fullmatch(r"\d{3,8}", baud):
+        raise DriverError(
+            f"`{text}` is no serial line: write `serial:DEVICE:BAUD`, as in"
+            " `serial:/dev/ttyUSB0:57600`"
+        )
+    return Address("serial", device, int(baud))

@@ -1,0 +1,236 @@
+"""All wires of a session, and a port for each autopilot: who says what, and where an answer goes.
+
+Autopilots are told apart by their system id. A port passes on what the autopilot itself says
+(component 1), not its gimbal, its radio, nor a ground station that is overheard. Where datagrams
+come from several places, a vehicle is answered where it was heard; a second one with its id is
+dropped while the first is there, and told. One that signs with an old time is not heard, and moves
+nothing: it may be one that has started anew, or an old frame that somebody plays again. It is sent
+one heartbeat, from which the former takes our time.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.protocol.framing import ONBOARD, Counts, Message, Packer, Parser
+from kybflow.drivers.mavlink.protocol.layout import NUMBERS
+from kybflow.drivers.mavlink.protocol.signing import Signing
+from kybflow.drivers.mavlink.transport.wire import MOST_HELD, Wire
+
+AUTOPILOT = 1
+"""Its component (MAV_COMP_ID_AUTOPILOT1)."""
+GONE: Time = 3 * NS
+"""Silent for so long, a vehicle may be heard from another place."""
+AGAIN: Time = NS
+"""An old time at the same place is answered again after so long."""
+MOST_SENDERS = 256
+
+
+def heartbeat(kind: int) -> Message:
+    """Ours. kind: as what we are there (MAV_TYPE)."""
+    invalid, active = mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_STATE_ACTIVE
+    return mavlink.MAVLink_heartbeat_message(kind, invalid, 0, 0, active, 3)
+
+
+HEARTBEAT = heartbeat(mavlink.MAV_TYPE_GCS)
+"""As of a ground station."""
+
+
+class Port:
+    """One autopilot. `heard`: when it was heard last, None before it was; `counts`: what came on
+    its wire, from everyone."""
+
+    def __init__(self, line: _Line, system: int, packer: Packer) -> None:
+        self.system = system
+        self.heard: Time | None = None
+        self._line, self._packer = line, packer
+        self._place: Any = None
+        self._clash: tuple[Time, Any] | None = None
+        self._messages: deque[Message] = deque(maxlen=MOST_HELD)
+
+    @property
+    def counts(self) -> Counts:
+        return self._line.counts
+
+    @property
+    def heard_from(self) -> frozenset[int]:
+        """The systems whose autopilots are heard on that wire."""
+        return frozenset(self._line.autopilots)
+
+    def want(self, names: Iterable[str]) -> None:
+        """Read these messages, and no others than any port of this wire wants, from now on."""
+        self._line.wanted.update(NUMBERS[name] for name in names if name in NUMBERS)
+
+    def take(self) -> list[Message]:
+        """What it said since the last call, oldest first."""
+        messages = list(self._messages)
+        self._messages.clear()
+        return messages
+
+    def send(self, message: Message, component: int = ONBOARD) -> None:
+        """Send it as that component of ours. Nothing goes to a place that nobody was heard from.
+        Raises DriverError where a field does not fit into the message."""
+        data = self._packer.pack(message, component)
+        wire = self._line.wire
+        if self._place is not None or not wire.answers:
+            wire.send(data, self._place)
+
+    def trouble(self) -> str | None:
+        """What is wrong with the way there, None where nothing is known to be. Of a vehicle that
+        was heard once, its silence is not told: that is for who knows how often it speaks."""
+        if trouble := self._line.wire.trouble():
+            return trouble
+        if self._clash is not None and self._line.now - self._clash[0] < GONE:
+            return (
+                f"system {self.system} is heard at {self._line.wire.address} from"
+                f" {_words(self._place)} and from {_words(self._clash[1])}: give one of the two"
+                " vehicles another system id"
+            )
+        return self._line.silence(self.system) if self.heard is None else None
+
+    def hear(self, message: Message, place: Any, now: Time) -> None:
+        """Called by the hub."""
+        if place != self._place and self._place is not None and self._holds(now):
+            self._clash = now, place
+            return
+        self._place, self.heard = place, now
+        self._messages.append(message)
+
+    def answer(self, place: Any) -> None:
+        """Called by the hub: one heartbeat to a place where nothing else is sent."""
+        if place != self._place:
+            self._line.wire.send(self._packer.pack(HEARTBEAT), place)
+
+    def _holds(self, now: Time) -> bool:
+        return (
+            self.heard is not None
+            and now - self.heard < GONE
+            and self._line.wire.is_open(self._place)
+        )
+
+
+class Hub:
+    """wires: by address; system: our own id; key: the secret of signed messages."""
+
+    def __init__(
+        self,
+        wires: Mapping[str, Wire],
+        system: int,
+        key: bytes | None = None,
+        signing: Signing | None = None,
+    ) -> None:
+        self._signing = Signing(key) if key is not None and signing is None else signing
+        self._system = system
+        self._lines = {
+            address: _Line(wire, link, self._signing)
+            for link, (address, wire) in enumerate(wires.items())
+        }
+
+    def port(self, address: str, system: int) -> Port:
+        """Raises DriverError where that system has a port on that wire, or is our own."""
+        line = self._lines[address]
+        if system == self._system:
+            raise DriverError(
+                f"system {system} is this program itself: choose another `own_system`"
+            )
+        if system in line.ports:
+            raise DriverError(
+                f"two vehicles are system {system} at `{address}`: give each its own `system`"
+            )
+        port = Port(line, system, Packer(self._system, self._signing, line.link))
+        line.ports[system] = port
+        return port
+
+    def poll(self, now: Time) -> None:
+        """Hear everybody. Never waits, never raises."""
+        for line in self._lines.values():
+            line.poll(now)
+
+    def close(self) -> None:
+        for line in self._lines.values():
+            line.wire.close()
+
+
+class _Line:
+    """A wire with the ports on it."""
+
+    def __init__(self, wire: Wire, link: int, signing: Signing | None) -> None:
+        self.wire, self.link = wire, link % 256
+        self.ports: dict[int, Port] = {}
+        self.counts = Counts()
+        self.autopilots: set[int] = set()
+        self.wanted: set[int] = set()
+        self.now: Time = 0
+        self._signing = signing
+        self._parsers: dict[Any, Parser] = {}
+        self._answered: tuple[Any, Time] = (None, 0)
+
+    def poll(self, now: Time) -> None:
+        self.now = now
+        for data, place in self.wire.receive(now):
+            parser = self._parser(place)
+            messages = parser.parse(data)
+            if parser.stale:
+                self._answer(parser.stale, place, now)
+            for message in messages:
+                if message.get_srcComponent() != AUTOPILOT:
+                    continue
+                system = message.get_srcSystem()
+                self.autopilots.add(system)
+                if (port := self.ports.get(system)) is not None:
+                    port.hear(message, place, now)
+
+    def _answer(self, stale: set[tuple[int, int]], place: Any, now: Time) -> None:
+        """Have an autopilot at that place told our time. stale: who signed with an old one, by
+        system and component. Also one that no port is for: a scout does not know its id yet."""
+        systems = sorted(system for system, component in stale if component == AUTOPILOT)
+        stale.clear()
+        if not systems or not self.ports or not self.wire.answers:
+            return  # where everybody hears all that is sent, heartbeats go out anyway
+        last, at = self._answered
+        if place != last or now - at >= AGAIN:
+            self._answered = place, now
+            self.ports.get(systems[0], next(iter(self.ports.values()))).answer(place)
+
+    def silence(self, system: int) -> str:
+        """Why that system may not have been heard."""
+        place, counts = self.wire.address, self.counts
+        if counts.stale and not counts.messages:
+            return f"what is heard at {place} is signed with an old time, and stays so"
+        if others := sorted(self.autopilots - {system}):
+            names = ", ".join(str(other) for other in others)
+            verb = f"system {names} is" if len(others) == 1 else f"systems {names} are"
+            return f"{verb} heard at {place}, not {system}"
+        if counts.refused:
+            return f"what is heard at {place} is not signed with the key of this vehicle"
+        if counts.messages:
+            return f"no autopilot is heard at {place}, only other devices"
+        if counts.bad:
+            return f"what is heard at {place} is no MAVLink{_BAUD if _is_serial(place) else ''}"
+        return f"nothing is heard at {place}"
+
+    def _parser(self, place: Any) -> Parser:
+        parser = self._parsers.get(place)
+        if parser is None:
+            if len(self._parsers) >= MOST_SENDERS:
+                self._parsers.pop(next(iter(self._parsers)))
+            parser = self._parsers[place] = Parser(self._signing, self.counts, self.wanted)
+        return parser
+
+
+_BAUD = ": is the baud rate right?"
+
+
+def _is_serial(address: str) -> bool:
+    return address.startswith("serial:")
+
+
+def _words(place: Any) -> str:
+    host, port = place
+    return f"{host}:{port}"

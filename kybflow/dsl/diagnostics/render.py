@@ -1,0 +1,97 @@
+"""Findings as a person reads them, or as a program does. Colour is the command line's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.placed import ways_to
+from kybflow.dsl.reading.source import Span
+
+_WIDEST = 160
+"""Longer source lines are cut around the marked text."""
+_LONGEST = 500
+
+
+def render(diagnostic: Diagnostic, texts: dict[str, str]) -> str:
+    """The report of one finding:
+
+    missions/courier.yaml:31:48 error[KYB203]: `release` can't follow `depart`
+       31 |   depart:  {do: take_off, height: 1.2 m, then: release, failed: down}
+          |                                                ^^^^^^^ needs a vehicle on the ground
+          = `depart` (take_off) leaves the vehicle in the air
+          = help: did you mean `deliver`?
+    """
+    return "\n".join(clipped(printable(line)) for line in _lines(diagnostic, texts))
+
+
+def _lines(diagnostic: Diagnostic, texts: dict[str, str]) -> Iterator[str]:
+    span = diagnostic.span
+    yield (
+        f"{span.file}:{span.line}:{span.column} "
+        f"{diagnostic.severity.value}[{diagnostic.code}]: {diagnostic.message}"
+    )
+    yield from _source(span, diagnostic.label, texts)
+    for note in (*ways_to(span), *diagnostic.notes):
+        yield f"      = {note}"
+    if diagnostic.help:
+        yield f"      = help: {diagnostic.help}"
+
+
+def _source(span: Span, label: str, texts: dict[str, str]) -> Iterator[str]:
+    lines = texts.get(span.file, "").split("\n")
+    if span.line > len(lines) or not lines[span.line - 1].strip():
+        return
+    line = lines[span.line - 1].rstrip("\r").replace("\t", " ")
+    start = min(span.column - 1, len(line))
+    end = span.end_column - 1 if span.end_line == span.line else len(line.rstrip())
+    end = max(min(end, len(line)), start + 1)
+    first = 0 if len(line) <= _WIDEST else max(0, min(start - 40, len(line) - _WIDEST))
+    shown = line[first : first + _WIDEST].rstrip()
+    if first:
+        shown = "..." + shown[3:]
+    if len(line) > first + _WIDEST:
+        shown += "..."
+    marks = "^" * min(end - start, _WIDEST - (start - first))
+    yield f"{span.line:>5} | {shown}"
+    yield f"      | {' ' * (start - first)}{marks} {label}".rstrip()
+
+
+def render_all(diagnostics: Iterable[Diagnostic], texts: dict[str, str]) -> list[str]:
+    """Every finding as `render` writes it, with an empty line behind each."""
+    return [render(diagnostic, texts) + "\n" for diagnostic in diagnostics]
+
+
+def clipped(text: str) -> str:
+    """`text`, its middle left out where it is longer than anybody reads."""
+    return text if len(text) <= _LONGEST else f"{text[:200]} ... {text[-200:]}"
+
+
+def printable(text: str) -> str:
+    """`text` without what could command a terminal or can't be encoded."""
+    if text.isprintable():
+        return text
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "replace").decode() for c in text
+    )
+
+
+def to_json(diagnostic: Diagnostic) -> dict[str, Any]:
+    """One finding for programs; lines and columns count from 1."""
+    span = diagnostic.span
+    return {
+        "file": span.file,
+        "line": span.line,
+        "column": span.column,
+        "end_line": span.end_line,
+        "end_column": span.end_column,
+        "severity": diagnostic.severity.value,
+        "code": diagnostic.code,
+        "message": clipped(diagnostic.message),
+        "label": diagnostic.label,
+        "notes": [clipped(note) for note in diagnostic.notes],
+        "help": diagnostic.help,
+        "imported_from": [reached.at for reached in span.via],
+        "used_at": [use.at for use in span.used],
+    }

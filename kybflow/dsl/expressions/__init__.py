@@ -1,0 +1,36 @@
+"""Conditions and expectations: a small typed language without commas, brackets or braces, because
+YAML would cut them inside `{...}`. The door to it: the tree, `parse` and `describe`."""
+
+from __future__ import annotations
+
+from kybflow.dsl.expressions.describe import describe
+from kybflow.dsl.expressions.parse import Scope, parse
+from kybflow.dsl.expressions.tree import (
+    Aggregate,
+    Always,
+    And,
+    Clock,
+    Compare,
+    Condition,
+    Distance,
+    Eventually,
+    Expression,
+    Finally,
+    Finished,
+    GroupInState,
+    InState,
+    Not,
+    Number,
+    Or,
+    Place,
+    Read,
+    Separation,
+    Value,
+    Word,
+)
+
+__all__ = [
+    "Aggregate", "Always", "And", "Clock", "Compare", "Condition", "Distance", "Eventually",
+    "Expression", "Finally", "Finished", "GroupInState", "InState", "Not", "Number", "Or", "Place",
+    "Read", "Scope", "Separation", "Value", "Word", "describe", "parse",
+]  # fmt: skip

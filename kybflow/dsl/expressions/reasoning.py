@@ -1,0 +1,162 @@
+"""What is certain of a condition, whatever the flight brings: whether it can hold, whether it
+always does, whether another one follows from it.
+
+A condition is brought into the form (a and b) or (c and d) or ...; one such group can't hold when
+what it says of one value leaves nothing: an empty interval, or two names. Where that can't be told,
+or the form grows beyond `_MOST` groups, nothing is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise, product
+from math import inf
+from typing import NamedTuple
+
+from kybflow.dsl.expressions import (
+    And,
+    Clock,
+    Compare,
+    Condition,
+    GroupInState,
+    InState,
+    Not,
+    Number,
+    Or,
+    Read,
+    Word,
+)
+from kybflow.dsl.expressions.parse import FLIPPED
+from kybflow.dsl.expressions.tree import Aggregate, Distance, Operator, Separation
+from kybflow.parts.observables import OBSERVABLES, is_in
+
+Bounds = Callable[[object], tuple[float, float]]
+"""The range that a value never leaves (SI)."""
+_MOST = 64
+_OPPOSITE: dict[Operator, Operator] = {
+    "<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "==",
+}  # fmt: skip
+
+
+class _Fact(NamedTuple):
+    """What one comparison says of one value, and whether it was written as such: one behind a
+    `not` also holds where the value is not known."""
+
+    value: object
+    operator: Operator
+    bound: float | str
+    is_plain: bool
+
+
+_Group = tuple[_Fact, ...]
+
+
+class _TooManyError(Exception):
+    """The form has more groups than are worth looking at."""
+
+
+def natural(longest: float) -> Bounds:
+    """The bounds that nature sets, in a run of `longest` seconds at most: no speed or distance is
+    negative, no share above one, no time longer than the run."""
+
+    def bounds(value: object) -> tuple[float, float]:
+        match value:
+            case Read(_, "elapsed") | Clock():
+                return 0.0, longest
+            case Read(_, name):
+                return OBSERVABLES[name].low, OBSERVABLES[name].high
+            case Distance() | Separation():
+                return 0.0, inf
+            case Aggregate("rms", inner):
+                low, high = bounds(inner)
+                return 0.0, max(abs(low), abs(high))
+            case Aggregate(_, inner):
+                return bounds(inner)
+        return -inf, inf
+
+    return bounds
+
+
+def never_holds(condition: Condition, bounds: Bounds) -> bool:
+    """Whether `condition` surely never holds."""
+    try:
+        groups = _groups(condition, True)
+    except _TooManyError:
+        return False
+    return all(_contradicts(group, bounds) for group in groups)
+
+
+def always_holds(condition: Condition, bounds: Bounds) -> bool:
+    """Whether `condition` surely holds whenever its values are known."""
+    return never_holds(Not(condition), bounds)
+
+
+def implies(narrow: Condition, wide: Condition) -> bool:
+    """Whether `wide` surely holds when `narrow` does."""
+    if narrow == wide:
+        return True
+    try:
+        told, denied = _groups(narrow, True), _groups(wide, False)
+    except _TooManyError:
+        return False
+    plain = [tuple(fact for fact in group if fact.is_plain) for group in told]
+    return all(_contradicts((*a, *b), lambda _: (-inf, inf)) for a, b in product(plain, denied))
+
+
+def _groups(condition: Condition, truth: bool) -> list[_Group]:
+    """The groups of which one holds when `condition` is as `truth` says."""
+    match condition:
+        case Not(part):
+            return _groups(part, not truth)
+        case GroupInState(quantifier, _, vehicles, state):
+            parts = tuple(InState(vehicle, state) for vehicle in vehicles)
+            return _groups(And(parts) if quantifier == "all" else Or(parts), truth)
+        case And(parts) | Or(parts):
+            return _joined([_groups(p, truth) for p in parts], isinstance(condition, And) is truth)
+        case InState(vehicle, state):
+            return [(_Fact(Read(vehicle, "behavior"), "==" if truth else "!=", state, truth),)]
+        case Compare(operator, Number(bound, _), value):
+            return [(_fact(value, FLIPPED[operator], bound, truth),)]
+        case Compare(operator, value, Number(bound, _) | Word(bound)):
+            return [(_fact(value, operator, bound, truth),)]
+    return [(_Fact(condition, "==" if truth else "!=", "true", truth),)]
+
+
+def _joined(parts: list[list[_Group]], together: bool) -> list[_Group]:
+    """Every way in which one group of each part holds, or the groups of all parts."""
+    if not together:
+        return [group for part in parts for group in part]
+    groups: list[_Group] = [()]
+    for part in parts:
+        groups = [(*a, *b) for a, b in product(groups, part)]
+        if len(groups) > _MOST:
+            raise _TooManyError
+    return groups
+
+
+def _fact(value: object, operator: Operator, bound: float | str, truth: bool) -> _Fact:
+    return _Fact(value, operator if truth else _OPPOSITE[operator], bound, truth)
+
+
+def _contradicts(group: _Group, bounds: Bounds) -> bool:
+    """Whether the facts leave no value to one of the things that they speak of."""
+    values = dict.fromkeys(fact.value for fact in group)
+    return any(_is_empty([f for f in group if f.value == v], bounds(v)) for v in values)
+
+
+def _is_empty(facts: list[_Fact], bounds: tuple[float, float]) -> bool:
+    equal = {fact.bound for fact in facts if fact.operator == "=="}
+    if equal & {fact.bound for fact in facts if fact.operator == "!="}:
+        return True
+    names = sorted(bound for bound in equal if isinstance(bound, str))
+    if not all(is_in(b, a) for a, b in pairwise(names)):
+        return True
+    (low, high), open_low, open_high = bounds, False, False
+    for _, operator, bound, _ in facts:
+        if isinstance(bound, str):
+            continue
+        if operator in (">", ">=", "==") and (bound, operator == ">") > (low, open_low):
+            low, open_low = bound, operator == ">"
+        if operator in ("<", "<=", "==") and (-bound, operator == "<") > (-high, open_high):
+            high, open_high = bound, operator == "<"
+    return low > high or (low == high and (open_low or open_high))

@@ -1,0 +1,165 @@
+"""Draws the state machines of a plan, of vehicles and of flows: what is drawn, and its text for
+Mermaid.
+
+Arrows that are taken when all goes well or as the mission says are drawn; the failure arrows that
+the language adds are not. Vehicles with the same machine share a drawing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from kybflow.core.units import DURATION
+from kybflow.dsl.expressions import describe
+from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.graph.asked import Asked, asked
+from kybflow.dsl.graph.mermaid import text
+from kybflow.dsl.graph.svg import picture
+from kybflow.dsl.graph.types import Box, Drawing, Edge
+from kybflow.dsl.plan import (
+    END,
+    FlowPlan,
+    PhasePlan,
+    Plan,
+    StatePlan,
+    TransitionPlan,
+    VehiclePlan,
+)
+
+FOOTNOTE = (
+    "A behavior that fails and does not say what follows brakes, hovers and lands; "
+    "a take-off lands. The dot is where a machine begins."
+)
+
+
+Groups = Mapping[str, tuple[str, ...]]
+
+
+def svg(plan: Plan) -> str:
+    """The state machines as a self-contained SVG."""
+    return picture(plan.mission, plan.summary, drawings(plan), FOOTNOTE)
+
+
+def mermaid(plan: Plan) -> str:
+    """The state machines as one Mermaid `stateDiagram-v2`, each in a box of its own."""
+    return text(plan.mission, drawings(plan))
+
+
+def drawings(plan: Plan) -> list[Drawing]:
+    """One drawing for each machine, with the vehicles that have it."""
+    same: dict[_Machine, list[str]] = {}
+    for vehicle in plan.vehicles:
+        same.setdefault(_machine(vehicle, asked(plan, vehicle.name)), []).append(vehicle.name)
+    vehicles = [Drawing(", ".join(names), m.begin, m.boxes, m.edges) for m, names in same.items()]
+    return [*vehicles, *(_flow(flow, plan.groups) for flow in plan.flows)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Machine:
+    begin: str
+    boxes: tuple[Box, ...]
+    edges: tuple[Edge, ...]
+
+
+def _machine(vehicle: VehiclePlan, askers: Asked) -> _Machine:
+    drawn = _reached(vehicle, askers)
+    boxes = tuple(_box(state) for name, state in vehicle.states.items() if name in drawn)
+    labels: dict[tuple[str, str], list[str]] = {}
+    implied: dict[tuple[str, str], bool] = {}
+    for box in boxes:
+        for arrow in _drawn(vehicle.states[box.name]):
+            added = arrow.implied or box.is_built_in
+            ends = (box.name, arrow.target)
+            labels.setdefault(ends, []).append(cause_of(arrow))
+            implied[ends] = implied.get(ends, True) and added
+    edges = tuple(Edge(*ends, tuple(text), implied[ends]) for ends, text in labels.items())
+    asking = tuple(Box(name, "asks", "", False, is_asker=True) for name in askers)
+    entries = tuple(
+        Edge(name, state, (), False, is_asked=True)
+        for name, states in askers.items()
+        for state in states
+    )
+    return _Machine(vehicle.begin, (*boxes, *asking), (*edges, *entries))
+
+
+def _reached(vehicle: VehiclePlan, askers: Asked) -> set[str]:
+    """The mission's own states, and the built-in ones that a drawn arrow leads to."""
+    own = (name for name, state in vehicle.states.items() if not state.built_in)
+    waiting = [*own, vehicle.begin, *(state for states in askers.values() for state in states)]
+    reached = set(waiting)
+    while waiting:
+        for arrow in _drawn(vehicle.states[waiting.pop()]):
+            if arrow.target not in reached:
+                reached.add(arrow.target)
+                waiting.append(arrow.target)
+    return reached
+
+
+def _drawn(state: StatePlan) -> list[TransitionPlan]:
+    """Its arrows; of those that the language adds, no failures and no end of what never ends."""
+    footprint = state.behavior.cls.footprint(state.behavior.params, None)
+    is_endless = footprint is not None and footprint.is_endless
+    return [
+        arrow
+        for arrow in state.transitions
+        if not (arrow.implied or state.built_in)
+        or not (arrow.cause == "failed" or (arrow.cause == "then" and is_endless))
+    ]
+
+
+def _box(state: StatePlan) -> Box:
+    leg = state.legs[0]
+    flight = f"{leg.start.value} → {leg.end.value}"
+    return Box(state.name, state.behavior.name, flight, state.built_in)
+
+
+def cause_of(arrow: TransitionPlan) -> str:
+    """When an arrow is taken, in words."""
+    if arrow.cause == "then":
+        return "done"
+    if arrow.cause == "failed":
+        return "failed"
+    if arrow.cause == "within":
+        whole = f"{arrow.since} " if arrow.since else ""
+        return f"{whole}not done within {quantity(arrow.after or 0.0, DURATION)}"
+    parts = [describe(arrow.when)] if arrow.when is not None else []
+    if arrow.hold > 0.0:
+        parts.append(f"for {quantity(arrow.hold, DURATION)}")
+    if arrow.event is not None:
+        parts.append(f"event {arrow.event}")
+    if arrow.after is not None:
+        inside = f" in {arrow.since}" if arrow.since else ""
+        parts.append(f"after {quantity(arrow.after, DURATION)}{inside}")
+    return " ".join(parts)
+
+
+def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
+    """The machine of a flow: its phases, and `end` where something leads there."""
+    labels: dict[tuple[str, str], list[str]] = {}
+    for phase in flow.phases.values():
+        for arrow in phase.transitions:
+            labels.setdefault((phase.name, arrow.target), []).append(cause_of(arrow))
+        if not phase.transitions:
+            labels[phase.name, END] = ["done"]
+    boxes = [Box(p.name, _asked(p, groups), "", False) for p in flow.phases.values()]
+    if any(target == END for _, target in labels):
+        boxes.append(Box(END, "the flow is over", "", True))
+    edges = tuple(Edge(*ends, tuple(text), False) for ends, text in labels.items())
+    return Drawing(f"flow {flow.name}", flow.begin, tuple(boxes), edges)
+
+
+def _asked(phase: PhasePlan, groups: Groups) -> str:
+    """What a phase asks of whom."""
+    asked = {**phase.run, **phase.chains}
+    texts = [f"{names}: {state}" for names, state in _together(asked, groups)]
+    texts += [f"{names} to {flow}" for names, flow in _together(phase.give, groups)]
+    return " · ".join(texts) or "asks nothing"
+
+
+def _together(asked: Mapping[str, str], groups: Groups) -> Iterator[tuple[str, str]]:
+    """Those of whom the same is asked, by their group's name where there is one."""
+    for goal in dict.fromkeys(asked.values()):
+        names = tuple(name for name, own in asked.items() if own == goal)
+        group = next((g for g, of in groups.items() if set(of) == set(names)), None)
+        yield group or ", ".join(names), goal

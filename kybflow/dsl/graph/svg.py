@@ -1,0 +1,221 @@
+"""The drawing of a state machine as SVG: self-contained, no script, no font, no link."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from itertools import pairwise
+
+from kybflow.dsl.graph.layout import Layout, Size, arranged
+from kybflow.dsl.graph.types import Box, Drawing, Edge
+
+_HEIGHT = 46.0
+_MARGIN = 28.0
+_TOP = 126
+_WIDE = 1760.0
+_BEGIN = 34.0
+_LINE = 15.0
+_STYLE = """
+  text { font-family: system-ui, 'Segoe UI', Helvetica, Arial, sans-serif; fill: #1d2733 }
+  .title { font-size: 19px; font-weight: 600 } .summary { font-size: 13px; fill: #5b6875 }
+  .machine { font-size: 14px; font-weight: 600; fill: #2f5d8a }
+  .name { font-size: 14px; font-weight: 600; text-anchor: middle }
+  .part { font-size: 11px; fill: #5b6875; text-anchor: middle }
+  .label { font-size: 11.5px; fill: #33414e }
+  .box { stroke-width: 1.4 } .ground { fill: #f1ede4; stroke: #a08c5b }
+  .air { fill: #e4eff9; stroke: #4a86bd } .change { fill: #e6f4ea; stroke: #4d9a63 }
+  .phase { fill: #efe9f6; stroke: #8468ad }
+  .asker { fill: #ffffff; stroke: #8468ad; stroke-dasharray: 2 3 }
+  .implied { fill: #ffffff; stroke: #a9b3bd; stroke-dasharray: 5 3 }
+  .edge { fill: none; stroke: #52606d; stroke-width: 1.4 }
+  .asked { stroke: #8468ad; stroke-dasharray: 2 3 }
+  .faint { stroke: #a9b3bd; stroke-dasharray: 5 3 } .faint-text { fill: #7b8794 }
+"""
+_ARROW = (
+    '<marker id="arrow" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="8" markerHeight="8" '
+    'orient="auto-start-reverse"><path d="M1 1 L9 5 L1 9 z" fill="#52606d"/></marker>'
+)
+
+Point = tuple[float, float]
+
+
+def picture(title: str, summary: str, drawings: Sequence[Drawing], footnote: str) -> str:
+    """All drawings in rows under a title."""
+    drawn = [_drawing(drawing) for drawing in drawings]
+    places, right, bottom = _in_rows([(width, height) for _, width, height in drawn])
+    parts = [
+        f'<g transform="translate({x:.1f} {y:.1f})">{body}</g>'
+        for (body, _, _), (x, y) in zip(drawn, places, strict=True)
+    ]
+    texts = (_width(title, 11.0), _width(summary, 6.6), _width(footnote, 6.0))
+    width = max(right + _MARGIN, max(texts) + 2 * _MARGIN)
+    height = bottom + 2.2 * _MARGIN
+    return "\n".join(
+        [
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" '
+            f'width="{width:.0f}" height="{height:.0f}" role="img">',
+            f"<style>{_STYLE}</style><defs>{_ARROW}</defs>",
+            f'<rect width="{width:.0f}" height="{height:.0f}" fill="#ffffff"/>',
+            _text(_MARGIN, 40, title, "title"),
+            _text(_MARGIN, 61, summary, "summary"),
+            *parts,
+            _text(_MARGIN, height - 18, footnote, "part faint-text", 'style="text-anchor: start"'),
+            "</svg>\n",
+        ]
+    )
+
+
+def _in_rows(sizes: Sequence[Point]) -> tuple[list[Point], float, float]:
+    """(where each drawing goes, the right end of all, their bottom); a row is no wider than _WIDE
+    unless one drawing is."""
+    places: list[Point] = []
+    x, y, right, bottom = _MARGIN, float(_TOP), 0.0, float(_TOP)
+    for width, height in sizes:
+        if x > _MARGIN and x + width > _WIDE:
+            x, y = _MARGIN, bottom + 3 * _MARGIN
+        places.append((x, y))
+        right, bottom = max(right, x + width), max(bottom, y + height)
+        x += width + 3 * _MARGIN
+    return places, right, bottom
+
+
+def _drawing(drawing: Drawing) -> tuple[str, float, float]:
+    """(the SVG of one machine, its width, its height)."""
+    index = {box.name: i for i, box in enumerate(drawing.boxes)}
+    loops = {e.source: e for e in drawing.edges if e.source == e.target}
+    edges = [e for e in drawing.edges if e.source != e.target]
+    sizes = [_box_size(b, loops.get(b.name), b.name == drawing.begin) for b in drawing.boxes]
+    ends = [(index[e.source], index[e.target]) for e in edges]
+    labels = [_label_size(e.labels) for e in edges]
+    layout = arranged(sizes, ends, labels, index[drawing.begin])
+    ports = _ports(layout)
+    first = index[drawing.begin]
+    parts = [_begin(drawing.boxes[first], layout.x[first], layout.y[first])]
+    parts += [_edge(layout, number, edge, ports) for number, edge in enumerate(edges)]
+    for number, box in enumerate(drawing.boxes):
+        parts.append(_box(box, layout.x[number], layout.y[number]))
+        if box.name in loops:
+            parts.append(_loop(loops[box.name], box, layout.x[number], layout.y[number]))
+    parts.append(_text(0, -26, drawing.title, "machine"))
+    width = max(x + size.right for x, size in zip(layout.x, layout.sizes, strict=True))
+    height = max(y + size.height / 2 for y, size in zip(layout.y, layout.sizes, strict=True))
+    return "\n".join(parts), max(width, _width(drawing.title, 8.0)), height
+
+
+def _box_size(box: Box, loop: Edge | None, is_first: bool) -> Size:
+    half = _box_width(box) / 2
+    return Size(
+        half + (_BEGIN if is_first else 0.0),
+        half + (_label_size(loop.labels).right + 28 if loop else 0.0),
+        _HEIGHT,
+    )
+
+
+def _box_width(box: Box) -> float:
+    return max(_width(box.name, 8.2), _width(_caption(box), 6.2)) + 28
+
+
+def _caption(box: Box) -> str:
+    return f"{box.part} · {box.flight}" if box.flight else box.part
+
+
+def _label_size(labels: Sequence[str]) -> Size:
+    longest = max((_width(label, 6.3) for label in labels), default=0.0)
+    return Size(6.0, longest + 10, _LINE * len(labels) + 4)
+
+
+def _width(text: str, each: float) -> float:
+    return len(text) * each
+
+
+Ports = Mapping[tuple[int, int], float]
+
+
+def _ports(layout: Layout) -> Ports:
+    """Where each chain meets its boxes: (chain, 0 for its upper end and 1 for its lower) to x."""
+    sides: dict[tuple[int, int], list[tuple[float, int]]] = {}
+    for number, chain in enumerate(layout.chains):
+        upper, lower = chain.vertices[0], chain.vertices[-1]
+        sides.setdefault((upper, 0), []).append((layout.x[chain.vertices[1]], number))
+        sides.setdefault((lower, 1), []).append((layout.x[chain.vertices[-2]], number))
+    ports = {}
+    for (vertex, end), neighbours in sides.items():
+        step = min(26.0, 1.6 * layout.sizes[vertex].left / (len(neighbours) + 1))
+        for place, (_, number) in enumerate(sorted(neighbours)):
+            shift = (place - (len(neighbours) - 1) / 2) * step
+            ports[number, end] = layout.x[vertex] + shift
+    return ports
+
+
+def _edge(layout: Layout, number: int, edge: Edge, ports: Ports) -> str:
+    chain = layout.chains[number]
+    upper, *passed, lower = chain.vertices
+    half = _HEIGHT / 2
+    points = [(ports[number, 0], layout.y[upper] + half)]
+    for vertex in passed:
+        reach = max(layout.sizes[vertex].height / 2, half / 2)
+        points += [(layout.x[vertex], layout.y[vertex] + side * reach) for side in (-1, 1)]
+    points.append((ports[number, 1], layout.y[lower] - half))
+    if chain.is_reversed:
+        points.reverse()
+    faint = edge.is_implied
+    style = " faint" if faint else " asked" if edge.is_asked else ""
+    line = f'<path class="edge{style}" d="{_curve(points)}" {_MARKED}/>'
+    x, y = layout.x[passed[0]], layout.y[passed[0]]
+    return line + _label(edge.labels, x + 7, y, "label faint-text" if faint else "label")
+
+
+_MARKED = 'marker-end="url(#arrow)"'
+
+
+def _curve(points: Sequence[Point]) -> str:
+    """A path through the points that is vertical in each of them."""
+    path = [f"M{points[0][0]:.1f} {points[0][1]:.1f}"]
+    for (ax, ay), (bx, by) in pairwise(points):
+        if abs(ax - bx) < 0.5:
+            path.append(f"L{bx:.1f} {by:.1f}")
+            continue
+        middle = (ay + by) / 2
+        path.append(f"C{ax:.1f} {middle:.1f} {bx:.1f} {middle:.1f} {bx:.1f} {by:.1f}")
+    return " ".join(path)
+
+
+def _begin(box: Box, x: float, y: float) -> str:
+    """The dot from which the machine begins, in the room that is kept left of its box."""
+    left = x - _box_width(box) / 2
+    return (
+        f'<circle cx="{left - _BEGIN + 6:.1f}" cy="{y:.1f}" r="5" fill="#33414e"/>'
+        f'<path class="edge" d="M{left - _BEGIN + 11:.1f} {y:.1f} L{left:.1f} {y:.1f}" {_MARKED}/>'
+    )
+
+
+def _box(box: Box, x: float, y: float) -> str:
+    width = _box_width(box)
+    start, _, end = box.flight.partition(" → ")
+    kind = "phase" if not box.flight else start if start == end else "change"
+    kind = "implied" if box.is_built_in else "asker" if box.is_asker else kind
+    return (
+        f'<rect class="box {kind}" x="{x - width / 2:.1f}" y="{y - _HEIGHT / 2:.1f}" '
+        f'width="{width:.1f}" height="{_HEIGHT:.0f}" rx="9"/>'
+        + _text(x, y - 3, box.name, "name")
+        + _text(x, y + 14, _caption(box), "part")
+    )
+
+
+def _loop(edge: Edge, box: Box, x: float, y: float) -> str:
+    right = x + _box_width(box) / 2
+    path = f"M{right:.1f} {y - 9:.1f} C{right + 30:.1f} {y - 9:.1f} "
+    path += f"{right + 30:.1f} {y + 9:.1f} {right:.1f} {y + 9:.1f}"
+    line = f'<path class="edge" d="{path}" {_MARKED}/>'
+    return line + _label(edge.labels, right + 28, y, "label")
+
+
+def _label(labels: Sequence[str], x: float, y: float, style: str) -> str:
+    top = y - _LINE * (len(labels) - 1) / 2 + 4
+    return "".join(
+        _text(x, top + number * _LINE, label, style) for number, label in enumerate(labels)
+    )
+
+
+def _text(x: float, y: float, text: str, style: str, more: str = "") -> str:
+    return f'<text class="{style}" x="{x:.1f}" y="{y:.1f}" {more}>{escape(text)}</text>'

@@ -1,0 +1,1 @@
+"""The document to the plan: frozen, SI, groups resolved to vehicles."""

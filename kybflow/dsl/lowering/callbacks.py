@@ -1,0 +1,86 @@
+"""Callbacks of the document to those of the plan: groups become their vehicles, names what they
+stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from kybflow.dsl.document import ActionUse, Callback, Document
+from kybflow.dsl.expressions import Scope, parse
+from kybflow.dsl.names.option_names import members, option_values
+from kybflow.dsl.plan import (
+    ActionPlan,
+    Call,
+    CallbackPlan,
+    Emit,
+    Enable,
+    EnterPhase,
+    Log,
+    PartPlan,
+    SetOption,
+    Stop,
+    Switch,
+)
+
+if TYPE_CHECKING:
+    from kybflow.parts.catalog import Catalog
+
+
+def callback_plans(document: Document, scope: Scope, catalog: Catalog) -> tuple[CallbackPlan, ...]:
+    """Every callback, in the order of the mission; `scope` is that of their conditions."""
+    return tuple(_callback(one, document, scope, catalog) for one in document.callbacks)
+
+
+def _callback(
+    callback: Callback, document: Document, scope: Scope, catalog: Catalog
+) -> CallbackPlan:
+    event, vehicles = _heard(callback.event.text, document)
+    return CallbackPlan(
+        event=event,
+        vehicles=vehicles,
+        actions=tuple(
+            plan for action in callback.actions for plan in _action(action, document, catalog)
+        ),
+        fields=tuple((field.text, value.text) for field, value in callback.fields),
+        when=None if callback.when is None else parse(callback.when, scope)[0],
+        at=callback.span.at,
+    )
+
+
+def _heard(event: str, document: Document) -> tuple[str, tuple[str, ...]]:
+    """(the event's own name, whose it is): a vehicle's, any one's, a group's, or the run's."""
+    first, dot, name = event.partition(".")
+    vehicles = tuple(document.vehicles) if first == "any" else members(document, first)
+    return (name, vehicles) if dot and vehicles else (event, ("",))
+
+
+def _action(action: ActionUse, document: Document, catalog: Catalog) -> Iterator[ActionPlan]:
+    name, target, part = action.name.text, action.target, action.part
+    if part is not None:
+        label = f"actions.{part.label}"
+        yield Call(PartPlan(part.spec.name, part.spec.cls, part.params, label, part.span.at))
+    elif name == "switch" and target is not None:
+        for vehicle in members(document, target.text):
+            yield Switch(vehicle, document.vehicles[vehicle].goal(action.value.text))
+    elif name == "set":
+        for option, value in option_values(action, document, catalog, []):
+            yield SetOption(option.name, value)
+    elif name in ("enable", "disable"):
+        who, _, label = action.value.text.partition(".")
+        for vehicle in members(document, who):
+            yield Enable(vehicle, label, name == "enable")
+    elif name == "phase":
+        yield _phase(action, document)
+    else:
+        yield _TOLD[name](action.value.text)
+
+
+_TOLD: dict[str, type[Emit] | type[Log] | type[Stop]] = {"emit": Emit, "log": Log, "stop": Stop}
+
+
+def _phase(action: ActionUse, document: Document) -> EnterPhase:
+    phase = action.value.text
+    if action.target is not None:
+        return EnterPhase(action.target.text, phase)
+    return EnterPhase(next(n for n, f in document.flows.items() if phase in f.phases), phase)

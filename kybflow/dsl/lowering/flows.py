@@ -1,0 +1,67 @@
+"""The flows of the document to those of the plan: groups become their vehicles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kybflow.dsl.document import Document, Flow, Phase, Transition
+from kybflow.dsl.expressions import Scope, parse
+from kybflow.dsl.names.option_names import members, option_values
+from kybflow.dsl.plan import FlowPlan, PhasePlan, SetOption, TransitionPlan
+from kybflow.dsl.reading.source import Text
+from kybflow.dsl.shaping.flows import given_vehicles, own_vehicles
+
+if TYPE_CHECKING:
+    from kybflow.parts.catalog import Catalog
+
+
+def flow_plans(document: Document, scope: Scope, catalog: Catalog) -> tuple[FlowPlan, ...]:
+    """Every flow, in the order of the mission; `scope` is that of a phase's conditions."""
+    return tuple(_flow(flow, document, scope, catalog) for flow in document.flows.values())
+
+
+def _flow(flow: Flow, document: Document, scope: Scope, catalog: Catalog) -> FlowPlan:
+    own = own_vehicles(document, flow)
+    return FlowPlan(
+        name=flow.name.text,
+        begin=flow.begin.text,
+        vehicles=own,
+        phases={n: _phase(p, document, scope, catalog) for n, p in flow.phases.items()},
+        waits=not own and bool(given_vehicles(document, flow)),
+        at=flow.span.at,
+    )
+
+
+def _phase(phase: Phase, document: Document, scope: Scope, catalog: Catalog) -> PhasePlan:
+    options = (
+        SetOption(option.name, value)
+        for action in phase.set
+        for option, value in option_values(action, document, catalog, [])
+    )
+    named = _spread(phase.run, document)
+    run = {name: document.vehicles[name].goal(state) for name, state in named.items()}
+    return PhasePlan(
+        name=phase.name.text,
+        run=run,
+        give=_spread(phase.give, document),
+        set=tuple(options),
+        transitions=tuple(_arrow(arrow, scope) for arrow in phase.transitions),
+        chains={name: state for name, state in named.items() if state != run[name]},
+        at=phase.span.at,
+    )
+
+
+def _spread(pairs: tuple[tuple[Text, Text], ...], document: Document) -> dict[str, str]:
+    return {vehicle: goal.text for who, goal in pairs for vehicle in members(document, who.text)}
+
+
+def _arrow(arrow: Transition, scope: Scope) -> TransitionPlan:
+    return TransitionPlan(
+        cause=arrow.cause,
+        target=arrow.target.text,
+        when=None if arrow.when is None else parse(arrow.when, scope)[0],
+        event=None if arrow.event is None else arrow.event.text,
+        after=arrow.after,
+        hold=arrow.hold,
+        at=arrow.span.at,
+    )

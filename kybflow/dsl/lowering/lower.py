@@ -1,0 +1,210 @@
+"""The document to the plan: expressions parsed, built-in states and implied arrows added, spans
+reduced to `file:line`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from kybflow.dsl.document import (
+    Document,
+    FaultUse,
+    PartUse,
+    SensorUse,
+    State,
+    Transition,
+    Vehicle,
+)
+from kybflow.dsl.expressions import Expression, Scope, parse
+from kybflow.dsl.lowering.callbacks import callback_plans
+from kybflow.dsl.lowering.flows import flow_plans
+from kybflow.dsl.names.built_in import BUILT_IN, end_of, failure_of
+from kybflow.dsl.names.scopes import Scopes
+from kybflow.dsl.plan import (
+    EstimatorPlan,
+    ExpectationPlan,
+    FaultPlan,
+    PartPlan,
+    Plan,
+    SensorPlan,
+    SourceFile,
+    StatePlan,
+    TransitionPlan,
+    VehiclePlan,
+)
+from kybflow.dsl.reading.attachments import files_of
+from kybflow.dsl.reading.source import Text
+from kybflow.world.cameras import Camera
+from kybflow.world.tags import TagMap
+
+if TYPE_CHECKING:
+    from kybflow.parts.catalog import Catalog
+
+
+def lower(
+    document: Document,
+    catalog: Catalog,
+    sources: tuple[SourceFile, ...],
+    resolved: str,
+) -> Plan:
+    """The plan of a document that has no errors."""
+    scopes = Scopes(document)
+    drivers = [v.driver.spec.cls for v in document.vehicles.values()]
+    built_in = _built_in(document.hover_limit, catalog)
+    return Plan(
+        mission=document.mission.text,
+        summary=document.summary,
+        target=document.target.text,
+        simulated=all(cls.simulated for cls in drivers),
+        control_rate=document.control_rate,
+        hover_limit=document.hover_limit,
+        time_limit=document.time_limit,
+        fence=document.fence,
+        vehicles=tuple(
+            _vehicle(v, scopes, built_in, document.hover_limit) for v in document.vehicles.values()
+        ),
+        expectations=tuple(
+            ExpectationPlan(text.as_written, _parsed(text, scopes.expectation()), text.span.at)
+            for text in document.expect
+        ),
+        sources=sources,
+        resolved=resolved,
+        obstacles={use.name.text: use.shape for use in document.obstacles},
+        points=document.points,
+        tags=TagMap(tag for use in document.tags for tag in use.tags),
+        groups={name: tuple(m.text for m in of) for name, of in document.groups.items()},
+        flows=flow_plans(document, scopes.flow(), catalog),
+        callbacks=callback_plans(document, scopes.flow(), catalog),
+        faults=tuple(_fault(use, scopes) for use in document.faults),
+        files=files_of(document),
+    )
+
+
+def _fault(use: FaultUse, scopes: Scopes) -> FaultPlan:
+    vehicle = use.vehicle.text
+    when = None if use.when is None else _parsed(use.when, scopes.condition(vehicle))
+    part = _part(use.part, use.part.label)
+    return FaultPlan(part, vehicle, use.time, when, use.duration, use.span.at)
+
+
+def _parsed(text: Text, scope: Scope) -> Expression:
+    expression, found = parse(text, scope)
+    if expression is None:
+        raise ValueError(f"{text.text!r} passed the checks: {found}")
+    return expression
+
+
+def _vehicle(
+    vehicle: Vehicle, scopes: Scopes, built_in: dict[str, StatePlan], hover_limit: float
+) -> VehiclePlan:
+    name = vehicle.name.text
+    own = {n: _state(s, name, scopes) for n, s in vehicle.states.items()}
+    return VehiclePlan(
+        name=name,
+        airframe=vehicle.airframe,
+        start=vehicle.start,
+        heading=vehicle.heading,
+        estimators=tuple(
+            EstimatorPlan(
+                _part(e.part, f"estimators.{e.part.label}"),
+                None if e.healthy is None else _parsed(e.healthy, scopes.health(name)),
+                e.recover_after,
+                e.for_at_most,
+            )
+            for e in vehicle.estimators
+        ),
+        processors=tuple(_part(p, f"processors.{p.label}") for p in vehicle.processors),
+        tracker=_part(vehicle.tracker, "tracker"),
+        supervisors=tuple(_part(s, f"supervisors.{s.label}") for s in vehicle.supervisors),
+        driver=_part(vehicle.driver, "driver"),
+        begin=vehicle.begin.text,
+        states={**own, **built_in},
+        at=vehicle.span.at,
+        home=vehicle.home,
+        hover_limit=hover_limit,
+        cameras=_cameras(vehicle),
+        sensors=tuple(_sensors(vehicle)),
+        payload=vehicle.payload,
+    )
+
+
+def _cameras(vehicle: Vehicle) -> dict[str, Camera]:
+    """The airframe's, as the sensors on this target have them."""
+    cameras: Mapping[str, Camera] = {use.name.text: use.camera for use in vehicle.cameras}
+    for use in vehicle.sensors:
+        cameras = use.part.spec.cls.seen_by(use.part.params, cameras)
+    return dict(cameras)
+
+
+def _sensors(vehicle: Vehicle) -> Iterator[SensorPlan]:
+    """Each sensor once, however many estimators it is named for."""
+    named: dict[tuple[str, Any], tuple[SensorUse, list[str]]] = {}
+    for use in vehicle.sensors:
+        _, names = named.setdefault((use.part.spec.name, use.part.params), (use, []))
+        names += [use.estimator.text] if use.estimator.text else []
+    for first, names in named.values():
+        yield SensorPlan(_part(first.part, f"sensors.{first.label}"), tuple(names))
+
+
+def _part(use: PartUse, label: str) -> PartPlan:
+    return PartPlan(use.spec.name, use.spec.cls, use.params, label, use.span.at)
+
+
+def _state(state: State, vehicle: str, scopes: Scopes) -> StatePlan:
+    legs = state.part.spec.cls.flight
+    arrows = [_arrow(t, vehicle, scopes) for t in state.transitions]
+    causes = {arrow.cause for arrow in arrows}
+    at = state.span.at
+    if "then" not in causes:
+        arrows.append(TransitionPlan("then", end_of(legs), implied=True, at=at))
+    if "failed" not in causes:
+        arrows.append(TransitionPlan("failed", failure_of(legs), implied=True, at=at))
+    order = ("next", "then", "failed", "within")
+    arrows.sort(key=lambda arrow: order.index(arrow.cause))
+    name = state.name.text
+    estimators = tuple(text.text for text in state.estimators)
+    behavior = _part(state.part, _label(name))
+    return StatePlan(name, behavior, legs, tuple(arrows), at=at, estimators=estimators)
+
+
+def _label(state: str) -> str:
+    """What a state's behavior is called among the options."""
+    return f"behaviors.{state}"
+
+
+def _arrow(arrow: Transition, vehicle: str, scopes: Scopes) -> TransitionPlan:
+    return TransitionPlan(
+        cause=arrow.cause,
+        target=arrow.target.text,
+        when=None if arrow.when is None else _parsed(arrow.when, scopes.condition(vehicle)),
+        event=None if arrow.event is None else arrow.event.text,
+        after=arrow.after,
+        hold=arrow.hold,
+        at=arrow.span.at,
+        since=arrow.since,
+        enters=arrow.enters,
+    )
+
+
+def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:
+    arrows = {
+        "brake": (_implied("then", "hover"), _implied("failed", "hover")),
+        "hover": (
+            TransitionPlan("next", "auto_land", after=hover_limit, implied=True),
+            _implied("then", "auto_land"),
+            _implied("failed", "auto_land"),
+        ),
+        "auto_home": (_implied("then", "auto_land"), _implied("failed", "auto_land")),
+        "auto_land": (_implied("then", "landed"), _implied("failed", "land_blind")),
+        "land_blind": (_implied("then", "fault"), _implied("failed", "fault")),
+    }
+    states = {}
+    for name, part in BUILT_IN.items():
+        spec = catalog.get("behaviors", part)
+        behavior = PartPlan(part, spec.cls, spec.params(), _label(name))
+        states[name] = StatePlan(name, behavior, spec.cls.flight, arrows.get(name, ()), True)
+    return states
+
+
+def _implied(cause: str, target: str) -> TransitionPlan:
+    return TransitionPlan(cause, target, implied=True)  # type: ignore[arg-type]

@@ -1,0 +1,1 @@
+"""Names that a mission may use: built-in states, options, and what expressions may name."""

@@ -1,0 +1,129 @@
+"""Names of options, `a.processors.limit_speed.speed`, and of vehicles and groups before a dot, in
+what a mission asks for: who is meant, and which parameter."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from kybflow.core.params import Field
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.document import ActionUse, Document, Vehicle
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.reading.source import Text
+from kybflow.dsl.reading.values import decode
+
+if TYPE_CHECKING:
+    from kybflow.parts.catalog import Catalog
+
+
+class Option(NamedTuple):
+    """One parameter of a vehicle's part; `declared` is its value (SI) in the mission."""
+
+    name: str
+    field: Field
+    declared: Any
+
+
+class Named(NamedTuple):
+    """What a name means: nothing, and the finding that says why, or one option a vehicle."""
+
+    options: tuple[Option, ...]
+    finding: Diagnostic | None = None
+
+
+def members(document: Document, name: str) -> tuple[str, ...]:
+    """The vehicles that a name stands for: itself, or those of a group; none for an unknown one."""
+    if name in document.vehicles:
+        return (name,)
+    group = document.groups.get(name, ())
+    return tuple(member.text for member in group if member.text in document.vehicles)
+
+
+def unknown_vehicle(
+    code: str, name: Text, document: Document, start: int = 0, end: int | None = None
+) -> Diagnostic:
+    """The finding for the part of `name` that is no vehicle or group."""
+    stop = len(name.text) if end is None else end
+    word = name.text[start:stop]
+    return Diagnostic(
+        code,
+        f"there is no vehicle `{word}`",
+        name.part(start, stop),
+        label="unknown",
+        help=did_you_mean(word, (*document.vehicles, *document.groups)),
+    )
+
+
+def option_values(
+    action: ActionUse, document: Document, catalog: Catalog, found: list[Diagnostic]
+) -> tuple[tuple[Option, Any], ...]:
+    """What `{OPTION: VALUE}` sets: each option with its value (SI). None where it has errors."""
+    assert action.target is not None
+    named = options_named(action.target, document, catalog)
+    if named.finding is not None:
+        found.append(named.finding)
+    findings: list[Diagnostic] = []
+    decoded = [(option, decode(action.value, option.field, findings)) for option in named.options]
+    found += dict.fromkeys(findings)
+    return () if findings else tuple(decoded)
+
+
+def options_named(name: Text, document: Document, catalog: Catalog) -> Named:
+    """The options that `name` means: of a vehicle, or of each of a group."""
+    first, _, rest = name.text.partition(".")
+    vehicles = members(document, first)
+    if not vehicles:
+        return Named((), unknown_vehicle("KYB233", name, document, end=len(first)))
+    options: list[Option] = []
+    for vehicle in vehicles:
+        found = _option(name, rest, document.vehicles[vehicle], catalog)
+        if isinstance(found, Diagnostic):
+            return Named((), found)
+        options.append(found)
+    return Named(tuple(options))
+
+
+def _option(name: Text, rest: str, vehicle: Vehicle, catalog: Catalog) -> Option | Diagnostic:
+    parts = _parts(vehicle, catalog)
+    label, _, word = rest.rpartition(".")
+    start, end = len(name.text) - len(rest), len(name.text)
+    if rest in parts:
+        known = [f"{rest}.{field.name}" for field in parts[rest][0]]
+        message = f"`{name.text}` is a part, and not one of its parameters"
+        return Diagnostic("KYB233", message, name.part(start, end), help=did_you_mean("", known))
+    if not rest:
+        hint = "an option is `VEHICLE.PART.PARAMETER`, like `a.processors.limit_speed.speed`"
+        return Diagnostic("KYB233", f"`{name.text}` is no option", name.span, help=hint)
+    if label not in parts:
+        part = label or rest
+        message, hint = f"`{vehicle.name.text}` has no part `{part}`", did_you_mean(part, parts)
+        place = name.part(start, start + len(part))
+        return Diagnostic("KYB233", message, place, label="unknown", help=hint)
+    fields, params = parts[label]
+    field = next((field for field in fields if field.name == word), None)
+    if field is None:
+        return Diagnostic(
+            "KYB233",
+            f"`{label}` of `{vehicle.name.text}` has no parameter `{word}`",
+            name.part(end - len(word), end),
+            label="unknown",
+            help=did_you_mean(word, [field.name for field in fields]),
+        )
+    return Option(f"{vehicle.name.text}.{rest}", field, getattr(params, word))
+
+
+def _parts(vehicle: Vehicle, catalog: Catalog) -> dict[str, tuple[tuple[Field, ...], Any]]:
+    """Every part of a vehicle by its label among the options, with its parameters."""
+    uses = {
+        **{f"estimators.{use.part.label}": use.part for use in vehicle.estimators},
+        **{f"processors.{use.label}": use for use in vehicle.processors},
+        "tracker": vehicle.tracker,
+        **{f"supervisors.{use.label}": use for use in vehicle.supervisors},
+        **{f"behaviors.{name}": state.part for name, state in vehicle.states.items()},
+    }
+    built_in = {
+        f"behaviors.{name}": (spec.fields, spec.params())
+        for name, part in BUILT_IN.items()
+        for spec in (catalog.get("behaviors", part),)
+    }
+    return {**built_in, **{label: (use.spec.fields, use.params) for label, use in uses.items()}}

@@ -1,0 +1,61 @@
+"""What the expressions of a mission may name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+from kybflow.dsl.document import Document, Vehicle
+from kybflow.dsl.expressions import Scope
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.parts.observables import chains_of
+
+
+class Scopes:
+    """The scope of every expression of a document."""
+
+    def __init__(self, document: Document) -> None:
+        vehicles = document.vehicles.items()
+        self._states = {name: (*v.states, *_chains(v), *BUILT_IN) for name, v in vehicles}
+        self._estimators = {
+            name: tuple(use.part.label for use in v.estimators) for name, v in vehicles
+        }
+        self._points = document.points
+        self._carriers = frozenset(name for name, v in vehicles if v.payload is not None)
+        self._scopes: dict[tuple[str, str | None], Scope] = {}
+        self._groups = {
+            name: tuple(member.text for member in members)
+            for name, members in document.groups.items()
+        }
+
+    def condition(self, vehicle: str) -> Scope:
+        """What a `when` of `vehicle` may name."""
+        return self._scope("condition", vehicle)
+
+    def flow(self) -> Scope:
+        """What a `when` of a phase may name: every vehicle, none of them its own."""
+        return self._scope("condition", None)
+
+    def health(self, vehicle: str) -> Scope:
+        """What an estimator's health may name: its own age and spread."""
+        return self._made("health", vehicle, lambda: Scope("health", {}, vehicle))
+
+    def expectation(self) -> Scope:
+        return self._scope("expectation", None)
+
+    def _scope(self, kind: Literal["condition", "expectation"], own: str | None) -> Scope:
+        whole = (
+            self._states, own, self._estimators, self._points, self._groups, self._carriers,
+        )  # fmt: skip
+        return self._made(kind, own, lambda: Scope(kind, *whole))
+
+    def _made(self, kind: str, own: str | None, make: Callable[[], Scope]) -> Scope:
+        """Each scope once: it remembers what was parsed in it."""
+        if (kind, own) not in self._scopes:
+            self._scopes[kind, own] = make()
+        return self._scopes[kind, own]
+
+
+def _chains(vehicle: Vehicle) -> list[str]:
+    """The chains of a vehicle: it is in one while it is in a state inside."""
+    return list(dict.fromkeys(chain for state in vehicle.states for chain in chains_of(state)))

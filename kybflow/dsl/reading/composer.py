@@ -1,0 +1,187 @@
+"""Text to node tree, composed from the events of PyYAML's C parser.
+
+PyYAML's own composer is not used because it recurses in C: 20,000 nested brackets would end the
+process. Depth and the number of nodes with every alias expanded are bounded; tags, merge keys and
+second documents are refused; every node has its place.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import yaml
+
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.reading.broken_yaml import not_yaml
+from kybflow.dsl.reading.nodes import (
+    NO_COMMAS,
+    Entry,
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    is_cut,
+    is_null,
+)
+from kybflow.dsl.reading.source import Span
+
+CODES = {
+    "KYB004": "The file is not YAML.",
+    "KYB005": "The file is empty.",
+    "KYB006": "A file holds one document, not several.",
+    "KYB007": "A mapping has the same key twice.",
+    "KYB008": "YAML tags are refused: a mission holds values, never objects.",
+    "KYB009": "YAML's merge key is refused: `like` says the same with one rule.",
+    "KYB010": "A key is not a plain name.",
+    "KYB011": "Nested deeper than a mission needs.",
+    "KYB012": "More values than a mission may have, counted with every alias expanded.",
+    "KYB013": "An alias that nothing defines, or that contains itself.",
+}
+MAX_NODES = 100_000
+MAX_DEPTH = 40
+LONG = "a long path belongs in a table of its own, which `do: follow_trajectory` flies"
+"""The way out of a file that is too large."""
+_JOINED = re.compile(r"([A-Za-z_]\w*):(\S.*)\Z", re.ASCII)
+"""What YAML takes for one word: a key and its value without a space between."""
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class _Unreadable(Exception):
+    def __init__(self, diagnostic: Diagnostic) -> None:
+        super().__init__(diagnostic.message)
+        self.diagnostic = diagnostic
+
+
+def compose(text: str, file: str) -> tuple[Node | None, list[Diagnostic]]:
+    """The tree of `text`, None when it can't be had, and what was found on the way."""
+    composer = _Composer(file)
+    try:
+        return composer.document(_Loader(text)), composer.found
+    except _Unreadable as stop:
+        return None, [*composer.found, stop.diagnostic]
+    except (yaml.YAMLError, UnicodeError) as error:
+        return None, [*composer.found, not_yaml(error, text, file)]
+
+
+class _Composer:
+    """Builds one tree from the parser's events. `sizes` are the nodes under each anchor."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.found: list[Diagnostic] = []
+        self.anchors: dict[str, Node | None] = {}
+        self.sizes: dict[str, int] = {}
+        self.total = 0
+
+    def document(self, loader: Any) -> Node:
+        loader.get_event()
+        if loader.check_event(yaml.StreamEndEvent):
+            raise self._stop("KYB005", f"`{self.file}` is empty", loader.get_event())
+        loader.get_event()
+        root = self._node(loader, loader.get_event(), 0)
+        loader.get_event()
+        if not loader.check_event(yaml.StreamEndEvent):
+            second = loader.get_event()
+            raise self._stop("KYB006", "a second document begins here", second)
+        return root
+
+    def _node(self, loader: Any, event: Any, depth: int) -> Node:
+        if isinstance(event, yaml.AliasEvent):
+            return self._alias(event)
+        self.total += 1
+        if depth > MAX_DEPTH:
+            hint = "close the brackets that were opened before"
+            raise self._stop("KYB011", f"nested deeper than {MAX_DEPTH} levels", event, hint)
+        self._bound(event)
+        if event.tag is not None and event.tag != "!":
+            self._refuse(
+                "KYB008", f"the tag `{event.tag}` is refused", event, "write the value without it"
+            )
+        before, anchor = self.total, event.anchor
+        if anchor is not None:
+            self.anchors[anchor] = None
+        node = self._content(loader, event, depth)
+        if anchor is not None:
+            self.anchors[anchor] = node
+            self.sizes[anchor] = self.total - before + 1
+        return node
+
+    def _content(self, loader: Any, event: Any, depth: int) -> Node:
+        if isinstance(event, yaml.ScalarEvent):
+            return Scalar(event.value, self._span(event), event.style not in (None, ""))
+        if isinstance(event, yaml.SequenceStartEvent):
+            items: list[Node] = []
+            while not isinstance(inner := loader.get_event(), yaml.SequenceEndEvent):
+                items.append(self._node(loader, inner, depth + 1))
+            return Sequence(tuple(items), self._span(event, inner))
+        entries: dict[str, Entry] = {}
+        while not isinstance(inner := loader.get_event(), yaml.MappingEndEvent):
+            key = self._node(loader, inner, depth + 1)
+            if entries and not isinstance(key, Scalar):
+                self._cut(next(reversed(entries.values())), key)
+            value = self._node(loader, loader.get_event(), depth + 1)
+            self._enter(entries, key, value)
+        return Mapping(entries, self._span(event, inner))
+
+    def _cut(self, before: Entry, key: Node) -> None:
+        """Stop where YAML ended a condition at its comma: what follows is no mapping."""
+        if is_cut(before.value):
+            name = before.key.text
+            message = f"YAML ends `{name}` at the comma and reads a list as a key"
+            hint = f"{NO_COMMAS}; a point is `$point`, a parameter of the type `position`"
+            raise _Unreadable(Diagnostic("KYB010", message, key.span, help=hint))
+
+    def _enter(self, entries: dict[str, Entry], key: Node, value: Node) -> None:
+        if not isinstance(key, Scalar):
+            what = "a list" if isinstance(key, Sequence) else "a mapping"
+            self.found.append(
+                Diagnostic("KYB010", f"{what} can't be a key", key.span, help="a key is a name")
+            )
+        elif key.text == "<<" and not key.quoted:
+            self.found.append(
+                Diagnostic(
+                    "KYB009",
+                    "YAML's merge key `<<` is refused",
+                    key.span,
+                    help="start from another entry with `like: NAME`",
+                )
+            )
+        elif is_null(value) and not key.quoted and (joined := _JOINED.match(key.text)):
+            message = f"a space is missing after `{joined[1]}:`"
+            hint = f"write `{joined[1]}: {joined[2]}`"
+            self.found.append(Diagnostic("KYB010", message, key.span, help=hint))
+        elif key.text in entries:
+            first = entries[key.text].key.span
+            message = f"`{key.text}` is written twice"
+            self.found += [
+                Diagnostic("KYB007", message, key.span, "again", (f"first at {first.at}",)),
+                Diagnostic("KYB007", message, first, "first", (f"again at {key.span.at}",)),
+            ]
+        else:
+            entries[key.text] = Entry(key, value)
+
+    def _alias(self, event: Any) -> Node:
+        name = event.anchor
+        node = self.anchors.get(name)
+        if name not in self.anchors:
+            raise self._stop("KYB013", f"nothing is marked `&{name}`", event)
+        if node is None:
+            raise self._stop("KYB013", f"`*{name}` is inside of `&{name}`", event)
+        self.total += self.sizes[name]
+        self._bound(event)
+        return node
+
+    def _bound(self, event: Any) -> None:
+        if self.total > MAX_NODES:
+            raise self._stop("KYB012", f"more than {MAX_NODES} values", event, LONG)
+
+    def _refuse(self, code: str, message: str, event: Any, help: str) -> None:
+        self.found.append(Diagnostic(code, message, self._span(event), help=help))
+
+    def _stop(self, code: str, message: str, event: Any, help: str = "") -> _Unreadable:
+        return _Unreadable(Diagnostic(code, message, self._span(event), help=help))
+
+    def _span(self, event: Any, last: Any = None) -> Span:
+        start, end = event.start_mark, (last or event).end_mark
+        return Span(self.file, start.line + 1, start.column + 1, end.line + 1, end.column + 1)

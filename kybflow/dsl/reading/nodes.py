@@ -1,0 +1,188 @@
+"""The node tree: a file as the reader understands it, nothing decided yet, a span on every node.
+
+A scalar is text; whether `10 s` is a duration or a name is the schema's business. Nodes are shared
+where a file uses an alias, and never changed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from kybflow.dsl.reading.source import Inset, Span, Text
+
+_NULL = frozenset({"", "~", "null", "Null", "NULL"})
+_TRUE = frozenset({"true", "True", "TRUE"})
+_FALSE = frozenset({"false", "False", "FALSE"})
+_INTEGER = re.compile(r"[+-]?\d{1,300}\Z", re.ASCII)
+_FLOAT = re.compile(r"[+-]?(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?\Z", re.ASCII)
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z", re.ASCII)
+
+
+NO_COMMAS = "the language has no commas: write `distance(a to b)`, `separation(a and b)`"
+_TWO = re.compile(r"(distance|separation)\(\s*([\w.$]+)\s*,\s*([\w.$]+)\s*\)")
+
+
+def no_commas(text: str) -> str:
+    """How the first call in `text` is written without its comma; examples where none is clear."""
+    call = _TWO.search(text)
+    if call is None:
+        return NO_COMMAS
+    word = "to" if call[1] == "distance" else "and"
+    return f"the language has no commas: write `{call[1]}({call[2]} {word} {call[3]})`"
+
+
+class Scalar(NamedTuple):
+    """One value. `quoted` text is never a number. `parameter` names the parameter that stood here
+    before its value did; the span is then that of `$name`. Where parameters stood between other
+    words, `written` is the text with them, and `insets` are their values."""
+
+    text: str
+    span: Span
+    quoted: bool = False
+    parameter: str = ""
+    written: str = ""
+    insets: tuple[Inset, ...] = ()
+
+    @property
+    def is_null(self) -> bool:
+        return not self.quoted and self.text in _NULL
+
+    @property
+    def as_text(self) -> Text:
+        """The scalar for an expression or a name, with column arithmetic where that holds."""
+        s = self.span
+        if self.parameter or s.line != s.end_line:
+            return Text(self.text, s, verbatim=False, written=self.written)
+        excess = s.end_column - s.column - len(self.written or self.text)
+        if self.quoted and excess == 2:
+            s = replace(s, column=s.column + 1, end_column=s.end_column - 1)
+        verbatim = excess == (2 if self.quoted else 0)
+        return Text(self.text, s, verbatim, self.written, self.insets)
+
+
+class Entry(NamedTuple):
+    """One key of a mapping with its value. `inherited`: it came through `like` or the defaults;
+    `used`: the places of the `like` through which a flow has it, outermost first; `depth`: how
+    many mappings stand over the one that it is from."""
+
+    key: Scalar
+    value: Node
+    inherited: bool = False
+    used: tuple[Span, ...] = ()
+    depth: int = 0
+
+
+class Mapping(NamedTuple):
+    entries: dict[str, Entry]
+    span: Span
+
+    def get(self, key: str) -> Node | None:
+        """The value of `key`; None where it is not written or null."""
+        entry = self.entries.get(key)
+        if entry is None or (isinstance(entry.value, Scalar) and entry.value.is_null):
+            return None
+        return entry.value
+
+
+class Sequence(NamedTuple):
+    items: tuple[Node, ...]
+    span: Span
+
+
+Node = Scalar | Mapping | Sequence
+
+
+def to_json(node: Node) -> Any:
+    """The node as the values that `jsonschema` judges, scalars by the core schema of YAML 1.2.
+
+    Infinities and NaN stay text: no quantity is written like them.
+    """
+    if isinstance(node, Scalar):
+        return _scalar_to_json(node)
+    if isinstance(node, Mapping):
+        return {key: to_json(entry.value) for key, entry in node.entries.items()}
+    return [to_json(item) for item in node.items]
+
+
+def _scalar_to_json(node: Scalar) -> str | int | float | bool | None:
+    text = node.text
+    if node.quoted:
+        return text
+    if _INTEGER.match(text):
+        return int(text)
+    if _FLOAT.match(text):
+        return float(text)
+    if text in _NULL:
+        return None
+    if text in _TRUE or text in _FALSE:
+        return text in _TRUE
+    return text
+
+
+def describe(node: Node) -> str:
+    """What a node is, in words, for `... but this is ...`."""
+    if isinstance(node, Mapping):
+        return "a mapping"
+    if isinstance(node, Sequence):
+        return "a list"
+    if node.is_null:
+        return "nothing"
+    value = _scalar_to_json(node)
+    if isinstance(value, bool):
+        return "a boolean"
+    return "text" if isinstance(value, str) else "a number"
+
+
+def is_null(node: Node) -> bool:
+    return isinstance(node, Scalar) and node.is_null
+
+
+def is_cut(node: Node) -> bool:
+    """Whether YAML ended a plain text at a comma inside of brackets."""
+    return isinstance(node, Scalar) and node.text.count("(") > node.text.count(")")
+
+
+def entries_of(node: Node | None) -> dict[str, Entry]:
+    """The entries of a mapping; none of anything else."""
+    return node.entries if isinstance(node, Mapping) else {}
+
+
+def items_of(node: Node | None) -> tuple[Node, ...]:
+    """The items of a list; none of anything else."""
+    return node.items if isinstance(node, Sequence) else ()
+
+
+def head_of(node: Node) -> Span:
+    """The first key of a mapping: the place for what is missing in it."""
+    if isinstance(node, Mapping) and node.entries:
+        return next(iter(node.entries.values())).key.span
+    return node.span
+
+
+def texts_in(nodes: Iterable[Node]) -> Iterator[str]:
+    """Every text under `nodes`; an aliased node is looked at once."""
+    waiting, seen = list(nodes), set[int]()
+    while waiting:
+        top = waiting.pop()
+        if isinstance(top, Scalar):
+            yield top.text
+        elif id(top) not in seen:
+            seen.add(id(top))
+            values = [entry.value for entry in entries_of(top).values()]
+            waiting.extend((*values, *items_of(top)))
+
+
+def count(node: Node, limit: int) -> int:
+    """How many nodes hang under `node`, aliases expanded; gives up just above `limit`."""
+    total, waiting = 0, [node]
+    while waiting and total <= limit:
+        total += 1
+        top = waiting.pop()
+        if isinstance(top, Mapping):
+            waiting.extend(entry.value for entry in top.entries.values())
+        elif isinstance(top, Sequence):
+            waiting.extend(top.items)
+    return total

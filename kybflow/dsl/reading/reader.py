@@ -1,0 +1,104 @@
+"""A file to text and its node tree: opened, bounded, decoded, composed."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import stat
+from pathlib import Path
+from typing import NamedTuple
+
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.reading.composer import LONG, compose
+from kybflow.dsl.reading.nodes import Node
+from kybflow.dsl.reading.source import Span
+
+CODES = {
+    "KYB001": "The file can't be opened or is no regular file.",
+    "KYB002": "The file is larger than a mission may be.",
+    "KYB003": "The file is not UTF-8 text.",
+}
+MAX_BYTES = 2_000_000
+_MOST = 200
+"""Files that are compared with a name that is none."""
+
+
+class Source(NamedTuple):
+    """One file as read: the path as reported, its text, the SHA-256 of its bytes, its tree (None
+    when it can't be had) and what was found."""
+
+    file: str
+    text: str
+    sha256: str
+    root: Node | None
+    found: tuple[Diagnostic, ...]
+
+
+class _Unreadable(Exception):
+    def __init__(self, diagnostic: Diagnostic) -> None:
+        super().__init__(diagnostic.message)
+        self.diagnostic = diagnostic
+
+
+def read(path: Path, file: str) -> Source:
+    """Read `path` and report it as `file`."""
+    try:
+        data = _bytes_of(path, file)
+        text = _decode(data, file)
+    except _Unreadable as stop:
+        return Source(file, "", "", None, (stop.diagnostic,))
+    root, found = compose(text, file)
+    return Source(file, text, hashlib.sha256(data).hexdigest(), root, tuple(found))
+
+
+def _bytes_of(path: Path, file: str) -> bytes:
+    start = Span(file, 1, 1, 1, 1)
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise _Unreadable(Diagnostic("KYB001", f"`{file}` is no file", start, help=_near(path)))
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise _Unreadable(
+            Diagnostic(
+                "KYB001", f"`{file}` can't be read: {reason.lower()}", start, help=_near(path)
+            )
+        ) from None
+    if len(data) > MAX_BYTES:
+        raise _Unreadable(
+            Diagnostic(
+                "KYB002",
+                f"`{file}` is larger than {MAX_BYTES // 1_000_000} MB",
+                start,
+                help=LONG,
+            )
+        )
+    return data
+
+
+def _near(path: Path) -> str:
+    """The file that could be meant: one in the folder that was named, or beside."""
+    try:
+        folder = path if path.is_dir() else path.parent
+        names = [str(folder / f.name) for f in itertools.islice(folder.glob("*.yaml"), _MOST)]
+    except (OSError, ValueError):
+        return ""
+    return did_you_mean(str(path), names)
+
+
+def _decode(data: bytes, file: str) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = data[: error.start]
+        line = before.count(b"\n") + 1
+        column = len(before[before.rfind(b"\n") + 1 :].decode("utf-8", "replace")) + 1
+        raise _Unreadable(
+            Diagnostic(
+                "KYB003",
+                f"`{file}` is not UTF-8: byte 0x{data[error.start]:02x}",
+                Span(file, line, column, line, column + 1),
+                help="save it as UTF-8",
+            )
+        ) from None

@@ -1,0 +1,204 @@
+"""Which file an import means: beside the importing file, then in an installed library; never
+outside."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import itertools
+import os
+from difflib import get_close_matches
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import NamedTuple
+
+import kybflow
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.reading.nodes import Mapping, Scalar
+from kybflow.dsl.reading.reader import Source, read
+from kybflow.dsl.schema.judge import judge_file
+
+CODES = {
+    "KYB120": "An import that names no file.",
+    "KYB121": "An import that leaves the mission's folder and the installed libraries.",
+    "KYB122": "Files that import each other in a circle.",
+    "KYB123": "An imported file that is no library.",
+    "KYB127": "More imports than a mission may have, counted along every way to a library.",
+}
+GROUP = "kybflow.missions"
+_STANDARD = "the standard library is `kybflow/airframes`"
+_LONGEST = 80
+_MOST = 200
+"""Files that are compared with a name that is none."""
+
+
+class Place(NamedTuple):
+    """A file to import: where it is and how reports call it."""
+
+    path: Path
+    file: str
+
+
+def find(text: Scalar, importer: Place, root: Path, found: list[Diagnostic]) -> Place | None:
+    """The file that `text` names in the file `importer` of a mission whose folder is `root`."""
+    relative = Path(text.text)
+    try:
+        place = None if relative.is_absolute() else _search(relative, importer, root)
+    except PermissionError:
+        place = None
+    except (OSError, ValueError):  # a name that no file can have
+        found.append(_missing(text, importer))
+        return None
+    if place is None:
+        found.append(_outside(text))
+    elif not place.file:
+        found.append(_missing(text, importer))
+    return place if place and place.file else None
+
+
+def _search(relative: Path, importer: Place, root: Path) -> Place | None:
+    """The file beside the importer, else in an installed library; one without a name where there is
+    none, None where it is outside of the roots."""
+    beside = importer.path.parent / relative
+    if not _within(beside, (root, *_home_of(importer.path))):
+        return None
+    if beside.is_file():
+        folder = os.path.dirname(importer.file)
+        return Place(beside, os.path.normpath(os.path.join(folder, relative)))
+    home = installed(relative.parts[0]) if len(relative.parts) > 1 else None
+    if home is None:
+        return Place(beside, "")
+    path = home.joinpath(*relative.parts[1:])
+    path = path if path.suffix else path.with_suffix(".yaml")
+    if not _within(path, (home,)):
+        return None
+    return Place(path, shown_path(path) if path.is_file() else "")
+
+
+def _missing(text: Scalar, importer: Place) -> Diagnostic:
+    near = get_close_matches(text.text[:_LONGEST], _at_hand(importer, text.text), n=1)
+    return Diagnostic(
+        "KYB120",
+        f"`{text.text}` is no file",
+        text.span,
+        notes=("looked beside the importing file and in the installed libraries",),
+        help=f"did you mean `{near[0]}`?" if near else _STANDARD,
+    )
+
+
+def _at_hand(importer: Place, name: str) -> list[str]:
+    """What can be imported: the files of the folder that `name` speaks of, installed libraries."""
+    folder = os.path.dirname(name)
+    beside = importer.path.parent / folder
+    shown: list[str] = []
+    if "\0" not in folder and _within(beside, (importer.path.parent,)) and beside.is_dir():
+        files = itertools.islice(beside.glob("*.yaml"), _MOST)
+        shown += sorted(os.path.join(folder, f.name) for f in files if f != importer.path)
+    packages = {"kybflow", *(entry.name for entry in entry_points(group=GROUP))}
+    for package in sorted(packages):
+        home = installed(package)
+        shown += [f"{package}/{f.stem}" for f in sorted(home.glob("*.yaml"))] if home else []
+    return shown
+
+
+def _outside(text: Scalar) -> Diagnostic:
+    return Diagnostic(
+        "KYB121",
+        f"`{text.text}` is outside of the mission's folder",
+        text.span,
+        help="import files beside or below the mission, or from an installed library",
+    )
+
+
+def _within(path: Path, roots: tuple[Path, ...]) -> bool:
+    real = path.resolve()
+    return any(real.is_relative_to(root.resolve()) for root in roots)
+
+
+def _home_of(path: Path) -> tuple[Path, ...]:
+    """The installed library that `path` lies in, so that its files can import each other."""
+    standard = installed("kybflow")
+    return (standard,) if standard and path.is_relative_to(standard) else (path.parent,)
+
+
+def shown_path(path: Path) -> str:
+    """`path` as reports call it: from the working directory where it is below it."""
+    try:
+        return str(path.relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)
+
+
+@functools.cache
+def installed(name: str) -> Path | None:
+    """The folder `library` of the missions that the package `name` ships; None where there is none.
+
+    Our own is `kybflow/missions/library` in a wheel and `missions/library` in a checkout; others
+    are found through the entry-point group `kybflow.missions`.
+    """
+    if name == "kybflow":
+        package = Path(kybflow.__file__).parent
+        folders = (package / "missions", package.parent / "missions")
+        return next((f / "library" for f in folders if f.is_dir()), None)
+    for entry in entry_points(group=GROUP, name=name):
+        try:
+            spec = importlib.util.find_spec(entry.value)
+        except ModuleNotFoundError:
+            continue
+        for folder in (spec.submodule_search_locations or ()) if spec else ():
+            return Path(folder) / "library"
+    return None
+
+
+def without_homes(text: str) -> str:
+    """`text` with the files of installed libraries called by their package, not by the folder where
+    that is installed: `kybflow/missions/library/airframes.yaml`."""
+    for home, name in _homes().items():
+        text = text.replace(home, name)
+    return text
+
+
+@functools.cache
+def _homes() -> dict[str, str]:
+    """The folder of each installed library, and how a reader knows it."""
+    packages = ("kybflow", *(entry.name for entry in entry_points(group=GROUP)))
+    folders = {name: installed(name) for name in dict.fromkeys(packages)}
+    return {f"{f}/": f"{name}/missions/library/" for name, f in folders.items() if f is not None}
+
+
+class Library(NamedTuple):
+    """A library file as read, and what is wrong with its shape."""
+
+    source: Source
+    findings: tuple[Diagnostic, ...]
+
+
+class _Version(NamedTuple):
+    """One state of a file on disk."""
+
+    place: Place
+    modified: int
+    size: int
+
+
+@functools.lru_cache(maxsize=64)
+def _read(version: _Version) -> Library:
+    place = version.place
+    return judged(read(place.path, place.file))
+
+
+def judged(source: Source) -> Library:
+    """The library with what is wrong with it."""
+    root = source.root
+    if source.found or not isinstance(root, Mapping) or "library" not in root.entries:
+        return Library(source, source.found)
+    return Library(source, tuple(judge_file(root, "library")))
+
+
+def read_library(place: Place) -> Library:
+    """A library file, read and judged again only when it changed."""
+    try:
+        status = place.path.stat()
+    except OSError:
+        return judged(read(place.path, place.file))
+    return _read(_Version(place, status.st_mtime_ns, status.st_size))

@@ -1,0 +1,95 @@
+"""`like`: start from another entry. Mappings merge, lists are replaced, `null` removes. That is the
+whole rule."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, Sequence
+from kybflow.dsl.reading.source import Span
+
+CODES = {
+    "KYB124": "`like`, `airframe`, `stack`, `world` or `do: chain.` names what doesn't exist.",
+    "KYB125": "Entries that are `like` each other in a circle, or stacks that hold each other.",
+    "KYB126": "More values than a mission may have, counted after `like`.",
+    "KYB129": "A behavior or phase that is removed, and that `like` does not bring (a warning).",
+}
+
+
+Places = tuple[Span, ...]
+"""Where something is used, outermost first."""
+
+
+def merge(base: Mapping, own: Mapping, used: Places = ()) -> Mapping:
+    """`own` over `base`. What comes from `base` alone is marked inherited, and `used` there; the
+    order is that of `base`, then what `own` adds."""
+    entries = {
+        key: entry._replace(inherited=True, used=(*used, *entry.used), depth=entry.depth + 1)
+        for key, entry in base.entries.items()
+    }
+    for key, entry in own.entries.items():
+        under = entries.get(key)
+        if _removes(entry.value):
+            entries.pop(key, None)
+        elif under is not None and isinstance(under.value, Mapping):
+            entries[key] = Entry(entry.key, _over(under.value, entry.value, under.used))
+        else:
+            entries[key] = Entry(entry.key, _over(None, entry.value, ()))
+    return Mapping(entries, own.span)
+
+
+def _over(under: Mapping | None, value: Node, used: Places) -> Node:
+    if not isinstance(value, Mapping):
+        return value
+    if under is not None:
+        return merge(under, value, used)
+    return merge(Mapping({}, value.span), value) if _has_null(value) else value
+
+
+def _has_null(value: Mapping) -> bool:
+    """Whether there is anything to remove; a node without keeps being shared."""
+    return any(
+        _removes(entry.value) or (isinstance(entry.value, Mapping) and _has_null(entry.value))
+        for entry in value.entries.values()
+    )
+
+
+def _removes(value: Node) -> bool:
+    return isinstance(value, Scalar) and value.is_null
+
+
+class UsedAt:
+    """Copies nodes, whose spans say then where `like` brought them to; what an alias shares stays
+    shared."""
+
+    def __init__(self) -> None:
+        self._done: dict[tuple[int, Places], tuple[Node, Node]] = {}
+
+    def marked(self, node: Node, used: Places = ()) -> Node:
+        """`node`, which is used at the places `used`, with these in every span."""
+        key = (id(node), used)
+        if key not in self._done:
+            self._done[key] = (node, self._copied(node, used))
+        return self._done[key][1]
+
+    def _copied(self, node: Node, used: Places) -> Node:
+        if isinstance(node, Scalar):
+            return _scalar(node, used)
+        if isinstance(node, Sequence):
+            items = tuple(self.marked(item, used) for item in node.items) if used else node.items
+            return Sequence(items, _span(node.span, used))
+        entries = {name: self._entry(entry, used) for name, entry in node.entries.items()}
+        return Mapping(entries, _span(node.span, used))
+
+    def _entry(self, entry: Entry, used: Places) -> Entry:
+        places = (*used, *entry.used)
+        value = self.marked(entry.value, places)
+        return Entry(_scalar(entry.key, places), value, entry.inherited, depth=entry.depth)
+
+
+def _scalar(node: Scalar, used: Places) -> Scalar:
+    return node._replace(span=_span(node.span, used)) if used else node
+
+
+def _span(span: Span, used: Places) -> Span:
+    return replace(span, used=used) if used else span

@@ -1,0 +1,174 @@
+"""Typed parameters: `parameters:` declares them, `--set` or an import's `with` sets them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping as MappingOf
+from decimal import Decimal
+from math import inf
+from typing import Any, NamedTuple
+
+from kybflow.core.params import Field
+from kybflow.core.units import DIMENSIONS, LENGTH, NUMBER, RATIO, Dimension
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.document import Parameter
+from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, Sequence
+from kybflow.dsl.reading.source import PREFIX, SET, Span
+from kybflow.dsl.reading.values import bounds_of, decode, quantity_field, shown_value
+
+CODES = {
+    "KYB131": "A value for a parameter that the mission, the library or the chain doesn't have.",
+    "KYB132": "A parameter without a value: no default, and nothing set it.",
+    "KYB134": "A parameter of an unknown type.",
+    "KYB136": "A parameter whose bounds leave no value.",
+}
+QUANTITIES: dict[str, Dimension] = {d.name.replace(" ", "_"): d for d in DIMENSIONS.values()}
+TYPES = (*QUANTITIES, "position", "integer", "text", "boolean")
+_BOUNDS = ("above", "at_least", "below", "at_most")
+
+
+class Declared(NamedTuple):
+    """A parameter with its value, as typed and as the node that takes the place of `$name`;
+    `is_set` when a file gives it: not the default, nor `--set`."""
+
+    parameter: Parameter
+    node: Node
+    span: Span
+    is_set: bool = False
+
+
+class Parameters(NamedTuple):
+    """The parameters of one file: their names, with the places where they stand, and those that
+    have a value."""
+
+    names: dict[str, Span]
+    declared: dict[str, Declared]
+
+
+class Setting(NamedTuple):
+    """A value from outside of the file, and where its name stands; None is a value that has its
+    finding already."""
+
+    node: Node | None
+    name: Span
+
+
+def declare(
+    section: Node | None,
+    settings: MappingOf[str, Setting],
+    found: list[Diagnostic],
+    use: Scalar | None = None,
+    set_by: str = "--set {}=...",
+) -> Parameters:
+    """The parameters of `section` after `settings` (values by name). `use` is the place where a
+    chain is used; None for a file, whose parameters are `set_by` that."""
+    entries = section.entries if isinstance(section, Mapping) else {}
+    declared: dict[str, Declared] = {}
+    for name, entry in entries.items():
+        given = settings.get(name)
+        if given is not None and given.node is None:
+            continue
+        one = _declare(name, entry, given.node if given else None, found, use, set_by)
+        if one is not None:
+            declared[name] = one
+    for name, setting in settings.items():
+        if name not in entries:
+            whose = "there is no" if use is None else f"`{use.text}` has no"
+            hint = did_you_mean(name, entries) if entries else "it declares none"
+            message = f"{whose} parameter `{name}`"
+            found.append(Diagnostic("KYB131", message, setting.name, help=hint))
+    return Parameters({name: entry.key.span for name, entry in entries.items()}, declared)
+
+
+def _declare(
+    name: str,
+    entry: Entry,
+    setting: Node | None,
+    found: list[Diagnostic],
+    use: Scalar | None,
+    set_by: str,
+) -> Declared | None:
+    body = entry.value
+    if not isinstance(body, Mapping):
+        found.append(Diagnostic("KYB106", f"the parameter `{name}` is empty", entry.key.span))
+        return None
+    kind = body.get("type")
+    assert isinstance(kind, Scalar)
+    if kind.text not in TYPES:
+        message = f"`{kind.text}` is no type of a parameter"
+        found.append(Diagnostic("KYB134", message, kind.span, help=did_you_mean(kind.text, TYPES)))
+        return None
+    field = _field(name, kind.text, body, found)
+    if not _has_room(field):
+        message = f"no value of `{name}` can be {bounds_of(field)}"
+        found.append(Diagnostic("KYB136", message, entry.key.span, help="correct its bounds"))
+        return None
+    default = body.get("default")
+    default_value = None if default is None else _value(default, field, found)
+    node = setting or default
+    if node is None:
+        found.append(_valueless(name, entry.key.span, use, set_by))
+        return None
+    value = default_value if setting is None else _value(node, field, found)
+    if value is None:
+        return None
+    shown, is_set = _typed(node, field), setting is not None and node.span.file != SET
+    return Declared(Parameter(name, kind.text, value), shown, entry.key.span, is_set)
+
+
+def _valueless(name: str, declared: Span, use: Scalar | None, set_by: str) -> Diagnostic:
+    if use is None:
+        hint = f"set it with `{set_by.format(name)}`, or give it a `default`"
+        return Diagnostic("KYB132", f"`{name}` has no value", declared, help=hint)
+    message, notes = f"`{use.text}` needs `{name}`", (f"declared at {declared.at}",)
+    hint = f"write `{name}: ...` beside `do`"
+    return Diagnostic("KYB132", message, use.span, notes=notes, help=hint)
+
+
+def _value(node: Node, field: Field, found: list[Diagnostic]) -> Any:
+    """The value of `node`; a point's name stays itself until the world is known."""
+    if isinstance(node, Scalar) and field.shape == "vector" and node.text.startswith(PREFIX):
+        return node.text
+    return decode(node, field, found)
+
+
+def _field(name: str, kind: str, body: Mapping, found: list[Diagnostic]) -> Field:
+    if kind == "position":
+        dimension, shape = LENGTH, "vector"
+    else:
+        dimension = QUANTITIES.get(kind, NUMBER)
+        shape = "scalar" if kind in QUANTITIES else kind
+    bounds: dict[str, Any] = {}
+    for bound in _BOUNDS:
+        node = body.get(bound)
+        if node is not None:
+            bounds[bound] = decode(node, quantity_field(bound, dimension), found)
+    return quantity_field(name, dimension, shape, **bounds)
+
+
+def _has_room(field: Field) -> bool:
+    """Whether any value is inside of the bounds."""
+    low = max((b for b in (field.above, field.at_least) if b is not None), default=-inf)
+    high = min((b for b in (field.below, field.at_most) if b is not None), default=inf)
+    is_open = low in (field.above, field.below) or high in (field.above, field.below)
+    return low < high or (low == high and not is_open)
+
+
+def _typed(node: Node, field: Field) -> Node:
+    """The value with its unit written out, so that it can't be read in another dimension."""
+    if isinstance(node, Sequence):
+        return Sequence(tuple(_typed(item, field) for item in node.items), node.span)
+    if not isinstance(node, Scalar) or field.shape not in ("scalar", "vector"):
+        return node
+    text, dimension = node.text.strip(), field.dimension
+    if dimension is None or not re.fullmatch(r"[-+.\deE]+", text):
+        return node
+    if dimension is RATIO:
+        return node._replace(text=f"{(Decimal(text) * 100).normalize():f} %")
+    return node._replace(text=f"{text} {dimension.si}".strip())
+
+
+def shown_parameter(parameter: Parameter) -> str:
+    """Its value as a person would write it."""
+    dimension = LENGTH if parameter.type == "position" else QUANTITIES.get(parameter.type)
+    return shown_value(parameter.value, quantity_field("", dimension or NUMBER))

@@ -1,0 +1,153 @@
+"""Values in the place of `$name`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
+from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence
+from kybflow.dsl.reading.source import Inset, Span
+from kybflow.dsl.resolving.parameters import Declared, Parameters
+
+CODES = {
+    "KYB130": "`$name` where no parameter has that name.",
+    "KYB133": "A parameter that nothing uses (a warning).",
+}
+_WHOLE = re.compile(r"\$([A-Za-z_]\w*)\Z", re.ASCII)
+_INSIDE = re.compile(r"\$([A-Za-z_]\w*)", re.ASCII)
+_EXPRESSIONS = frozenset({"when", "healthy", "expect"})
+
+
+class Substitution:
+    """Puts values in the place of `$name`; remembers which were used. A node without any stays the
+    same object, and an aliased one is replaced once."""
+
+    def __init__(self, parameters: Parameters, found: list[Diagnostic]) -> None:
+        self._names = parameters.names
+        self._declared = parameters.declared
+        self._found = found
+        self._done: dict[tuple[int, bool], tuple[Node, Node]] = {}
+        self._used: set[str] = set()
+
+    def apply(self, node: Node, expression: bool = False) -> Node:
+        """`node` with every `$name` replaced; inside of conditions also between other words."""
+        key = (id(node), expression)
+        if key not in self._done:
+            self._done[key] = (node, self._replaced(node, expression))
+        return self._done[key][1]
+
+    def value(self, node: Node) -> Node | None:
+        """The value that `node` stands for; None when a parameter in it has none."""
+        return known(self.apply(node))
+
+    def _replaced(self, node: Node, expression: bool) -> Node:
+        if isinstance(node, Scalar):
+            return self._scalar(node, expression) if "$" in node.text else node
+        if isinstance(node, Sequence):
+            items = tuple(self.apply(item, expression) for item in node.items)
+            same = all(a is b for a, b in zip(items, node.items, strict=True))
+            return node if same else Sequence(items, node.span)
+        entries = {
+            key: entry._replace(value=self.apply(entry.value, key in _EXPRESSIONS))
+            for key, entry in node.entries.items()
+        }
+        same = all(entries[key].value is entry.value for key, entry in node.entries.items())
+        return node if same else Mapping(entries, node.span)
+
+    def _scalar(self, node: Scalar, expression: bool) -> Node:
+        if expression:
+            return self._between(node)
+        whole = _WHOLE.match(node.text)
+        declared = self._lookup(whole[1], node) if whole else None
+        if declared is None:
+            return node
+        written = declared.node.span
+        is_set = written.is_set if written.given else declared.is_set
+        span = replace(node.span, given=written.given or written, is_set=is_set)
+        return _placed(declared.node, span, node.text[1:])
+
+    def _between(self, node: Scalar) -> Scalar:
+        """A condition with every value in its place; it remembers how it was written."""
+        text, behind = "", 0
+        insets: list[Inset] = []
+        for match in _INSIDE.finditer(node.text):
+            declared = self._lookup(match[1], node, match.span())
+            if declared is None:
+                continue
+            text += node.text[behind : match.start()]
+            value = _literal(declared.node)
+            insets.append(Inset(len(text), len(text) + len(value), *match.span()))
+            text += value
+            behind = match.end()
+        if not insets:
+            return node
+        text += node.text[behind:]
+        return node._replace(text=text, written=node.text, insets=tuple(insets))
+
+    def _lookup(
+        self, name: str, node: Scalar, place: tuple[int, int] | None = None
+    ) -> Declared | None:
+        self._used.add(name)
+        if name in self._names:
+            return self._declared.get(name)
+        span = node.as_text.part(*place) if place else node.span
+        self._found.append(
+            Diagnostic(
+                "KYB130",
+                f"no parameter is called `{name}`",
+                span,
+                help=did_you_mean(name, self._names) or "declare it under `parameters`",
+            )
+        )
+        return None
+
+    def note(self, node: Node) -> None:
+        """Count every `$name` under `node` as used, whoever puts its value there."""
+        self._used.update(names_in(node))
+
+    def unused(self) -> list[Diagnostic]:
+        """A warning for each parameter that was never asked for."""
+        return [
+            Diagnostic(
+                "KYB133",
+                f"nothing uses the parameter `{name}`",
+                declared.span,
+                help=f"use it as `${name}`, or remove it",
+                severity=Severity.WARNING,
+            )
+            for name, declared in self._declared.items()
+            if name not in self._used
+        ]
+
+
+def known(node: Node) -> Node | None:
+    """`node`, or None where a `$name` is left in it: the finding says why."""
+    return None if any(names_in(node)) else node
+
+
+def names_in(node: Node) -> Iterator[str]:
+    """Every name that stands as `$name` under `node`."""
+    if isinstance(node, Scalar):
+        yield from _INSIDE.findall(node.text)
+    elif isinstance(node, Sequence):
+        for item in node.items:
+            yield from names_in(item)
+    else:
+        for entry in node.entries.values():
+            yield from names_in(entry.value)
+
+
+def _placed(value: Node, span: Span, name: str) -> Node:
+    if isinstance(value, Scalar):
+        return value._replace(span=span, parameter=name)
+    if isinstance(value, Sequence):
+        return Sequence(tuple(_placed(item, span, name) for item in value.items), span)
+    return value
+
+
+def _literal(value: Node) -> str:
+    if isinstance(value, Sequence):
+        return "[" + " ".join(_literal(item) for item in value.items) + "]"
+    return value.text if isinstance(value, Scalar) else ""

@@ -1,0 +1,1 @@
+"""JSON Schema from the parts' declarations, and `jsonschema`'s errors in our words."""

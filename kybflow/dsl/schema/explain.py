@@ -1,0 +1,231 @@
+"""Each error of `jsonschema` in our words: what was found, where, and a way out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from difflib import get_close_matches
+from typing import Any, NamedTuple
+
+from kybflow.core.params import Field
+from kybflow.core.units import DIMENSIONS, NUMBER, article
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, describe, head_of
+from kybflow.dsl.reading.values import decode, quantity_field
+from kybflow.dsl.resolving.parameters import TYPES
+from kybflow.dsl.schema.explain_commas import cut_by_yaml
+from kybflow.dsl.schema.explain_parts import how_to_write, meant
+
+CODES = {
+    "KYB101": "A key that the language doesn't have there.",
+    "KYB102": "A key that is needed and missing.",
+    "KYB103": "A value of the wrong shape: a list where a mapping is needed, and so on.",
+    "KYB106": "Nothing where something is needed.",
+    "KYB107": "A parameter that the part doesn't have.",
+    "KYB108": "A part without a parameter that it needs.",
+    "KYB110": "A name that can't be one.",
+    "KYB111": "A version of the language that this program doesn't read.",
+}
+LATER = frozenset({"inputs"})
+_NEVER = {("library", "kybflow"): "remove it; a library begins with `library:`"}
+_CONDITIONS = frozenset({"when", "healthy"})
+_MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
+_SHAPES = {
+    "object": "a mapping",
+    "array": "a list",
+    "string": "text",
+    "number": "a number",
+    "boolean": "`true` or `false`",
+    "integer": "a whole number",
+}
+
+
+class Fault(NamedTuple):
+    """One error of `jsonschema`: the keyword that failed, what it wanted, the value and the schema;
+    the node that it is about, the name by which a person would call that, and the part whose
+    parameters are judged, with the keys beside them that could be meant too."""
+
+    keyword: str
+    wanted: Any
+    instance: Any
+    schema: dict[str, Any]
+    node: Node
+    name: str
+    part: str
+    beside: frozenset[str] = frozenset()
+
+
+def explain(fault: Fault) -> Iterator[Diagnostic]:
+    """The findings that say what `fault` means."""
+    if fault.keyword == "pattern" and isinstance(fault.node, Mapping):
+        return _explain_name(fault)
+    if "maxLength" in fault.schema and fault.keyword in ("pattern", "maxLength"):
+        return _explain_title(fault)
+    return _EXPLAINERS.get(fault.keyword, _explain_value)(fault)
+
+
+def _explain_unknown(fault: Fault) -> Iterator[Diagnostic]:
+    node = fault.node
+    assert isinstance(node, Mapping)
+    known = fault.schema["properties"]
+    for key, entry in node.entries.items():
+        if key in known:
+            continue
+        cut = cut_by_yaml(node, key, known)
+        if cut is not None:
+            yield cut
+        elif fault.part:
+            message = f"`{key}` is no parameter of `{fault.part}`"
+            hint = meant(fault.part, key, node, known, fault.beside)
+            yield Diagnostic("KYB107", message, entry.key.span, help=hint)
+        else:
+            what = fault.schema["title"]
+            hint = _NEVER.get((what, key)) or did_you_mean(key, known)
+            if key in LATER:
+                hint = f"this version of kybflow has no `{key}` yet"
+            yield Diagnostic(
+                "KYB101", f"`{key}` is no key of {article(what)}", entry.key.span, help=hint
+            )
+
+
+def _explain_missing(fault: Fault) -> Iterator[Diagnostic]:
+    node = fault.node
+    assert isinstance(node, Mapping)
+    is_closed = fault.schema.get("additionalProperties") is False
+    unknown = [k for k in node.entries if is_closed and k not in fault.schema["properties"]]
+    for key in fault.wanted:
+        if node.get(key) is not None or get_close_matches(key, unknown, n=1):
+            continue  # the misspelt key is reported already
+        if fault.part:
+            hint = how_to_write(key, fault.schema["properties"][key])
+            message = f"`{fault.part}` needs `{key}`"
+            yield Diagnostic("KYB108", message, node.span, help=hint)
+        else:
+            what, hint = fault.schema["title"], _MISSING.get(key, "")
+            others = [k for k in node.entries if k not in fault.schema["properties"]]
+            near = [k for k in ("use", "stack") if get_close_matches(k, others, n=1)]
+            if key == "use" and near and near[0] in fault.schema["properties"]:
+                hint = f"did you mean `{near[0]}`?"
+            message = f"{article(what)} needs `{key}`"
+            yield Diagnostic("KYB102", message, head_of(node), help=hint)
+
+
+def _explain_value(fault: Fault) -> Iterator[Diagnostic]:
+    """A type, a pattern, a bound, a choice: our own decoder says it best where it can."""
+    node, name = fault.node, fault.name
+    schema = fault.schema
+    field, found = _field(name, schema), list[Diagnostic]()
+    if field is not None:
+        decode(node, field, found)
+        if found:
+            yield from found
+            return
+    types = fault.wanted if fault.keyword == "type" else schema.get("type", ())
+    types = [types] if isinstance(types, str) else [t for t in types if t != "null"]
+    if len(types) > 1 and schema.get("pattern", "").startswith("^\\$"):
+        types.remove("string")
+    wanted = " or ".join(dict.fromkeys(_SHAPES[t] for t in types)) or "another value"
+    place = f"`{name}`" if name else f"{article(schema.get('title', 'file'))}"
+    shown = f" `{node.text[:60]}`" if isinstance(node, Scalar) and node.text else ""
+    hint = ""
+    if name in _CONDITIONS:
+        hint = "write a condition, like `state.altitude > 1 m`"
+    elif name == "log" and isinstance(node, Mapping):
+        hint = "write a text that has braces in quotes"
+    elif wanted == "text" and isinstance(node, Scalar):
+        hint = f'write "{node.text[:60]}" in quotes if you mean the text'
+    elif schema.get("examples") and fault.keyword == "type":
+        own = name.rpartition("[")[0] or name
+        hint = f"write it like `{own}: {_flow(schema['examples'][0])}`"
+        if schema.get("title") == "parameter" and isinstance(node, Scalar) and node.text in TYPES:
+            hint = f"write `{own}: {{type: {node.text}}}`"
+    yield Diagnostic(
+        "KYB103",
+        f"{place} must be {wanted}, but this is {describe(node)}{shown}",
+        node.span,
+        help=hint,
+    )
+
+
+def _field(name: str, schema: dict[str, Any]) -> Field | None:
+    """The field that a schema was made of, as far as its decoder asks; None where that is none."""
+    dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
+    if dimension is not None:
+        shape = "vector" if "items" in schema else "scalar"
+        return quantity_field(name, dimension, shape, **_bounds(schema))
+    choices = tuple(schema.get("anyOf", [{}])[0].get("enum", ()))
+    if choices or (_bounds(schema) and "integer" in schema.get("type", ())):
+        plain = quantity_field(name, NUMBER, "choice" if choices else "integer", **_bounds(schema))
+        return replace(plain, dimension=None, choices=choices)
+    return None
+
+
+def _flow(value: Any) -> str:
+    """An example as YAML in one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_flow(inner)}" for key, inner in value.items()) + "}"
+    return "[" + ", ".join(map(_flow, value)) + "]" if isinstance(value, list) else str(value)
+
+
+def _bounds(schema: dict[str, Any]) -> dict[str, Any]:
+    names = {
+        "exclusiveMinimum": "above", "minimum": "at_least",
+        "exclusiveMaximum": "below", "maximum": "at_most",
+    }  # fmt: skip
+    return {ours: schema[theirs] for theirs, ours in names.items() if theirs in schema}
+
+
+def _explain_version(fault: Fault) -> Iterator[Diagnostic]:
+    node = fault.node
+    shown = node.text if isinstance(node, Scalar) else describe(node)
+    yield Diagnostic(
+        "KYB111",
+        f"version `{shown}` of the language is not known here",
+        node.span,
+        help="this program reads `kybflow: 1`",
+    )
+
+
+def _explain_empty(fault: Fault) -> Iterator[Diagnostic]:
+    yield Diagnostic("KYB106", f"`{fault.name}` is empty", fault.node.span)
+
+
+def _explain_few(fault: Fault) -> Iterator[Diagnostic]:
+    """A list of the language, that is; those of parts have a decoder."""
+    if fault.part or fault.wanted != 1:
+        yield from _explain_value(fault)
+    else:
+        hint = f"name one at least, or leave out `{fault.name}`"
+        yield Diagnostic("KYB106", f"`{fault.name}` is empty", fault.node.span, help=hint)
+
+
+def _explain_name(fault: Fault) -> Iterator[Diagnostic]:
+    node = fault.node
+    assert isinstance(node, Mapping)
+    bad = str(fault.instance)
+    yield Diagnostic(
+        "KYB110",
+        f"`{bad}` can't be a name",
+        node.entries[bad].key.span,
+        help="a name has letters, digits and `_`, and begins with no digit",
+    )
+
+
+def _explain_title(fault: Fault) -> Iterator[Diagnostic]:
+    most = fault.schema["maxLength"]
+    found = repr(str(fault.instance)[:most])[1:-1]
+    yield Diagnostic(
+        "KYB110",
+        f"`{found}` can't be the name of a {fault.name}",
+        fault.node.span,
+        help=f"a name has letters, digits and `_`, begins with no digit and has at most {most}",
+    )
+
+
+_EXPLAINERS = {
+    "additionalProperties": _explain_unknown,
+    "required": _explain_missing,
+    "const": _explain_version,
+    "minProperties": _explain_empty,
+    "minItems": _explain_few,
+}

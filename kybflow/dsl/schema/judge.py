@@ -1,0 +1,95 @@
+"""`jsonschema` judges, in our words: each of its errors becomes a finding with a place and a way
+out."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from typing import Any
+
+from jsonschema import Draft202012Validator
+
+from kybflow.core.params import fields_of
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.reading.nodes import Mapping, Node, Sequence, describe, head_of, to_json
+from kybflow.dsl.schema.explain import Fault, explain
+from kybflow.dsl.schema.part_schema import nullable, params_schema
+from kybflow.dsl.schema.skeleton import library_schema, skeleton
+
+
+@functools.cache
+def _skeleton(kind: str) -> Draft202012Validator:
+    return Draft202012Validator(nullable(skeleton() if kind == "mission" else library_schema()))
+
+
+@functools.cache
+def _part(params: type) -> Draft202012Validator:
+    return Draft202012Validator(nullable(params_schema(fields_of(params), "")))
+
+
+def judge_file(root: Node, kind: str) -> list[Diagnostic]:
+    """What is wrong with the shape of a whole file; `kind` is mission or library."""
+    return list(_findings(root, _skeleton(kind)))
+
+
+def is_library(root: Node) -> bool:
+    """Whether the file offers things to missions instead of being one."""
+    return isinstance(root, Mapping) and "library" in root.entries and "mission" not in root.entries
+
+
+def judge_mission(root: Node, found: list[Diagnostic]) -> Mapping | None:
+    """The top level of a mission; None when its shape has errors."""
+    if not isinstance(root, Mapping) or "mission" not in root.entries:
+        hint = "a mission begins with `kybflow: 1` and `mission: NAME`"
+        what = (
+            f"this is {describe(root)}" if not isinstance(root, Mapping) else "`mission` is missing"
+        )
+        found.append(
+            Diagnostic("KYB102", f"a mission is needed, but {what}", head_of(root), help=hint)
+        )
+        return None
+    findings = judge_file(root, "mission")
+    found += findings
+    return None if findings else root
+
+
+def judge_params(
+    node: Mapping, params: type, part: str, beside: frozenset[str] = frozenset()
+) -> list[Diagnostic]:
+    """What is wrong with the parameters of `part`; `node` has nothing but them. `beside` are the
+    keys of the place, which could be meant too."""
+    return list(_findings(node, _part(params), part, beside))
+
+
+def _findings(
+    root: Node,
+    validator: Draft202012Validator,
+    part: str = "",
+    beside: frozenset[str] = frozenset(),
+) -> Iterator[Diagnostic]:
+    for error in validator.iter_errors(to_json(root)):
+        node, name = _locate(root, error.absolute_path)
+        schema = error.schema if isinstance(error.schema, dict) else {}
+        yield from explain(
+            Fault(
+                str(error.validator),
+                error.validator_value,
+                error.instance,
+                schema,
+                node,
+                name,
+                part,
+                beside,
+            )
+        )
+
+
+def _locate(root: Node, path: Any) -> tuple[Node, str]:
+    """The node at `path` and the name by which a person would call it."""
+    node, name = root, ""
+    for step in path:
+        if isinstance(node, Mapping):
+            node, name = node.entries[step].value, step
+        elif isinstance(node, Sequence):
+            node, name = node.items[step], name if name.endswith("]") else f"{name}[{step}]"
+    return node, name

@@ -1,0 +1,143 @@
+"""JSON Schema from the parts' declarations: what editors complete from and `jsonschema` judges by.
+
+The skeleton knows the language's keys and no part; each part has a schema of its own. The published
+schema is the skeleton with every part's schema behind an `if do == X then ...`. `x-dimension` names
+the dimension of a quantity, so that a finding can say which was needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from kybflow.core.params import Field
+from kybflow.core.units import Dimension, article
+from kybflow.dsl.reading.values import bounds_of, shown_value
+
+Schema = dict[str, Any]
+_NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
+_PARAMETER = r"\$[A-Za-z_]\w*"
+_PLACE = rf"^{_PARAMETER}$|^world\.points\.[A-Za-z_]\w*$"
+
+
+def quantity(dimension: Dimension, help: str, **bounds: Any) -> Schema:
+    """A number with a unit, a bare number where the dimension allows it, or `$name`."""
+    units = "|".join(_escaped(unit) for unit in dimension.units)
+    optional = "?" if dimension.bare_allowed else ""
+    unit = rf"[ \t]*({units}){optional}" if units else ""
+    return {
+        "description": _described(help, dimension),
+        "type": ["number", "string"] if dimension.bare_allowed else "string",
+        "pattern": rf"^[ \t]*{_NUMBER}{unit}[ \t]*$|^{_PARAMETER}$",
+        "x-dimension": dimension.name,
+        **bounds,
+    }
+
+
+def _escaped(unit: str) -> str:
+    return unit.replace("^", r"\^")
+
+
+def _described(help: str, dimension: Dimension) -> str:
+    si = f" [{dimension.si}]" if dimension.si else ""
+    what = article(dimension.name).capitalize()
+    return f"{help} {what}{si}, like `{dimension.example}`."
+
+
+def vector(dimension: Dimension, help: str, **bounds: Any) -> Schema:
+    return {
+        "description": _described(help, dimension),
+        "type": ["array", "string"],
+        "pattern": _PLACE,
+        "items": quantity(dimension, "One number.", **bounds),
+        "minItems": 3,
+        "maxItems": 3,
+        "x-dimension": dimension.name,
+    }
+
+
+def _bounds(field: Field) -> dict[str, float]:
+    bounds = {
+        "exclusiveMinimum": field.above,
+        "minimum": field.at_least,
+        "exclusiveMaximum": field.below,
+        "maximum": field.at_most,
+    }
+    return {key: bound for key, bound in bounds.items() if bound is not None}
+
+
+def _help(field: Field) -> str:
+    """What an editor shows of a parameter: its help, its default, its bounds."""
+    default = "" if field.required else f" Default: {shown_value(field.default, field)}."
+    bounds = bounds_of(field)
+    return f"{field.help}{default}" + (f" {bounds[0].upper()}{bounds[1:]}." if bounds else "")
+
+
+def field_schema(field: Field) -> Schema:
+    """The schema of one parameter."""
+    text = _help(field)
+    bounds = _bounds(field)
+    if field.dimension is not None:
+        if field.shape == "scalar":
+            return quantity(field.dimension, text, **bounds)
+        point = vector(field.dimension, text, **bounds)
+        if field.shape == "vector":
+            return point
+        return {
+            "description": text,
+            "type": ["array", "string"],
+            "pattern": f"^{_PARAMETER}$",
+            "items": point,
+            "minItems": 1,
+        }
+    if field.shape == "choice":
+        choices = [{"enum": list(field.choices)}, {"pattern": f"^{_PARAMETER}$"}]
+        return {"description": text, "type": "string", "anyOf": choices}
+    if field.shape in ("text", "file", "file path"):
+        return {"description": text, "type": "string"}
+    if field.shape == "integers":
+        one = replace(field, shape="integer", help="One of them.", required=True)
+        return {"description": text, "type": "array", "items": field_schema(one)}
+    return {
+        "description": text,
+        "type": [field.shape, "string"],
+        "pattern": f"^{_PARAMETER}$",
+        **bounds,
+    }
+
+
+def params_schema(fields: tuple[Field, ...], title: str) -> Schema:
+    """The schema of the parameters of one part, alone."""
+    return {
+        "title": title,
+        "type": "object",
+        "properties": {field.name: field_schema(field) for field in fields},
+        "required": [field.name for field in fields if field.required],
+        "additionalProperties": False,
+    }
+
+
+def nullable(schema: Any) -> Any:
+    """The schema with `null` allowed wherever a key may be left out: it is the same as not
+    written."""
+    if isinstance(schema, list):
+        return [nullable(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    new = {key: nullable(value) for key, value in schema.items()}
+    if isinstance(schema.get("properties"), dict):
+        needed = schema.get("required", ())
+        new["properties"] = {
+            name: nullable(inner) if name in needed else _with_null(nullable(inner))
+            for name, inner in schema["properties"].items()
+        }
+    if isinstance(schema.get("additionalProperties"), dict):
+        new["additionalProperties"] = _with_null(new["additionalProperties"])
+    return new
+
+
+def _with_null(schema: Any) -> Any:
+    if not isinstance(schema, dict) or "type" not in schema:
+        return schema
+    kinds = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
+    return {**schema, "type": [*kinds, "null"]}

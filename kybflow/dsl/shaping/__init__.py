@@ -1,0 +1,1 @@
+"""The resolved tree to the typed document."""

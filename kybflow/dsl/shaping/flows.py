@@ -1,0 +1,140 @@
+"""`groups:` and `flows:` of the tree to the document."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.document import Document, Flow, Phase, Transition, Vehicle
+from kybflow.dsl.names.option_names import members
+from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, entries_of, items_of
+from kybflow.dsl.reading.source import Text
+from kybflow.dsl.shaping.arrows import duration, next_arrow
+from kybflow.dsl.shaping.callbacks import named_values
+from kybflow.parts import GROUND
+
+CODES = {
+    "KYB192": "A phase with `within` and no `otherwise`, or the reverse.",
+}
+GROUNDED = "landed"
+"""The state that a vehicle waits in for its flow."""
+
+
+def groups_of(node: Node | None) -> dict[str, tuple[Text, ...]]:
+    """The members of each group as written."""
+    return {
+        name: tuple(item.as_text for item in items_of(entry.value) if isinstance(item, Scalar))
+        for name, entry in entries_of(node).items()
+    }
+
+
+def flows_of(node: Node | None, found: list[Diagnostic]) -> dict[str, Flow]:
+    """The flows as written; what is wrong with a phase's time goes to `found`."""
+    flows = {}
+    for name, entry in entries_of(node).items():
+        body = entry.value
+        if not isinstance(body, Mapping):
+            continue  # null: not written
+        written = body.entries.get("phases")
+        phases = {key: _phase(e, found) for key, e in _own(written).items()}
+        if not phases:
+            message = f"the flow `{name}` needs `phases`"
+            hint = "write `phases: {...}`, or start from a flow that has some"
+            found.append(Diagnostic("KYB102", message, entry.key.span, help=hint))
+            continue
+        begin = body.get("begin")
+        first = next(iter(phases.values())).name
+        text = begin.as_text if isinstance(begin, Scalar) else first
+        flows[name] = Flow(entry.key.as_text, text, phases, entry.key.span)
+    return flows
+
+
+def _own(phases: Entry | None) -> dict[str, Entry]:
+    """The phases, each of which says whether it came through `like`."""
+    if phases is None:
+        return {}
+    entries = entries_of(phases.value)
+    if not phases.inherited:
+        return entries
+    return {name: entry._replace(inherited=True) for name, entry in entries.items()}
+
+
+def _phase(entry: Entry, found: list[Diagnostic]) -> Phase:
+    body = entry.value if isinstance(entry.value, Mapping) else Mapping({}, entry.key.span)
+    options = body.entries.get("set")
+    items = (item for item in items_of(body.get("next")) if isinstance(item, Mapping))
+    return Phase(
+        name=entry.key.as_text,
+        run=tuple(_pairs(body.get("run"))),
+        give=tuple(_pairs(body.get("give"))),
+        set=() if options is None else tuple(named_values(options, found)),
+        transitions=(*(next_arrow(item, found) for item in items), *_limit(body, found)),
+        span=entry.key.span,
+        inherited=entry.inherited,
+    )
+
+
+def _limit(body: Mapping, found: list[Diagnostic]) -> Iterator[Transition]:
+    """The arrow of `within` and `otherwise`."""
+    limit, goal = body.get("within"), body.get("otherwise")
+    if limit is not None and isinstance(goal, Scalar):
+        after = duration(body, "within", found, above=0.0)
+        yield Transition("within", goal.as_text, limit.span, after=after)
+    elif limit is not None:
+        message, span = "nothing says where the phase goes after `within`", limit.span
+        found.append(Diagnostic("KYB192", message, span, help="add `otherwise: PHASE`"))
+    elif goal is not None:
+        message, span = "nothing says when the phase goes to `otherwise`", goal.span
+        found.append(Diagnostic("KYB192", message, span, help="add `within: 20 s`"))
+
+
+def _pairs(node: Node | None) -> Iterator[tuple[Text, Text]]:
+    for entry in entries_of(node).values():
+        if isinstance(entry.value, Scalar) and not entry.value.is_null:
+            yield entry.key.as_text, entry.value.as_text
+
+
+def with_waiting(document: Document) -> Document:
+    """The document, whose vehicles wait on the ground for the flow that drives them, unless they
+    say how they `begin`, or their topmost behavior stays on the ground."""
+    if not document.flows:
+        return document
+    driven = {name for flow in document.flows.values() for name in named_vehicles(document, flow)}
+    vehicles = {
+        name: _waiting(vehicle) if name in driven and "begin" not in vehicle.spans else vehicle
+        for name, vehicle in document.vehicles.items()
+    }
+    return replace(document, vehicles=vehicles)
+
+
+def _waiting(vehicle: Vehicle) -> Vehicle:
+    first = vehicle.states.get(vehicle.begin.text)
+    legs = first.part.spec.cls.flight if first is not None else ()
+    if legs and all(leg.start is leg.end is GROUND for leg in legs):
+        return vehicle
+    return replace(vehicle, begin=Text(GROUNDED, vehicle.span, verbatim=False))
+
+
+def named_vehicles(document: Document, flow: Flow) -> tuple[str, ...]:
+    """The vehicles that a flow asks something of, or gives away."""
+    names = [who.text for phase in flow.phases.values() for who, _ in (*phase.run, *phase.give)]
+    return tuple(dict.fromkeys(v for name in names for v in members(document, name)))
+
+
+def given_vehicles(document: Document, flow: Flow) -> frozenset[str]:
+    """The vehicles that other flows give to this one."""
+    return frozenset(
+        vehicle
+        for other in document.flows.values()
+        for phase in other.phases.values()
+        for who, goal in phase.give
+        if goal.text == flow.name.text
+        for vehicle in members(document, who.text)
+    )
+
+
+def own_vehicles(document: Document, flow: Flow) -> tuple[str, ...]:
+    """The vehicles that a flow drives from the start: those it names and that nobody gives it."""
+    given = given_vehicles(document, flow)
+    return tuple(name for name in named_vehicles(document, flow) if name not in given)

@@ -1,0 +1,159 @@
+"""Where the mission flies: the chosen target, each vehicle's driver and tracker on it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from kybflow.core.errors import KybflowError
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
+from kybflow.dsl.document import PartUse, Vehicle
+from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, entries_of
+from kybflow.dsl.reading.source import Span, Text
+from kybflow.dsl.shaping.sensors import sensors_of
+from kybflow.dsl.shaping.uses import Uses
+
+if TYPE_CHECKING:
+    from kybflow.parts.catalog import Catalog
+
+CODES = {
+    "KYB150": "A target that the mission doesn't have.",
+    "KYB151": "A target that names a vehicle which doesn't exist, or leaves one without a driver.",
+}
+
+
+FILE = "--target"
+"""The name of the file that the span of an unknown target points into."""
+
+
+def target_of(root: Mapping, target: str | None, uses: Uses) -> Text:
+    """The target to fly on: `sim` unless another is asked for."""
+    mission = root.entries["mission"].key.span
+    entries = entries_of(root.get("targets"))
+    name = target or "sim"
+    if name in entries:
+        return entries[name].key.as_text
+    implied = {} if name == "sim" else implied_targets(uses.catalog)
+    if name != "sim" and name not in implied:
+        known = {*entries, *implied, "sim"}
+        message = f"the mission has no target `{name}`"
+        asked = Span(FILE, 1, 1, 1, len(name) + 1)
+        uses.found.append(Diagnostic("KYB150", message, asked, help=did_you_mean(name, known)))
+    return Text(name, mission, verbatim=False)
+
+
+def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
+    """The targets that every mission has beside `sim`, each with its driver and that one's
+    parameters as they would be written. Imports every driver."""
+    found: dict[str, tuple[str, dict[str, str]]] = {}
+    for name in catalog.names("drivers"):
+        try:
+            targets = catalog.get("drivers", name).cls.targets
+        except (KybflowError, ImportError):  # told where it is used
+            continue
+        for target, values in targets.items():
+            found.setdefault(target, (name, {key: _written(v) for key, v in values.items()}))
+    return found
+
+
+def _written(value: str | bool) -> str:
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def drivers_of(root: Mapping, target: Text, uses: Uses) -> dict[str, PartUse]:
+    """The driver of each vehicle on `target`: its own entry, else that of `all`, else the one that
+    the target's name implies."""
+    vehicles = entries_of(root.get("vehicles"))
+    targets = entries_of(root.get("targets"))
+    entries = entries_of(targets[target.text].value) if target.text in targets else {}
+    decoded = _decoded(entries, vehicles, uses)
+    if "all" not in decoded and not vehicles.keys() <= decoded.keys():
+        implied = _implied(target, uses)
+        if implied is not None:
+            decoded["all"] = implied
+    drivers: dict[str, PartUse] = {}
+    for name in vehicles:
+        driver = decoded.get(name, decoded.get("all"))
+        if driver is not None:
+            drivers[name] = driver
+        elif target.text in targets and name not in decoded and "all" not in decoded:
+            message = f"`{name}` has no driver on the target `{target.text}`"
+            uses.found.append(Diagnostic("KYB151", message, target.span))
+    return drivers
+
+
+def _implied(target: Text, uses: Uses) -> PartUse | None:
+    """The driver that stands behind the name of the target; None where none does."""
+    span = target.span
+    if target.text == "sim":
+        return uses.one("drivers", Scalar("sim", span))
+    if target.text not in (implied := implied_targets(uses.catalog)):
+        return None
+    driver, values = implied[target.text]
+    return uses.one("drivers", _node({"use": driver, **values}, span))
+
+
+def _node(values: dict[str, str], span: Span) -> Mapping:
+    """What would be written there."""
+    entries = {k: Entry(Scalar(k, span), Scalar(value, span)) for k, value in values.items()}
+    return Mapping(entries, span)
+
+
+def with_trackers(
+    root: Mapping, target: Text, uses: Uses, vehicles: dict[str, Vehicle]
+) -> dict[str, Vehicle]:
+    """The vehicles with their trackers on `target`: that of the vehicle's own entry, else that of
+    `all`, else the one that the driver asks for, else the mission's."""
+    chosen = entries_of(root.get("targets")).get(target.text)
+    entries = {} if chosen is None else entries_of(chosen.value)
+    whole: dict[str, Vehicle] = {}
+    for name, vehicle in vehicles.items():
+        node = _tracker(entries.get(name)) or _tracker(entries.get("all"))
+        driver = vehicle.driver
+        asked = driver.spec.cls.tracker(driver.params) if node is None else None
+        if asked is not None:
+            node = _node(asked, driver.span)
+        use = None if node is None else uses.one("trackers", node)
+        whole[name] = (
+            vehicle if use is None else replace(vehicle, tracker=use, own_tracker=vehicle.tracker)
+        )
+    return whole
+
+
+def _tracker(entry: Entry | None) -> Node | None:
+    return entry.value.get("tracker") if entry and isinstance(entry.value, Mapping) else None
+
+
+def _decoded(
+    entries: dict[str, Entry], vehicles: dict[str, Entry], uses: Uses
+) -> dict[str, PartUse | None]:
+    """The drivers that are written; trackers are looked at as well."""
+    decoded: dict[str, PartUse | None] = {}
+    for name, entry in entries.items():
+        driver = entry.value.get("driver") if isinstance(entry.value, Mapping) else None
+        tracker = _tracker(entry)
+        if tracker is not None:
+            uses.one("trackers", tracker)
+        if name != "all" and name not in vehicles:
+            known = [*vehicles, "all"]
+            message = f"no vehicle is called `{name}`"
+            uses.found.append(
+                Diagnostic("KYB151", message, entry.key.span, help=did_you_mean(name, known))
+            )
+        elif driver is not None:
+            decoded[name] = uses.one("drivers", driver)
+    return decoded
+
+
+def other_targets(root: Mapping, chosen: Text, catalog: Catalog) -> list[Diagnostic]:
+    """What is wrong with the targets that are not flown on; what is not installed here, and a file
+    that is not there, is only a warning then."""
+    found: list[Diagnostic] = []
+    for name, entry in entries_of(root.get("targets")).items():
+        if name != chosen.text:
+            entries, vehicles = entries_of(entry.value), entries_of(root.get("vehicles"))
+            uses = Uses(catalog, found)
+            _decoded(entries, vehicles, uses)
+            sensors_of(entries, vehicles, uses)
+    missing = ("KYB140", "KYB141", "KYB370")
+    return [replace(d, severity=Severity.WARNING) if d.code in missing else d for d in found]

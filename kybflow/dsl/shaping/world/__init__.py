@@ -1,0 +1,1 @@
+"""The world of the document: fence, obstacles, printed tags and cameras."""

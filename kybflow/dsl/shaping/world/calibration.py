@@ -1,0 +1,102 @@
+"""A camera's calibration as ROS and OpenCV write it (YAML).
+
+    image_width: 640
+    image_height: 480
+    camera_matrix: {rows: 3, cols: 3, data: [fx, 0, cx, 0, fy, cy, 0, 0, 1]}
+    distortion_model: plumb_bob
+    distortion_coefficients: {rows: 1, cols: 5, data: [k1, k2, p1, p2, k3]}
+
+Other keys are passed over (`camera_info` has more). Everything raises FileError, which names the
+line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isfinite
+
+from kybflow.core.errors import FileError
+from kybflow.core.files import File
+from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, describe, items_of
+from kybflow.world.cameras import Lens
+
+_TAGGED = "KYB008"
+"""The finding for OpenCV's `!!opencv-matrix`, which changes nothing."""
+_MODELS = ("plumb_bob",)
+_HINT = (
+    "a calibration has `image_width`, `image_height`, `camera_matrix` and `distortion_coefficients`"
+)
+
+
+def read_calibration(file: File) -> Lens:
+    """The lens that a file describes."""
+    first, _, rest = file.text.partition("\n")
+    text = f"\n{rest}" if first.startswith("%YAML") else file.text
+    root, found = compose(text, file.name)
+    for finding in found:
+        if finding.code != _TAGGED:
+            raise FileError(finding.message, finding.span.line)
+    if not isinstance(root, Mapping):
+        what = "nothing" if root is None else describe(root)
+        raise FileError(f"a calibration is a mapping, but this is {what}", hint=_HINT)
+    width, height = (_size(root, key) for key in ("image_width", "image_height"))
+    matrix, line = _matrix(root, "camera_matrix")
+    if len(matrix) != 9:
+        raise FileError(f"`camera_matrix` has 9 numbers, not {len(matrix)}", line)
+    fx, skew, cx, zero, fy, cy, *last = matrix
+    if fx <= 0.0 or fy <= 0.0 or [skew, zero, *last] != [0.0, 0.0, 0.0, 0.0, 1.0]:
+        raise FileError("`camera_matrix` is not [fx, 0, cx, 0, fy, cy, 0, 0, 1]", line)
+    if not (0.0 < cx < width and 0.0 < cy < height):
+        raise FileError(f"the lens looks past its image of {width} x {height}", line)
+    return Lens(width, height, fx, fy, cx, cy, _distortion(root))
+
+
+def _distortion(root: Mapping) -> tuple[float, float, float, float, float]:
+    model = root.get("distortion_model")
+    if isinstance(model, Scalar) and model.text not in _MODELS:
+        message = f"the distortion model `{model.text[:40]}` is not known"
+        raise FileError(message, model.span.line, "calibrate with `plumb_bob`: k1, k2, p1, p2, k3")
+    numbers, line = _matrix(root, "distortion_coefficients")
+    if any(number != 0.0 for number in numbers[5:]):
+        raise FileError(f"{len(numbers)} coefficients of distortion; 5 are known", line)
+    k1, k2, p1, p2, k3 = (*numbers, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
+    return k1, k2, p1, p2, k3
+
+
+def _size(root: Mapping, key: str) -> int:
+    node = _needed(root, key)
+    (number,) = _numbers(node, key) if isinstance(node, Scalar) else (0.0,)
+    if not (number.is_integer() and 1 <= number <= 20_000):
+        raise FileError(f"`{key}` must be a number of pixels", node.span.line)
+    return int(number)
+
+
+def _matrix(root: Mapping, key: str) -> tuple[tuple[float, ...], int]:
+    """(its numbers, row by row; the line where they stand)."""
+    node = _needed(root, key)
+    if isinstance(node, Mapping):
+        node = _needed(node, "data")
+    return tuple(_numbers(node, key)), node.span.line
+
+
+def _needed(root: Mapping, key: str) -> Node:
+    node = root.get(key)
+    if node is None:
+        raise FileError(f"`{key}` is missing", root.span.line if key == "data" else 0, _HINT)
+    return node
+
+
+def _numbers(node: Node, key: str) -> Iterator[float]:
+    """Those of a list, or of a list of rows."""
+    if not isinstance(node, Scalar):
+        for item in items_of(node):
+            yield from _numbers(item, key)
+        return
+    try:
+        value = float(node.text)
+    except ValueError:
+        raise FileError(f"`{node.text[:20]}` in `{key}` is no number", node.span.line) from None
+    if not isfinite(value):
+        raise FileError(f"`{node.text}` in `{key}` is not finite", node.span.line)
+    yield value

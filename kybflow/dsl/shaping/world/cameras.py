@@ -1,0 +1,92 @@
+"""`airframes.NAME.cameras` to the cameras that it means."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import tan
+
+from kybflow.core.geometry import from_euler, multiply
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.document import CameraUse
+from kybflow.dsl.reading.nodes import Entry, Mapping, Node, entries_of
+from kybflow.dsl.shaping.uses import params_of
+from kybflow.dsl.shaping.world.calibration import read_calibration
+from kybflow.dsl.shaping.world.camera_params import FACING, CameraParams
+from kybflow.world.cameras import Camera, Lens
+
+CODES = {
+    "KYB385": "A camera whose lens is not described, or twice in one place: it has `calibration`, "
+    "or `width`, `height` and `field_of_view`. Of what came through `like`, the nearer one counts.",
+}
+_LENS = ("width", "height", "field_of_view")
+
+
+def without_cameras(airframe: Mapping) -> Mapping:
+    """What else an airframe says."""
+    own = {key: entry for key, entry in airframe.entries.items() if key != "cameras"}
+    return Mapping(own, airframe.span)
+
+
+def cameras_of(airframe: Node | None, found: list[Diagnostic]) -> Iterator[CameraUse]:
+    """The cameras of an airframe; what is wrong with one is left out."""
+    cameras = airframe.get("cameras") if isinstance(airframe, Mapping) else None
+    for entry in entries_of(cameras).values():
+        if isinstance(entry.value, Mapping):
+            camera = _camera(entry, entry.value, found)
+            if camera is not None:
+                yield camera
+
+
+def _camera(entry: Entry, body: Mapping, found: list[Diagnostic]) -> CameraUse | None:
+    name, body = entry.key, _with_nearest_lens(body)
+    params: CameraParams | None = params_of(CameraParams, body, "camera", name.span, found)
+    if params is None:
+        return None
+    lens = _lens(params, entry, body, found)
+    if lens is None:
+        return None
+    trim = from_euler(params.roll, params.pitch, params.yaw)
+    attitude = multiply(trim, FACING[params.facing])
+    camera = Camera(name.text, lens, params.at, attitude, params.rate, params.row_time)
+    spans = {key: own.value.span for key, own in body.entries.items()}
+    return CameraUse(name.as_text, params, camera, name.span, spans)
+
+
+def _with_nearest_lens(body: Mapping) -> Mapping:
+    """A calibration takes the place of the lens that the camera was `like`, and the other way
+    round."""
+    lens = [body.entries[key] for key in _LENS if body.get(key) is not None]
+    if not lens or body.get("calibration") is None:
+        return body
+    own, other = body.entries["calibration"].depth, min(entry.depth for entry in lens)
+    passed = _LENS if own < other else ("calibration",) if own > other else ()
+    return Mapping({k: e for k, e in body.entries.items() if k not in passed}, body.span)
+
+
+def _lens(
+    params: CameraParams, entry: Entry, body: Mapping, found: list[Diagnostic]
+) -> Lens | None:
+    written = [key for key in _LENS if getattr(params, key) is not None]
+    missing = [key for key in _LENS if key not in written]
+    if params.calibration is not None and written:
+        depth = body.entries["calibration"].depth
+        written = [key for key in written if body.entries[key].depth == depth]
+        message = f"the calibration of `{entry.key.text}` says its {' and '.join(written)} already"
+        span, hint = body.entries[written[0]].key.span, "write one of both"
+        found.append(Diagnostic("KYB385", message.replace("_", " "), span, help=hint))
+        return None
+    if params.calibration is not None:
+        return read_calibration(params.calibration)
+    if params.width is None or params.height is None or params.field_of_view is None:
+        message = f"the camera `{entry.key.text}` needs `{missing[0]}`"
+        hint = "write `width`, `height` and `field_of_view`, or `calibration: FILE`"
+        found.append(Diagnostic("KYB385", message, entry.key.span, help=hint))
+        return None
+    return pinhole(params.width, params.height, params.field_of_view)
+
+
+def pinhole(width: int, height: int, field_of_view: float) -> Lens:
+    """A lens without distortion, square pixels, its axis through the middle of the image;
+    field_of_view: angle between the image's left and right edges."""
+    focal = 0.5 * width / tan(0.5 * field_of_view)
+    return Lens(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))

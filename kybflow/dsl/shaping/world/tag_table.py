@@ -1,0 +1,75 @@
+"""Tags as a table of text (`kybflow.core.tables`), a row a tag:
+
+    family, id, size, x, y, z, heading [deg]
+    36h11, 300, 0.1, 1.0, 2.0, 0.0, 90
+    ...
+
+Needed are all of these; `roll` and `pitch` may come beside `heading`, each with its unit: turned by
+roll about x, then pitch about y, then heading about z, from a tag on the floor. Everything raises
+FileError, which names the line.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from kybflow.core.errors import FileError
+from kybflow.core.files import File
+from kybflow.core.geometry import from_euler
+from kybflow.core.tables import header_line, need, read_table
+from kybflow.core.units import ANGLE, LENGTH, NUMBER, Dimension
+from kybflow.dsl.diagnostics.diagnostic import did_you_mean
+from kybflow.vision.families import FAMILIES
+from kybflow.world.tags import Tag
+
+_NEEDED = ("family", "id", "size", "x", "y", "z", "heading")
+_COLUMNS: dict[str, Dimension | None] = {
+    "family": None,
+    "id": NUMBER,
+    **dict.fromkeys(("size", "x", "y", "z"), LENGTH),
+    **dict.fromkeys(("heading", "roll", "pitch"), ANGLE),
+}
+LARGEST = 10.0
+"""Side of a black square, metres, above which it is none."""
+_LIKE = "family, id, size, x, y, z, heading [deg]"
+
+
+class Row(NamedTuple):
+    """One tag, and the line where it stands."""
+
+    tag: Tag
+    line: int
+
+
+def read_tags(file: File) -> tuple[Row, ...]:
+    """The tags of a file, one at least."""
+    table = read_table(file.text, _COLUMNS, "tags", _LIKE)
+    need(table, _NEEDED, header_line(file.text))
+    first: dict[tuple[str, int], int] = {}
+    rows: list[Row] = []
+    for line, numbers, words in table.rows:
+        tag = _tag(line, numbers, words["family"])
+        if tag.key in first:
+            message = f"tag {tag.id} of {tag.family} is in line {first[tag.key]} already"
+            raise FileError(message, line)
+        first[tag.key] = line
+        rows.append(Row(tag, line))
+    if not rows:
+        raise FileError("it has no tags")
+    return tuple(rows)
+
+
+def _tag(line: int, numbers: dict[str, float], family: str) -> Tag:
+    if family not in FAMILIES:
+        message = f"`{family[:20]}` is no family of tags"
+        raise FileError(message, line, did_you_mean(family, FAMILIES))
+    number, most = numbers["id"], FAMILIES[family][1] - 1
+    if not (number.is_integer() and 0 <= number <= most):
+        message = f"{family} has no tag {number:g}"
+        raise FileError(message, line, f"its tags are 0 to {most}")
+    if not 0.0 < numbers["size"] <= LARGEST:
+        hint = "name the unit in the first line if it is no metres, like `size [cm]`"
+        raise FileError(f"`size` must be above 0 m and at most {LARGEST:g} m", line, hint)
+    turn = from_euler(numbers.get("roll", 0.0), numbers.get("pitch", 0.0), numbers["heading"])
+    at = numbers["x"], numbers["y"], numbers["z"]
+    return Tag(family, int(number), numbers["size"], at, turn)

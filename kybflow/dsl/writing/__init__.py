@@ -1,0 +1,1 @@
+"""The document back to YAML, as `kybflow show --resolved` prints it."""

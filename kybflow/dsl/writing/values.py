@@ -1,0 +1,115 @@
+"""Values of the document as YAML that reads back as the same, in SI with every digit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from kybflow.core.params import Field
+from kybflow.core.units import ANGLE, ANGULAR_RATE, DEG, DURATION, RATIO, Dimension, parse_quantity
+from kybflow.dsl.document import PartUse, Transition
+from kybflow.dsl.reading.source import Span, Text
+
+Line = tuple[str, str]
+"""A line of YAML, and where it came from; empty for a default."""
+_WRITTEN = {ANGLE: (DEG, "deg"), ANGULAR_RATE: (DEG, "deg/s"), RATIO: (0.01, "%")}
+_PLAIN_FIRST = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ")
+
+
+def place(span: Span | None) -> str:
+    """Where a line came from; empty for a default."""
+    return "" if span is None else span.at + given("", span)
+
+
+def origin(use: PartUse, *more: tuple[str, Span | None]) -> str:
+    """Where a part came from, and each of its values, and of `more`, that took the place of a
+    `$name`."""
+    values = (*use.spans.items(), *more)
+    return use.span.at + "".join(given(name, span) for name, span in values if span is not None)
+
+
+def given(name: str, span: Span) -> str:
+    """Where the value stands that took the place of a `$name`; empty where none did."""
+    if span.given is None:
+        return ""
+    return f", {name} from {span.given.at}" if name else f", from {span.given.at}"
+
+
+def part(use: PartUse, word: str = "use", more: tuple[str, ...] = ()) -> str:
+    """A part in its place, every parameter written; `more` are keys of the place."""
+    pairs = [f"{word}: {use.spec.name}"]
+    if word == "use" and use.label != use.spec.name:
+        pairs.append(f"as: {use.label}")
+    return "{" + ", ".join((*pairs, *parameters(use), *more)) + "}"
+
+
+def parameters(use: PartUse) -> list[str]:
+    """Every parameter of a part that has a value, as `name: value`."""
+    return written_fields(use.params, use.spec.fields)
+
+
+def written_fields(params: Any, fields: Iterable[Field]) -> list[str]:
+    """Every one of the fields that has a value, as `name: value`. A path without points is a
+    default, which nobody can write."""
+    owned = ((field, getattr(params, field.name)) for field in fields)
+    return [
+        f"{field.name}: {value(own, field)}"
+        for field, own in owned
+        if own is not None and not (field.shape == "path" and own == ())
+    ]
+
+
+def goal(arrow: Transition) -> str:
+    """Where an arrow goes, as an author writes it."""
+    return arrow.enters or arrow.target.text
+
+
+def way(arrow: Transition) -> str:
+    """One item of `next`."""
+    texts: tuple[tuple[str, Text | None], ...] = (("when", arrow.when), ("event", arrow.event))
+    pairs = [f"{key}: {quoted(text.text)}" for key, text in texts if text is not None]
+    if arrow.after is not None:
+        pairs.append(f"after: {quantity(arrow.after, DURATION)}")
+    if arrow.hold:
+        pairs.append(f"for: {quantity(arrow.hold, DURATION)}")
+    pairs.append(f"go: {goal(arrow)}")
+    return "{" + ", ".join(pairs) + "}"
+
+
+def value(what: Any, field: Field) -> str:
+    """The value of a parameter."""
+    if field.shape == "path" and field.dimension is not None:
+        return "[" + ", ".join(vector(point, field.dimension) for point in what) + "]"
+    if field.shape == "vector" and field.dimension is not None:
+        return vector(what, field.dimension)
+    if field.shape == "scalar" and field.dimension is not None:
+        return quantity(what, field.dimension)
+    if isinstance(what, bool):
+        return "true" if what else "false"
+    if field.shape == "integers":
+        return f"[{', '.join(map(str, what))}]"
+    return str(what) if field.shape == "integer" else quoted(str(what))
+
+
+def vector(value: tuple[float, ...], dimension: Dimension) -> str:
+    return "[" + ", ".join(quantity(number, dimension) for number in value) + "]"
+
+
+def quantity(value: float, dimension: Dimension) -> str:
+    """The exact value with its unit: in SI, or as an author writes it where that is as exact."""
+    factor, unit = _WRITTEN.get(dimension, (1.0, ""))
+    text = f"{value / factor:g} {unit}"
+    if unit and parse_quantity(text, dimension) == value:
+        return text
+    number = f"{value:g}" if float(f"{value:g}") == value else repr(value)
+    return f"{number} {dimension.si}".rstrip()
+
+
+def quoted(text: str) -> str:
+    """Text that YAML reads as itself, everywhere."""
+    if text[:1] in _PLAIN_FIRST and text.replace("_", "").isalnum() and text not in _RESERVED:
+        return text
+    return "'" + text.replace("'", "''").replace("\n", " ") + "'"
+
+
+_RESERVED = frozenset({"true", "false", "null", "True", "False", "Null", "yes", "no", "on", "off"})

@@ -1,0 +1,105 @@
+"""One vehicle of the resolved mission."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from kybflow.core.params import fields_of
+from kybflow.core.units import ANGLE, DURATION, LENGTH
+from kybflow.dsl.document import ChainUse, EstimatorUse, State, Transition, Vehicle
+from kybflow.dsl.shaping.world.camera_params import CameraParams
+from kybflow.dsl.writing.values import (
+    Line,
+    given,
+    goal,
+    origin,
+    part,
+    place,
+    quantity,
+    quoted,
+    value,
+    vector,
+    way,
+    written_fields,
+)
+from kybflow.world.vehicle_context import Airframe, Parcel
+
+
+def vehicle_lines(vehicle: Vehicle) -> Iterator[Line]:
+    """The vehicle under `vehicles:`, whole."""
+    at = {key: span.at for key, span in vehicle.spans.items()}
+    yield f"  {vehicle.name.text}:", vehicle.span.at
+    yield "    airframe:", at.get("airframe", "")
+    for field in fields_of(Airframe):
+        own = value(getattr(vehicle.airframe, field.name), field)
+        yield f"      {field.name}: {own}", place(vehicle.airframe_spans.get(field.name))
+    if vehicle.cameras:
+        yield "      cameras:", place(vehicle.airframe_spans.get("cameras"))
+    for camera in vehicle.cameras:
+        fields = ", ".join(written_fields(camera.params, fields_of(CameraParams)))
+        yield f"        {camera.name.text}: {{{fields}}}", camera.span.at
+    start, heading = vector(vehicle.start, LENGTH), quantity(vehicle.heading, ANGLE)
+    came_from = at["start"] + given("at", vehicle.start_span) if "start" in at else ""
+    yield f"    start: {{at: {start}, heading: {heading}}}", came_from
+    if vehicle.home is not None:
+        yield f"    home: {vector(vehicle.home, LENGTH)}", place(vehicle.home_span)
+    if vehicle.payload is not None:
+        carried = ", ".join(written_fields(vehicle.payload, fields_of(Parcel)))
+        yield f"    payload: {{{carried}}}", at.get("payload", "")
+    estimators = [(_estimator(e), origin(e.part)) for e in vehicle.estimators]
+    yield from _list("estimators", estimators, at)
+    yield from _list("processors", [(part(p), origin(p)) for p in vehicle.processors], at)
+    tracker = vehicle.own_tracker or vehicle.tracker
+    yield f"    tracker: {part(tracker)}", origin(tracker)
+    watched = [(part(s), "" if s.span == vehicle.span else origin(s)) for s in vehicle.supervisors]
+    yield from _list("supervisors", watched, at)
+    begin = vehicle.begin.span.at if "begin" in at else ""
+    yield f"    begin: {vehicle.begin.text}", begin
+    yield "    behaviors:", at.get("behaviors", "")
+    for state in vehicle.states.values():
+        for chain in vehicle.chains.values():
+            if chain.transitions and vehicle.goal(chain.name.text) == state.name.text:
+                yield f"      {chain.name.text}: {_chain(chain)}", chain.span.at
+        yield f"      {state.name.text}: {_state(state)}", _origin(state)
+
+
+def _list(key: str, items: Sequence[Line], origins: dict[str, str]) -> Iterator[Line]:
+    yield f"    {key}:{'' if items else ' []'}", origins.get(key, "")
+    for text, came_from in items:
+        yield f"      - {text}", came_from
+
+
+def _origin(state: State) -> str:
+    limits = (("within", a.span) for a in state.transitions if a.cause == "within" and not a.since)
+    return place(state.span) + origin(state.part, *limits).removeprefix(state.part.span.at)
+
+
+def _estimator(estimator: EstimatorUse) -> str:
+    more = [f"recover_after: {quantity(estimator.recover_after, DURATION)}"]
+    if estimator.healthy is not None:
+        more.insert(0, f"healthy: {quoted(estimator.healthy.text)}")
+    if estimator.for_at_most is not None:
+        more.append(f"for_at_most: {quantity(estimator.for_at_most, DURATION)}")
+    return part(estimator.part, more=tuple(more))
+
+
+def _state(state: State) -> str:
+    own = [arrow for arrow in state.transitions if not arrow.since]
+    first = ", ".join(name.text for name in state.estimators)
+    more = (f"estimators: [{first}]",) if first else ()
+    return part(state.part, "do", (*more, *_arrows(own)))
+
+
+def _chain(chain: ChainUse) -> str:
+    return "{" + ", ".join(_arrows(chain.transitions)) + "}"
+
+
+def _arrows(arrows: Sequence[Transition]) -> Iterator[str]:
+    ways = [way(arrow) for arrow in arrows if arrow.cause == "next"]
+    if ways:
+        yield f"next: [{', '.join(ways)}]"
+    for arrow in arrows:
+        if arrow.cause in ("then", "failed"):
+            yield f"{arrow.cause}: {goal(arrow)}"
+        elif arrow.cause == "within" and arrow.after is not None:
+            yield f"within: {quantity(arrow.after, DURATION)}"

@@ -1,0 +1,3 @@
+"""The error-state Kalman filter behind the estimator `fusion`: covariance, replay of late
+measurements, start and gates. Only estimators call it.
+"""

@@ -1,0 +1,208 @@
+"""The covariance of an error-state Kalman filter on an IMU: prediction, correction, reset, gate.
+
+J. Solà, "Quaternion kinematics for the error-state Kalman filter", 2017 (arXiv:1711.02508). Fifteen
+errors, true minus nominal, in the order of its sec. 5.1: position and velocity (world), attitude
+(rotation vector in the body, q_true = q Exp(error), sec. 5.3), biases of accelerometer and
+gyroscope (body).
+SI units; a covariance is a 15 x 15 array that nobody changes in place.
+"""
+
+from __future__ import annotations
+
+from math import erfc, exp, pi, sqrt
+from typing import NamedTuple
+
+import numpy
+from numpy.typing import NDArray
+
+from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate, rotate
+from kybflow.core.signals import NS, Time
+
+Matrix = NDArray[numpy.float64]
+
+SIZE = 15
+POSITION, VELOCITY, ATTITUDE = slice(0, 3), slice(3, 6), slice(6, 9)
+ACCELEROMETER, GYRO = slice(9, 12), slice(12, 15)
+_IDENTITY = numpy.eye(SIZE)
+_POSE: Matrix = _IDENTITY[[0, 1, 2, 6, 7, 8]]
+_SEES = {3: _POSE[:3], 6: _POSE}
+"""What a position sees of the errors, and what a pose does, by the number of its innovations."""
+
+
+class Nominal(NamedTuple):
+    """The nominal state: position and velocity in the world, attitude body to world, the biases in
+    the body."""
+
+    time: Time
+    position: Vec3
+    velocity: Vec3 = ZERO
+    attitude: Quat = LEVEL
+    accelerometer_bias: Vec3 = ZERO
+    gyro_bias: Vec3 = ZERO
+
+    def moved(self, force: Vec3, turn: Vec3, time: Time) -> Nominal:
+        """The state at `time`, after this specific force f and turn rate w (sec. 5.4.1). The force
+        is taken as f + w x f dt / 2, turned by the attitude in the middle to second order."""
+        last, (px, py, pz), (vx, vy, vz), attitude, accelerometer, gyro = self
+        dt = (time - last) / NS
+        h = 0.5 * dt
+        (wx, wy, wz), (bx, by, bz) = turn, gyro
+        turn = wx, wy, wz = wx - bx, wy - by, wz - bz
+        (fx, fy, fz), (bx, by, bz) = force, accelerometer
+        fx, fy, fz = fx - bx, fy - by, fz - bz
+        ax, ay, az = rotate(
+            attitude,
+            (
+                fx + h * (wy * fz - wz * fy),
+                fy + h * (wz * fx - wx * fz),
+                fz + h * (wx * fy - wy * fx),
+            ),
+        )
+        az -= GRAVITY
+        return Nominal(
+            time,
+            (px + dt * (vx + h * ax), py + dt * (vy + h * ay), pz + dt * (vz + h * az)),
+            (vx + dt * ax, vy + dt * ay, vz + dt * az),
+            integrate(attitude, turn, dt),
+            accelerometer,
+            gyro,
+        )
+
+    def corrected(self, error: Matrix) -> Nominal:
+        """With the error put in (sec. 6.2, eq. 283)."""
+        px, py, pz, vx, vy, vz, x, y, z, ax, ay, az, gx, gy, gz = error.tolist()
+        (p0, p1, p2), (v0, v1, v2) = self.position, self.velocity
+        (a0, a1, a2), (g0, g1, g2) = self.accelerometer_bias, self.gyro_bias
+        return Nominal(
+            self.time,
+            (p0 + px, p1 + py, p2 + pz),
+            (v0 + vx, v1 + vy, v2 + vz),
+            integrate(self.attitude, (x, y, z), 1.0),
+            (a0 + ax, a1 + ay, a2 + az),
+            (g0 + gx, g1 + gy, g2 + gz),
+        )
+
+
+class Noise(NamedTuple):
+    """What an IMU's noise makes of a state in one second, standard deviations: velocity, m/s, and
+    attitude, rad, by the white noise; the biases, m/s^2 and rad/s, by their own walk."""
+
+    velocity: float
+    attitude: float
+    accelerometer: float
+    gyro: float
+
+    def variances(self) -> Matrix:
+        """Of the fifteen errors."""
+        return numpy.repeat(numpy.square((0.0, *self)), 3)
+
+
+class Correction(NamedTuple):
+    """What a measurement tells. distance: the squared Mahalanobis distance of its innovation."""
+
+    distance: float
+    error: Matrix
+    covariance: Matrix
+
+
+def predicted(covariance: Matrix, before: Nominal, after: Nominal, noise: Matrix) -> Matrix:
+    """The covariance at `after`, which moved there from `before` on the IMU alone: F P F' + Q;
+    noise: `Noise.variances`.
+
+    F is the transition over the whole step (app. B.3, truncated), with the integrals of the
+    specific force taken from what the nominal state did; the noise is that of sec. 5.5.2 (eq. 262).
+    """
+    dt = (after.time - before.time) / NS
+    (p0, p1, p2), (q0, q1, q2) = before.position, after.position
+    (u0, u1, u2), (v0, v1, v2) = before.velocity, after.velocity
+    first, last = matrix(before.attitude), matrix(after.attitude)
+    middle = (0.5 * dt) * (first + last)
+    once = skew((v0 - u0, v1 - u1, v2 - u2 + GRAVITY * dt))
+    twice = skew(
+        (q0 - p0 - u0 * dt, q1 - p1 - u1 * dt, q2 - p2 - u2 * dt + 0.5 * GRAVITY * dt * dt)
+    )
+    f = _IDENTITY.copy()
+    f[0, 3] = f[1, 4] = f[2, 5] = dt
+    f[POSITION, ATTITUDE] = -(twice @ first)
+    f[POSITION, ACCELEROMETER] = (-0.5 * dt) * middle
+    f[POSITION, GYRO] = twice @ middle / 3.0
+    f[VELOCITY, ATTITUDE] = -(once @ first)
+    f[VELOCITY, ACCELEROMETER] = -middle
+    f[VELOCITY, GYRO] = once @ middle / 2.0
+    f[ATTITUDE, ATTITUDE] = last.T @ first
+    f[ATTITUDE, GYRO] = -(last.T @ middle)
+    result: Matrix = f @ covariance @ f.T
+    result.flat[:: SIZE + 1] += dt * noise
+    return result
+
+
+def widened(covariance: Matrix, position: float, velocity: float, attitude: float) -> Matrix:
+    """With independent errors of these standard deviations added."""
+    result = covariance.copy()
+    result.flat[: ATTITUDE.stop * SIZE : SIZE + 1] += numpy.repeat(
+        numpy.square((position, velocity, attitude)), 3
+    )
+    return result
+
+
+def correction(
+    covariance: Matrix, innovation: list[float], noise: Matrix, sees: Matrix | None = None
+) -> Correction:
+    """The correction by a measurement with this noise, before the reset (sec. 6.1; the covariance
+    in Joseph's form). `sees` is H; without it, of a position (3) or a pose (6: the attitude's as a
+    rotation vector, body frame)."""
+    h = _SEES[len(innovation)] if sees is None else sees
+    residual = numpy.array(innovation)
+    seen = h @ covariance
+    inverse = numpy.linalg.inv(seen @ h.T + noise)
+    gain = seen.T @ inverse
+    left = _IDENTITY - gain @ h
+    after = left @ covariance @ left.T + gain @ noise @ gain.T
+    return Correction(
+        float(residual @ inverse @ residual), gain @ residual, 0.5 * (after + after.T)
+    )
+
+
+def reset(covariance: Matrix, error: Matrix) -> Matrix:
+    """The covariance about the corrected attitude (sec. 6.3, eq. 287)."""
+    g = _IDENTITY.copy()
+    x, y, z = error[ATTITUDE].tolist()
+    g[ATTITUDE, ATTITUDE] -= skew((0.5 * x, 0.5 * y, 0.5 * z))
+    result: Matrix = g @ covariance @ g.T
+    return result
+
+
+def matrix(q: Quat) -> Matrix:
+    """The rotation matrix of an attitude."""
+    w, x, y, z = q
+    return numpy.array(
+        (
+            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+            (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+            (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+        )
+    )
+
+
+def skew(v: Vec3) -> Matrix:
+    """The matrix of the cross product with `v` from the left."""
+    x, y, z = v
+    return numpy.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+
+
+def chi_square_bound(refused: float, size: int) -> float:
+    """The squared distance that a share of `refused` of true measurements of this size, 3 or 6,
+    exceeds."""
+    low, high = 0.0, 2000.0
+    while high - low > 1e-9:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _exceeding(middle, size) > refused else (low, middle)
+    return high
+
+
+def _exceeding(x: float, size: int) -> float:
+    """One minus the chi-square distribution (Abramowitz and Stegun, 26.4.4 and 26.4.5)."""
+    fall = exp(-0.5 * x)
+    if size == 3:
+        return erfc(sqrt(0.5 * x)) + sqrt(2.0 * x / pi) * fall
+    return fall * (1.0 + 0.5 * x + 0.125 * x * x)

@@ -1,0 +1,204 @@
+"""The filter's past: what is true earlier is put in where it belongs, and the IMU replayed to now.
+
+States are kept every 40 ms and at every measurement, and so often the covariance is predicted; the
+nominal state goes on with every IMU sample. A measurement of an earlier time goes into the list
+of measurements, and from the last state before it everything is done again, gate and all, so that
+the result is the same, bit for bit, in whatever order measurements came (Solà 2017, sec. 5-6, gives
+the steps; the delay is handled as in Bar-Shalom, Li and Kirubarajan, "Estimation with Applications
+to Tracking and Navigation", 2001, sec. 6: by reprocessing).
+
+The gate refuses an innovation that a share `refused` of true ones exceeds (chi-square, ibid. sec.
+5.4), or further than `widest` and four standard deviations of the measurement from the predicted
+position, or 45 degrees from the attitude.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right, insort
+from collections.abc import Sequence
+from math import sqrt
+from typing import NamedTuple
+
+from kybflow.core.geometry import ZERO, Vec3, add, distance, integrate, scale, sub
+from kybflow.core.signals import NS, Imu, Time
+from kybflow.flight.fusion.covariance import (
+    Noise,
+    Nominal,
+    chi_square_bound,
+    correction,
+    predicted,
+    reset,
+    widened,
+)
+from kybflow.flight.fusion.values import Belief, Fix, State
+from kybflow.flight.pose_gate import is_same
+from kybflow.runtime.estimators.inertial import SILENT
+
+STEP = NS // 25
+UNKNOWN_ACCELERATION, UNKNOWN_TURN = 3.0, 1.0
+"""Standard deviations of what the vehicle did meanwhile, m/s^2 and rad/s."""
+
+
+class _Sample(NamedTuple):
+    since: Time
+    time: Time
+    force: Vec3
+    turn: Vec3
+
+
+class Replay:
+    """`nominal` is the newest state, `state` that with the newest covariance; None before `begin`.
+    Times: IMU samples come in their order, fixes up to the newest of these."""
+
+    def __init__(self, noise: Noise, refused: float, widest: float, memory: Time) -> None:
+        self.nominal: Nominal | None = None
+        self.state: State | None = None
+        self._noise, self._widest, self._memory = noise.variances(), widest, memory
+        self._bounds = {size: chi_square_bound(refused, size) for size in (3, 6)}
+        self._samples: list[_Sample] = []
+        self._fixes: list[Fix] = []
+        self._states: list[State] = []
+
+    def covers(self, time: Time) -> bool:
+        """Whether what was felt from `time` on is known."""
+        return bool(self._samples) and self._samples[0].since <= time <= self._samples[-1].time
+
+    def lacks(self, time: Time) -> bool:
+        """Whether the IMU has not come to `time` yet."""
+        return not self._samples or time > self._samples[-1].time
+
+    def feel(self, imu: Imu) -> None:
+        """Go on by an IMU sample; one that is not newer than the last is left out."""
+        samples = self._samples
+        since = samples[-1].time if samples else imu.time - round(imu.dt * NS)
+        if imu.time <= since:
+            return
+        sample = _Sample(since, imu.time, imu.specific_force, imu.angular_velocity)
+        samples.append(sample)
+        if self.nominal is not None:
+            self._advance(sample, ())
+        if since // STEP != imu.time // STEP:
+            self._forget(imu.time - self._memory)
+
+    def begin(self, state: State) -> None:
+        """Start from `state`, at a time that is covered, without what was before."""
+        self._states, self._fixes = [state], []
+        self._replay(state)
+
+    def add(self, fix: Fix) -> bool:
+        """Put in a measurement; false for one that is too old or there already."""
+        assert self._states
+        if fix.time <= self._states[0].nominal.time or not self.covers(fix.time):
+            return False
+        at = _key(fix)
+        place = bisect_right(self._fixes, at, key=_key)
+        if place and _key(self._fixes[place - 1]) == at:
+            return False
+        insort(self._fixes, fix, key=_key)
+        while self._states[-1].nominal.time >= fix.time:
+            self._states.pop()
+        self._replay(self._states[-1])
+        return True
+
+    def at(self, time: Time) -> Belief | None:
+        """What is believed of `time`, from the last state before it on; None where nothing is."""
+        states, samples = self._states, self._samples
+        if not states:
+            return None
+        place = bisect_right(states, time, key=lambda state: state.nominal.time)
+        state = states[max(place - 1, 0)]
+        nominal, turn = state.nominal, ZERO
+        for sample in samples[bisect_right(samples, nominal.time, key=_time) :]:
+            turn = sample.turn
+            if sample.time >= time:
+                break
+            nominal = nominal.moved(sample.force, turn, sample.time)
+        ahead = (time - nominal.time) / NS
+        nominal = nominal._replace(
+            time=time,
+            position=add(nominal.position, scale(nominal.velocity, ahead)),
+            attitude=integrate(nominal.attitude, sub(turn, nominal.gyro_bias), ahead),
+        )
+        turned = sqrt(float(state.covariance.diagonal()[6:9].max()))
+        return Belief(nominal, sub(turn, nominal.gyro_bias), state.deviation, turned)
+
+    def _replay(self, state: State) -> None:
+        self.state, self.nominal = state, state.nominal
+        begin = state.nominal.time
+        fixes = self._fixes[bisect_right(self._fixes, begin, key=_time) :]
+        for sample in self._samples[bisect_right(self._samples, begin, key=_time) :]:
+            count = bisect_right(fixes, sample.time, key=_time)
+            self._advance(sample, fixes[:count])
+            fixes = fixes[count:]
+
+    def _advance(self, sample: _Sample, fixes: Sequence[Fix]) -> None:
+        """Through a sample, and the fixes in its time."""
+        for fix in fixes:
+            self._move(sample, fix.time)
+            self._settle()
+            self._states.append(self._fuse(fix))
+        self._move(sample, sample.time)
+        if sample.since // STEP != sample.time // STEP:
+            self._states.append(self._settle())
+
+    def _move(self, sample: _Sample, time: Time) -> None:
+        before = self.nominal
+        assert before is not None
+        if sample.time - sample.since <= SILENT:
+            self.nominal = before.moved(sample.force, sample.turn, time)
+            return
+        dt = (time - before.time) / NS
+        there = add(before.position, scale(before.velocity, dt))
+        self.nominal = before._replace(time=time, position=there)
+        state, speed = self._settle(), UNKNOWN_ACCELERATION * dt
+        covariance = widened(state.covariance, 0.5 * speed * dt, speed, UNKNOWN_TURN * dt)
+        self.state = state._replace(covariance=covariance)
+
+    def _settle(self) -> State:
+        """Bring the covariance up to the nominal state."""
+        state, nominal = self.state, self.nominal
+        assert state is not None
+        assert nominal is not None
+        if nominal.time > state.nominal.time:
+            covariance = predicted(state.covariance, state.nominal, nominal, self._noise)
+            state = state._replace(nominal=nominal, covariance=covariance)
+            self.state = state
+        return state
+
+    def _fuse(self, fix: Fix) -> State:
+        state = self._settle()
+        nominal = state.nominal
+        innovation = fix.innovation(nominal)
+        told = correction(state.covariance, innovation, fix.noise)
+        off = distance(fix.position, nominal.position)
+        if (
+            told.distance <= self._bounds[len(innovation)]
+            and off <= self._widest + 4.0 * fix.deviation
+            and (fix.attitude is None or is_same(fix.attitude, nominal.attitude))
+        ):
+            self.nominal = nominal.corrected(told.error)
+            covariance = reset(told.covariance, told.error)
+            state = State(self.nominal, covariance, fix.time, state.passed + 1)
+        else:
+            doubted = fix.time if state.doubted is None else state.doubted
+            state = state._replace(doubted=doubted, missed=nominal, off=off)
+        self.state = state
+        return state
+
+    def _forget(self, before: Time) -> None:
+        """Drop what no measurement after `before` needs."""
+        states, first = self._states, before
+        if states:
+            count = bisect_right(states, before, key=lambda state: state.nominal.time)
+            del states[: max(count - 1, 0)]
+            first = min(before, states[0].nominal.time)
+        del self._samples[: bisect_right(self._samples, first, key=_time)]
+        del self._fixes[: bisect_right(self._fixes, first, key=_time)]
+
+
+def _time(event: Fix | _Sample) -> Time:
+    return event.time
+
+
+def _key(fix: Fix) -> tuple[Time, Vec3]:
+    return fix.time, fix.position

@@ -1,0 +1,91 @@
+"""What the fusion makes of a measurement: where and how the vehicle was seen, and how surely."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy
+
+from kybflow.core.geometry import norm
+from kybflow.core.signals import Frame, Measurement, Pose, Position, Time
+from kybflow.flight.fusion.covariance import Matrix
+from kybflow.flight.fusion.values import Belief, Fix
+from kybflow.world.vehicle_context import Site
+
+if TYPE_CHECKING:
+    from kybflow.runtime.estimators.fusion import FusionParams
+    from kybflow.vision.locating.locator import Sighting
+
+FARTHEST = 1e5
+"""Metres from the origin at which no vehicle is."""
+
+Read = Callable[[Sequence[Measurement]], list[Fix]]
+Believed = Callable[[Time], Belief | None]
+"""What is believed of a time, None where nothing is."""
+Saw = Callable[["Sighting | None"], None]
+
+
+def source(params: FusionParams, site: Site, believed: Believed, saw: Saw) -> Read:
+    """What reads the measurements of the source that is asked for, and leaves out others and those
+    that are none. `saw` is told what camera frames showed."""
+    noises = [params.position_noise] * 3 + [params.attitude_noise] * 3
+    noise: Matrix = numpy.diag(numpy.square(noises))
+    if params.source == "tags":
+        return _Tags(site, believed, noise, saw).read
+    read, size = (_pose, 6) if params.source == "mocap" else (_position, 3)
+    noise = noise[:size, :size]
+    return lambda measured: [fix for m in measured if (fix := read(m, noise)) is not None]
+
+
+def _pose(measured: Measurement, noise: Matrix) -> Fix | None:
+    if not isinstance(measured, Pose):
+        return None
+    w, x, y, z = measured.attitude
+    square = w * w + x * x + y * y + z * z
+    if not 0.9 < square < 1.1:
+        return None
+    n = square**-0.5
+    return _checked(Fix(measured.time, measured.position, (w * n, x * n, y * n, z * n), noise))
+
+
+def _position(measured: Measurement, noise: Matrix) -> Fix | None:
+    if not isinstance(measured, Position) or not norm(measured.spread) < FARTHEST:
+        return None
+    own: Matrix = numpy.diag(numpy.square(measured.spread))
+    return _checked(Fix(measured.time, measured.position, None, own + noise))
+
+
+class _Tags:
+    """Frames of one time, from whichever cameras, tell one pose."""
+
+    def __init__(self, site: Site, believed: Believed, noise: Matrix, saw: Saw) -> None:
+        from kybflow.vision.locating.locator import Locator
+
+        self._locator = Locator(site.tags, site.cameras)
+        self._believed, self._noise, self._saw = believed, noise, saw
+
+    def read(self, measured: Sequence[Measurement]) -> list[Fix]:
+        frames = [frame for frame in measured if isinstance(frame, Frame)]
+        times = dict.fromkeys(frame.time for frame in frames)
+        fixes = (self._fix([f for f in frames if f.time == time], time) for time in times)
+        return [fix for fix in fixes if fix is not None]
+
+    def _fix(self, frames: Sequence[Frame], time: Time) -> Fix | None:
+        from kybflow.vision.locating.locator import Prediction
+        from kybflow.vision.locating.sight import Motion
+
+        prediction, belief = None, self._believed(time)
+        if belief is not None:
+            where, rates, spread, turned = belief
+            motion = Motion(where.velocity, rates)
+            prediction = Prediction(where.position, where.attitude, motion, spread, turned)
+        seen = self._locator.locate(frames, prediction)
+        self._saw(self._locator.sighting)
+        if seen is None:
+            return None
+        return _checked(Fix(time, seen.position, seen.attitude, seen.covariance + self._noise))
+
+
+def _checked(fix: Fix) -> Fix | None:
+    return fix if norm(fix.position) < FARTHEST else None

@@ -1,0 +1,195 @@
+"""Motions in space that behaviors are made of: a straight leg, and the coasting-out of a velocity.
+
+A behavior may be entered while the vehicle moves. It then adds two motions: the coasting that takes
+the velocity at entry to rest, and its own that starts at rest where the coasting ends. The sum
+begins where and as fast as the last setpoint, so that there is no step in the trajectory, and ends
+exactly as the own motion does.
+"""
+
+from __future__ import annotations
+
+from math import copysign
+from typing import NamedTuple
+
+from kybflow.core.geometry import ZERO, Vec3, add, heading_of, norm, scale, sub, wrap
+from kybflow.core.signals import Estimate, Setpoint, SetpointKind
+from kybflow.core.units import DEG
+from kybflow.flight.profiles import STEEPEST, Profile, smoothstep
+from kybflow.parts import Entry
+
+IDLE = Setpoint(SetpointKind.IDLE)
+"""Rotors at rest, on the ground."""
+COAST_ACCELERATION = 1.5
+"""Deceleration (m/s^2) with which a behavior sheds the velocity that it was entered with."""
+_SHORTEST = 0.5
+_STILL = 1e-6
+SPEED_SHARE = 0.95
+"""The share of the airframe's speed limit that a planned motion uses; the rest is for tracking."""
+
+
+class Motion(NamedTuple):
+    """A point in motion: world frame, metres and seconds."""
+
+    position: Vec3
+    velocity: Vec3 = ZERO
+    acceleration: Vec3 = ZERO
+    jerk: Vec3 = ZERO
+
+    def plus(self, other: Motion) -> Motion:
+        return Motion(
+            add(self.position, other.position),
+            add(self.velocity, other.velocity),
+            add(self.acceleration, other.acceleration),
+            add(self.jerk, other.jerk),
+        )
+
+    def setpoint(self, heading: float, heading_rate: float = 0.0) -> Setpoint:
+        position, velocity, acceleration, jerk = self
+        kind = SetpointKind.POSITION
+        return Setpoint(kind, position, velocity, acceleration, jerk, heading, heading_rate)
+
+    def setpoint_like(self, asked: Setpoint) -> Setpoint:
+        """This motion, with the heading of `asked`."""
+        heading = asked.heading
+        return Setpoint(SetpointKind.POSITION, *self, heading, asked.heading_rate)
+
+
+class Straight:
+    """Rest to rest along a straight line, by a profile within `speed` and `acceleration`."""
+
+    __slots__ = ("_direction", "_goal", "_profile", "_start")
+
+    def __init__(self, start: Vec3, goal: Vec3, speed: float, acceleration: float) -> None:
+        way = sub(goal, start)
+        length = norm(way)
+        self._start, self._goal = start, goal
+        self._direction = scale(way, 1.0 / length) if length > 0.0 else ZERO
+        self._profile = Profile.within(length, speed, acceleration)
+
+    @property
+    def duration(self) -> float:
+        return self._profile.duration
+
+    def at(self, time: float) -> Motion:
+        """The motion `time` seconds after its start; exactly the goal from its end on."""
+        if time >= self._profile.duration:
+            return Motion(self._goal)
+        gone, speed, acceleration, jerk = self._profile.at(time)
+        way = self._direction
+        return Motion(
+            add(self._start, scale(way, gone)),
+            scale(way, speed),
+            scale(way, acceleration),
+            scale(way, jerk),
+        )
+
+
+class Coast:
+    """Coming to rest from a position and a velocity, straight on.
+
+    v(t) = v0 (1 - S(t / T)), S the smoothstep, T = 15/8 |v0| / deceleration, so that the peak
+    deceleration is the one asked for, but T at least 0.5 s, because the peak jerk goes with
+    v0 / T^2; it ends v0 T / 2 further on.
+    """
+
+    __slots__ = ("_origin", "_velocity", "duration", "end")
+
+    def __init__(self, origin: Vec3, velocity: Vec3, deceleration: float) -> None:
+        self._origin, self._velocity = origin, velocity
+        speed = norm(velocity)
+        still = speed < _STILL
+        self.duration = 0.0 if still else max(STEEPEST * speed / deceleration, _SHORTEST)
+        self.end = add(origin, scale(velocity, 0.5 * self.duration))
+
+    @classmethod
+    def entering(cls, entry: Entry, deceleration: float = COAST_ACCELERATION) -> Coast:
+        """From where and as fast as a behavior is entered."""
+        position, velocity, *_ = entry_motion(entry)
+        return cls(position, velocity, deceleration)
+
+    def at(self, time: float) -> Motion:
+        """The motion `time` seconds after its start; at rest at `end` from its end on."""
+        if time >= self.duration:
+            return Motion(self.end)
+        span = self.duration
+        s = max(time, 0.0) / span
+        area, value, slope, bend = smoothstep(s)
+        v = self._velocity
+        return Motion(
+            add(self._origin, scale(v, span * (s - area))),
+            scale(v, 1.0 - value),
+            scale(v, -slope / span),
+            scale(v, -bend / (span * span)),
+        )
+
+    def shift(self, time: float) -> Motion:
+        """The same motion relative to `end`: what is still to be added to a motion that starts
+        there."""
+        position, *rest = self.at(time)
+        return Motion(sub(position, self.end), *rest)
+
+
+def entry_motion(entry: Entry) -> Motion:
+    """The position and the velocity that a behavior is entered with, at `entry.now`.
+
+    The last setpoint's where the vehicle follows one, gone on by the tick that has passed since;
+    else the estimate's.
+    """
+    wanted = entry.setpoint
+    if wanted is not None and wanted.velocity is not None and wanted.position == entry.position:
+        moved = scale(wanted.velocity, entry.site.dt)
+        return Motion(add(entry.position, moved), wanted.velocity)
+    return Motion(entry.position, entry.estimate.velocity if entry.estimate else ZERO)
+
+
+def cruise_speed(wanted: float, entry: Entry) -> float:
+    """`wanted`, but never more than the share of the airframe's limit that plans may use."""
+    return min(wanted, SPEED_SHARE * entry.site.airframe.speed)
+
+
+class Turn:
+    """From one heading to another by the shorter way, rest to rest, at most `rate` (rad/s). Without
+    a goal the heading is kept."""
+
+    __slots__ = ("_angle", "_profile", "_start")
+
+    def __init__(self, start: float, goal: float | None, rate: float) -> None:
+        self._start = start
+        self._angle = 0.0 if goal is None else wrap(goal - start)
+        self._profile = Profile.within(abs(self._angle), rate, rate)
+
+    @property
+    def duration(self) -> float:
+        return self._profile.duration
+
+    def at(self, time: float) -> tuple[float, float]:
+        """Heading and its rate `time` seconds after the start."""
+        turned = self._profile.at(time)
+        heading = self._start + copysign(turned.distance, self._angle)
+        return heading, copysign(turned.speed, self._angle)
+
+    def off(self, estimate: Estimate, tolerance: float | None) -> str:
+        """By how much the heading is off its goal, in words; empty within `tolerance`, or where
+        that is None."""
+        if tolerance is None:
+            return ""
+        left = abs(wrap(self._start + self._angle - heading_of(estimate.attitude)))
+        return "" if left <= tolerance else f" and {left / DEG:.1f} deg from the heading"
+
+
+class Dwell:
+    """For how long something has held without a break."""
+
+    __slots__ = ("_held",)
+
+    def __init__(self) -> None:
+        self._held = 0.0
+
+    def reached(self, holds: bool, wanted: float, dt: float) -> bool:
+        """Whether it holds now and has held for `wanted` seconds; call it once a tick."""
+        if not holds:
+            self._held = 0.0
+            return False
+        reached = self._held >= wanted - 1e-9
+        self._held += dt
+        return reached

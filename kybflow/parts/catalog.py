@@ -1,0 +1,170 @@
+"""Finds parts; knows no part by name.
+
+A part is found by its file: `kybflow/runtime/behaviors/circle.py` is the behavior `circle`. A
+package of a lab offers its own through the entry-point group `kybflow.parts`: each entry names a
+package that has the same folders (`behaviors/`, `estimators/`, ...) as modules. Names are listed
+without importing anything; a part is imported when it is asked for.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.util
+import inspect
+import pkgutil
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Any
+
+from kybflow.core.errors import PartError
+from kybflow.core.params import Field, fields_of
+from kybflow.parts import (
+    Action,
+    Behavior,
+    Driver,
+    Estimator,
+    Fault,
+    Part,
+    Processor,
+    Sensor,
+    Supervisor,
+    Tracker,
+)
+
+BASES: dict[str, type[Part[Any]]] = {
+    base.kind: base
+    for base in (
+        Behavior,
+        Estimator,
+        Processor,
+        Tracker,
+        Supervisor,
+        Driver,
+        Sensor,
+        Fault,
+        Action,
+    )
+}
+_HOMES = {"drivers": "kybflow", "sensors": "kybflow"}
+GROUP = "kybflow.parts"
+
+
+@dataclass(frozen=True)
+class PartSpec:
+    """A part as the catalog gives it: its class, its parameters' class, their fields, its own
+    words."""
+
+    kind: str
+    name: str
+    cls: type[Any]
+    params: type[Any]
+    fields: tuple[Field, ...]
+    doc: str
+
+    @property
+    def summary(self) -> str:
+        """The first line of its docstring."""
+        return self.doc.strip().splitlines()[0]
+
+
+class Catalog:
+    """Every part at hand, by kind and name."""
+
+    def __init__(self, modules: dict[str, dict[str, str]]) -> None:
+        self._modules = modules
+        self._specs: dict[tuple[str, str], PartSpec] = {}
+
+    def kinds(self) -> tuple[str, ...]:
+        return tuple(BASES)
+
+    def names(self, kind: str) -> tuple[str, ...]:
+        """The names of a kind, sorted. Imports nothing."""
+        return tuple(sorted(self._modules.get(kind, {})))
+
+    def get(self, kind: str, name: str) -> PartSpec:
+        """The part; imports its module. Raises KeyError for an unknown name, PartError for a wrong
+        declaration."""
+        key = (kind, name)
+        if key not in self._specs:
+            self._specs[key] = _load(kind, name, self._modules[kind][name])
+        return self._specs[key]
+
+    def always(self, kind: str) -> tuple[PartSpec, ...]:
+        """The parts of a kind that every vehicle has, named in the mission or not."""
+        found = (self.get(kind, name) for name in self.names(kind))
+        return tuple(spec for spec in found if getattr(spec.cls, "always", False))
+
+
+def own_catalog() -> Catalog:
+    """The catalog of kybflow's own parts, without those of installed packages."""
+    return Catalog(_own_modules())
+
+
+def _own_modules() -> dict[str, dict[str, str]]:
+    modules: dict[str, dict[str, str]] = {kind: {} for kind in BASES}
+    for kind in BASES:
+        _scan(modules[kind], kind, _HOMES.get(kind, "kybflow.runtime"))
+    return modules
+
+
+@functools.cache
+def load_catalog() -> Catalog:
+    """The catalog of everything installed. Raises PartError when two packages offer the same
+    part, or one a part whose name the language needs."""
+    modules = _own_modules()
+    for entry in entry_points(group=GROUP):
+        for kind in BASES:
+            _scan(modules[kind], kind, entry.value)
+    return Catalog(modules)
+
+
+def _scan(found: dict[str, str], kind: str, home: str) -> None:
+    package = f"{home}.{kind}"
+    try:
+        spec = importlib.util.find_spec(package)
+    except Exception as error:  # a lab's own package may raise anything while it is imported
+        raise PartError(f"the package of {package} can't be imported: {error!r}") from error
+    for info in pkgutil.iter_modules(spec.submodule_search_locations if spec else []):
+        if info.name.startswith("_"):
+            continue
+        module = f"{package}.{info.name}"
+        if info.name in BASES[kind].reserved:
+            raise PartError(f"{module}: the language itself has the {kind[:-1]} `{info.name}`")
+        if info.name in found:
+            raise PartError(f"two packages offer `{info.name}`: {found[info.name]} and {module}")
+        found[info.name] = module
+
+
+def _load(kind: str, name: str, module_name: str) -> PartSpec:
+    try:
+        module = importlib.import_module(module_name)
+    except Exception as error:  # a lab's own module may raise anything while it is imported
+        raise PartError(f"{module_name} can't be imported: {error!r}") from error
+    wanted = name.replace("_", "")
+    classes = [
+        c
+        for c in vars(module).values()
+        if inspect.isclass(c) and issubclass(c, BASES[kind]) and c.__name__.lower() == wanted
+    ]
+    if not classes:
+        expected = "".join(word.capitalize() for word in name.split("_"))
+        raise PartError(
+            f"{module_name} should define the class `{expected}({BASES[kind].__name__}[...])`"
+        )
+    cls = classes[0]
+    if not module.__doc__:
+        raise PartError(f"{module_name} has no docstring")
+    params = _params_of(cls)
+    return PartSpec(kind, name, cls, params, fields_of(params), module.__doc__)
+
+
+def _params_of(cls: type[Any]) -> Any:
+    for base in getattr(cls, "__orig_bases__", ()):
+        for argument in getattr(base, "__args__", ()):
+            if inspect.isclass(argument):
+                return argument
+    raise PartError(
+        f"{cls.__module__}.{cls.__name__} should name its parameters: "
+        f"`class {cls.__name__}(Base[MyParams])`"
+    )

@@ -1,0 +1,326 @@
+"""What conditions and expectations may ask of a vehicle: each name, its type and how it is read,
+written once.
+
+The compiler reads the types, the runtime the getters. In a condition `view.state` is the estimate;
+in an expectation it is the truth where a simulator knows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, pi
+from operator import attrgetter
+from typing import Protocol
+
+from kybflow.core.geometry import Quat, Vec3, distance, heading_of, norm, tilt_of
+from kybflow.core.signals import Battery, PayloadState, Setpoint, Sticks
+from kybflow.core.units import ANGLE, DURATION, LENGTH, NUMBER, RATIO, SPEED, VOLTAGE, Dimension
+
+
+class Unavailable(Exception):
+    """The value can't be known now (no estimate yet, no battery report): a comparison with it is
+    false."""
+
+
+def chains_of(state: str) -> tuple[str, ...]:
+    """The chains in which a state is, outermost first: `a` and `a.b` for `a.b.c`."""
+    if "." not in state:
+        return ()
+    return tuple(state[:i] for i, letter in enumerate(state) if letter == ".")
+
+
+def is_in(behavior: str, state: str) -> bool:
+    """Whether a vehicle whose state is `behavior` is in `state`: the same, or a chain around it."""
+    return behavior == state or ("." in behavior and behavior.startswith(f"{state}."))
+
+
+class State(Protocol):
+    """Position and velocity in the world, attitude body to world: an Estimate or a Truth."""
+
+    @property
+    def position(self) -> Vec3: ...
+    @property
+    def velocity(self) -> Vec3: ...
+    @property
+    def attitude(self) -> Quat: ...
+
+
+class View(Protocol):
+    """What may be looked at of one vehicle; a property that can't be known raises Unavailable."""
+
+    @property
+    def state(self) -> State: ...
+    @property
+    def wanted(self) -> Setpoint:
+        """The setpoint before tracking; Unavailable on the ground."""
+
+    @property
+    def battery(self) -> Battery: ...
+    @property
+    def behavior(self) -> str: ...
+    @property
+    def estimator(self) -> str: ...
+    @property
+    def elapsed(self) -> float: ...
+    @property
+    def start(self) -> Vec3: ...
+    @property
+    def age(self) -> float: ...
+    @property
+    def spread(self) -> float: ...
+    @property
+    def payload(self) -> PayloadState: ...
+    @property
+    def payload_place(self) -> Vec3:
+        """Where the payload is; Unavailable where no simulator knows."""
+
+    @property
+    def releases(self) -> int: ...
+    @property
+    def sticks(self) -> Sticks:
+        """What a person holds; Unavailable where nobody holds any."""
+
+
+@dataclass(frozen=True, slots=True)
+class Observable:
+    """One name. `dimension` None: a name (of a state, of an estimator), compared with `==` and
+    `!=`; `words` are those that it may be, where they are always the same. It is never below `low`
+    or above `high` (SI)."""
+
+    help: str
+    dimension: Dimension | None
+    read: Callable[[View], float | str]
+    low: float = -inf
+    high: float = inf
+    words: tuple[str, ...] = ()
+
+
+def _position_error(view: View) -> float:
+    position = view.wanted.position
+    if position is None:
+        raise Unavailable
+    return distance(position, view.state.position)
+
+
+def _velocity_error(view: View) -> float:
+    velocity = view.wanted.velocity
+    if velocity is None:
+        raise Unavailable
+    return distance(velocity, view.state.velocity)
+
+
+OBSERVABLES: dict[str, Observable] = {
+    "state.altitude": Observable(
+        "Height above the world's zero.", LENGTH, lambda v: v.state.position[2]
+    ),
+    "state.x": Observable("Position east.", LENGTH, lambda v: v.state.position[0]),
+    "state.y": Observable("Position north.", LENGTH, lambda v: v.state.position[1]),
+    "state.speed": Observable(
+        "Norm of the velocity.", SPEED, lambda v: norm(v.state.velocity), low=0.0
+    ),
+    "state.climb": Observable("Vertical speed, up.", SPEED, lambda v: v.state.velocity[2]),
+    "state.tilt": Observable(
+        "Angle between body z and world z.", ANGLE, lambda v: tilt_of(v.state.attitude), 0.0, pi
+    ),
+    "state.heading": Observable(
+        "Heading from east.", ANGLE, lambda v: heading_of(v.state.attitude), -pi, pi
+    ),
+    "battery.remaining": Observable(
+        "Charge left, 0 to 100 %.", RATIO, lambda v: v.battery.remaining, 0.0, 1.0
+    ),
+    "battery.voltage": Observable(
+        "Voltage of the battery.", VOLTAGE, lambda v: v.battery.voltage, low=0.0
+    ),
+    "estimate.age": Observable(
+        "Age of the newest measurement in the estimate.", DURATION, attrgetter("age"), low=0.0
+    ),
+    "estimate.spread": Observable(
+        "Standard deviation of the position.", LENGTH, attrgetter("spread"), low=0.0
+    ),
+    "position_error": Observable(
+        "Distance from the setpoint before tracking.", LENGTH, _position_error, low=0.0
+    ),
+    "velocity_error": Observable(
+        "Norm of the velocity's difference from the setpoint's.", SPEED, _velocity_error, low=0.0
+    ),
+    "elapsed": Observable("Time in the present behavior.", DURATION, lambda v: v.elapsed, low=0.0),
+    "behavior": Observable("Name of the present state.", None, lambda v: v.behavior),
+    "estimator": Observable("Name of the estimator in use.", None, lambda v: v.estimator),
+    "payload": Observable(
+        "Where the payload is, as the vehicle acknowledged it.",
+        None,
+        lambda v: v.payload.value,
+        words=tuple(state.value for state in PayloadState),
+    ),
+    "payload.releases": Observable(
+        "How often it was released.", NUMBER, lambda v: float(v.releases), low=0.0
+    ),
+    "sticks.roll": Observable(
+        "A pilot's stick, 1 to the right.", NUMBER, lambda v: v.sticks.roll, -1.0, 1.0
+    ),
+    "sticks.pitch": Observable(
+        "A pilot's stick, 1 forward.", NUMBER, lambda v: v.sticks.pitch, -1.0, 1.0
+    ),
+    "sticks.yaw": Observable(
+        "A pilot's stick, 1 to the left.", NUMBER, lambda v: v.sticks.yaw, -1.0, 1.0
+    ),
+    "sticks.throttle": Observable(
+        "A pilot's stick, 0 to 1.", NUMBER, lambda v: v.sticks.throttle, 0.0, 1.0
+    ),
+}
+
+EVENTS: dict[str, str] = {
+    "run_started": "The run begins.",
+    "run_ended": "The run is over.",
+    "observer_failed": "Something that looks on was left out, because it raised.",
+    "preflight_passed": "A check before take-off is green.",
+    "preflight_failed": "A check before take-off stayed red.",
+    "behavior_started": "A behavior was entered.",
+    "behavior_ended": "A behavior was left.",
+    "behavior_failed": "A behavior failed.",
+    "took_off": "The vehicle is in the air.",
+    "landed": "The vehicle is on the ground again.",
+    "estimator_changed": "Another estimator is in use.",
+    "estimator_lost": "The estimator in use is lost, and no other can be used.",
+    "payload_loaded": "The payload is on board.",
+    "payload_released": "The vehicle acknowledged that it let the payload go.",
+    "payload_already_released": "A payload that was let go is to be let go again; it isn't.",
+    "sensor_failed": "A sensor beside the driver delivers nothing any more.",
+    "sensor_recovered": "A sensor that had failed delivers again.",
+    "measurement_refused": "Measurements that can't be true are left out; the first is told.",
+    "body_lost": "Motion capture gives no pose of the vehicle any more.",
+    "body_froze": "Motion capture gives the same pose of the flying vehicle over and over.",
+    "body_jumped": "In motion capture the vehicle is where no flight could have brought it.",
+    "body_swapped": "The same, and it is where another vehicle's body was.",
+    "body_recovered": "A body that was lost or froze is seen again.",
+    "camera_lost": "A camera gives no frames any more.",
+    "camera_froze": "A camera of the flying vehicle gives the same image over and over.",
+    "camera_jumped": "A camera shows the vehicle far from where the other sensors have it.",
+    "camera_swapped": "The same, and another vehicle is there.",
+    "camera_recovered": "A camera that was lost, froze or jumped is well again.",
+    "tags_lost": "Frames arrive in flight, but no tag is found in them.",
+    "tags_found": "Tags that were lost are seen again.",
+    "part_failed": "A part raised, or could not be made.",
+    "failsafe_started": "kybflow's failsafe takes over.",
+    "failsafe_ended": "kybflow's failsafe gives the vehicle back to what it was doing.",
+    "land_mode_started": "The vehicle lands by its own land mode.",
+    "land_mode_refused": "The vehicle's own land mode does not land it; `auto_land` does.",
+    "preflight_waits": "A check before take-off is not green yet.",
+    "arming_refused": "The vehicle won't arm, in its own words.",
+    "vehicle_said": "The vehicle says something of itself.",
+    "control_taken": "Somebody else has the vehicle, and it is left alone.",
+    "control_refused": "The vehicle was asked for back, and does not come: it is asked no more.",
+    "control_lost": "The vehicle's own failsafe has it; kybflow's failsafe lands it.",
+    "control_returned": "The vehicle obeys again, and goes on with what it was doing.",
+    "link_returned": "The vehicle is heard again, after a silence.",
+    "paused": "The vehicle holds; what it was doing is frozen.",
+    "resumed": "The vehicle goes on with what it was doing when it was paused.",
+    "pause_refused": "The vehicle can't be paused now.",
+    "switch_refused": "A state that was asked for can't be entered now.",
+    "phase_started": "A flow entered a phase.",
+    "phase_ended": "A flow left a phase.",
+    "phase_refused": "A phase that was asked for can't be entered now.",
+    "flow_ended": "A flow is over; `FLOW.finished` is told with it.",
+    "flow_failed": "A flow could not go on; its vehicles do what they do.",
+    "driver_changed": "Another flow drives the vehicle.",
+    "give_refused": "A flow can't give a vehicle that it doesn't drive.",
+    "processor_enabled": "A processor is in use again.",
+    "processor_disabled": "A processor is left out.",
+    "reset": "A fault was forgotten, on the ground.",
+    "reset_refused": "A fault can't be forgotten now.",
+    "option_changed": "A parameter has another value.",
+    "option_refused": "A parameter can't have the value.",
+    "fault_injected": "A fault of the mission is at work on the vehicle.",
+    "fault_ended": "A fault's time is over.",
+    "fault_failed": "A fault could not be injected, or failed at work.",
+    "run_stopped": "Somebody ends the run: every vehicle lands.",
+    "logged": "A callback said something.",
+    "action_failed": "An action of a package raised and was left out.",
+}
+"""What the engine tells, by name; parts declare the events of their alarms themselves."""
+OF_THE_RUN = frozenset(
+    {
+        "run_started", "run_ended", "run_stopped", "observer_failed", "logged", "action_failed",
+        "phase_started", "phase_ended", "phase_refused", "flow_ended",
+        "flow_failed",
+    }
+)  # fmt: skip
+"""The events that belong to no vehicle."""
+OF_THE_SIMULATOR = frozenset({"fault_injected", "fault_ended", "fault_failed"})
+"""The events that no vehicle could know of: they may be logged, and nothing else."""
+TOO_LATE = frozenset({"run_ended", "preflight_failed"})
+"""The events after which no tick follows, so that nothing can answer them."""
+
+ALARM_FIELDS = ("reaction", "reason", "value", "bound")
+"""What an alarm's event carries; the last two are numbers."""
+EVENT_FIELDS: dict[str, tuple[str, ...]] = {
+    "run_started": (),
+    "run_ended": ("reason",),
+    "observer_failed": ("reason",),
+    "run_stopped": ("reason",),
+    "logged": ("text",),
+    "action_failed": ("action", "reason"),
+    "preflight_passed": ("check", "found"),
+    "preflight_failed": ("check", "reason"),
+    "behavior_started": ("behavior", "part"),
+    "behavior_ended": ("behavior", "how"),
+    "behavior_failed": ("behavior", "reason"),
+    "took_off": (),
+    "landed": (),
+    "estimator_changed": ("estimator", "previous", "reason", "offset", "blended"),
+    "estimator_lost": ("previous", "reason"),
+    "payload_loaded": (),
+    "payload_released": ("x", "y", "z", "took"),
+    "payload_already_released": (),
+    "sensor_failed": ("sensor", "reason"),
+    "sensor_recovered": ("sensor",),
+    "measurement_refused": ("source", "kind", "reason"),
+    "body_lost": ("value", "bound"),
+    "body_froze": ("value", "bound"),
+    "body_jumped": ("value", "bound"),
+    "body_swapped": ("other", "value", "bound"),
+    "body_recovered": (),
+    "camera_lost": ("camera", "value", "bound"),
+    "camera_froze": ("camera", "value", "bound"),
+    "camera_jumped": ("camera", "value", "bound"),
+    "camera_swapped": ("camera", "other", "value", "bound"),
+    "camera_recovered": ("camera",),
+    "tags_lost": ("value", "bound"),
+    "tags_found": (),
+    "part_failed": ("part", "reason"),
+    "failsafe_started": ALARM_FIELDS,
+    "failsafe_ended": ("reaction", "alarm"),
+    "land_mode_started": (),
+    "land_mode_refused": ("reason",),
+    "preflight_waits": ("check", "reason"),
+    "arming_refused": ("reason",),
+    "vehicle_said": ("severity", "text"),
+    "control_taken": ("reason",),
+    "control_refused": ("reason",),
+    "control_lost": ("reason",),
+    "control_returned": (),
+    "link_returned": ("value",),
+    "paused": ("by",),
+    "resumed": ("by",),
+    "pause_refused": ("by", "reason"),
+    "switch_refused": ("state", "by", "reason"),
+    "phase_started": ("flow", "phase"),
+    "phase_ended": ("flow", "phase", "how"),
+    "phase_refused": ("flow", "phase", "by", "reason"),
+    "flow_ended": ("flow", "phase"),
+    "flow_failed": ("flow", "reason"),
+    "driver_changed": ("flow",),
+    "give_refused": ("flow", "to", "reason"),
+    "processor_enabled": ("processor", "by"),
+    "processor_disabled": ("processor", "by"),
+    "reset": ("by",),
+    "reset_refused": ("by", "reason"),
+    "option_changed": ("option", "value", "by"),
+    "option_refused": ("option", "by", "reason"),
+    "fault_injected": ("fault",),
+    "fault_ended": ("fault",),
+    "fault_failed": ("fault", "reason"),
+}
+"""What each event of EVENTS carries beside its vehicle and its time. A part's own event is an
+alarm's; a custom one carries nothing."""

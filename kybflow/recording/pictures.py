@@ -1,0 +1,114 @@
+"""Pictures of what cameras saw, in the run folder: an observer of the engine.
+
+Of each camera of each estimator, a few frames are kept: some evenly over the flight, however long
+it becomes, and some at which the vehicle changed the estimator that it flies on. They are files
+
+    frames/VEHICLE/ESTIMATOR/CAMERA/0012.345s-9-used-1-rejected.jpg
+    frames/VEHICLE/ESTIMATOR/CAMERA/0012.345s-no-pose.jpg
+
+named by when the frame was taken and what the pose rests on. Where one can't be written, the
+observer raises RunFolderError, and no more are made; the engine tells it and flies on.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from kybflow.core.signals import NS, Frame, Time
+from kybflow.recording.run_folder import FRAMES, RunFolder
+
+if TYPE_CHECKING:
+    from kybflow.runtime.engine import Engine
+    from kybflow.runtime.vehicle.vehicle import Vehicle
+    from kybflow.vision.locating.fit import Located
+    from kybflow.vision.locating.locator import Sighting
+
+EVENLY, AT_CHANGES = 8, 4
+"""The most pictures of a camera of either kind."""
+_FIRST_PACE = NS
+
+
+class Pictures:
+    """Called by the engine, with itself."""
+
+    def __init__(self, folder: RunFolder) -> None:
+        self._folder = folder
+        self._albums: dict[str, _Album] = {}
+        self._used: dict[str, str | None] = {}
+
+    def __call__(self, engine: Engine) -> None:
+        if engine.flying:
+            for vehicle in engine.vehicles:
+                changed = self._has_changed(vehicle)
+                for label, part in vehicle.senses.parts().items():
+                    if part.sighting is not None:
+                        place = f"{FRAMES}/{vehicle.name}/{label.rpartition('.')[2]}"
+                        self._offer(place, part.sighting, changed)
+
+    def _has_changed(self, vehicle: Vehicle) -> bool:
+        """Whether it flies on another estimator than when it was looked at last."""
+        used = vehicle.estimator
+        before = self._used.setdefault(vehicle.name, used)
+        self._used[vehicle.name] = used
+        return used != before
+
+    def _offer(self, place: str, sighting: Sighting, changed: bool) -> None:
+        for frame in sighting.frames:
+            name = f"{place}/{frame.camera}"
+            if name not in self._albums:
+                self._albums[name] = _Album(self._folder, name)
+            self._albums[name].offer(frame, sighting.located, changed)
+
+
+class _Album:
+    """The pictures of one camera. When there are too many, every other one is thrown away, and from
+    then on they are made half as often."""
+
+    def __init__(self, folder: RunFolder, place: str) -> None:
+        self._folder, self._place = folder, place
+        self._evenly: list[str] = []
+        self._at_changes: list[str] = []
+        self._pace, self._due = _FIRST_PACE, 0
+
+    def offer(self, frame: Frame, located: Located | None, changed: bool) -> None:
+        is_due = frame.time >= self._due
+        is_kept = changed and len(self._at_changes) < AT_CHANGES
+        if not is_due and not is_kept:
+            return
+        name = f"{self._place}/{_name(frame.time, frame.camera, located)}"
+        if name not in self._evenly and name not in self._at_changes:
+            self._folder.add(name, _picture(frame, located))
+        if is_kept and name not in self._at_changes:
+            self._at_changes.append(name)
+        if is_due:
+            self._evenly.append(name)
+            if len(self._evenly) > EVENLY:
+                self._thin()
+            self._due = frame.time + self._pace
+
+    def _thin(self) -> None:
+        self._pace *= 2
+        dropped, self._evenly = self._evenly[1::2], self._evenly[::2]
+        for name in dropped:
+            if name not in self._at_changes:
+                with suppress(OSError):
+                    (self._folder.path / name).unlink()
+
+
+def _name(time: Time, camera: str, located: Located | None) -> str:
+    stamp = f"{time / NS:08.3f}s"
+    if located is None:
+        return f"{stamp}-no-pose.jpg"
+    tags = [tag for view in located.views if view.camera.name == camera for tag in view.tags]
+    used = sum(tag.key in located.used for tag in tags)
+    return f"{stamp}-{used}-used-{len(tags) - used}-rejected.jpg"
+
+
+def _picture(frame: Frame, located: Located | None) -> bytes:
+    from kybflow.vision.printing.marking import marked
+
+    if located is None:
+        return marked(frame.image, None, ())
+    view = next((view for view in located.views if view.camera.name == frame.camera), None)
+    return marked(frame.image, view, located.used)

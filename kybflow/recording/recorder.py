@@ -1,0 +1,281 @@
+"""Records a run into one MCAP file while it goes; the only user of the foxglove SDK.
+
+Each vehicle has `/NAME/tick` (one message a control tick, `record_layout`), `/NAME/pose`,
+`/NAME/battery` and `/NAME/imu` (each measurement as it arrived), and, once one arrived,
+`/NAME/position`, `/NAME/payload`, `/NAME/odometry`, `/NAME/sticks` and `/NAME/frame/CAMERA` (when
+the frame was taken, without its image), and, once one was sent, `/NAME/command` (the setpoint of a
+command that is one); `/NAME/estimator/ESTIMATOR` has what each of its estimators says, flown on or
+not, fifty times a second at most. `/events` holds every event as JSON. A message's log and publish
+time are the tick's time, so the file holds no other clock: the same run gives the same bytes. Why
+the messages are encoded as they are: docs/adr/0001-recording-encoding.md.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from struct import Struct
+from typing import TYPE_CHECKING
+
+from foxglove import Channel, Context, Schema, open_mcap
+from foxglove.mcap import MCAPWriteOptions
+
+from kybflow.core.geometry import Vec3
+from kybflow.core.signals import (
+    Battery,
+    Command,
+    CommandKind,
+    Estimate,
+    Event,
+    Frame,
+    Imu,
+    Measurement,
+    Odometry,
+    Payload,
+    Pose,
+    Position,
+    Setpoint,
+    SetpointKind,
+    Sticks,
+    Time,
+    Truth,
+)
+from kybflow.dsl.plan import Plan
+from kybflow.recording.layout import (
+    COMMAND_KINDS,
+    EVENT_SCHEMA,
+    EVENTS_TOPIC,
+    HAS_ACCELERATION,
+    HAS_HEADING,
+    HAS_JERK,
+    HAS_POSITION,
+    HAS_VELOCITY,
+    METADATA,
+    PACKAGE,
+    SETPOINT_KINDS,
+    SWITCHES,
+    definition,
+    event_record,
+    head,
+    kept_every,
+    struct_format,
+)
+from kybflow.recording.sink import Sink
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from kybflow.runtime.vehicle.estimation import Estimation
+
+CHUNK_SECONDS = 0.5
+"""How long a chunk lasts: what a program that is killed may lose."""
+
+_TICK = Struct(struct_format("Tick"))
+_POSE = Struct(struct_format("Pose"))
+_BATTERY = Struct(struct_format("Battery"))
+_IMU = Struct(struct_format("Imu"))
+_POSITIONS = Struct(struct_format("Position"))
+_FRAME = Struct(struct_format("Frame"))
+_PAYLOAD = Struct(struct_format("Payload"))
+_ODOMETRY = Struct(struct_format("Odometry"))
+_STICKS = Struct(struct_format("Sticks"))
+_SETPOINT = Struct(struct_format("Setpoint"))
+_pack_tick = _TICK.pack
+_pack_candidate = Struct(struct_format("Candidate")).pack
+
+_Marked = tuple[tuple[int, int], Vec3, Vec3, Vec3, Vec3, float, float]
+"""A setpoint with zeros for what it has not, behind its kind and what it has."""
+
+_ZERO = (0.0, 0.0, 0.0)
+_ZERO_4 = (0.0, 0.0, 0.0, 0.0)
+_NO_ESTIMATE = Estimate(0, _ZERO, _ZERO, _ZERO_4, _ZERO, "", 0.0, 0.0)
+_NO_SETPOINT: _Marked = ((0, 0), _ZERO, _ZERO, _ZERO, _ZERO, 0.0, 0.0)
+_NO_TRUTH = Truth(_ZERO, _ZERO, _ZERO_4, _ZERO)
+
+_ATTITUDE_THRUST = CommandKind.ATTITUDE_THRUST
+_ATTITUDE_THRUST_NUMBER = COMMAND_KINDS[_ATTITUDE_THRUST]
+_POSITION = SetpointKind.POSITION
+_ALL = HAS_POSITION | HAS_VELOCITY | HAS_ACCELERATION | HAS_JERK | HAS_HEADING
+_MARKS = (SETPOINT_KINDS[_POSITION], _ALL)
+_MARKS_WITHOUT_JERK = (SETPOINT_KINDS[_POSITION], _ALL - HAS_JERK)
+
+
+class Recorder:
+    """A recording of one run. `failed` is None, or why the recording stopped; nothing that is
+    recorded raises for it. Raises OSError when the file can't be opened."""
+
+    def __init__(self, path: Path, plan: Plan) -> None:
+        self._sink = Sink(path)
+        self._context = Context()
+        per_second = plan.control_rate * max(1, len(plan.vehicles)) * _TICK.size
+        self._writer = open_mcap(
+            self._sink,  # type: ignore[arg-type]  # the SDK asks for write, seek and flush only
+            context=self._context,
+            writer_options=MCAPWriteOptions(
+                compression=None,
+                chunk_size=int(per_second * CHUNK_SECONDS),
+                disable_seeking=True,
+                calculate_data_section_crc=False,
+            ),
+        )
+        self._writer.write_metadata(METADATA, {"plan": json.dumps(head(plan))})
+        self._events = Channel(EVENTS_TOPIC, schema=EVENT_SCHEMA, context=self._context)
+        every = kept_every(plan.control_rate)
+        self._vehicles = {
+            v.name: VehicleChannel(v.name, every, self._context) for v in plan.vehicles
+        }
+        self._closed = False
+
+    @property
+    def failed(self) -> str | None:
+        return self._sink.failed
+
+    def vehicle(self, name: str) -> VehicleChannel:
+        return self._vehicles[name]
+
+    def event(self, event: Event) -> None:
+        self._events.base.log(json.dumps(event_record(event)).encode(), event.time)
+
+    def close(self) -> None:
+        """Write what is left and the index; may be called again."""
+        if not self._closed:
+            self._closed = True
+            self._writer.close()
+            self._sink.close()
+
+
+class VehicleChannel:
+    """What is recorded of one vehicle; of its estimators one tick of `every`, from the first on."""
+
+    def __init__(self, name: str, every: int, context: Context) -> None:
+        self._every, self._ticks = every, 0
+        self._tick = _log(context, f"/{name}/tick", "Tick")
+        self._pose = _log(context, f"/{name}/pose", "Pose")
+        self._battery = _log(context, f"/{name}/battery", "Battery")
+        self._imu = _log(context, f"/{name}/imu", "Imu")
+        self._name, self._context = name, context
+        self._rare: dict[str, Callable[[bytes, int], None]] = {}
+        self._estimators: dict[str, Callable[[bytes, int], None]] = {}
+
+    def tick(
+        self,
+        now: Time,
+        estimate: Estimate | None,
+        wanted: Setpoint | None,
+        setpoint: Setpoint | None,
+        command: Command,
+        truth: Truth | None,
+    ) -> None:
+        """One control tick: the estimate, the setpoint before and after the processors, the command
+        that was sent, and the simulator's truth where there is one."""
+        _, p, v, q, w, _, age, spread = estimate or _NO_ESTIMATE
+        marks, p0, v0, a0, j0, heading0, rate0 = before = _marked(wanted)
+        if setpoint is wanted:
+            marks1, p1, v1, a1, j1, heading1, rate1 = before
+        else:
+            marks1, p1, v1, a1, j1, heading1, rate1 = _marked(setpoint)
+        attitude, thrust, rates, heading, armed, kind, sent = command
+        number = _ATTITUDE_THRUST_NUMBER if kind is _ATTITUDE_THRUST else COMMAND_KINDS[kind]
+        pt, vt, qt, wt, _ = truth or _NO_TRUTH
+        message = _pack_tick(
+            estimate is not None, *p, *v, *q, *w, age, spread,
+            *marks, *p0, *v0, *a0, *j0, heading0, rate0,
+            *marks1, *p1, *v1, *a1, *j1, heading1, rate1,
+            armed, number, heading is not None, *attitude, thrust, *rates, heading or 0.0,
+            truth is not None, *pt, *vt, *qt, *wt,
+        )  # fmt: skip
+        self._tick(message, now)
+        if sent is not None:
+            marks, p0, v0, a0, j0, heading0, rate0 = _marked(sent)
+            data = _SETPOINT.pack(*marks, *p0, *v0, *a0, *j0, heading0, rate0)
+            self._log_rare("command", "Setpoint", data, now)
+
+    def estimators(self, now: Time, estimation: Estimation) -> None:
+        """What each estimator says in this tick."""
+        self._ticks += 1
+        if (self._ticks - 1) % self._every:
+            return
+        source, logs = estimation.source, self._estimators
+        for candidate in estimation.candidates:
+            name, estimate = candidate.name, candidate.estimate
+            if name not in logs:
+                logs[name] = _log(self._context, f"/{self._name}/estimator/{name}", "Candidate")
+            _, (x, y, z), _, (a, b, c, d), _, _, age, spread = estimate or _NO_ESTIMATE
+            known, usable = estimate is not None, candidate.is_usable
+            logs[name](
+                _pack_candidate(known, usable, name == source, x, y, z, a, b, c, d, age, spread),
+                now,
+            )
+
+    def measurement(self, now: Time, measurement: Measurement) -> None:
+        """A measurement that arrived at `now`."""
+        if isinstance(measurement, Pose):
+            time, position, attitude = measurement
+            self._pose(_POSE.pack(time, *position, *attitude), now)
+        elif isinstance(measurement, Imu):
+            time, dt, force, turn = measurement
+            self._imu(_IMU.pack(time, dt, *force, *turn), now)
+        elif isinstance(measurement, Battery):
+            self._battery(_BATTERY.pack(*measurement), now)
+        else:
+            self._log_rare(*_rare(measurement), now)
+
+    def _log_rare(self, topic: str, message: str, data: bytes, now: Time) -> None:
+        """What most vehicles have none of gets its channel with its first message."""
+        if topic not in self._rare:
+            self._rare[topic] = _log(self._context, f"/{self._name}/{topic}", message)
+        self._rare[topic](data, now)
+
+
+def _rare(
+    measurement: Position | Frame | Payload | Odometry | Sticks,
+) -> tuple[str, str, bytes]:
+    """(topic, message, data) of what most vehicles have none of."""
+    if isinstance(measurement, Position):
+        time, position, spread = measurement
+        return "position", "Position", _POSITIONS.pack(time, *position, *spread)
+    if isinstance(measurement, Frame):
+        return f"frame/{measurement.camera}", "Frame", _FRAME.pack(measurement.time)
+    if isinstance(measurement, Payload):
+        time, is_open, aboard = measurement
+        data = _PAYLOAD.pack(time, is_open, aboard is not None, aboard or False)
+        return "payload", "Payload", data
+    if isinstance(measurement, Odometry):
+        time, p, v, q, w, deviation = measurement
+        return "odometry", "Odometry", _ODOMETRY.pack(time, *p, *v, *q, *w, deviation)
+    time, roll, pitch, yaw, throttle, switches = measurement
+    held = switches[:SWITCHES]
+    rest = (0.0,) * (SWITCHES - len(held))
+    data = _STICKS.pack(time, roll, pitch, yaw, throttle, len(held), *held, *rest)
+    return "sticks", "Sticks", data
+
+
+def _marked(setpoint: Setpoint | None) -> _Marked:
+    if setpoint is None:
+        return _NO_SETPOINT
+    kind, position, velocity, acceleration, jerk, heading, rate = setpoint
+    if kind is _POSITION and position and velocity and acceleration and heading is not None:
+        marks = _MARKS if jerk else _MARKS_WITHOUT_JERK
+        return marks, position, velocity, acceleration, jerk or _ZERO, heading, rate
+    present = (
+        HAS_POSITION * (position is not None)
+        + HAS_VELOCITY * (velocity is not None)
+        + HAS_ACCELERATION * (acceleration is not None)
+        + HAS_JERK * (jerk is not None)
+        + HAS_HEADING * (heading is not None)
+    )
+    return (
+        (SETPOINT_KINDS[kind], present),
+        position or _ZERO,
+        velocity or _ZERO,
+        acceleration or _ZERO,
+        jerk or _ZERO,
+        heading or 0.0,
+        rate,
+    )
+
+
+def _log(context: Context, topic: str, message: str) -> Callable[[bytes, int], None]:
+    schema = Schema(name=f"{PACKAGE}/{message}", encoding="ros1msg", data=definition(message))
+    channel = Channel(topic, message_encoding="ros1", schema=schema, context=context)
+    return channel.base.log  # without the wrapper, which looks at each message's type

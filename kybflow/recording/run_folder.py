@@ -1,0 +1,162 @@
+"""The folder that a run leaves: who may write where, and the files beside the recording.
+
+`events.jsonl` is written as the run goes, a line an event; `mission.resolved.yaml`, the files that
+it names and `provenance.json` before it, `summary.json` and `report.html` after it. Points in
+wall-clock time stand in `provenance.json` and in the folder's name only, how long it took in
+`summary.json`; the other files depend on plan and seed alone.
+"""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from io import FileIO
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
+
+from kybflow.core.errors import KybflowError
+from kybflow.core.signals import Event
+from kybflow.dsl.plan import Plan
+from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
+from kybflow.recording.layout import event_record
+from kybflow.recording.provenance import FLOWN_FROM, provenance
+from kybflow.recording.run_files import contents, copies
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from kybflow.api.flight import Request
+
+SUMMARY, EVENTS, LOG, REPORT = "summary.json", "events.jsonl", "log.mcap", "report.html"
+FRAMES = "frames"
+"""The folder of what cameras saw."""
+FILES = frozenset({SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES})
+
+
+class RunFolderError(KybflowError):
+    """A folder that can't be used for a run, and the way out."""
+
+
+class RunFolder:
+    """The folder of one run. `failed` is None, or why something of it could not be written."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.failed: str | None = None
+        self._events = FileIO(path / EVENTS, "w")
+
+    @property
+    def log(self) -> Path:
+        """Where the recording goes."""
+        return self.path / LOG
+
+    def event(self, event: Event) -> None:
+        """Append one event; a disk that is full is kept in `failed`, and nothing is raised."""
+        if self.failed is not None:
+            return
+        line = json.dumps(event_record(event), ensure_ascii=False) + "\n"
+        try:
+            self._events.write(line.encode())
+        except OSError as error:
+            self.failed = f"the events stopped: {error.strerror or error}"
+
+    def describe(self, plan: Plan, request: Request, started: datetime) -> None:
+        """Write the resolved mission, the files that it names, and where everything came from.
+        Raises RunFolderError."""
+        files = copies(plan.files, FILES)
+        _write(self.path / RESOLVED, plan.resolved)
+        _write(self.path / PROVENANCE, _json(provenance(plan, request, started, files)))
+        for name, file in files.items():
+            _write(self.path / name, contents(file))
+
+    def add(self, name: str, data: bytes) -> Path:
+        """Write one more file, under a path within the folder; its path. Raises RunFolderError, and
+        there is no half of it then."""
+        path = self.path / name
+        try:
+            _write(path, data)
+        except RunFolderError:
+            with suppress(OSError):
+                path.unlink()
+            raise
+        return path
+
+    def finish(self, summary: dict[str, Any]) -> bool:
+        """Close the folder and write the summary; False when it can't be written, and then there is
+        none. Raises nothing: the flight is over, and what became of it is still to be told."""
+        self.close()
+        path = self.path / SUMMARY
+        try:
+            _write(path, _json(summary))
+        except RunFolderError as error:
+            self.failed = self.failed or str(error)
+            with suppress(OSError):
+                path.unlink()
+            return False
+        return True
+
+    def close(self) -> None:
+        """No event comes any more; may be called again."""
+        try:
+            self._events.close()
+        except OSError as error:
+            self.failed = self.failed or f"the events stopped: {error.strerror or error}"
+
+
+def create_run_folder(plan: Plan, out: Path | None, started: datetime) -> RunFolder:
+    """`out`, or `runs/<mission>-<time>` in the present folder, with a number behind it if taken.
+
+    `out` may be new or empty. Raises RunFolderError for any other folder, an earlier run's too, and
+    where none can be made.
+    """
+    path = (
+        out if out is not None else _free(Path("runs"), f"{plan.mission}-{started:%Y%m%d-%H%M%S}")
+    )
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        _check_empty(path)
+        return RunFolder(path)
+    except OSError as error:
+        raise RunFolderError(f"`{path}` can't be written: {error.strerror or error}") from error
+
+
+def _free(parent: Path, name: str) -> Path:
+    path, number = parent / name, 2
+    while path.exists():
+        path, number = parent / f"{name}-{number}", number + 1
+    return path
+
+
+def _check_empty(path: Path) -> None:
+    """Nothing that is in a folder is ever replaced."""
+    found = sorted(entry.name for entry in path.iterdir())
+    ours = FILES | _copied(path)
+    foreign = [name for name in found if name not in ours or EVENTS not in found]
+    if foreign:
+        more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
+        raise RunFolderError(
+            f"`{path}` holds what no run has written (`{foreign[0]}`{more}); name another folder"
+        )
+    if found:
+        raise RunFolderError(f"`{path}` holds an earlier run; name another folder, or remove it")
+
+
+def _copied(path: Path) -> set[str]:
+    """What stands in the folder of an earlier run for the files that its mission names."""
+    try:
+        names = json.loads((path / PROVENANCE).read_text(encoding="utf-8"))[FLOWN_FROM]
+        return {PurePath(name).parts[0] for name in names}
+    except (OSError, ValueError, LookupError, TypeError):
+        return set()
+
+
+def _json(value: dict[str, Any]) -> str:
+    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _write(path: Path, what: str | bytes) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(what if isinstance(what, bytes) else what.encode())
+    except OSError as error:
+        raise RunFolderError(f"`{path}` can't be written: {error.strerror or error}") from error

@@ -1,0 +1,191 @@
+"""The figure of behaviors and events over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from kybflow.report.data import Run, Visit
+from kybflow.report.marks import marks
+from kybflow.report.plot import Figure, time_axis
+from kybflow.report.spans import FAULT, HOLD, TINTS, Span, estimators, spans
+
+_VISITS = ("#6f9fd8", "#e3a869", "#6dbb9c", "#b892d4", "#d98a94", "#a9b35e", "#62bcc7", "#d395b6")
+_GREY = "#9aa3ad"
+_BAR, _LANE, _MARKS, _GAP, _LEVEL = 28.0, 15.0, 20.0, 14.0, 13.0
+"""Pixels: a bar, a lane, the room for marks below a bar, between rows, a level of labels."""
+_LEVELS, _WIDTH, _LETTER = 3, 920.0, 6.6
+"""Levels of labels above a bar; pixels of the time axis, of a letter."""
+_NOTE = (
+    "Bars are behaviors or phases; marks below are events, all of which stand in the table of "
+    "events. Hover for details; drag to zoom."
+)
+
+
+def timeline(run: Run) -> Figure:
+    """A row a vehicle and a flow: behaviors or phases as bars, events as marks below them; under a
+    vehicle's row a lane each for its faults, holds and estimators, where it had any to tell."""
+    visits = {track.name: track.visits for track in run.tracks} | _phases(run)
+    colours = _visit_colours([visit for own in visits.values() for visit in own])
+    traces: list[dict[str, Any]] = []
+    labels: list[dict[str, Any]] = []
+    marked: dict[str, float] = {}
+    ticks: dict[str, float] = {}
+    down = 0.0
+    lanes = _lanes(run)
+    for row, own in visits.items():
+        texts, above = narrow_labels(own, max(run.end, 0.1))
+        middle = down + above + _BAR / 2
+        ticks[row], marked[row] = middle, middle + _BAR / 2 + 9.0
+        traces += [_bar(v, middle, colours[v.name], v not in texts) for v in own]
+        labels += [_label(v, middle - _BAR / 2, level) for v, level in texts.items()]
+        down = middle + _BAR / 2 + _MARKS
+        for kind, shown in lanes.get(row, {}).items():
+            ticks[f"{row}, {kind}"] = down + _LANE / 2
+            traces += [_strip(span, down + _LANE / 2) for span in shown]
+            down += _LANE + 3.0
+        down += _GAP
+    if any(not event["vehicle"] for event in run.events):
+        marked["run"] = ticks["run"] = down
+        down += 2 * _GAP
+    traces += marks(run, marked)
+    return Figure(
+        "timeline", "Behaviors and events", _NOTE, traces, _layout(run, ticks, labels, down)
+    )
+
+
+def _layout(
+    run: Run, ticks: dict[str, float], labels: list[dict[str, Any]], height: float
+) -> dict[str, Any]:
+    """Its y axis counts pixels from the top."""
+    return {
+        "xaxis": time_axis(run),
+        "yaxis": {
+            "tickvals": list(ticks.values()),
+            "ticktext": list(ticks),
+            "range": [height, -6.0],
+            "fixedrange": True,
+            "showgrid": False,
+            "zeroline": False,
+        },
+        "annotations": labels,
+        "barmode": "overlay",
+        "uniformtext": {"minsize": 9, "mode": "hide"},
+        "height": round(100 + height),
+        "hovermode": "closest",
+        "showlegend": True,
+    }
+
+
+def narrow_labels(visits: Sequence[Visit], end: float) -> tuple[dict[Visit, int], float]:
+    """(the visits whose name does not fit into their bar, each with its level above it, how many
+    pixels those need); what has no room on the top level has none."""
+    each = _WIDTH / end
+    free = [float("-inf")] * _LEVELS
+    levels: dict[Visit, int] = {}
+    for visit in visits:
+        width = _LETTER * len(visit.name) + 6.0
+        if (visit.end - visit.start) * each >= width:
+            continue
+        left = (visit.start + visit.end) / 2 * each - width / 2
+        level = next((n for n in range(_LEVELS) if free[n] <= left), None)
+        if level is not None:
+            free[level] = left + width
+            levels[visit] = level
+    return levels, _LEVEL * (max(levels.values(), default=-1) + 1) + 4.0
+
+
+def _lanes(run: Run) -> dict[str, dict[str, list[Span]]]:
+    """For each vehicle, what its lanes show. One estimator all the time is no lane."""
+    found: dict[str, dict[str, list[Span]]] = {}
+    lasting = spans(run)
+    for name, used in estimators(run).items():
+        own = [span for span in lasting if span.vehicle == name]
+        lanes = {
+            "faults": [span for span in own if span.kind == FAULT],
+            "holds": [span for span in own if span.kind == HOLD],
+            "estimator": used if len(used) > 1 else [],
+        }
+        found[name] = {kind: shown for kind, shown in lanes.items() if shown}
+    return found
+
+
+def _label(visit: Visit, top: float, level: int) -> dict[str, Any]:
+    """A name above its bar, with a line down to it."""
+    return {
+        "text": visit.name,
+        "x": (visit.start + visit.end) / 2,
+        "y": top,
+        "ax": 0,
+        "ay": -9.0 - _LEVEL * level,
+        "arrowhead": 0,
+        "arrowwidth": 0.8,
+        "arrowcolor": "#8a94a0",
+        "font": {"size": 10, "color": "ink"},
+        "yshift": 0,
+    }
+
+
+def _strip(span: Span, middle: float) -> dict[str, Any]:
+    """A part of a lane, with its label in it."""
+    told = f"{span.kind}: {span.label}" if span.kind != span.label else span.label
+    return {
+        "type": "bar",
+        "orientation": "h",
+        "x": [span.end - span.start],
+        "base": [span.start],
+        "y": [middle],
+        "width": _LANE,
+        "text": [span.label],
+        "textposition": "inside",
+        "insidetextanchor": "start",
+        "insidetextfont": {"color": "ink", "size": 10},
+        "constraintext": "none",
+        "marker": {"color": TINTS.get(span.kind, "rgba(125,136,148,0.22)")},
+        "hovertemplate": f"<b>{told}</b><br>{span.start:.2f} to {span.end:.2f} s<extra></extra>",
+        "showlegend": False,
+    }
+
+
+def _phases(run: Run) -> dict[str, list[Visit]]:
+    """The phases of each flow, by the flow's row."""
+    found: dict[str, list[Visit]] = {}
+    for event in run.events:
+        fields = event["fields"]
+        if event["event"] == "phase_started":
+            name, start = fields["phase"], event["t_s"]
+            visit = Visit(name, "", start, run.end, "", aloft=False, built_in=False)
+            found.setdefault(f"flow {fields['flow']}", []).append(visit)
+        elif event["event"] == "phase_ended":
+            visits = found[f"flow {fields['flow']}"]
+            visits[-1] = replace(visits[-1], end=event["t_s"], ended=fields["how"])
+    return found
+
+
+def _visit_colours(visits: Sequence[Visit]) -> dict[str, str]:
+    """A colour for each name; what no mission wrote is grey."""
+    own = dict.fromkeys(visit.name for visit in visits if not visit.built_in)
+    colours = {name: _VISITS[number % len(_VISITS)] for number, name in enumerate(own)}
+    return {visit.name: colours.get(visit.name, _GREY) for visit in visits}
+
+
+def _bar(visit: Visit, middle: float, colour: str, named: bool) -> dict[str, Any]:
+    part = f" ({visit.part})" if visit.part and visit.part != visit.name else ""
+    ended = f"<br>ended: {visit.ended}" if visit.ended else ""
+    span = f"{visit.start:.2f} to {visit.end:.2f} s"
+    return {
+        "type": "bar",
+        "orientation": "h",
+        "x": [visit.end - visit.start],
+        "base": [visit.start],
+        "y": [middle],
+        "width": _BAR,
+        "text": [visit.name if named else ""],
+        "textposition": "inside",
+        "insidetextanchor": "middle",
+        "insidetextfont": {"color": "#10151b"},
+        "marker": {"color": colour, "line": {"color": "paper", "width": 1}},
+        "hovertemplate": f"<b>{visit.name}</b>{part}<br>{span}{ended}<extra></extra>",
+        "showlegend": False,
+    }

@@ -1,0 +1,65 @@
+"""What parts give, checked for numbers that are not finite: such a value fails its vehicle.
+
+Each function returns what it was given, or raises ValueError. A sum is finite only when every part
+of it is, and x - x is zero only for a finite x: one comparison judges a whole signal.
+"""
+
+from __future__ import annotations
+
+from kybflow.core.geometry import ZERO
+from kybflow.core.signals import Alarm, Command, CommandKind, Estimate, Reaction, Setpoint
+
+_ATTITUDE_THRUST = CommandKind.ATTITUDE_THRUST
+_FOLLOWED = {
+    CommandKind.POSITION: "position",
+    CommandKind.VELOCITY: "velocity",
+    CommandKind.ACCELERATION: "acceleration",
+}
+"""What of its setpoint a command of a kind can't do without."""
+
+
+def checked_estimate(estimate: Estimate) -> Estimate:
+    _, (px, py, pz), (vx, vy, vz), (w, x, y, z), (ox, oy, oz), _, age, spread = estimate
+    total = px + py + pz + vx + vy + vz + w + x + y + z + ox + oy + oz + age + spread
+    if total - total != 0.0:
+        raise ValueError(f"the estimate is not finite: {estimate}")
+    return estimate
+
+
+def checked_setpoint(setpoint: Setpoint) -> Setpoint:
+    _, position, velocity, acceleration, jerk, heading, rate = setpoint
+    px, py, pz = position or ZERO
+    vx, vy, vz = velocity or ZERO
+    ax, ay, az = acceleration or ZERO
+    jx, jy, jz = jerk or ZERO
+    total = px + py + pz + vx + vy + vz + ax + ay + az + jx + jy + jz + (heading or 0.0) + rate
+    if total - total != 0.0:
+        raise ValueError(f"the setpoint is not finite: {setpoint}")
+    return setpoint
+
+
+def checked_command(command: Command) -> Command:
+    """Raises ValueError also for one that lacks what its kind needs."""
+    (w, x, y, z), thrust, (ox, oy, oz), heading, _, kind, setpoint = command
+    total = w + x + y + z + thrust + ox + oy + oz + (heading or 0.0)
+    if total - total != 0.0:
+        raise ValueError(f"the command is not finite: {command}")
+    if kind is not _ATTITUDE_THRUST:
+        _check_setpoint(kind, setpoint)
+    return command
+
+
+def _check_setpoint(kind: CommandKind, setpoint: Setpoint | None) -> None:
+    """Raises ValueError where `setpoint` is not finite, or not what `kind` needs."""
+    if setpoint is not None:
+        checked_setpoint(setpoint)
+    needed = _FOLLOWED.get(kind)
+    if needed is not None and getattr(setpoint, needed, None) is None:
+        raise ValueError(f"a command of {needed} has no {needed}: {setpoint}")
+
+
+def checked_alarm(alarm: Alarm) -> Alarm:
+    """Raises ValueError for what is no alarm with a reaction."""
+    if not isinstance(alarm, Alarm) or not isinstance(alarm.reaction, Reaction):
+        raise ValueError(f"an alarm with a reaction is asked for, not {alarm!r}")
+    return alarm

@@ -1,0 +1,179 @@
+"""Faults at work: each of the plan's is injected at its time or when its condition first holds, and
+mended when its own time is over. One that raises, when it is injected or at work, is told and left
+out: it is test equipment, and what is tested flies on."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from math import isfinite
+
+from kybflow.core.errors import described
+from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.signals import NS, Measurement, Time
+from kybflow.dsl.expressions import Expression
+from kybflow.dsl.plan import FaultPlan
+from kybflow.parts import Effect, Filter, Rig
+from kybflow.parts.fault import Air
+from kybflow.runtime.events import Events
+
+Conditions = Callable[[str], Callable[[Expression], Callable[[], bool]]]
+"""By vehicle: what makes a closure of a condition of its."""
+
+
+class Injection:
+    """The engine calls `step` once a tick, before anything is sensed. Chance comes from `seed` and
+    the fault's place in the mission. `failure` says which fault could not be injected or failed at
+    work, and why; None while all went well."""
+
+    def __init__(
+        self,
+        faults: Sequence[FaultPlan],
+        rigs: Mapping[str, Rig],
+        conditions: Conditions,
+        events: Events,
+        seed: int,
+    ) -> None:
+        self.failure: str | None = None
+        self._rigs, self._events = rigs, events
+        self._waiting = [
+            _Waiting(plan, _due(plan, conditions), random.Random(f"{seed} {i} {plan.part.name}"))
+            for i, plan in enumerate(faults)
+        ]
+        self._working: list[_Working] = []
+
+    def step(self, now: Time) -> None:
+        """Mend what is over and what has failed, then inject what is due."""
+        if self._working:
+            over = [fault for fault in self._working if fault.failed or fault.over(now)]
+            self._working = [fault for fault in self._working if fault not in over]
+            for fault in over:
+                self._mend(fault)
+        for waiting in tuple(self._waiting):
+            try:
+                if waiting.due(now):
+                    self._waiting.remove(waiting)
+                    self._inject(waiting, now)
+            except Exception as error:  # a lab's own fault may raise anything; the flight goes on
+                if waiting in self._waiting:
+                    self._waiting.remove(waiting)
+                self._fail(waiting.plan, "could not be injected", error)
+
+    def _inject(self, waiting: _Waiting, now: Time) -> None:
+        plan = waiting.plan
+        fault = plan.part.cls(plan.part.params, waiting.generator)
+        working = _Working(plan, now, self._fail)
+        for name, effect in fault.effects(plan.vehicle).items():
+            working.effects.append((self._rigs[name], working.guarded(effect)))
+        try:
+            for rig, effect in working.effects:
+                rig.begin(effect, now)
+        except Exception:
+            _take_away(working)
+            raise
+        self._events.tell("fault_injected", plan.vehicle, plan.at, fault=plan.part.name)
+        self._working.append(working)
+
+    def _fail(self, plan: FaultPlan, how: str, error: Exception) -> None:
+        name = plan.part.name
+        self.failure = f"the fault `{name}` {how}: {described(error)}"
+        self._events.tell("fault_failed", plan.vehicle, plan.at, fault=name, reason=self.failure)
+
+    def _mend(self, fault: _Working) -> None:
+        _take_away(fault)
+        plan = fault.plan
+        if not fault.failed:
+            self._events.tell("fault_ended", plan.vehicle, plan.at, fault=plan.part.name)
+
+
+def _take_away(fault: _Working) -> None:
+    for rig, effect in fault.effects:
+        rig.end(effect)
+
+
+class _Waiting:
+    """A fault that was not injected yet."""
+
+    def __init__(
+        self, plan: FaultPlan, due: Callable[[Time], bool], generator: random.Random
+    ) -> None:
+        self.plan, self.due, self.generator = plan, due, generator
+
+
+class _Working:
+    """A fault that is at work. It does nothing any more from when it has `failed`, which `fail` is
+    told once, and is mended in the next tick."""
+
+    def __init__(
+        self, plan: FaultPlan, began: Time, fail: Callable[[FaultPlan, str, Exception], None]
+    ) -> None:
+        self.plan, self.failed = plan, False
+        self.effects: list[tuple[Rig, Effect]] = []
+        self._fail = fail
+        lasts = plan.duration
+        self._until = None if lasts is None else began + round(lasts * NS)
+
+    def over(self, now: Time) -> bool:
+        return self._until is not None and now >= self._until
+
+    def guarded(self, effect: Effect) -> Effect:
+        """The same effect, but what it raises is this fault's failure and nobody else's."""
+        change, blow = effect.filter, effect.wind
+        return replace(
+            effect,
+            filter=None if change is None else self._filter(change),
+            wind=None if blow is None else self._wind(blow),
+        )
+
+    def _filter(self, change: Filter) -> Filter:
+        def changed(measurement: Measurement) -> Measurement | None:
+            if self.failed:
+                return measurement
+            try:
+                return _measured(change(measurement), measurement)
+            except Exception as error:  # a lab's own fault may raise anything
+                self._has_failed(error)
+                return measurement
+
+        return changed
+
+    def _wind(self, blow: Air) -> Air:
+        def blown(seconds: float) -> Vec3:
+            if self.failed:
+                return ZERO
+            try:
+                return _moving(blow(seconds))
+            except Exception as error:  # see _filter
+                self._has_failed(error)
+                return ZERO
+
+        return blown
+
+    def _has_failed(self, error: Exception) -> None:
+        self.failed = True
+        self._fail(self.plan, "failed at work", error)
+
+
+def _measured(given: Measurement | None, taken: Measurement) -> Measurement | None:
+    """What a filter gave. Raises TypeError for what is no such measurement."""
+    if given is not None and type(given) is not type(taken):
+        raise TypeError(f"its filter made {given!r} of a {type(taken).__name__}")
+    return given
+
+
+def _moving(wind: Vec3) -> Vec3:
+    """A wind. Raises ValueError for one that is not finite."""
+    x, y, z = wind
+    if not isfinite(x + y + z):
+        raise ValueError(f"its wind is not finite: {wind}")
+    return wind
+
+
+def _due(plan: FaultPlan, conditions: Conditions) -> Callable[[Time], bool]:
+    """Whether a fault that was not injected yet is to be, now."""
+    if plan.when is not None:
+        holds = conditions(plan.vehicle)(plan.when)
+        return lambda _: holds()
+    begins = round((plan.time or 0.0) * NS)
+    return lambda now: now >= begins

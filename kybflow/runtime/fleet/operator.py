@@ -1,0 +1,105 @@
+"""The operator: events that a person gives while a mission flies, now or at set times.
+
+Any name can be given, and a mission may wait for it. These also act, on every vehicle:
+`operator.pause` and `operator.resume` hold it and let it go on, `operator.land` lands it,
+`operator.reset` takes it out of `fault` on the ground, `operator.stop` lands it and ends the run.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Protocol
+
+from kybflow.core.errors import EventRefused
+from kybflow.core.signals import NS, Time
+from kybflow.dsl.diagnostics.diagnostic import did_you_mean
+from kybflow.dsl.plan import ActionPlan, Call, Emit, Plan
+from kybflow.runtime.events import Events
+
+BY = "operator"
+PREFIX = "operator."
+
+
+class Commanded(Protocol):
+    """A vehicle, as the operator sees it."""
+
+    def retire(self, reason: str) -> None: ...
+    def pause(self, by: str, at: str = "") -> None: ...
+    def resume(self, by: str, at: str = "") -> None: ...
+    def reset(self, by: str, at: str = "") -> None: ...
+
+
+LAND = "operator.land"
+_ORDERS: Mapping[str, Callable[[Commanded], None]] = {
+    "operator.pause": lambda vehicle: vehicle.pause(BY),
+    "operator.resume": lambda vehicle: vehicle.resume(BY),
+    LAND: lambda vehicle: vehicle.retire("a person landed it"),
+    "operator.reset": lambda vehicle: vehicle.reset(BY),
+}
+STOP = "operator.stop"
+COMMANDS = (*_ORDERS, STOP)
+"""The events that act whether the mission hears them or not."""
+
+
+class Operator:
+    """`scheduled` are the events to give, each with seconds of the run."""
+
+    def __init__(
+        self,
+        vehicles: Sequence[Commanded],
+        events: Events,
+        stop: Callable[[str], None],
+        scheduled: Iterable[tuple[float, str]] = (),
+    ) -> None:
+        self._vehicles, self._events, self._stop = tuple(vehicles), events, stop
+        times = sorted((round(seconds * NS), name) for seconds, name in scheduled)
+        self._waiting: deque[tuple[Time, str]] = deque(times)
+
+    def step(self, now: Time) -> None:
+        """Give what is due."""
+        while self._waiting and self._waiting[0][0] <= now:
+            self.give(self._waiting.popleft()[1])
+
+    @property
+    def waiting(self) -> tuple[tuple[float, str], ...]:
+        """What has not been given yet, each with its seconds of the run."""
+        return tuple((due / NS, name) for due, name in self._waiting)
+
+    def give(self, name: str) -> None:
+        """Tell the event `name`, and do what it commands."""
+        self._events.tell(name)
+        order = _ORDERS.get(name)
+        if order is not None:
+            for vehicle in self._vehicles:
+                order(vehicle)
+        elif name == STOP:
+            self._stop("stopped by the operator")
+
+
+def check_emitted(plan: Plan, names: Iterable[str]) -> None:
+    """Raises EventRefused for the first of `names` that nothing in the mission waits for."""
+    known = {*_awaited(plan), *COMMANDS}
+    for name in names:
+        if name not in known:
+            hint = did_you_mean(name, known)
+            raise EventRefused(f"nothing here waits for `{name}`; {hint}")
+
+
+def _awaited(plan: Plan) -> Iterator[str]:
+    """The operator's and the mission's own events that an arrow, a phase or a callback hears."""
+    own = {name for one in plan.callbacks for action in one.actions for name in _emitted(action)}
+    states = (state for vehicle in plan.vehicles for state in vehicle.states.values())
+    phases = (phase for flow in plan.flows for phase in flow.phases.values())
+    heard = {arrow.event for state in states for arrow in state.transitions}
+    heard |= {arrow.event for phase in phases for arrow in phase.transitions}
+    heard |= {callback.event for callback in plan.callbacks if callback.vehicles == ("",)}
+    for name in heard:
+        if name is not None and (name in own or name.startswith(PREFIX)):
+            yield name
+
+
+def _emitted(action: ActionPlan) -> tuple[str, ...]:
+    if isinstance(action, Emit):
+        return (action.name,)
+    return action.part.cls.events if isinstance(action, Call) else ()

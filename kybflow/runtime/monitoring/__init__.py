@@ -1,0 +1,3 @@
+"""What measurements are worth: which can be true, whether a body or a camera is lost, frozen, moved
+or exchanged. Called by a vehicle's knowledge; decides nothing.
+"""

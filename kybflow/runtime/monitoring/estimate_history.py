@@ -1,0 +1,43 @@
+"""Where the vehicles of a fleet believed to be in the last moments, for who judges by that what is
+seen late."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+
+from kybflow.core.signals import NS, Estimate, Time
+
+_KEPT = 512
+CURRENT = NS // 20
+"""Nobody knows where a vehicle is whose last estimate is older."""
+
+
+class Whereabouts:
+    """Of those vehicles that tell it, each with its estimate flown on. is_asked: whether anybody
+    will ask; kept for nobody they would only fill the processor's caches."""
+
+    def __init__(self) -> None:
+        self.is_asked = False
+        self._kept: dict[str, deque[Estimate]] = {}
+
+    def note(self, vehicle: str, estimate: Estimate) -> None:
+        """What it believes now."""
+        kept = self._kept.get(vehicle)
+        if kept is None:
+            kept = self._kept[vehicle] = deque(maxlen=_KEPT)
+        kept.append(estimate)
+
+    def at(self, vehicle: str, time: Time) -> Estimate | None:
+        """What it believed then, or shortly before; None where it believed nothing."""
+        for estimate in reversed(self._kept.get(vehicle, ())):
+            if estimate.time <= time:
+                return estimate if time - estimate.time <= CURRENT else None
+        return None
+
+    def others(self, vehicle: str, time: Time) -> Iterator[tuple[str, Estimate]]:
+        """The same of each other one that believed something."""
+        for other in self._kept:
+            estimate = None if other == vehicle else self.at(other, time)
+            if estimate is not None:
+                yield other, estimate

@@ -1,0 +1,126 @@
+"""The sensors of one vehicle beside its link.
+
+What they measure comes in place of what the link measures of the same kinds. One that fails is told
+once, until it works again, and its estimators age; the link is not blamed. It fails by raising, or
+where nothing comes and it knows why: once it has worked, or `PATIENCE` seconds after the start.
+What can't be true is left out, of the link as of a sensor (`kybflow.runtime.monitoring.admission`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from operator import attrgetter
+from typing import NamedTuple
+
+from kybflow.core.errors import DriverError, described
+from kybflow.core.signals import CLASSES, NS, Measurement, MeasurementKind, Time
+from kybflow.dsl.plan import SensorPlan, VehiclePlan
+from kybflow.parts import Stream
+from kybflow.runtime.events import Events
+from kybflow.runtime.monitoring.admission import Admission
+
+PATIENCE = 1.0
+"""Until then a sensor may still be connecting."""
+_BY_TIME = attrgetter("time")
+_Note = Callable[[Sequence[Measurement], Time], None]
+
+
+class Opened(NamedTuple):
+    """A sensor and what it has open."""
+
+    plan: SensorPlan
+    stream: Stream
+
+
+class Sensing:
+    """`streams` are what is open, by the sensor's label."""
+
+    def __init__(self, plan: VehiclePlan, opened: Sequence[Opened], events: Events) -> None:
+        self._vehicle, self._driver = plan.name, plan.driver
+        self._opened, self._events = opened, events
+        self._failed: dict[str, str] = {}
+        self._worked: set[str] = set()
+        self._began: Time | None = None
+        kinds = (kind for sensor in opened for kind in sensor.plan.part.cls.provides)
+        self._replaced = frozenset(CLASSES[kind] for kind in kinds)
+        self._admission = Admission(plan.name, plan.cameras, events)
+        self.streams: dict[str, Stream] = {s.plan.part.label: s.stream for s in opened}
+
+    def left_of(self, measurements: Sequence[Measurement], now: Time) -> Sequence[Measurement]:
+        """What of the link's measurements counts."""
+        if self._replaced:
+            measurements = [m for m in measurements if type(m) not in self._replaced]
+        return self._admission.admitted(measurements, now, self._driver.name, self._driver.at)
+
+    def joined(
+        self, measurements: Sequence[Measurement], now: Time, note: _Note
+    ) -> Sequence[Measurement]:
+        """The link's measurements with those of the sensors, which are noted first; oldest
+        first."""
+        found = list(measurements)
+        for sensor in self._opened:
+            found += self._read(sensor, now, note)
+        return sorted(found, key=_BY_TIME)
+
+    def left_out(self, kind: MeasurementKind) -> int:
+        """How many measurements of `kind` came that can't be true."""
+        return self._admission.left_out(kind)
+
+    def trouble(self, kind: MeasurementKind) -> str | None:
+        """Why no measurements of `kind` can come, as far as a sensor knows."""
+        for sensor in self._opened:
+            if kind in sensor.plan.part.cls.provides:
+                trouble = _trouble(sensor) or self._failed.get(_name(sensor))
+                if trouble is not None:
+                    return trouble
+        return None
+
+    def _read(self, sensor: Opened, now: Time, note: _Note) -> Sequence[Measurement]:
+        part = sensor.plan.part
+        name = _name(sensor)
+        try:
+            came = sensor.stream.read(now)
+            found = self._admission.admitted(came, now, name, part.at)
+        except Exception as error:  # a part may raise anything; it ends no other
+            self._fail(sensor, str(error) if isinstance(error, DriverError) else described(error))
+            return ()
+        try:
+            note(found, now)
+        except Exception as error:  # what it gave is no measurement
+            self._fail(sensor, f"what it gives can't be taken: {described(error)}")
+            return ()
+        if found:
+            self._worked.add(name)
+            if self._failed.pop(name, None) is not None:
+                self._events.tell("sensor_recovered", self._vehicle, part.at, sensor=name)
+        elif name not in self._failed and (name in self._worked or self._is_late(now)):
+            trouble = _trouble(sensor)
+            if trouble is not None:
+                self._fail(sensor, trouble)
+        return found
+
+    def _is_late(self, now: Time) -> bool:
+        """Whether a sensor that has not worked yet should."""
+        self._began = now if self._began is None else self._began
+        return now - self._began >= PATIENCE * NS
+
+    def _fail(self, sensor: Opened, reason: str) -> None:
+        """Tell it, once until the sensor works again."""
+        name = _name(sensor)
+        if name not in self._failed:
+            self._failed[name] = reason
+            at = sensor.plan.part.at
+            self._events.tell("sensor_failed", self._vehicle, at, sensor=name, reason=reason)
+
+
+def _trouble(sensor: Opened) -> str | None:
+    """Why nothing can come from it, as far as it knows."""
+    try:
+        return sensor.stream.trouble()
+    except Exception as error:  # a part may raise anything
+        return described(error)
+
+
+def _name(sensor: Opened) -> str:
+    """The sensor's, as events say it."""
+    return sensor.plan.part.label.partition(".")[2]

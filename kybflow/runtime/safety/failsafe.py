@@ -1,0 +1,194 @@
+"""The failsafe of one vehicle: what its supervisors and processors report becomes one reaction.
+
+Severest first: `cut`, `land_blind`, `land`, `go_home`, `brake`, `warn`. An alarm that persists is
+told once. `brake` holds the vehicle until every alarm that braked it was silent for 1 s; one that
+sounds again within 5 s of that holds it for good. From `go_home` upwards a reaction latches:
+nothing but a severer one is heard until the vehicle rests in `fault`, on the ground, and is reset.
+A reaction that needs a position is replaced by `land_blind` where there is none. A part that raises
+lands its vehicle; a supervisor that does is not asked again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from kybflow.core.errors import PartFailed, described
+from kybflow.core.signals import NS, Alarm, Reaction, Tick, Time
+from kybflow.parts import Supervisor
+from kybflow.runtime.events import Events
+from kybflow.runtime.finite import checked_alarm
+
+STATES = {
+    Reaction.GO_HOME: "auto_home",
+    Reaction.LAND: "auto_land",
+    Reaction.LAND_BLIND: "land_blind",
+    Reaction.CUT: "fault",
+}
+"""The built-in state that each reaction puts a flying vehicle in; `brake` holds it where it is."""
+RELEASED_AFTER = 1.0
+"""Seconds for which every alarm that braked must have been silent."""
+AGAIN = 5.0
+"""Seconds after a release within which the same alarm holds the vehicle for good."""
+_UNHURRIED = NS // 50
+"""How often an unhurried supervisor is asked."""
+_QUIET = NS // 2
+"""An alarm that was silent for so long is told again."""
+_RESTING = frozenset({"brake", "hover", "auto_land", "land_blind", "fault"})
+"""Built-in states that are no faster for being braked, or that must come to their end."""
+
+
+_Check = tuple[str, Callable[[Tick, bool], Alarm | None]]
+"""A supervisor's label and what it is asked by."""
+
+
+class Heard(NamedTuple):
+    """An alarm, and the mission line of the part that raised it."""
+
+    alarm: Alarm
+    at: str
+
+
+class Failsafe:
+    """`latched` is the reaction that can't be undone in the air any more, or None. `lines` are the
+    mission lines of the parts, by label."""
+
+    def __init__(
+        self,
+        vehicle: str,
+        supervisors: Mapping[str, Supervisor[Any]],
+        lines: Mapping[str, str],
+        events: Events,
+    ) -> None:
+        self.latched: Reaction | None = None
+        self._vehicle, self._events, self._lines = vehicle, events, lines
+        self._checks: tuple[_Check, ...] = tuple((n, s.check) for n, s in supervisors.items())
+        self._hurried = tuple(c for c in self._checks if not supervisors[c[0]].unhurried)
+        self._all_due: Time = 0
+        self._failed: Heard | None = None
+        self._last: dict[str, Time] = {}
+        self._braking: dict[str, Time] = {}
+        self._released: dict[str, Time] = {}
+        self._for_good = False
+
+    def check(self, tick: Tick, airborne: bool) -> Heard | None:
+        """Ask every supervisor that is due; the severest alarm, None when all is well."""
+        worst, self._failed = self._failed, None
+        asked = self._hurried
+        if tick.now >= self._all_due:
+            asked, self._all_due = self._checks, tick.now + _UNHURRIED
+        for label, check in asked:
+            try:
+                alarm = check(tick, airborne)
+                if alarm is None:
+                    continue
+                heard = self.tell(label, checked_alarm(alarm), tick.now)
+            except Exception as error:  # a part may raise anything
+                self._checks = tuple(c for c in self._checks if c[0] != label)
+                self._hurried = tuple(c for c in self._hurried if c[0] != label)
+                heard = self.failure(PartFailed(label, error), Reaction.LAND)
+            if worst is None or heard.alarm.reaction > worst.alarm.reaction:
+                worst = heard
+        return worst
+
+    def foresee(self, tick: Tick) -> list[tuple[str, str, str]]:
+        """What would make it leave its mission at once if it flew as it stands: (supervisor,
+        reason, mission line)."""
+        found = []
+        for label, check in self._checks:
+            at = self._lines.get(label, "")
+            try:
+                alarm = check(tick, True)
+            except Exception as error:  # a part may raise anything
+                found.append((label, f"it failed: {described(error)}", at))
+                continue
+            if alarm is not None and alarm.reaction > Reaction.WARN:
+                found.append((label, alarm.reason, at))
+        return found
+
+    def report(self, failure: PartFailed) -> None:
+        """A part failed that a landing may do without; `check` asks for the landing."""
+        self._failed = self.failure(failure, Reaction.LAND)
+
+    def failure(self, failure: PartFailed, reaction: Reaction, at: str = "") -> Heard:
+        """Tell that a part failed; the alarm for it."""
+        reason, at = str(failure), at or self._lines.get(failure.part, "")
+        self._events.tell("part_failed", self._vehicle, at, part=failure.part, reason=reason)
+        alarm = Alarm("part_failed", reaction, f"`{failure.part}` failed: {reason}")
+        return Heard(alarm, at)
+
+    def tell(self, label: str, alarm: Alarm, now: Time) -> Heard:
+        """Make an alarm of the part `label` an event, once as long as it goes on."""
+        heard = Heard(alarm, self._lines.get(label, ""))
+        last = self._last.get(alarm.event)
+        self._last[alarm.event] = now
+        if alarm.reaction is Reaction.BRAKE and alarm.event in self._braking:
+            self._braking[alarm.event] = now
+        if last is None or now - last > _QUIET:
+            self._tell(alarm.event, heard, alarm.reaction)
+        return heard
+
+    def _tell(self, event: str, heard: Heard, reaction: Reaction) -> None:
+        alarm, at = heard
+        numbers = {"value": alarm.value, "bound": alarm.bound}
+        fields = {name: number for name, number in numbers.items() if number is not None}
+        name = reaction.name.lower()
+        self._events.tell(event, self._vehicle, at, reaction=name, reason=alarm.reason, **fields)
+
+    def decide(self, heard: Heard, tick: Tick, airborne: bool, state: str) -> Reaction | None:
+        """What to do about an alarm, None when the vehicle may stay as it is. On the ground every
+        reaction is to stay there, in `fault`."""
+        alarm = heard.alarm
+        reaction = alarm.reaction
+        if reaction is Reaction.WARN:
+            return None
+        if not airborne:
+            return reaction if reaction > Reaction.BRAKE and state != "fault" else None
+        if tick.estimate is None and reaction < Reaction.LAND_BLIND:
+            reaction = Reaction.LAND_BLIND
+        if self.latched is Reaction.GO_HOME and reaction is Reaction.BRAKE:
+            reaction = Reaction.LAND  # nothing holds it on its way home: it comes down there
+        if self.latched is not None and reaction <= self.latched:
+            return None
+        if reaction is Reaction.BRAKE:
+            if state in _RESTING or self._brakes(alarm.event, tick.now):
+                return None
+        else:
+            self.latched = reaction
+            self.unbrake()
+        self._tell("failsafe_started", heard, reaction)
+        return reaction
+
+    def _brakes(self, event: str, now: Time) -> bool:
+        """Note an alarm that brakes; whether the vehicle was braked already."""
+        braked, released = bool(self._braking), self._released.get(event)
+        if released is not None and now - released <= AGAIN * NS:
+            self._for_good = True
+        self._braking[event] = now
+        return braked
+
+    @property
+    def braking(self) -> str | None:
+        """The alarms that brake the vehicle, None without any."""
+        return " and ".join(self._braking) or None
+
+    def release(self, now: Time) -> bool:
+        """Whether a brake ends now; told as an event."""
+        if not self._braking or self._for_good:
+            return False
+        if any(now - last < RELEASED_AFTER * NS for last in self._braking.values()):
+            return False
+        self._released.update(dict.fromkeys(self._braking, now))
+        self._events.tell("failsafe_ended", self._vehicle, reaction="brake", alarm=self.braking)
+        self.unbrake()
+        return True
+
+    def unbrake(self) -> None:
+        """The vehicle does something else now."""
+        self._braking.clear()
+        self._for_good = False
+
+    def reset(self) -> None:
+        """A person has looked at the vehicle, on the ground."""
+        self.latched = None
+        self.unbrake()

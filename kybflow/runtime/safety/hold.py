@@ -1,0 +1,157 @@
+"""The overlay of `pause` and `brake`: the vehicle comes to rest and holds, its behavior is frozen.
+
+On release it flies back to the setpoint that its behavior gave last, and as far beyond as it takes
+to gather the speed that this had; there the behavior goes on, its speed blended in. So the setpoint
+that the processors are given has no step in position or velocity, wherever the vehicle was pushed
+meanwhile. World frame.
+"""
+
+from __future__ import annotations
+
+from math import copysign
+from typing import Literal
+
+from kybflow.core.geometry import ZERO, Vec3, add, norm, scale, sub, wrap
+from kybflow.core.signals import NS, Setpoint, SetpointKind, Time
+from kybflow.flight.motion import IDLE, Coast, Motion, Straight
+from kybflow.flight.profiles import STEEPEST, Profile, smoothstep
+from kybflow.parts import Entry
+
+Holder = Literal["brake", "pause", "pilot"]
+
+_DECELERATION = 2.0
+"""With which it comes to rest, m/s^2; also that of the blend."""
+_SPEED, _ACCELERATION, _TURN_RATE = 0.5, 0.7, 1.0
+"""Of the way back: m/s, m/s^2, rad/s."""
+_SHORTEST = 0.4
+
+
+class Hold:
+    """Made when the first holder asks for it. `wanted` is the frozen behavior's last setpoint, None
+    where it gave none; `since` is when the hold began."""
+
+    def __init__(
+        self, holder: Holder, entry: Entry, wanted: Setpoint | None, grounded: bool
+    ) -> None:
+        self.holders: set[Holder] = {holder}
+        self.since = entry.now
+        self.wanted = wanted
+        self._grounded = grounded
+        self._heading = entry.heading
+        self._coast = Coast.entering(entry, _DECELERATION)
+        self._back: _WayBack | None = None
+
+    @property
+    def lasts(self) -> bool:
+        """Whether anybody still holds the vehicle."""
+        return bool(self.holders)
+
+    def leave(self, holder: Holder, now: Time) -> None:
+        """One holder lets go; when it was the last one, the way back begins."""
+        self.holders.discard(holder)
+        if not self.holders and not self._grounded:
+            motion = self._coast.at((now - self.since) / NS)
+            self._back = _WayBack(now, motion, self._heading, self.wanted)
+
+    def update(self, now: Time) -> Setpoint | None:
+        """The setpoint now; None when the vehicle is back and its behavior goes on."""
+        if self._grounded:
+            return IDLE if self.holders else None
+        if self._back is not None:
+            return self._back.at(now)
+        return self._coast.at((now - self.since) / NS).setpoint(self._heading)
+
+
+class _WayBack:
+    """From a motion to rest at the frozen setpoint, with its heading."""
+
+    def __init__(self, now: Time, motion: Motion, heading: float, goal: Setpoint | None) -> None:
+        self._began, self._heading = now, heading
+        self._coast = Coast(motion.position, motion.velocity, _DECELERATION)
+        there = _meeting(goal) if goal is not None else None
+        turned = goal.heading if goal is not None else None
+        self._way = Straight(self._coast.end, there or self._coast.end, _SPEED, _ACCELERATION)
+        self._turn = 0.0 if turned is None else wrap(turned - heading)
+        self._turning = Profile.within(abs(self._turn), _TURN_RATE, _TURN_RATE)
+        self._end = max(self._coast.duration, self._way.duration, self._turning.duration)
+
+    def at(self, now: Time) -> Setpoint | None:
+        time = (now - self._began) / NS
+        if time >= self._end:
+            return None
+        motion = self._way.at(time)
+        if time < self._coast.duration:
+            motion = motion.plus(self._coast.shift(time))
+        turned = self._turning.at(time)
+        heading = self._heading + copysign(turned.distance, self._turn)
+        return motion.setpoint(heading, copysign(turned.speed, self._turn))
+
+
+class Blend:
+    """Takes what the tracker followed last over into what a behavior asks for.
+
+    With the gap d and the difference w of the velocities at its beginning, s = t / T,
+
+        added(t) = d (1 - 10 s^3 + 15 s^4 - 6 s^5) + w T (s - 6 s^3 + 8 s^4 - 3 s^5),
+
+    T at least 0.4 s and 15/8 |w| / (2 m/s^2). A gap d = -w T / 2 is closed without a detour, as
+    |added'| falls from |w| to zero; what it differs by is closed with at most 0.5 m/s.
+    """
+
+    def __init__(self, now: Time, followed: Setpoint | None, asked: Setpoint) -> None:
+        before = followed or asked
+        self._began = now
+        self._gap, self._excess = _between(before.position, asked.position), ZERO
+        if asked.velocity is not None:
+            self._excess = sub(before.velocity or ZERO, asked.velocity)
+        self._span = _span(self._excess)
+        detour = norm(add(self._gap, scale(self._excess, 0.5 * self._span)))
+        self._span = max(self._span, STEEPEST * detour / _SPEED)
+
+    def added(self, setpoint: Setpoint, now: Time) -> Setpoint | None:
+        """`setpoint` with what is still to be added; None when that is nothing."""
+        s = (now - self._began) / (NS * self._span)
+        if s >= 1.0 or setpoint.velocity is None:
+            return None
+        shift = self._shift(s)
+        if setpoint.kind is SetpointKind.VELOCITY:
+            excess = scale(self._excess, 1.0 - smoothstep(s)[1])
+            return setpoint._replace(velocity=add(setpoint.velocity, excess))
+        motion = Motion(
+            add(setpoint.position or ZERO, shift.position),
+            add(setpoint.velocity, shift.velocity),
+            add(setpoint.acceleration or ZERO, shift.acceleration),
+            setpoint.jerk or ZERO,
+        )
+        return motion.setpoint_like(setpoint)
+
+    def _shift(self, s: float) -> Motion:
+        d, w, span = self._gap, self._excess, self._span
+        rest = 1.0 - s
+        d0 = 1.0 + s**3 * (-10.0 + s * (15.0 - 6.0 * s))
+        d1 = -30.0 * (s * rest) ** 2 / span
+        d2 = -60.0 * s * rest * (rest - s) / span**2
+        w0 = span * s * (1.0 + s * s * (-6.0 + s * (8.0 - 3.0 * s)))
+        w1 = 1.0 + s * s * (-18.0 + s * (32.0 - 15.0 * s))
+        w2 = s * (-36.0 + s * (96.0 - 60.0 * s)) / span
+        return Motion(
+            add(scale(d, d0), scale(w, w0)),
+            add(scale(d, d1), scale(w, w1)),
+            add(scale(d, d2), scale(w, w2)),
+        )
+
+
+def _span(excess: Vec3) -> float:
+    """Seconds in which a blend takes away this difference of velocities."""
+    return max(STEEPEST * norm(excess) / _DECELERATION, _SHORTEST)
+
+
+def _meeting(goal: Setpoint) -> Vec3 | None:
+    """Where to be at rest for a behavior to go on from `goal`: half a blend ahead of it."""
+    if goal.position is None or goal.velocity is None:
+        return goal.position
+    return add(goal.position, scale(goal.velocity, 0.5 * _span(goal.velocity)))
+
+
+def _between(before: Vec3 | None, asked: Vec3 | None) -> Vec3:
+    return sub(before, asked) if before is not None and asked is not None else ZERO

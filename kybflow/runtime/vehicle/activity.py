@@ -1,0 +1,287 @@
+"""What a vehicle is doing: its state machine, the behavior that is active and where it is in
+flight; and the hold that freezes them for a while."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from kybflow.core.errors import PartFailed, Refused
+from kybflow.core.geometry import Vec3, distance
+from kybflow.core.signals import NS, Command, Done, Estimate, Failed, Grip, Setpoint, Tick, Time
+from kybflow.dsl.expressions import Expression
+from kybflow.dsl.machine import Outcome, VehicleMachine
+from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
+from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Leg
+from kybflow.recording.outcome import VehicleScore
+from kybflow.runtime.events import Events
+from kybflow.runtime.safety import take_off_tolerance
+from kybflow.runtime.safety.hold import Blend, Hold, Holder
+from kybflow.runtime.safety.land_mode import LandMode
+from kybflow.runtime.vehicle.requests import unfit
+
+_SAFE = frozenset({"brake", "landed"})
+"""Where a vehicle goes when nothing else will start."""
+
+Situation = Callable[[], Entry]
+"""Gives what a behavior is entered with, when one is entered."""
+
+
+class Activity:
+    """`flight` is GROUND, AIR, or MOVING while a take-off or a landing is under way or was left.
+
+    `begun` is false until the preflight lets the vehicle enter its first state. `changed` is true
+    from the entry into a state until the vehicle has taken note of it. `hold` is the overlay under
+    which the state, its behavior and its timers are frozen, None without one.
+    `land_mode` is the vehicle's own landing in place of the behavior's, None without one.
+    `grip` is what the behavior asks of the payload's servo in this tick, None for nothing.
+    `objection` says what else speaks against a take-off, None when nothing does.
+    `stands` is where the vehicle must be to take off: its start, then where it landed; None when
+    nobody knows.
+    """
+
+    machine: VehicleMachine
+    behavior: Behavior[Any]
+    leg: Leg
+
+    def __init__(
+        self,
+        plan: VehiclePlan,
+        params: dict[str, Any],
+        events: Events,
+        score: VehicleScore,
+        objection: Callable[[], str | None],
+    ) -> None:
+        self.plan, self.flight = plan, GROUND
+        self.entered: Time = 0
+        self.begun = self.changed = False
+        self._params, self._events, self._score = params, events, score
+        self._objection = objection
+        self.hold: Hold | None = None
+        self.land_mode: LandMode | None = None
+        self.grip: Grip | None = None
+        self.stands: Vec3 | None = plan.start
+        self._outcome: Outcome = "running"
+        self._reason = ""
+        self._wanted: Setpoint | None = None
+        self._blend: Blend | None = None
+        self._resumes = False
+
+    def begin(
+        self, conditions: Callable[[Expression], Callable[[], bool]], situation: Situation
+    ) -> None:
+        """Enter the first state."""
+        self.machine = VehicleMachine(self.plan, conditions)
+        self.begun = True
+        self._enter(situation)
+
+    @property
+    def state(self) -> StatePlan:
+        return self.plan.states[self.machine.state]
+
+    @property
+    def airborne(self) -> bool:
+        return self.flight is not GROUND
+
+    @property
+    def stays_in_air(self) -> bool:
+        return self.leg.start is AIR and self.leg.end is AIR
+
+    def step(self, tick: Tick, latched: bool, situation: Situation) -> None:
+        """Take the arrow that is due in this tick, if one is. A latched vehicle that has landed
+        rests in `fault`."""
+        heard = self._events.heard(self.plan.name)
+        transition = self.machine.due(tick.elapsed, heard, self._outcome, tick.dt)
+        if transition is None:
+            return
+        self._leave("done" if transition.cause == "then" else transition.cause, transition)
+        if transition.cause in ("failed", "within"):
+            self._score_unforeseen(self._reason or f"not done within {transition.after:g} s")
+        self.machine.fire(transition)
+        if latched and self.machine.state == "landed":
+            self.machine.force("fault")
+        self._enter(situation)
+
+    def go(self, goal: str, situation: Situation) -> None:
+        """Enter a built-in state at once, whatever the mission's arrows say."""
+        self._leave("failsafe", None)
+        self.machine.force(goal)
+        self._enter(situation)
+
+    def switch(self, goal: str, at: str, situation: Situation) -> None:
+        """Enter a state that somebody asked for. Raises Refused, and nothing has changed, when its
+        behavior refuses to start; PartFailed when that raises anything else."""
+        state = self.plan.states[goal]
+        try:
+            behavior = self._built(state, situation())
+        except Refused:
+            raise
+        except Exception as error:
+            raise PartFailed(state.behavior.label, error) from error
+        self._leave("asked", None, at)
+        self.machine.force(goal)
+        self._note(state, situation().now)
+        self._adopt(state, behavior)
+
+    def freeze(self, holder: Holder, situation: Situation) -> None:
+        """Come to rest and hold, for this holder too, until it and all others let go."""
+        if self.hold is not None and self.hold.lasts:
+            self.hold.holders.add(holder)
+            return
+        self.hold = Hold(holder, situation(), self._wanted, not self.airborne)
+
+    def wait(self, dt: float) -> None:
+        """A tick in which the timers of the present state stand still."""
+        self.entered += round(dt * NS)
+
+    def update(self, tick: Tick) -> Setpoint | Command:
+        """The output of the hold or of the behavior, whose end is noted and takes effect in the
+        next tick."""
+        if self.hold is not None:
+            held = self.hold.update(tick.now)
+            if held is not None:
+                return held
+            self.hold, self._resumes = None, self.airborne
+        output = self.behavior.update(tick)
+        if not isinstance(output, Setpoint):
+            if isinstance(output, Command):
+                return output
+            if isinstance(output, Failed):
+                self.fail(output.reason)
+            elif isinstance(output, Done):
+                self._end(tick.estimate)
+            else:
+                self.grip = output
+            output = output.setpoint
+        self._wanted = output
+        if self._resumes:
+            self._resumes = False
+            self._blend = Blend(tick.now, tick.setpoint, output)
+        return output if self._blend is None else self._blended(output, tick.now)
+
+    def _blended(self, asked: Setpoint, now: Time) -> Setpoint:
+        assert self._blend is not None
+        blended = self._blend.added(asked, now)
+        if blended is None:
+            self._blend = None
+        return blended or asked
+
+    def fail(self, reason: str) -> None:
+        """The behavior has failed: it said so, refused to start, or a part of its chain raised."""
+        self._outcome, self._reason = "failed", reason
+
+    def has_landed(self, now: Time, estimate: Estimate | None) -> bool:
+        """Let the vehicle land by its own mode; whether it has, which ends the behavior. Raises
+        Refused."""
+        assert self.land_mode is not None
+        landed = self.land_mode.has_landed(now)
+        if landed:
+            self.land_mode = None
+            self._end(estimate)
+        return landed
+
+    def refuse(self, reason: str, situation: Situation) -> None:
+        """The vehicle would not arm: it stays on the ground, and its behavior never began."""
+        self.flight = GROUND
+        self._refused(reason, {self.state.name})
+        self._enter(situation)
+
+    def thaw(self, holder: Holder, situation: Situation) -> None:
+        """A holder that moved the vehicle lets go of it: what was frozen begins where it is now."""
+        before = self.hold
+        if before is not None:
+            entry = situation()
+            self.hold = Hold(holder, entry, before.wanted, not self.airborne)
+            self.hold.holders |= before.holders
+            self.hold.leave(holder, entry.now)
+
+    def close(self, now: Time) -> None:
+        """The run is over: the present behavior's figures are complete."""
+        self._score.left("run_ended", now / NS)
+
+    def _end(self, estimate: Estimate | None) -> None:
+        """The behavior's normal end: the vehicle is at the far side of its leg."""
+        self._outcome = "done"
+        start, end = self.leg
+        if start is not end:
+            self.flight = end
+            self.stands = None if estimate is None else estimate.position
+            if end is GROUND or start is GROUND:
+                self._events.tell("landed" if end is GROUND else "took_off", self.plan.name)
+
+    def _enter(self, situation: Situation) -> None:
+        """Build the behavior of the present state. One that refuses to start has failed."""
+        refused: set[str] = set()
+        while True:
+            state, entry = self.state, situation()
+            self._note(state, entry.now)
+            try:
+                self._adopt(state, self._built(state, entry))
+                return
+            except Refused as refusal:
+                if state.name in (refused & _SAFE):
+                    raise
+                refused.add(state.name)
+                self._refused(str(refusal), refused)
+
+    def _note(self, state: StatePlan, now: Time) -> None:
+        """The state was entered; nothing is left of the one before."""
+        self.entered, self.changed = now, True
+        self._outcome, self._reason = "running", ""
+        self.hold = self.land_mode = self._blend = self._wanted = None
+        self._resumes, self.grip = False, None
+        self._score.entered(state.name, state.behavior.name, now / NS)
+        self._tell("behavior_started", state.at, part=state.behavior.name)
+
+    def _built(self, state: StatePlan, entry: Entry) -> Behavior[Any]:
+        """The behavior of `state`. Raises Refused where it can't start."""
+        reason = unfit(state, self.flight, entry.estimate is not None or self.airborne)
+        reason = reason or self._misplaced(state, entry.estimate)
+        if reason is not None:
+            raise Refused(reason)
+        behavior: Behavior[Any] = state.behavior.cls(self._params[state.behavior.label], entry)
+        return behavior
+
+    def _misplaced(self, state: StatePlan, estimate: Estimate | None) -> str | None:
+        """Why a take-off can't start as the vehicle stands, None when it can."""
+        leaves = any(leg == (GROUND, AIR) for leg in state.legs)
+        if self.flight is not GROUND or not leaves or estimate is None:
+            return None
+        away = 0.0 if self.stands is None else distance(estimate.position, self.stands)
+        if away <= take_off_tolerance.allowed(estimate):
+            return self._objection()
+        allowed = take_off_tolerance.said(estimate)
+        return f"the estimate is {away:.2f} m from where it stood ({allowed})"
+
+    def _adopt(self, state: StatePlan, behavior: Behavior[Any]) -> None:
+        self.behavior = behavior
+        self.leg = next(leg for leg in state.legs if leg.start is self.flight)
+        if self.leg.start is not self.leg.end:
+            self.flight = MOVING
+
+    def _refused(self, reason: str, refused: set[str]) -> None:
+        """Go where `failed` says, but to no state that has refused already."""
+        self.fail(reason)
+        self._leave("refused", None)
+        self._score_unforeseen(reason)
+        transition = self.machine.due(0.0, frozenset(), "failed", 0.0)
+        if transition is not None and transition.target not in refused:
+            self.machine.fire(transition)
+        else:
+            self.machine.force("brake" if self.airborne else "landed")
+
+    def _score_unforeseen(self, reason: str) -> None:
+        """Count the failure when the mission does not say what follows it."""
+        arrows = (arrow for arrow in self.state.transitions if arrow.cause == "failed")
+        if all(arrow.implied for arrow in arrows):
+            self._score.failure(reason)
+
+    def _leave(self, how: str, transition: TransitionPlan | None, at: str = "") -> None:
+        at = transition.at if transition is not None else at
+        if self._outcome == "failed":
+            self._tell("behavior_failed", at, reason=self._reason)
+        self._score.left(how, self._events.now / NS)
+        self._tell("behavior_ended", at, how=how)
+
+    def _tell(self, event: str, at: str, **fields: str) -> None:
+        self._events.tell(event, self.plan.name, at, behavior=self.machine.state, **fields)

@@ -1,0 +1,85 @@
+"""What keeps the estimate continuous when a vehicle changes its estimator.
+
+The new one is elsewhere by x in position and by v in velocity, as the last output goes on for a
+tick. Both are added to it and decay, critically damped, so that the output begins where and as fast
+as the last one and its velocity is always the derivative of its position:
+
+    x(t) = (x + (v + n x) t) exp(-n t),   n = 1.5 1/s
+
+It moves at most by n / e = 0.55 of x a second; a tracker with TeleKyb's gains (9.0, 7.5) follows
+that within 2 cm for the largest x. The heading is treated in the same way, by turning about world
+z, its rate left alone.
+
+An output that is more than 0.3 m or 20 degrees from the new estimate was wrong, and one must not
+fly on a lie for seconds: then nothing is added, and the estimate steps. The processor
+`position_error` sees the step and brakes at the place that is now believed. 0.3 m is also how far a
+behavior that is entered trusts its setpoint (`Entry.position`). A velocity that differs by more
+than 0.5 m/s was noise: the new one counts at once, and the position's offset decays from rest.
+"""
+
+from __future__ import annotations
+
+from math import exp
+
+from kybflow.core.geometry import (
+    ZERO,
+    Vec3,
+    add,
+    from_heading,
+    heading_of,
+    multiply,
+    norm,
+    scale,
+    sub,
+    wrap,
+)
+from kybflow.core.signals import NS, Estimate, Time
+from kybflow.core.units import DEG
+
+DECAY = 1.5
+FARTHEST, FASTEST, WIDEST = 0.3, 0.5, 20.0 * DEG
+OVER = 8.0
+"""Seconds after which nothing that counts is left, 20 micrometres of the largest offset."""
+
+
+class Blend:
+    """The offset from a switch at `time` on."""
+
+    __slots__ = ("_position", "_pull", "_turn", "_velocity", "time")
+
+    def __init__(self, time: Time, position: Vec3, velocity: Vec3, turn: float) -> None:
+        self.time = time
+        self._position, self._velocity, self._turn = position, velocity, turn
+        self._pull = add(velocity, scale(position, DECAY))
+
+    @classmethod
+    def between(cls, last: Estimate, new: Estimate) -> tuple[float, Blend | None]:
+        """(metres from `new` to where the `last` output would be now, the blend of the two; None
+        where the estimate is to step)."""
+        gone = (new.time - last.time) / NS
+        position = sub(add(last.position, scale(last.velocity, gone)), new.position)
+        velocity = sub(last.velocity, new.velocity)
+        turn = wrap(heading_of(last.attitude) - heading_of(new.attitude))
+        far = norm(position)
+        if far > FARTHEST or abs(turn) > WIDEST:
+            return far, None
+        if norm(velocity) > FASTEST:
+            velocity = ZERO
+        return far, cls(new.time, position, velocity, turn)
+
+    def applied(self, estimate: Estimate) -> Estimate:
+        """`estimate` with what is left of the offset at its time."""
+        t = (estimate.time - self.time) / NS
+        fading = exp(-DECAY * t)
+        pull = self._pull
+        x = scale(add(self._position, scale(pull, t)), fading)
+        v = scale(sub(self._velocity, scale(pull, DECAY * t)), fading)
+        turn = self._turn * (1.0 + DECAY * t) * fading
+        return estimate._replace(
+            position=add(estimate.position, x),
+            velocity=add(estimate.velocity, v),
+            attitude=multiply(from_heading(turn), estimate.attitude),
+        )
+
+    def is_over(self, now: Time) -> bool:
+        return (now - self.time) / NS > OVER

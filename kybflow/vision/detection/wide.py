@@ -1,0 +1,81 @@
+"""Tags found nearly, where the predicted pose is some centimetres or degrees off.
+
+A few tags, spread over the image, are each compared with the image in all places around their
+prediction, half a cell apart: the correlation coefficient of pattern and grey levels at the cells'
+centres. Each best place that is likely enough gives that tag's corners, to half a cell, and all
+together the pose from which `kybflow.vision.detection.search` goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import cv2
+import numpy
+from numpy.typing import NDArray
+
+from kybflow.vision.detection.shapes import Shapes
+from kybflow.vision.locating.sight import Start, View
+from kybflow.vision.projection import project
+from kybflow.world.cameras import Camera
+from kybflow.world.tags import Tag
+
+Array = NDArray[Any]
+
+_TAGS = 9
+_ALIKE = 0.6
+_STRIDE = 0.4
+"""Cells from one place to the next."""
+_PLACES = 20
+"""Places at most to either side."""
+
+
+class WideSearch:
+    """Looks for tags that are not quite where they are predicted."""
+
+    def __init__(self, shapes: Shapes) -> None:
+        self._shapes = shapes
+
+    def find(
+        self, image: Array, camera: Camera, pose: Start, tags: Iterable[Tag], off: float
+    ) -> View:
+        """Some of `tags` that are in the grey image, seen from a body near `pose`, their corners
+        only nearly; `off`: by how many pixels they may be elsewhere."""
+        chosen, shapes = self._shapes.in_view(camera, pose, tags)
+        found, corners = [], []
+        for i in _spread(len(chosen)):
+            tag, shape = chosen[i], shapes[i]
+            outline = project(camera, *pose, shape.sides[:, 0])[0]
+            size = float(numpy.linalg.norm(outline - numpy.roll(outline, 1, axis=0), axis=1).min())
+            stride = max(1.0, _STRIDE * size / shape.size, off / _PLACES)
+            pixels = project(camera, *pose, shape.cells)[0]
+            shift, alike = _best(image, pixels, shape.bits, off, stride)
+            if alike >= _ALIKE:
+                found.append(tag)
+                corners.append(outline + shift)
+        return View(camera, found, numpy.array(corners).reshape(-1, 4, 2))
+
+
+def _spread(n: int) -> list[int]:
+    """At most so many of n things as are looked at, evenly."""
+    return sorted({round(i) for i in numpy.linspace(0, n - 1, min(n, _TAGS))})
+
+
+def _best(
+    image: Array, pixels: Array, bits: Array, off: float, stride: float
+) -> tuple[Array, float]:
+    """The shift of `pixels` with which the grey levels are most like the bits, and how alike."""
+    count = int(numpy.ceil(off / stride))
+    steps = numpy.arange(-count, count + 1) * stride
+    dy, dx = (grid.ravel() for grid in numpy.meshgrid(steps, steps, indexing="ij"))
+    x = (pixels[:, :1] + dx).astype(numpy.float32)
+    y = (pixels[:, 1:] + dy).astype(numpy.float32)
+    levels = cv2.remap(image, x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
+    levels = levels.astype(numpy.float32)
+    levels -= levels.mean(axis=0)
+    both = bits.astype(numpy.float32) @ levels
+    alone = numpy.einsum("ij,ij->j", levels, levels) * float(bits @ bits)
+    alike = both / numpy.sqrt(numpy.maximum(alone, 1e-9))
+    best = int(alike.argmax())
+    return numpy.array((dx[best], dy[best])), float(alike[best])

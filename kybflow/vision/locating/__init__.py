@@ -1,0 +1,1 @@
+"""Corners of tags to where the camera is."""

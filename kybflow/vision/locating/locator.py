@@ -1,0 +1,196 @@
+"""From frames to the body's pose, frame by frame, the quick way wherever there is one.
+
+With a prediction, tags are searched where it says (`search`); where that doesn't hold, around there
+(`search_wide`), and from the pose that this gives again where it says. Without one, or where that
+doesn't hold either, in the whole image (`detect`), and again from there. A search of whole images
+that brings nothing is not made again for up to four frames, because it takes long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy
+from numpy.typing import NDArray
+
+from kybflow.core.geometry import Quat, Vec3
+from kybflow.core.signals import Frame
+from kybflow.vision.detection.detect import Detector
+from kybflow.vision.detection.search import Search
+from kybflow.vision.detection.shapes import Shapes
+from kybflow.vision.detection.wide import WideSearch
+from kybflow.vision.locating.fit import Located
+from kybflow.vision.locating.locate import locate
+from kybflow.vision.locating.sight import AT_REST, Motion, Start, View
+from kybflow.vision.projection import optical_pose, rotation, undistort
+from kybflow.world.cameras import Camera
+from kybflow.world.tags import Tag, TagMap
+
+_CLOSE = 6.0
+"""Pixels by which tags are elsewhere than a located pose says, at most."""
+_MOVED = 4.0
+"""Pixels by which the prediction was wrong for the search to be made again from what it gave."""
+_SURE = 3.0
+"""Standard deviations."""
+_NARROW, _WIDEST = 12.0, 100.0
+"""Pixels: how far is always looked; how far the wide search looks at most."""
+_ENOUGH, _SHARE = 3, 0.4
+"""Tags that hold a pose, if so many should be in view; and the share of these that must."""
+_PATIENCE = 4
+_LEAST_CELLS, _LEAST_PIXELS = 6, 2.0
+"""Of a tag: what is smaller in the image is not looked for."""
+_GRAZING = 0.05
+
+
+class Prediction(NamedTuple):
+    """Where the body should be when a frame is taken, and what it does. spread, turn: standard
+    deviations of the position (metres) and of the attitude (radians)."""
+
+    position: Vec3
+    attitude: Quat
+    motion: Motion
+    spread: float
+    turn: float
+
+
+class Sighting(NamedTuple):
+    """What frames of one time told: None for no pose."""
+
+    frames: Sequence[Frame]
+    located: Located | None
+
+
+class Locator:
+    """Locates one body; remembers nothing of where it was. `sighting` is the newest, for the
+    record."""
+
+    def __init__(self, tags: TagMap, cameras: Mapping[str, Camera]) -> None:
+        self._tags, self._cameras = tags, cameras
+        self._lowest = min((tag.position[2] for tag in tags), default=0.0)
+        self._largest = max((tag.size for tag in tags), default=0.0)
+        shapes = Shapes()
+        self._search, self._wide = Search(shapes), WideSearch(shapes)
+        self._detector = Detector(tags.families)
+        self._rims = {name: _rim(camera) for name, camera in cameras.items()}
+        self._misses = self._wait = 0
+        self.sighting: Sighting | None = None
+
+    def locate(self, frames: Sequence[Frame], prediction: Prediction | None) -> Located | None:
+        """The body's pose from frames that were taken at one time; None where they tell none.
+        Raises KeyError for a frame of a camera that is not on the body."""
+        located = self._located(frames, prediction)
+        self.sighting = Sighting(frames, located)
+        return located
+
+    def _located(self, frames: Sequence[Frame], prediction: Prediction | None) -> Located | None:
+        weak: Located | None = None
+        motion = AT_REST
+        if prediction is not None:
+            motion = prediction.motion
+            weak, holds = self._predicted(frames, prediction)
+            if holds:
+                return weak
+        if self._wait > 0:
+            self._wait -= 1
+            return weak
+        located = self._anywhere(frames, motion)
+        if located is None or (weak is not None and len(located.used) <= len(weak.used)):
+            self._wait, self._misses = self._misses, min(self._misses + 1, _PATIENCE)
+            return weak
+        self._misses = 0
+        return located
+
+    def _predicted(
+        self, frames: Sequence[Frame], prediction: Prediction
+    ) -> tuple[Located | None, bool]:
+        """The pose near a prediction, and whether enough tags hold it."""
+        pose, motion = (prediction.position, prediction.attitude), prediction.motion
+        off = max(
+            _NARROW,
+            self._pixels(frames, pose, _SURE * prediction.spread, _SURE * prediction.turn),
+        )
+        located, holds = self._looked(frames, pose, motion, off)
+        if holds:
+            return located, True
+        wide = min(off, _WIDEST)
+        seen = self._seen(frames, pose)
+        rough = locate([self._wide.find(*s, off=wide) for s in seen], pose, motion)
+        if rough is None:
+            return located, False
+        again, holds = self._looked(frames, rough[:2], motion, _NARROW)
+        return (again, holds) if again is not None else (located, False)
+
+    def _anywhere(self, frames: Sequence[Frame], motion: Motion) -> Located | None:
+        """The pose from whole images."""
+        views = []
+        for frame in frames:
+            found = [(self._tags.get(f.family, f.id), f) for f in self._detector.find(frame.image)]
+            known = [(tag, f.corners) for tag, f in found if tag is not None]
+            corners = numpy.array([corners for _, corners in known]).reshape(-1, 4, 2)
+            views.append(View(self._cameras[frame.camera], [tag for tag, _ in known], corners))
+        rough = locate(views, None, motion)
+        if rough is None:
+            return None
+        located, holds = self._looked(frames, rough[:2], motion, _CLOSE)
+        return located if holds else None
+
+    def _looked(
+        self, frames: Sequence[Frame], pose: Start, motion: Motion, off: float
+    ) -> tuple[Located | None, bool]:
+        """The pose from where `pose` says that tags are, and whether enough of them hold it."""
+        looked = [self._search.find(*seen, off=off) for seen in self._seen(frames, pose)]
+        located = locate([view for view, _ in looked], pose, motion)
+        if located is None:
+            return None, False
+        if off > _CLOSE and self._pixels(frames, pose, *_apart(pose, located[:2])) > _MOVED:
+            return self._looked(frames, located[:2], motion, _CLOSE)
+        expected = sum(count for _, count in looked)
+        return located, len(located.used) >= max(min(_ENOUGH, expected), _SHARE * expected)
+
+    def _seen(
+        self, frames: Sequence[Frame], pose: Start
+    ) -> Iterator[tuple[NDArray[Any], Camera, Start, list[Tag]]]:
+        """What a search needs, frame by frame."""
+        for frame in frames:
+            camera = self._cameras[frame.camera]
+            yield frame.image, camera, pose, self._near(camera, pose)
+
+    def _near(self, camera: Camera, pose: Start) -> list[Tag]:
+        """The tags that the camera may see: those within a circle around what it sees of the
+        lowest tag's plane, as far away as the largest tag can be made out."""
+        at, turn = optical_pose(camera, *pose)
+        rays = self._rims[camera.name] @ rotation(turn).T
+        far = self._largest * camera.lens.fx / (_LEAST_CELLS * _LEAST_PIXELS)
+        down = numpy.maximum(-rays[:, 2], _GRAZING)
+        reach = numpy.clip((at[2] - self._lowest) / down, 0.0, far)
+        ends = numpy.vstack((rays[:, :2] * reach[:, None], (0.0, 0.0))) + at[:2]
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        x, y = (0.5 * (low + high)).tolist()
+        return self._tags.near(x, y, 0.5 * float(numpy.hypot(*(high - low))) + self._largest)
+
+    def _pixels(self, frames: Sequence[Frame], pose: Start, metres: float, turn: float) -> float:
+        """How far a pose's error moves what is seen."""
+        most = 0.0
+        for frame in frames:
+            camera = self._cameras[frame.camera]
+            height = optical_pose(camera, *pose)[0][2] - self._lowest
+            most = max(most, camera.lens.fx * (metres / max(height, 0.05) + turn))
+        return most
+
+
+def _rim(camera: Camera) -> NDArray[Any]:
+    """Rays of the image's corners, optical frame, (4, 3)."""
+    right, low = camera.lens.width - 1.0, camera.lens.height - 1.0
+    pixels = numpy.array(((0.0, 0.0), (right, 0.0), (right, low), (0.0, low)))
+    flat = undistort(camera.lens, pixels)
+    rays = numpy.column_stack((flat, numpy.ones(4)))
+    unit: NDArray[Any] = rays / numpy.linalg.norm(rays, axis=1)[:, None]
+    return unit
+
+
+def _apart(a: Start, b: Start) -> tuple[float, float]:
+    """Between two poses: metres, radians (for small angles)."""
+    metres = float(numpy.linalg.norm(numpy.subtract(a[0], b[0])))
+    cosine = abs(sum(x * y for x, y in zip(a[1], b[1], strict=True)))
+    return metres, 2.0 * max(0.0, 2.0 * (1.0 - min(1.0, cosine))) ** 0.5

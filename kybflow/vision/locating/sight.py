@@ -1,0 +1,106 @@
+"""What cameras saw of tags, and the equation between that and the body's pose.
+
+A corner X of the world lies at b = R^T (X - p) in the body and at c = C^T (b - t) in the optical
+frame, with p, R the body's pose and t, C the camera's mounting. It should be seen at
+u = f (c_x / c_z, c_y / c_z). With R <- R exp([d]x), the derivatives of u after p and d are
+-G R^T and the rows g x b, where G = f/c_z [1, 0, -c_x/c_z; 0, 1, -c_y/c_z] C^T and g its rows.
+
+While a rolling shutter reads row y, dt = (y - (height - 1) / 2) row_time after the middle, the body
+is elsewhere: with its velocity v and body rates w, b = exp(-[w dt]x) R^T (X - v dt - p), and the
+derivatives after w are the rows dt g x b. Rates that are wrong by 1 rad/s stretch the image by 1 %,
+which looks like a tilt of many degrees; where they are not known well they are solved for as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy
+from numpy.typing import NDArray
+
+from kybflow.core.geometry import ZERO, Quat, Vec3
+from kybflow.vision.projection import rotation, undistort
+from kybflow.world.cameras import Camera
+from kybflow.world.tags import Tag
+
+Array = NDArray[Any]
+
+Start = tuple[Vec3, Quat]
+"""Position and attitude of the body."""
+
+
+class Motion(NamedTuple):
+    """velocity: in the world, m/s. rates: in the body, rad/s. doubt: their standard deviation."""
+
+    velocity: Vec3 = ZERO
+    rates: Vec3 = ZERO
+    doubt: float = 0.0
+
+
+AT_REST = Motion()
+NONE: Array = numpy.zeros(3)
+
+
+class View(NamedTuple):
+    """What one camera saw. corners: of `tags`, (n, 4, 2) pixels in the order of `Tag.corners`;
+    NaN for one that is not in the image."""
+
+    camera: Camera
+    tags: Sequence[Tag]
+    corners: Array
+
+
+class Sight:
+    """A view, ready for the equation. valid: (n, 4), which corners were seen; known: the same as
+    numbers, (4 n, 1). world: (4 n, 3) corners, where they would be had the body not moved since
+    the middle row; flat: (4 n, 2), where they are seen, undistorted; late: (4 n, 1), when, in
+    seconds after the middle row."""
+
+    def __init__(self, view: View, motion: Motion) -> None:
+        lens = view.camera.lens
+        self.valid: Array = numpy.isfinite(view.corners).min(axis=2)
+        self.known = self.valid.reshape(-1, 1).astype(float)
+        corners = numpy.where(self.valid[..., None], view.corners, 0.0)
+        rows = corners.reshape(-1, 2)[:, 1:]
+        self.late = (rows - 0.5 * (lens.height - 1)) * view.camera.row_time
+        self.world = numpy.array([tag.corners() for tag in view.tags]).reshape(-1, 3)
+        self.world = self.world - self.late * motion.velocity
+        self.rates = numpy.array(motion.rates)
+        self.doubt = motion.doubt if view.camera.row_time > 0.0 else 0.0
+        self.flat = undistort(lens, corners).reshape(-1, 2)
+        self.focal = numpy.array((lens.fx, lens.fy))
+        self.turn = rotation(view.camera.attitude)
+        self.offset = numpy.array(view.camera.position)
+
+    def residuals(self, at: Array, body: Array, more: Array = NONE) -> tuple[Array, Array, Array]:
+        """Residuals (m, 2) in pixels, and what their derivatives are made of: b and c. more: rates
+        beside the believed ones."""
+        b = (self.world - at) @ body
+        rates = self.rates + more
+        if rates.any():
+            b = b - _cross(self.late * rates, b)
+        c = (b - self.offset) @ self.turn
+        depth = numpy.maximum(c[:, 2:], 1e-3)
+        return (c[:, :2] / depth - self.flat) * (self.focal * self.known), b, c
+
+    def slopes(self, body: Array, b: Array, c: Array) -> Array:
+        """The derivatives of the residuals, (m, 2, 6); (m, 2, 9) where the rates are in doubt."""
+        depth = numpy.maximum(c[:, 2], 1e-3)
+        g = numpy.zeros((len(c), 2, 3))
+        g[:, 0, 0], g[:, 1, 1] = self.focal[0] / depth, self.focal[1] / depth
+        g[:, :, 2] = -g[:, (0, 1), (0, 1)] * c[:, :2] / depth[:, None]
+        g = g @ self.turn.T
+        turned = _cross(g, b[:, None])
+        parts = [-(g @ body.T), turned]
+        if self.doubt > 0.0:
+            parts.append(self.late[:, None] * turned)
+        jacobian = numpy.concatenate(parts, axis=-1)
+        jacobian *= self.known[:, None]
+        return jacobian
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """numpy.cross, five times as fast."""
+    (ax, ay, az), (bx, by, bz) = numpy.moveaxis(a, -1, 0), numpy.moveaxis(b, -1, 0)
+    return numpy.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)

@@ -1,0 +1,1 @@
+"""Printed tags: sheets, marks and floors as PDF."""

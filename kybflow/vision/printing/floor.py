@@ -1,0 +1,149 @@
+"""What a simulated camera looks at: the floor's own pattern, the tags on it, what covers them."""
+
+from __future__ import annotations
+
+import functools
+import random
+from math import sqrt
+from typing import NamedTuple
+
+import cv2
+import numpy
+
+from kybflow.core.geometry import add, rotate
+from kybflow.vision.families import cells, pattern
+from kybflow.vision.grid import NO_MAP
+from kybflow.vision.projection import Array, rotation
+from kybflow.vision.rendering.shutter import FLOOR, Plane
+from kybflow.world.tags import Key, Tag, TagMap
+
+PAPER, INK = 255, 20
+"""Grey levels of a print, before the exposure."""
+QUIET = 1
+"""White cells around the black square."""
+TEXEL = 0.004
+"""Of the floor's pattern, metres."""
+_TEXELS = 1024
+_GRAIN = 2.0
+_FLUSH = 1e-9
+_RING = ((-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0))
+
+
+class Cover(NamedTuple):
+    """Something round that lies on a tag: its centre and radius as parts of the tag's side, from
+    the upper left corner; its grey level."""
+
+    x: float
+    y: float
+    radius: float
+    grey: int
+
+
+class Sheet:
+    """A tag as it is drawn.
+
+    reach: of its paper from the centre, metres. outline: eight points around it in the world,
+    (8, 3). plane: where it lies, FLOOR for a
+    tag that is `flush` with it. to_cells: from places on that plane to cells right and down of the
+    black square's upper left corner, (2, 3). luck: two numbers in [0, 1); the tag is missing, or
+    covered, where its number is below the fraction of tags that are.
+    """
+
+    def __init__(self, tag: Tag, seed: int) -> None:
+        chance = random.Random(f"{seed}/{tag.family}/{tag.id}")
+        self.tag = tag
+        self.cells = cells(tag.family)
+        half = tag.size * (0.5 + QUIET / self.cells)
+        self.reach = half * sqrt(2.0)
+        self.outline = numpy.array(
+            [add(tag.position, rotate(tag.attitude, (half * x, half * y, 0.0))) for x, y in _RING]
+        )
+        axes = rotation(tag.attitude).T
+        centre = numpy.array(tag.position)
+        self.normal = axes[2]
+        self.flush = bool(abs(self.outline[:, 2]).max() < _FLUSH and axes[2, 2] > 0.0)
+        self.plane = FLOOR if self.flush else Plane(centre, axes)
+        across = (
+            axes[:2] @ self.plane.axes[:2].T * ((self.cells / tag.size,), (-self.cells / tag.size,))
+        )
+        shift = 0.5 * self.cells - across @ self.plane.axes[:2] @ (centre - self.plane.centre)
+        self.to_cells = numpy.column_stack((across, shift))
+        self.luck = (chance.random(), chance.random())
+        place = (chance.uniform(0.25, 0.75), chance.uniform(0.25, 0.75))
+        self.cover = Cover(*place, chance.uniform(0.2, 0.4), chance.randrange(40, 230))
+
+    def faces(self, place: Array) -> bool:
+        """Whether its printed side is seen from a place of the world."""
+        return bool(self.normal @ (place - self.tag.position) > 0.0)
+
+    def picture(self, texels: int, covered: bool) -> Array:
+        """Its black square with `texels` a cell and a frame of one white texel."""
+        return _picture(self.tag.family, self.tag.id, texels, self.cover if covered else None)
+
+
+@functools.lru_cache(maxsize=128)
+def _picture(family: str, id: int, texels: int, cover: Cover | None) -> Array:
+    drawn = numpy.where(pattern(family, id) > 0, PAPER, INK).astype(numpy.uint8)
+    side = len(drawn) * texels
+    drawn = numpy.kron(drawn, numpy.ones((texels, texels), numpy.uint8))
+    if cover is not None:
+        centre = (round(cover.x * side), round(cover.y * side))
+        cv2.circle(drawn, centre, round(cover.radius * side), cover.grey, cv2.FILLED)
+    return numpy.pad(drawn, 1, constant_values=PAPER)
+
+
+def mixed_up(tags: TagMap, share: float, seed: int) -> TagMap:
+    """The tags as they lie on a floor where a share of each size lies in each other's places: of
+    those, drawn by the seed, each is where the map has the next one."""
+    chance = random.Random(f"{seed}/misplaced")
+    laid = {tag.key: tag for tag in tags}
+    for size in sorted({tag.size for tag in tags}):
+        same = [tag for tag in tags if tag.size == size]
+        wrong = chance.sample(same, round(share * len(same)))
+        for tag, other in zip(wrong, wrong[1:] + wrong[:1], strict=True):
+            laid[tag.key] = tag._replace(position=other.position, attitude=other.attitude)
+    return TagMap(laid.values())
+
+
+class Floor:
+    """The tags of a map and the floor that they lie on. The same seed gives the same floor. What is
+    kept grows with the tags that were ever in view, not with those in the map."""
+
+    def __init__(
+        self, tags: TagMap, seed: int, grey: float = 128.0, deviation: float = 5.0
+    ) -> None:
+        self._tags = tags
+        self._seed = seed
+        self._sheets: dict[Key, Sheet] = {}
+        self._pattern = _pattern(seed, grey, deviation)
+
+    def sheets(self, x: float, y: float, radius: float) -> list[Sheet]:
+        """At least every tag whose centre is within `radius` of (x, y)."""
+        return [self._sheet(tag) for tag in self._tags.near(x, y, radius)]
+
+    def _sheet(self, tag: Tag) -> Sheet:
+        sheet = self._sheets.get(tag.key)
+        if sheet is None:
+            sheet = self._sheets[tag.key] = Sheet(tag, self._seed)
+        return sheet
+
+    def bare(self, places: Array, begin: Array) -> Array:
+        """The bare floor at `places` (height, width, 2), none of which is before `begin` (2,),
+        metres: grey levels, uint8."""
+        # the pattern is kept twice in each direction: what begins in its first half mostly fits
+        shift = -_TEXELS * numpy.floor(begin / TEXEL / _TEXELS)
+        at = numpy.array(((1.0 / TEXEL, 0.0, shift[0]), (0.0, 1.0 / TEXEL, shift[1])))
+        texels = cv2.transform(places, at)
+        return cv2.remap(
+            self._pattern, texels, NO_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
+        )
+
+
+def _pattern(seed: int, grey: float, deviation: float) -> Array:
+    """Smooth noise that goes on where it ends, four times side by side."""
+    noise = numpy.random.default_rng(seed).standard_normal((_TEXELS, _TEXELS))
+    rim = 8 * round(_GRAIN)
+    smooth = cv2.GaussianBlur(numpy.pad(noise, rim, mode="wrap"), (0, 0), _GRAIN)
+    smooth = smooth[rim:-rim, rim:-rim]
+    drawn = numpy.clip(grey + deviation * smooth / smooth.std(), 0.0, 255.0)
+    return numpy.tile(drawn.round().astype(numpy.uint8), (2, 2))

@@ -1,0 +1,54 @@
+"""A camera's frame as a picture for people, with the tags that were found in it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+import cv2
+import numpy
+from numpy.typing import NDArray
+
+from kybflow.vision.locating.sight import View
+from kybflow.world.tags import Key
+
+USED, REJECTED = (60, 190, 40), (50, 40, 230)
+"""Colours, in OpenCV's order: blue, green, red."""
+WIDEST = 800
+"""Pixels: a wider picture is made smaller."""
+_QUALITY = 80
+_LEGIBLE = 0.06
+"""A tag that is less of the picture's width has no room for its number."""
+_SHIFT = 4
+"""Bits of a pixel behind the point, as OpenCV draws between pixels."""
+
+
+def marked(image: NDArray[Any], view: View | None, used: Collection[Key]) -> bytes:
+    """A grey image as a JPEG, with an outline and a number for each tag of `view`: green for those
+    of `used`, red for the others; of a tag not wholly in the image, the corners that are."""
+    picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    if view is not None:
+        for tag, corners in zip(view.tags, view.corners, strict=True):
+            colour = USED if tag.key in used else REJECTED
+            _mark(picture, corners[numpy.isfinite(corners).all(axis=1)], str(tag.id), colour)
+    height, width = image.shape
+    if width > WIDEST:
+        size = (WIDEST, round(height * WIDEST / width))
+        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    return bytes(data.tobytes())
+
+
+def _mark(picture: NDArray[Any], corners: NDArray[Any], text: str, colour: Any) -> None:
+    fine = numpy.rint(corners * (1 << _SHIFT)).astype(numpy.int32).reshape(-1, 1, 2)
+    thick = max(2, picture.shape[1] // 250)
+    cv2.polylines(picture, [fine], True, colour, thick, cv2.LINE_AA, _SHIFT)
+    side = float(numpy.hypot(*(corners[1:] - corners[:-1]).T).mean())
+    if side < _LEGIBLE * picture.shape[1]:
+        return
+    font, scale = cv2.FONT_HERSHEY_SIMPLEX, min(picture.shape[1] / 700, side / 70)
+    (wide, high), _ = cv2.getTextSize(text, font, scale, thick)
+    x, y = corners.mean(axis=0).tolist()
+    at = (round(x - wide / 2), round(y + high / 2))
+    cv2.putText(picture, text, at, font, scale, (255, 255, 255), 2 * thick + 1, cv2.LINE_AA)
+    cv2.putText(picture, text, at, font, scale, colour, thick, cv2.LINE_AA)

@@ -1,0 +1,1 @@
+"""Images of tags as a simulated camera sees them."""

@@ -1,0 +1,230 @@
+"""Draws what a camera over a tag floor sees, without a graphics card.
+
+The ray of each pixel (undistorted) meets the floor, or a tag's plane, where the camera is while the
+pixel's row is exposed; there the print is looked up, with texels a little larger than a pixel so
+that edges are smooth. Obstacles and a parcel that lies about hide what is behind them. Then come
+motion blur, defocus, exposure and noise. Nothing here costs more with more tags out of view.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import hypot, inf
+from typing import NamedTuple
+
+import cv2
+import numpy
+
+from kybflow.core.geometry import Vec3
+from kybflow.core.signals import Truth
+from kybflow.vision.grid import NO_MAP, Grid, Region, grid
+from kybflow.vision.optics import SOUND, Optics, Weakness
+from kybflow.vision.printing.floor import QUIET, Floor, Sheet, mixed_up
+from kybflow.vision.projection import Array
+from kybflow.vision.rendering.exposure import Noise, blur_lens, blur_motion
+from kybflow.vision.rendering.shutter import FLOOR, Shot
+from kybflow.vision.rendering.solids import NONE, Solid, Solids, cover, hides
+from kybflow.world.cameras import Camera
+from kybflow.world.shapes import Shape
+from kybflow.world.tags import TagMap
+
+_FINE, _COARSE = 8, 80
+"""Pixels between the nodes of what is seen, and of how it moves."""
+_TEXEL = 1.25
+"""Pixels that a print's texel covers."""
+_LEAST_TEXELS, _MOST_TEXELS = 0.6, 64
+_RIM = 3
+"""Pixels by which the edges of a tag bulge beyond its outline."""
+_LARGEST = 0.5
+"""How far the largest tag reaches from its centre, metres."""
+_PATCH_GREY = 90
+
+
+class Room:
+    """Draws what cameras see of a floor with tags, of obstacles and of a parcel whose side is
+    `parcel`, metres. The same seed and calls give the same images."""
+
+    def __init__(
+        self,
+        tags: TagMap,
+        optics: Optics,
+        seed: int,
+        obstacles: Mapping[str, Shape] = NONE,
+        parcel: float = 0.0,
+    ) -> None:
+        self._optics = optics
+        if optics.misplaced > 0.0:
+            tags = mixed_up(tags, optics.misplaced, seed)
+        self._floor = Floor(tags, seed, 255.0 * optics.floor, optics.pattern)
+        self._solids = Solids(obstacles, parcel, seed)
+        self._generator = numpy.random.default_rng(seed)
+        self._noises: dict[str, Noise] = {}
+
+    def draw(self, camera: Camera, body: Truth, weakness: Weakness = SOUND) -> Array:
+        """What a camera on a body sees: (height, width) uint8. body: true in the middle of the
+        exposure of the image's middle row; it moves on with constant velocity and body rates, and
+        its payload lies where it is, None for none that is to be seen."""
+        lens, optics = camera.lens, self._optics
+        noise = self._noises.get(camera.name)
+        if noise is None:
+            noise = Noise(lens.height, lens.width, self._generator.spawn(1)[0])
+            self._noises[camera.name] = noise
+        shot = Shot(camera, body, optics.row_time)
+        depth = shot.depth()
+        if weakness.dark or depth is None:
+            return noise.expose(numpy.zeros((lens.height, lens.width), numpy.uint8), optics)
+        solids = self._solids.in_view(shot, body.payload)
+        image = _light(self._floor, solids, shot, optics, optics.covered + weakness.covered)
+        nodes = grid(lens, _COARSE)
+        image = blur_motion(image, motion(shot, nodes, optics.exposure), nodes)
+        image = blur_lens(image, optics, lens.fx, depth, weakness.blur)
+        return noise.expose(image, optics)
+
+
+def motion(shot: Shot, nodes: Grid, exposure: float) -> Array:
+    """How far what the nodes see moves in the image during the exposure of their rows, pixels,
+    (rows, columns, 2)."""
+    points = shot.meet(nodes, FLOOR).reshape(-1, 3)
+    t = shot.times(nodes.pixels[..., 1]).ravel()
+    first, _ = shot.image(points, t - 0.5 * exposure)
+    last, _ = shot.image(points, t + 0.5 * exposure)
+    return (last - first).reshape(nodes.pixels.shape)
+
+
+def _light(
+    floor: Floor, solids: Sequence[Solid], shot: Shot, optics: Optics, covered: float
+) -> Array:
+    """The sharp image, white paper being 255."""
+    nodes = grid(shot.camera.lens, _FINE)
+    met = shot.meet(nodes, FLOOR)[..., :2]
+    places = nodes.fill(met, nodes.whole)
+    image = floor.bare(places, met.min(axis=(0, 1)))
+    views = _in_view(floor, shot, met, optics.missing)
+    flush = [
+        (view, cv2.transform(places[_pixels(view.region)], _to_texels(view)))
+        for view in views
+        if view.sheet.flush
+    ]
+    for view, texels in flush:  # all paper first: what is around a tag hides no neighbour
+        _lay_paper(image, view, texels)
+    for view, texels in flush:
+        _lay_ink(image, view, texels, covered)
+    _lay_patches(image, shot, optics.patches)
+    for solid in solids:
+        cover(image, shot, solid)
+    eye: Vec3 = tuple(shot.place.tolist())
+    for view in views:  # those that are on a solid, or before it
+        place = view.sheet.tag.position
+        if not (view.sheet.flush or any(hides(solid, eye, place) for solid in solids)):
+            met = shot.meet(nodes, view.sheet.plane, nodes.around(view.region))[..., :2]
+            texels = cv2.transform(nodes.fill(met, view.region), _to_texels(view))
+            _lay_paper(image, view, texels)
+            _lay_ink(image, view, texels, covered)
+    return image
+
+
+class _View(NamedTuple):
+    """A tag in the image: the pixels that it is within, how many texels a cell of it gets, how far
+    it is."""
+
+    sheet: Sheet
+    region: Region
+    texels: int
+    distance: float
+
+
+def _in_view(floor: Floor, shot: Shot, met: Array, missing: float) -> list[_View]:
+    """The tags that may be in the image, the farthest first. met: where the nodes see the floor."""
+    sheets = [
+        sheet
+        for sheet in _near(floor, shot, met)
+        if sheet.luck[0] >= missing and sheet.faces(shot.place)
+    ]
+    if not sheets:
+        return []
+    outlines = numpy.stack([sheet.outline for sheet in sheets])
+    pixels, imaged = shot.project(outlines.reshape(-1, 3), passes=2)
+    pixels, whole = pixels.reshape(-1, 8, 2), numpy.all(imaged.reshape(-1, 8), axis=1)
+    low, high = pixels.min(axis=1), pixels.max(axis=1)
+    size = numpy.array((shot.camera.lens.width, shot.camera.lens.height))
+    first = numpy.clip(low - _RIM, 0, size).astype(int)
+    last = numpy.clip(high + _RIM + 1, 0, size).astype(int)
+    boxes = numpy.hstack((first, last)).tolist()
+    views: list[_View | None] = []
+    for i in numpy.flatnonzero(~whole | (last > first).all(axis=1)):
+        region = Region(*boxes[i]) if whole[i] else _region(sheets[i], shot, met)
+        side = float((high[i] - low[i]).max()) if whole[i] else inf
+        views.append(_view(sheets[i], region, side, shot))
+    return sorted((view for view in views if view), key=lambda view: -view.distance)
+
+
+def _near(floor: Floor, shot: Shot, met: Array) -> list[Sheet]:
+    """The tags between what the nodes see and the lens, from above."""
+    low = numpy.minimum(met.min(axis=(0, 1)), shot.place[:2])
+    high = numpy.maximum(met.max(axis=(0, 1)), shot.place[:2])
+    (x, y), (left, bottom), (right, top) = (a.tolist() for a in (0.5 * (low + high), low, high))
+    near = floor.sheets(x, y, 0.5 * hypot(right - left, top - bottom) + _LARGEST)
+    return [
+        sheet
+        for sheet in near
+        if left - sheet.reach <= sheet.tag.position[0] <= right + sheet.reach
+        and bottom - sheet.reach <= sheet.tag.position[1] <= top + sheet.reach
+    ]
+
+
+def _region(sheet: Sheet, shot: Shot, met: Array) -> Region | None:
+    """Where the nodes see a tag of which the lens can't image every corner."""
+    nodes = grid(shot.camera.lens, _FINE)
+    if not sheet.flush:
+        met = shot.meet(nodes, sheet.plane)[..., :2]
+    at = met @ sheet.to_cells[:, :2].T + sheet.to_cells[:, 2]
+    within = ((at > -QUIET) & (at < sheet.cells + QUIET)).all(axis=2)
+    return nodes.beside(within) if within.any() else None
+
+
+def _view(sheet: Sheet, region: Region | None, side: float, shot: Shot) -> _View | None:
+    """A tag whose paper is in `region` and has a `side`, pixels; None where it is too small."""
+    texels = min(side / (sheet.cells + 2 * QUIET) / _TEXEL, _MOST_TEXELS)
+    if region is None or texels < _LEAST_TEXELS:
+        return None
+    away = float(numpy.linalg.norm(shot.place - sheet.tag.position))
+    return _View(sheet, region, round(texels), away)
+
+
+def _to_texels(view: _View) -> Array:
+    """From places on the tag's plane to the texels of its picture, which has a frame of one: (2,
+    3). The centre of the first texel is (0, 0)."""
+    at = view.sheet.to_cells * view.texels
+    at[:, 2] += 0.5
+    return at
+
+
+def _lay_paper(image: Array, view: _View, texels: Array) -> None:
+    """Make what is paper, quiet zone and all, white."""
+    rim = QUIET * view.texels
+    low, high = 0.5 - rim, view.sheet.cells * view.texels + rim + 0.5
+    part = image[_pixels(view.region)]
+    cv2.max(part, cv2.inRange(texels, (low, low), (high, high)), dst=part)
+
+
+def _lay_ink(image: Array, view: _View, texels: Array, covered: float) -> None:
+    """Draw the tag."""
+    picture = view.sheet.picture(view.texels, view.sheet.luck[1] < covered)
+    part = image[_pixels(view.region)]
+    cv2.remap(
+        picture, texels, NO_MAP, cv2.INTER_LINEAR, dst=part, borderMode=cv2.BORDER_TRANSPARENT
+    )
+
+
+def _lay_patches(image: Array, shot: Shot, patches: tuple[Vec3, ...]) -> None:
+    turn = numpy.linspace(0.0, 2.0 * numpy.pi, 48, endpoint=False)
+    for x, y, radius in patches:
+        rim = (x + radius * numpy.cos(turn), y + radius * numpy.sin(turn), 0.0 * turn)
+        pixels, imaged = shot.project(numpy.stack(rim, axis=1))
+        if imaged.all():
+            corners = (16.0 * pixels).round().astype(numpy.int32)
+            cv2.fillConvexPoly(image, corners, _PATCH_GREY, cv2.LINE_AA, 4)
+
+
+def _pixels(region: Region) -> tuple[slice, slice]:
+    return slice(region.top, region.bottom), slice(region.left, region.right)

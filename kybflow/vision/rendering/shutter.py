@@ -1,0 +1,110 @@
+"""Where a moving camera's rows are while they are exposed.
+
+The middle of row v's exposure is (v - (height - 1)/2) row_time after that of the image's middle,
+and the body then is at p + v t with the attitude q exp(w t) (constant velocity and body rates).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy
+
+from kybflow.core.signals import Truth
+from kybflow.vision.grid import Grid
+from kybflow.vision.projection import Array, distort, reach, rotation
+from kybflow.world.cameras import Camera
+
+_NEAR = 1e-6
+_TOUCHING = 0.005
+FAR = 15.0
+"""How deep a camera sees, metres along its optical axis."""
+
+
+class Plane(NamedTuple):
+    """centre: a point of it. axes: rows right, up and normal, the world's components, (3, 3)."""
+
+    centre: Array
+    axes: Array
+
+
+FLOOR = Plane(numpy.zeros(3), numpy.eye(3))
+
+
+class Shot:
+    """A camera on a body that moves; `body` is true in the middle of the exposure of the middle
+    row. place: of the lens then."""
+
+    def __init__(self, camera: Camera, body: Truth, row_time: float) -> None:
+        self.camera = camera
+        self.row_time = row_time
+        self._at = numpy.array(body.position)
+        self._velocity = numpy.array(body.velocity)
+        self._turn = rotation(body.attitude)
+        self._rate = numpy.array(body.angular_velocity)
+        self._mount = rotation(camera.attitude)
+        self._middle = self._turn @ self._mount
+        self.place = self._at + self._turn @ numpy.array(camera.position)
+
+    def poses(self, t: Array) -> tuple[Array, Array]:
+        """Of the lens, `t` (n,) seconds after the middle: rotations from the optical frame to the
+        world (n, 3, 3), places (n, 3)."""
+        body = self._turn @ _turned(self._rate, t)
+        at = self._at + t[:, None] * self._velocity + body @ numpy.array(self.camera.position)
+        return body @ self._mount, at
+
+    def depth(self) -> float | None:
+        """How far the floor is along the optical axis, at most FAR, metres; None where the lens
+        touches it."""
+        height, slope = float(self.place[2]), float(self._middle[2, 2])
+        if height < _TOUCHING:
+            return None
+        return min(height / -slope, FAR) if slope < 0.0 else FAR
+
+    def times(self, rows: Array) -> Array:
+        """When rows are exposed, seconds after the middle."""
+        return (rows - 0.5 * (self.camera.lens.height - 1)) * self.row_time
+
+    def image(self, points: Array, t: Array) -> tuple[Array, Array]:
+        """The pixels (n, 2) of points of the world (n, 3), seen `t` (n,) or (1,) seconds after the
+        middle; and which of them the lens can image, as `projection.project` says."""
+        turn, at = self.poses(t)
+        local = numpy.einsum("nij,ni->nj", turn, points - at)
+        before = local[:, 2] > _NEAR
+        flat = local[:, :2] / numpy.where(before, local[:, 2], 1.0)[:, None]
+        seen = before & ((flat**2).sum(axis=1) < reach(self.camera.lens) ** 2)
+        return distort(self.camera.lens, flat), seen
+
+    def project(self, points: Array, passes: int = 4) -> tuple[Array, Array]:
+        """The pixels of points, each seen when the row is exposed in which it appears; found by
+        `passes` of fixed-point iteration."""
+        pixels, seen = self.image(points, numpy.zeros(1))
+        for _ in range(passes - 1 if self.row_time > 0.0 else 0):
+            t = numpy.where(seen, self.times(pixels[:, 1]), 0.0)
+            pixels, seen = self.image(points, t)
+        return pixels, seen
+
+    def meet(self, grid: Grid, plane: Plane, where: tuple[slice, slice] | None = None) -> Array:
+        """Where the rays of the nodes meet a plane, in its axes, (rows, columns, 3): right and up
+        of its centre, and the height over it, which is 0 but for a ray that does not meet it within
+        FAR, and ends there."""
+        rows, columns = where or (slice(None), slice(None))
+        turn, at = self.poses(self.times(grid.pixels[rows, 0, 1]))
+        # the rays and their beginnings in the plane's axes
+        rays = grid.rays[rows, columns] @ (plane.axes @ turn).swapaxes(1, 2)
+        begin = (at - plane.centre) @ plane.axes.T
+        with numpy.errstate(divide="ignore"):
+            depth = -begin[:, None, 2] / rays[..., 2]
+        depth[~((depth > 0.0) & (depth < FAR))] = FAR
+        met: Array = begin[:, None, :] + depth[..., None] * rays
+        return met
+
+
+def _turned(rate: Array, t: Array) -> Array:
+    """exp([rate t]x) by Rodrigues' formula, (n, 3, 3)."""
+    speed = float(numpy.linalg.norm(rate))
+    x, y, z = rate / speed if speed > 0.0 else rate
+    k = numpy.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+    angle = (speed * t)[:, None, None]
+    turned: Array = numpy.eye(3) + numpy.sin(angle) * k + (1.0 - numpy.cos(angle)) * (k @ k)
+    return turned

@@ -1,0 +1,202 @@
+"""The solid things of a simulated room, as a camera sees them: obstacles, and a parcel that lies
+about, each in one grey.
+
+All of them are convex, and so is what each covers of the image plane: the hull of its corners'
+projections, clipped at the lens and at the image's edges. Points of it are kept as (X/Z, Y/Z, 1/Z)
+of the optical frame, in which straight lines stay straight and have their depth along them. Its rim
+is then seen through the lens's distortion, each point when its row is exposed.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping
+from math import pi, sqrt
+from types import MappingProxyType
+from typing import NamedTuple
+
+import cv2
+import numpy
+
+from kybflow.core.geometry import Vec3, add, norm, scale, sub
+from kybflow.vision.grid import grid
+from kybflow.vision.projection import Array
+from kybflow.vision.rendering.shutter import FAR, Shot
+from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
+
+NONE: Mapping[str, Shape] = MappingProxyType({})
+_STEP = 8
+"""Pixels between the nodes that say how far the image reaches; points of the rim on each edge."""
+_NEAR = 0.01
+"""What is nearer to the lens's plane is cut off, metres."""
+_MARGIN = 0.03
+"""Beyond the image, as a tangent: what moves may come in while rows are exposed."""
+_ROUND = 32
+"""Corners of what is round."""
+_GREYS = 40, 200
+_TOUCHING, _STEPS = 0.005, 64
+
+
+class Solid(NamedTuple):
+    """centre, radius: of a ball around the shape."""
+
+    shape: Shape
+    grey: int
+    centre: Vec3
+    radius: float
+
+
+class Solids:
+    """The obstacles of a room and a parcel whose side is `parcel`, metres. Walls without end aren't
+    seen. The same seed gives the same greys."""
+
+    def __init__(self, obstacles: Mapping[str, Shape], parcel: float, seed: int) -> None:
+        self._fixed = [
+            Solid(shape, _grey(seed, name), *_ball(shape))
+            for name, shape in obstacles.items()
+            if not isinstance(shape, Plane)
+        ]
+        self._half = (0.5 * parcel,) * 3
+        self._parcel_grey = _grey(seed, "")
+        self._centres = numpy.array([solid.centre for solid in self._fixed]).reshape(-1, 3)
+        self._radii = numpy.array([solid.radius for solid in self._fixed])
+
+    def in_view(self, shot: Shot, payload: Vec3 | None) -> list[Solid]:
+        """Those that may be in the image, the farthest first. payload: the parcel's centre, None
+        where none lies about; its sides are along the world's axes."""
+        near = [self._fixed[i] for i in numpy.flatnonzero(self._near(shot))]
+        if payload is not None:
+            box = Box(sub(payload, self._half), add(payload, self._half))
+            near.append(Solid(box, self._parcel_grey, *_ball(box)))
+        eye: Vec3 = tuple(shot.place.tolist())
+        return sorted(near, key=lambda solid: -solid.shape.distance(eye))
+
+    def _near(self, shot: Shot) -> Array:
+        """Whose ball reaches into the cone of the image's farthest rays."""
+        if not self._fixed:
+            return numpy.zeros(0, bool)
+        (turn,), (at,) = shot.poses(numpy.zeros(1))
+        local = (self._centres - at) @ turn
+        rays = grid(shot.camera.lens, _STEP).rays
+        wide = float(numpy.hypot(rays[..., 0], rays[..., 1]).max()) + _MARGIN
+        aside = numpy.hypot(local[:, 0], local[:, 1]) - wide * local[:, 2]
+        depth = numpy.abs(local[:, 2] - 0.5 * FAR) - 0.5 * FAR
+        near: Array = (depth < self._radii) & (aside < self._radii * sqrt(1.0 + wide * wide))
+        return near
+
+
+def cover(image: Array, shot: Shot, solid: Solid) -> None:
+    """Draw a solid over all that is in the image. A lens inside of it sees nothing else."""
+    eye: Vec3 = tuple(shot.place.tolist())
+    if solid.shape.distance(eye) <= 0.0:
+        image[:] = solid.grey
+        return
+    rim = _rim(shot, _corners(solid.shape, eye))
+    if len(rim) > 2:
+        pixels = (16.0 * rim).round().astype(numpy.int32)
+        cv2.fillPoly(image, [pixels], solid.grey, cv2.LINE_AA, 4)
+
+
+def hides(solid: Solid, eye: Vec3, goal: Vec3) -> bool:
+    """Whether it is between two places; `goal` may lie on it. Goes along the ray by the distance
+    from the shape, which is how far nothing is hit (sphere tracing, Hart 1996)."""
+    way = sub(goal, eye)
+    length = norm(way)
+    gone = 0.0
+    if length <= _TOUCHING:
+        return False
+    for _ in range(_STEPS):
+        free = solid.shape.distance(add(eye, scale(way, gone / length)))
+        if free < 0.1 * _TOUCHING:
+            return True
+        gone += free
+        if gone > length - _TOUCHING:
+            return False
+    return False
+
+
+def _rim(shot: Shot, corners: Array) -> Array:
+    """The outline of what is convex in the image, pixels (n, 2); nothing where it is not in it."""
+    (turn,), (at,) = shot.poses(numpy.zeros(1))
+    local = (corners - at) @ turn
+    local = _part(local, local[:, 2] - _NEAR)
+    points = _hull(numpy.column_stack((local[:, :2], numpy.ones(len(local)))) / local[:, 2:])
+    rays = grid(shot.camera.lens, _STEP).rays[..., :2]
+    low, high = rays.min(axis=(0, 1)) - _MARGIN, rays.max(axis=(0, 1)) + _MARGIN
+    for axis in (0, 1):
+        points = _hull(_part(points, points[:, axis] - low[axis]))
+        points = _hull(_part(points, high[axis] - points[:, axis]))
+    if len(points) < 3:
+        return numpy.empty((0, 2))
+    along = numpy.arange(_STEP)[:, None] / _STEP
+    edges = points[:, None] + along * (numpy.roll(points, -1, axis=0) - points)[:, None]
+    flat = edges.reshape(-1, 3)
+    rays = numpy.column_stack((flat[:, :2], numpy.ones(len(flat)))) / flat[:, 2:]
+    pixels, imaged = shot.project(rays @ turn.T + at, passes=2)
+    rim: Array = pixels[imaged]
+    return rim
+
+
+def _part(points: Array, beyond: Array) -> Array:
+    """Points whose hull is that part of the hull of `points` where `beyond`, linear in them, is
+    positive."""
+    is_in = beyond > 0.0
+    if is_in.all():
+        return points
+    inside, outside = points[is_in], points[~is_in]
+    above, below = beyond[is_in][:, None], beyond[~is_in][None]
+    share = (above / (above - below))[..., None]
+    cuts = inside[:, None] + share * (outside[None] - inside[:, None])
+    return numpy.concatenate((inside, cuts.reshape(-1, points.shape[1])))
+
+
+def _hull(points: Array) -> Array:
+    """Those of (x, y, 1/z) that are corners of the hull in x and y, in turn."""
+    if len(points) < 3:
+        return points[:0]
+    flat = points[:, :2].astype(numpy.float32)
+    corners: Array = points[cv2.convexHull(flat, returnPoints=False).ravel()]
+    return corners
+
+
+def _corners(shape: Shape, eye: Vec3) -> Array:
+    """Points whose hull has the outline that the shape has from `eye`, (n, 3)."""
+    turn = numpy.linspace(0.0, 2.0 * pi, _ROUND, endpoint=False)
+    ring = numpy.column_stack((numpy.cos(turn), numpy.sin(turn)))
+    match shape:
+        case Cylinder((x, y, z), radius, height):
+            level = radius * ring + (x, y)
+            ends = [numpy.column_stack((level, numpy.full(_ROUND, h))) for h in (z, z + height)]
+            return numpy.concatenate(ends)
+        case Sphere(at, radius):
+            # where rays touch it: a circle around the line from the eye to its centre
+            way = numpy.array(sub(at, eye))
+            far = float(numpy.linalg.norm(way))
+            share = radius / far
+            across = numpy.linalg.svd(way[None])[2][1:]
+            rim: Array = (
+                at - share * share * way + radius * sqrt(1.0 - share * share) * ring @ across
+            )
+            return rim
+        case Box(low, high):
+            sides = numpy.meshgrid(*zip(low, high, strict=True))
+            return numpy.stack(sides, axis=-1).reshape(-1, 3)
+        case Plane():
+            raise ValueError("a wall without end has no corners")
+
+
+def _ball(shape: Shape) -> tuple[Vec3, float]:
+    """The centre and the radius of a ball around a shape."""
+    match shape:
+        case Cylinder(at, radius, height):
+            return add(at, (0.0, 0.0, 0.5 * height)), norm((radius, 0.5 * height, 0.0))
+        case Sphere(at, radius):
+            return at, radius
+        case Box(low, high):
+            return scale(add(low, high), 0.5), 0.5 * norm(sub(high, low))
+        case Plane():
+            raise ValueError("a wall without end has no centre")
+
+
+def _grey(seed: int, name: str) -> int:
+    return random.Random(f"{seed}/solid/{name}").randrange(*_GREYS)

@@ -1,0 +1,87 @@
+"""Solid shapes of the world: the fence's box and the obstacles. Metres, world frame (ENU)."""
+
+from __future__ import annotations
+
+from math import hypot, sqrt
+from typing import NamedTuple
+
+from kybflow.core.geometry import Vec3, distance
+
+
+class Box(NamedTuple):
+    """An axis-aligned box."""
+
+    low: Vec3
+    high: Vec3
+
+    def contains(self, p: Vec3) -> bool:
+        return (
+            self.low[0] <= p[0] <= self.high[0]
+            and self.low[1] <= p[1] <= self.high[1]
+            and self.low[2] <= p[2] <= self.high[2]
+        )
+
+    def outside_by(self, p: Vec3) -> float:
+        """How far `p` is beyond the nearest face that it has crossed: positive outside, negative
+        inside."""
+        low, high = self.low, self.high
+        return max(
+            low[0] - p[0],
+            p[0] - high[0],
+            low[1] - p[1],
+            p[1] - high[1],
+            low[2] - p[2],
+            p[2] - high[2],
+        )
+
+    def distance(self, p: Vec3) -> float:
+        """From the surface to `p`; negative inside."""
+        inside = self.outside_by(p)
+        if inside <= 0.0:
+            return inside
+        x, y, z = (
+            max(low - a, a - high, 0.0) for low, a, high in zip(self.low, p, self.high, strict=True)
+        )
+        return sqrt(x * x + y * y + z * z)
+
+
+class Cylinder(NamedTuple):
+    """An upright cylinder; `at` is the centre of its foot."""
+
+    at: Vec3
+    radius: float
+    height: float
+
+    def distance(self, p: Vec3) -> float:
+        """From the surface to `p`; negative inside."""
+        aside = hypot(p[0] - self.at[0], p[1] - self.at[1]) - self.radius
+        above = max(self.at[2] - p[2], p[2] - self.at[2] - self.height)
+        if aside <= 0.0 or above <= 0.0:
+            return max(aside, above)
+        return hypot(aside, above)
+
+
+class Sphere(NamedTuple):
+    """A ball around `at`."""
+
+    at: Vec3
+    radius: float
+
+    def distance(self, p: Vec3) -> float:
+        """From the surface to `p`; negative inside."""
+        return distance(p, self.at) - self.radius
+
+
+class Plane(NamedTuple):
+    """A wall without end through `at`; all behind it, away from the unit vector `facing`, is
+    solid."""
+
+    at: Vec3
+    facing: Vec3
+
+    def distance(self, p: Vec3) -> float:
+        """From the surface to `p`; negative behind it."""
+        return sum((a - b) * n for a, b, n in zip(p, self.at, self.facing, strict=True))
+
+
+Shape = Box | Cylinder | Sphere | Plane

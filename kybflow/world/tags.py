@@ -1,0 +1,88 @@
+"""Printed tags in the world, and the map that knows where they are.
+
+A tag's frame: x to the right of the printed face, y up, z out of the paper; its origin is the
+centre. So a tag on the floor with heading 0 has the attitude LEVEL: its upper edge points north
+(world y).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from math import floor
+from typing import NamedTuple
+
+from kybflow.core.geometry import Quat, Vec3, add, rotate
+
+_CELL = 1.0
+"""Side of a cell of the index, metres."""
+
+Key = tuple[str, int]
+"""A tag's family and number."""
+
+
+class Tag(NamedTuple):
+    """A printed tag. family: `36h11`, ... (`kybflow.vision.families`). size: side of the black
+    square, metres. position, attitude: of its frame in the world."""
+
+    family: str
+    id: int
+    size: float
+    position: Vec3
+    attitude: Quat
+
+    @property
+    def key(self) -> Key:
+        return self.family, self.id
+
+    def corners(self) -> tuple[Vec3, Vec3, Vec3, Vec3]:
+        """Of the black square, in the world: upper left, upper right, lower right, lower left, the
+        order in which OpenCV gives them."""
+        h = 0.5 * self.size
+        at, turn = self.position, self.attitude
+        return (
+            add(at, rotate(turn, (-h, h, 0.0))),
+            add(at, rotate(turn, (h, h, 0.0))),
+            add(at, rotate(turn, (h, -h, 0.0))),
+            add(at, rotate(turn, (-h, -h, 0.0))),
+        )
+
+
+class TagMap:
+    """The tags of the world. Nothing here costs more with more tags elsewhere. Each family and
+    number stands once; raises ValueError for a second."""
+
+    def __init__(self, tags: Iterable[Tag]) -> None:
+        self._tags: dict[Key, Tag] = {}
+        self._cells: dict[tuple[int, int], list[Tag]] = {}
+        for tag in tags:
+            if tag.key in self._tags:
+                raise ValueError(f"the tag {tag.id} of {tag.family} is there twice")
+            self._tags[tag.key] = tag
+            self._cells.setdefault(_cell(tag.position[0], tag.position[1]), []).append(tag)
+        self.families = tuple(sorted({tag.family for tag in self._tags.values()}))
+
+    def __len__(self) -> int:
+        return len(self._tags)
+
+    def __iter__(self) -> Iterator[Tag]:
+        return iter(self._tags.values())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, TagMap) and self._tags == other._tags
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._tags))
+
+    def get(self, family: str, id: int) -> Tag | None:
+        """The tag, None where the map has none such."""
+        return self._tags.get((family, id))
+
+    def near(self, x: float, y: float, radius: float) -> list[Tag]:
+        """At least every tag whose centre is within `radius` of (x, y), seen from above."""
+        (left, low), (right, high) = _cell(x - radius, y - radius), _cell(x + radius, y + radius)
+        cells = ((i, j) for i in range(left, right + 1) for j in range(low, high + 1))
+        return [tag for cell in cells for tag in self._cells.get(cell, ())]
+
+
+def _cell(x: float, y: float) -> tuple[int, int]:
+    return floor(x / _CELL), floor(y / _CELL)

@@ -1,0 +1,98 @@
+"""What a part knows of the place where it works: the world, the airframe, the vehicle's start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from kybflow.core.geometry import GRAVITY, Vec3
+from kybflow.core.params import declared, param, params
+from kybflow.core.units import Angle, Damping, Duration, Force, Inertias, Length, Mass, Ratio, Speed
+from kybflow.world.cameras import Camera
+from kybflow.world.shapes import Box, Shape
+from kybflow.world.tags import TagMap
+
+NO_TAGS = TagMap(())
+LEGS = 0.05
+"""Height of a simulated vehicle's rotor plane above the floor when it stands, metres."""
+
+
+@params
+class Airframe:
+    """A quadrotor as its maker describes it; the simulator may build one that differs, as real ones
+    do."""
+
+    mass: Mass = param("Mass, ready to fly.", above=0.0)
+    diameter: Length = param("From rotor hub to rotor hub, diagonally.", above=0.0)
+    inertia: Inertias = param("Moments of inertia about body x, y, z.")
+    thrust: Force = param("Largest thrust of one rotor.", above=0.0)
+    torque_ratio: Length = param(
+        "Drag torque of a rotor per newton of its thrust.", default=0.016, above=0.0
+    )
+    rotor_time: Duration = param("Time constant of a rotor's first-order lag.", above=0.0)
+    drag: Damping = param(
+        "Rotor drag on the body, per unit of mass, in the rotor plane.", default=0.0, at_least=0.0
+    )
+    tilt: Angle = param(
+        "Largest tilt that a tracker may command.", default=0.349, above=0.0, below=1.3
+    )
+    speed: Speed = param("Largest speed that a mission may ask for.", default=1.0, above=0.0)
+    climb: Speed = param(
+        "Largest vertical speed that a mission may ask for.", default=1.0, above=0.0
+    )
+    endurance: Duration = param("Hovering time on a full battery.", default=900.0, above=0.0)
+    voltage_spread: Ratio = param(
+        "Voltage lost from full to empty.", default=0.2, at_least=0.0, below=0.5
+    )
+
+    @property
+    def arm(self) -> float:
+        """From the centre to a rotor hub, metres."""
+        return self.diameter / 2.0
+
+    @property
+    def hover_thrust(self) -> float:
+        """Newtons that hold the airframe's own weight."""
+        return self.mass * GRAVITY
+
+    @property
+    def max_thrust(self) -> float:
+        """Newtons of all four rotors together."""
+        return 4.0 * self.thrust
+
+
+@declared
+class Parcel:
+    """What a vehicle carries and may release: a box under its rotors, whose lower side is level
+    with its legs."""
+
+    mass: Mass = param("Mass; no controller is told of it.", above=0.0)
+    size: Length = param("Side of the box, a cube.", above=0.0)
+    channel: int = param(
+        "Channel of the servo that holds it, from 1; of an autopilot the auxiliary output.",
+        default=1, at_least=1,
+    )  # fmt: skip
+    aboard: bool = param("Whether it is on board when the mission begins.", default=True)
+
+
+class Site(NamedTuple):
+    """What a vehicle's parts are built with: who it is, what it flies, where, how often.
+
+    home: where `go_home` flies, None for the start. obstacles: the world's, by name. diameters:
+    of every vehicle's airframe, by name. tags: the world's. cameras: those on the airframe, by
+    name. payload: what the vehicle carries, None for nothing.
+    """
+
+    vehicle: str
+    airframe: Airframe
+    start: Vec3
+    heading: float
+    fence: Box | None
+    dt: float
+    home: Vec3 | None = None
+    obstacles: Mapping[str, Shape] = MappingProxyType({})
+    diameters: Mapping[str, float] = MappingProxyType({})
+    tags: TagMap = NO_TAGS
+    cameras: Mapping[str, Camera] = MappingProxyType({})
+    payload: Parcel | None = None

@@ -1,0 +1,141 @@
+"""`kybflow library`, `new` and `show`: what is shipped, begun from it and shown of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from packaged import package
+from typer.testing import CliRunner
+
+from kybflow.api.beginning import SCHEMA, begin_mission
+from kybflow.api.flight import Request, fly
+from kybflow.api.library import libraries, missions
+from kybflow.cli.app import app
+from kybflow.core.errors import KybflowError
+from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
+
+REPO = Path(__file__).parents[2]
+SURVEY = str(REPO / "missions" / "survey.yaml")
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, list(arguments))
+    assert not isinstance(result.exception, Exception)
+    return result.exit_code, result.output
+
+
+def test_library_lists_what_is_at_hand() -> None:
+    code, text = run("library")
+    assert code == 0
+    for name in ("kybflow/airframes", "nano_plus", "indoor_safety", "flight_lab", "figure_eight"):
+        assert name in text
+    assert "line(first, last, speed = 50 cm/s, hold = 1 s)" in text
+
+
+def test_library_shows_a_file_a_mission_and_an_entry() -> None:
+    assert "summary: Rooms to fly in." in run("library", "kybflow/worlds")[1]
+    assert "mission: survey" in run("library", "survey")[1]
+    code, text = run("library", "line")
+    assert code == 0
+    assert text.startswith("# chain of kybflow/chains\nline:\n")
+    assert text.rstrip().endswith("wait:  {do: hover, for_time: $hold}")
+
+
+def test_library_of_an_unknown_name_ends_with_2() -> None:
+    code, text = run("library", "flight_lap")
+    assert code == 2
+    assert "flight_lab" in text
+
+
+def test_a_package_ships_libraries_and_missions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package(tmp_path, "kybshelf", "library: quads\nsummary: Theirs.\n")
+    (tmp_path / "kybshelf" / "missions" / "hop.yaml").write_text("kybflow: 1\nmission: hop\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert "kybshelf/quads" in [one.name for one in libraries()]
+    assert "kybshelf/hop" in [one.name for one in missions()]
+
+
+@pytest.mark.parametrize("origin", [one.name for one in missions()])
+def test_a_new_mission_is_valid_in_an_empty_folder(origin: str, tmp_path: Path) -> None:
+    begun = begin_mission("mine", origin, tmp_path)
+    result = compile_mission(begun.mission, catalog=load_catalog())
+    assert [d.message for d in result.diagnostics] == []
+    assert result.plan is not None
+    assert result.plan.mission == "mine"
+    assert (tmp_path / SCHEMA).is_file()
+    assert f"$schema={SCHEMA}" in begun.mission.read_text().splitlines()[0]
+
+
+def test_a_new_mission_flies(tmp_path: Path) -> None:
+    begun = begin_mission("hop", "first_flight", tmp_path)
+    plan = compile_mission(begun.mission, catalog=load_catalog()).plan
+    assert plan is not None
+    assert fly(plan, Request(out=tmp_path / "run")).summary["outcome"] == "succeeded"
+
+
+def test_a_new_mission_brings_the_files_that_it_names(tmp_path: Path) -> None:
+    begun = begin_mission("mine", "trajectory", tmp_path)
+    brought = tmp_path / "trajectories" / "clover.csv"
+    assert begun.written == (brought, tmp_path / "mine.yaml", tmp_path / SCHEMA)
+    assert begin_mission("other", "trajectory", tmp_path).written == (tmp_path / "other.yaml",)
+    brought.write_text("mine")
+    with pytest.raises(KybflowError, match="is there already"):
+        begin_mission("third", "trajectory", tmp_path)
+    assert not (tmp_path / "third.yaml").exists()
+
+
+def test_new_overwrites_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("new", "hop") == (
+        0,
+        f"wrote hop.yaml\nwrote {SCHEMA}\nfly it: kybflow run hop.yaml\n",
+    )
+    Path("hop.yaml").write_text("mine")
+    Path(SCHEMA).write_text("{}")
+    code, text = run("new", "hop", "--from", "survey")
+    assert code == 2
+    assert "`hop.yaml` is there already" in text
+    assert run("new", "skip") == (0, "wrote skip.yaml\nfly it: kybflow run skip.yaml\n")
+    assert (Path("hop.yaml").read_text(), Path(SCHEMA).read_text()) == ("mine", "{}")
+
+
+@pytest.mark.parametrize(
+    ("name", "origin", "said"),
+    [
+        ("7up", "survey", "can't be the name"),
+        ("../up", "survey", "can't be the name"),
+        ("up", "survay", "did you mean `survey`?"),
+    ],
+)
+def test_new_says_what_is_wrong(name: str, origin: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(KybflowError) as refused:
+        begin_mission(name, origin, tmp_path)
+    assert said in str(refused.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_show_tells_what_a_mission_does() -> None:
+    code, text = run("show", SURVEY, "--set", "cruise=50cm/s")
+    assert code == 0
+    assert "cruise  0.5 m/s" in text
+    assert "scout (0.23 kg, 0.19 m across)" in text
+    assert "lines not done within 60 s: home" in text
+
+
+def test_show_resolved_gives_each_line_its_origin() -> None:
+    code, text = run("show", SURVEY, "--resolved")
+    assert code == 0
+    assert all("  # " in line for line in text.splitlines() if line)
+    assert "chains.yaml:13" in next(x for x in text.splitlines() if "lines.there.reach:" in x)
+
+
+def test_show_of_a_bad_mission_reports(tmp_path: Path) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text("kybflow: 1\nmission: m\nvehicels: {}\n")
+    code, text = run("show", str(path))
+    assert code == 2
+    assert "KYB101" in text

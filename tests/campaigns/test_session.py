@@ -1,0 +1,315 @@
+"""`kybflow test`: missions flown as tests, in one process and in several."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from typer.testing import CliRunner
+
+from kybflow.api.flight import Flown
+from kybflow.campaigns import cases
+from kybflow.campaigns.cases import Case, Tried, try_case
+from kybflow.campaigns.coverage import State, written
+from kybflow.campaigns.finding import missions_under
+from kybflow.campaigns.junit import write_junit
+from kybflow.campaigns.pool import Pool
+from kybflow.campaigns.session import coverage_of, exit_code, run_cases
+from kybflow.cli.app import app
+from kybflow.core.details import detailed
+from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
+from kybflow.runtime.interrupts import Interrupts
+
+HERE = Path(__file__).parent
+GOOD = """kybflow: 1
+mission: hop
+import: {std: kybflow/airframes}
+vehicles:
+  nano:
+    like: std.nano_plus
+    behaviors:
+      up: {do: take_off, height: 50 cm, then: down, next: [{when: elapsed > 50 s, go: still}]}
+      still: {do: brake, then: down}
+      down: {do: land}
+expect:
+  - finally nano in landed
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "good.yaml").write_text(GOOD)
+    (tmp_path / "broken.yaml").write_text(GOOD + "  - max(nano.state.altitude) < 1 cm\n")
+    (tmp_path / "invalid.yaml").write_text(GOOD.replace("then: down, n", "then: dwn, n"))
+    (tmp_path / "shared.yaml").write_text("library: shared\n")
+    return tmp_path
+
+
+def case(folder: Path, name: str, seed: int = 0) -> Case:
+    return Case(folder / f"{name}.yaml", seed, folder / "runs" / f"{name}-{seed}")
+
+
+def ran(*arguments: str):
+    return CliRunner().invoke(app, ["test", *arguments])
+
+
+def test_a_flight_that_succeeds_leaves_no_folder(folder: Path):
+    tried = try_case(case(folder, "good"))
+    assert tried.passed
+    assert tried.folder is None
+    assert not case(folder, "good").out.exists()
+
+
+def test_a_flight_that_fails_says_why_and_keeps_its_folder(folder: Path):
+    tried = try_case(case(folder, "broken"))
+    assert tried.verdict == "failed"
+    assert any("`max(nano.state.altitude) < 1 cm` did not hold" in r for r in tried.reason)
+    assert tried.folder is not None
+    assert (tried.folder / "report.html").is_file()
+
+
+def test_a_reason_is_told_without_the_tables_below_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    reason = f"preflight: nano: parameters: {detailed('2 are wrong', ['A is 0', 'B is 1'])}; more"
+
+    def refused(plan, request, listeners) -> Flown:
+        return Flown(request.out, {"outcome": "interrupted", "reason": reason, "expectations": []})
+
+    monkeypatch.setattr(cases, "fly", refused)
+    tried = try_case(case(folder, "good"))
+    assert tried.reason == ("preflight: nano: parameters: 2 are wrong; more",)
+
+
+def test_an_invalid_mission_gives_its_findings(folder: Path):
+    tried = try_case(case(folder, "invalid"))
+    assert tried.verdict == "invalid"
+    assert "KYB" in tried.reason[0]
+
+
+def test_a_library_is_no_mission(folder: Path):
+    assert folder / "shared.yaml" not in list(missions_under([folder]))
+    assert "is a library" in try_case(case(folder, "shared")).reason[0]
+
+
+def test_parallel_flights_are_those_of_one_process(folder: Path):
+    cases = [case(folder, "good", seed) for seed in range(3)]
+    alone, together = (run_cases(cases, jobs, lambda _: None) for jobs in (1, 2))
+    assert [(t.case, t.verdict, t.taken) for t in alone] == [
+        (t.case, t.verdict, t.taken) for t in together
+    ]
+
+
+def in_turn(case: Case) -> Tried:
+    """Seed 1 dies of what its mission's name says; the others succeed."""
+    if case.seed == 1 and case.path.stem == "killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if case.seed == 1 and case.path.stem == "raised":
+        raise ZeroDivisionError("of all things")
+    return Tried(case, "succeeded")
+
+
+def last_alone(case: Case) -> Tried:
+    """Seed 0 succeeds at once; the others fly for long."""
+    return try_case(case) if case.seed else Tried(case, "succeeded")
+
+
+def stubborn(case: Case) -> Tried:
+    """Seed 0 succeeds at once; the others hear no signal and never end."""
+    if case.seed:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        threading.Event().wait()
+    return Tried(case, "succeeded")
+
+
+def orphaned(case: Case) -> Tried:
+    """A long flight whose session is killed at its beginning."""
+    os.kill(os.getppid(), signal.SIGKILL)
+    return try_case(case)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("killed", "the process that flew it died (SIGKILL)"),
+        ("raised", "kybflow failed: ZeroDivisionError: of all things"),
+    ],
+)
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_flight_that_takes_its_process_along_is_the_only_one_lost(
+    folder: Path, name: str, reason: str, jobs: int
+):
+    cases = [case(folder, name, seed) for seed in range(4)]
+    tried = run_cases(cases, jobs, lambda _: None, in_turn)
+    assert [one.case for one in tried] == cases
+    assert [one.case.seed for one in tried if not one.passed] == [1]
+    assert (tried[1].verdict, tried[1].reason[0]) == ("driver_failed", reason)
+
+
+@pytest.fixture
+def long(folder: Path) -> Path:
+    first, rest = GOOD.split("      up: ")
+    _, expect = rest.split("expect:")
+    states = """      up: {do: take_off, height: 50 cm, then: still}
+      still: {do: hover, for_time: 590 s, then: down}
+      down: {do: land}
+expect:"""
+    (folder / "long.yaml").write_text(first + states + expect)
+    return folder
+
+
+def test_an_interrupt_lands_what_flies_and_leaves_out_the_rest(long: Path):
+    cases = [case(long, "long", seed) for seed in range(9)]
+    told: list[Tried] = []
+
+    def done(tried: Tried) -> None:
+        told.append(tried)
+        signal.raise_signal(signal.SIGTERM)
+
+    tried = run_cases(cases, 2, done, last_alone)
+    assert tried == told == [Tried(cases[0], "succeeded")]
+    assert exit_code(tried, len(cases)) == 130
+
+
+def test_a_second_interrupt_kills(folder: Path):
+    cases = [case(folder, "good", seed) for seed in range(3)]
+    told: list[Tried] = []
+
+    def done(tried: Tried) -> None:
+        told.append(tried)
+        pool.interrupts = 2
+
+    pool = Pool(2, done, stubborn)
+    pool.run(cases)
+    assert [one.case for one in told] == cases[:1]
+
+
+def test_no_worker_outlives_its_session(long: Path):
+    """The worker holds the output open: it is read to its end when the worker has ended."""
+    code = (
+        f"import sys; sys.path[:0] = {[str(HERE), str(HERE.parent / 'support')]!r}\n"
+        "from pathlib import Path; from test_session import case, orphaned, run_cases\n"
+        f"run_cases([case(Path({str(long)!r}), 'long')], 1, print, orphaned)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGKILL, "", "")
+
+
+@pytest.mark.parametrize("number", Interrupts.SIGNALS)
+def test_a_terminal_that_interrupts_ends_the_command(folder: Path, number: int):
+    command = [sys.executable, "-m", "kybflow", "test", "broken.yaml", "--seeds", "0..99999"]
+    with subprocess.Popen(
+        [*command, "--junit", "junit.xml"],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    ) as child:
+        assert child.stdout is not None
+        first = child.stdout.readline()
+        os.killpg(child.pid, number)
+        rest = child.stdout.read()
+    (suite,) = ElementTree.parse(folder / "junit.xml").getroot()
+    assert first.startswith("FAILED  broken.yaml, seed ")
+    assert f"stopped after {suite.get('tests')} of 100000 flights" in rest
+    assert "Traceback" not in rest
+    assert "INTERRUPTED" not in rest
+    assert child.returncode == 130
+
+
+@pytest.mark.parametrize(("option", "name"), [("--out", "file"), ("--junit", "none/junit.xml")])
+def test_what_cannot_be_written_is_said_before_any_flight(folder: Path, option: str, name: str):
+    (folder / "file").write_text("")
+    done = ran(
+        str(folder / "broken.yaml"), "--out", str(folder / "runs"), option, f"{folder}/{name}"
+    )
+    assert done.exit_code == 2
+    assert f"Invalid value for {option}" in done.output
+    assert "FAILED" not in done.output
+
+
+def test_names_are_told_as_they_are(folder: Path):
+    (folder / "all:100:.yaml").write_text((folder / "broken.yaml").read_text())
+    done = ran(str(folder / "all:100:.yaml"), "--out", str(folder / "runs"))
+    assert "FAILED" in done.output
+    assert done.output.count("all:100:.yaml") >= 2
+    assert "\N{HUNDRED POINTS SYMBOL}" not in done.output
+
+
+def test_a_folder_that_holds_nothing_is_not_left(folder: Path):
+    assert ran(str(folder / "good.yaml"), "--out", str(folder / "runs")).exit_code == 0
+    assert list((folder / "runs").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "code"),
+    [
+        (["succeeded"], 0),
+        (["succeeded", "failed"], 1),
+        (["failed", "driver_failed"], 3),
+        (["driver_failed", "invalid"], 2),
+    ],
+)
+def test_the_exit_code_is_that_of_the_gravest(verdicts: list[str], code: int):
+    tried = [Tried(Case(Path("m"), 0, Path("r")), verdict) for verdict in verdicts]
+    assert exit_code(tried, len(tried)) == code
+    assert exit_code(tried, len(tried) + 1) == 130
+
+
+def test_junit_tells_failures_from_errors(folder: Path, tmp_path: Path):
+    cases = [Case(Path("m.yaml"), seed, tmp_path) for seed in range(3)]
+    verdicts = ("succeeded", "failed", "invalid")
+    tried = [Tried(c, v, ("why\x00",)) for c, v in zip(cases, verdicts, strict=True)]
+    write_junit(tmp_path / "junit.xml", tried)
+    (suite,) = ElementTree.parse(tmp_path / "junit.xml").getroot()
+    assert {k: suite.attrib[k] for k in ("name", "tests", "failures", "errors")} == {
+        "name": "m.yaml",
+        "tests": "3",
+        "failures": "1",
+        "errors": "1",
+    }
+    assert suite[1][0].attrib == {"message": "why?", "type": "failed"}
+
+
+def test_the_command_tells_what_was_not_taken(folder: Path):
+    done = ran(str(folder / "good.yaml"), "--out", str(folder / "runs"))
+    assert done.exit_code == 0
+    assert "1 of 1" in done.output
+    assert f"{folder / 'good.yaml'}:9: not taken: nano: still" in done.output
+
+
+def test_what_never_flew_has_nothing_to_tell_of_its_states(folder: Path):
+    path = folder / "good.yaml"
+    mission = compile_mission(path, catalog=load_catalog()).plan
+    assert mission is not None
+    stuck = Tried(Case(path, 0, folder), "driver_failed", written=tuple(written(mission)))
+    assert coverage_of([stuck]) == {}
+    taken = frozenset({State("nano", "up")})
+    flew = Tried(Case(path, 1, folder), "failed", written=stuck.written, taken=taken)
+    assert len(coverage_of([stuck, flew])[path].missed) == len(stuck.written) - 1
+
+
+def test_full_fails_when_something_was_not_taken(folder: Path):
+    assert ran(str(folder / "good.yaml"), "--full", "--out", str(folder)).exit_code == 1
+
+
+def test_the_command_ends_as_its_gravest_case(folder: Path):
+    done = ran(str(folder), "--out", str(folder / "runs"), "--jobs", "1")
+    assert done.exit_code == 2
+    assert "FAILED" in done.output
+    assert "INVALID" in done.output
+
+
+@pytest.mark.parametrize("seeds", ["x", "3..1", "1..", "", "-1"])
+def test_seeds_that_are_none_are_refused(folder: Path, seeds: str):
+    done = ran(str(folder), f"--seeds={seeds}")
+    assert done.exit_code == 2
+    assert "no seed" in done.output

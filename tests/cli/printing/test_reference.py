@@ -1,0 +1,118 @@
+"""The reference pages are current and whole: the parts, and every key of the language."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from typer.testing import CliRunner
+
+from kybflow.cli.app import app
+from kybflow.cli.printing.parts_page import page
+from kybflow.core.params import fields_of
+from kybflow.dsl.expressions.tokens import KEYWORDS
+from kybflow.dsl.expressions.tree import Function
+from kybflow.dsl.names.built_in import BUILT_IN as STATES
+from kybflow.dsl.schema.skeleton import library_schema, skeleton
+from kybflow.parts.action import BUILT_IN as ACTIONS
+from kybflow.parts.catalog import load_catalog, own_catalog
+from kybflow.parts.observables import EVENT_FIELDS, EVENTS, OBSERVABLES, OF_THE_RUN
+from kybflow.world.vehicle_context import Airframe
+
+DOCS = Path(__file__).parents[3] / "docs"
+LANGUAGE = (DOCS / "mission-language.md").read_text(encoding="utf-8")
+FAILSAFE = (DOCS / "failsafe.md").read_text(encoding="utf-8")
+
+
+def parts(*arguments: str) -> int:
+    return CliRunner().invoke(app, ["parts", *arguments]).exit_code
+
+
+def keys_of(schema: Any) -> Iterator[str]:
+    """Every key that a shape of the language has."""
+    if isinstance(schema, list):
+        for item in schema:
+            yield from keys_of(item)
+    elif isinstance(schema, dict):
+        yield from schema.get("properties", {})
+        for value in schema.values():
+            yield from keys_of(value)
+
+
+def words_of_code(text: str) -> set[str]:
+    """The words that stand in code, in the line or fenced."""
+    code = re.findall(r"^```.*?^```$|`[^`\n]+`", text, re.MULTILINE | re.DOTALL)
+    return {word for piece in code for word in re.findall(r"\w+", piece)}
+
+
+def rows_of(title: str) -> set[str]:
+    """What the first cells of a section's tables name in code."""
+    [section] = re.findall(rf"^## {title}\n(.*?)(?=^## |\Z)", LANGUAGE, re.MULTILINE | re.DOTALL)
+    cells = re.findall(r"^\| (.*?) \|", section, re.MULTILINE)
+    return {word for cell in cells for word in re.findall(r"`(\w+)", cell)}
+
+
+def test_the_page_of_parts_is_current() -> None:
+    mend = "mend it with: kybflow parts --write docs/parts.md"
+    assert (DOCS / "parts.md").read_text(encoding="utf-8") == page(), mend
+
+
+def test_the_page_has_every_part_of_kybflow_with_its_parameters() -> None:
+    text = page()
+    for kind in own_catalog().kinds():
+        section = text.partition(f"\n## {kind.capitalize()}\n")[2].partition("\n## ")[0]
+        for name in own_catalog().names(kind):
+            spec = load_catalog().get(kind, name)
+            part = section.partition(f"\n### {name}\n")[2].partition("\n### ")[0]
+            assert spec.summary in part
+            for field in spec.fields:
+                assert f"| `{field.name}` | " in part
+                assert f" | {field.help} |" in part
+
+
+def test_the_page_is_written_and_checked(tmp_path: Path) -> None:
+    file = tmp_path / "parts.md"
+    assert parts("--check", str(file)) == 2
+    assert parts("--write", str(file)) == 0
+    assert parts("--check", str(file)) == 0
+    file.write_text(file.read_text(encoding="utf-8").replace("0.5 m", "0.6 m"), encoding="utf-8")
+    assert parts("--check", str(file)) == 2
+
+
+def test_the_language_page_has_every_key() -> None:
+    keys = {*keys_of(skeleton()), *keys_of(library_schema())}
+    airframe = {field.name for field in fields_of(Airframe)}  # docs/parts.md has them
+    assert sorted(keys - airframe - words_of_code(LANGUAGE)) == []
+
+
+def test_the_tables_of_the_language_page_have_their_keys() -> None:
+    mission = skeleton()["properties"]
+    assert rows_of("Keys") == mission.keys()
+    assert rows_of("A vehicle") == mission["vehicles"]["additionalProperties"]["properties"].keys()
+
+
+@pytest.mark.parametrize("name", EVENTS)
+def test_the_language_page_has_the_event(name: str) -> None:
+    star = " *" if name in OF_THE_RUN else ""
+    fields = ", ".join(f"`{field}`" for field in EVENT_FIELDS[name])
+    assert f"| `{name}`{star} | {EVENTS[name]} | {fields} |" in LANGUAGE.splitlines()
+
+
+def test_the_language_page_has_every_word_every_action_and_every_built_in_state() -> None:
+    names = {*OBSERVABLES, *get_args(Function), *KEYWORDS, "distance", "separation"}
+    names |= {*ACTIONS, *STATES}
+    words = words_of_code(LANGUAGE)
+    assert [name for name in sorted(names) if not {*name.split(".")} <= words] == []
+
+
+@pytest.mark.parametrize("name", own_catalog().names("supervisors"))
+def test_the_failsafe_page_has_the_supervisor(name: str) -> None:
+    spec = own_catalog().get("supervisors", name)
+    [reaction] = (field.default for field in spec.fields if field.name == "reaction")
+    rows = [row for row in FAILSAFE.splitlines() if row.startswith(f"| `{name}` |")]
+    for event in spec.cls.events:
+        assert any(f"| `{event}` | `" in row for row in rows)
+    assert any(f" | `{reaction}`" in row for row in rows)

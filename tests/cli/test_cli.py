@@ -1,0 +1,331 @@
+"""The command line: what it prints and how it ends."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from kybflow.cli.app import app
+from kybflow.recording import run_folder
+
+REPO = Path(__file__).parents[2]
+GOOD = str(REPO / "missions" / "figure_eight.yaml")
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, list(arguments))
+
+
+@pytest.fixture
+def bad(tmp_path: Path) -> str:
+    path = tmp_path / "bad.yaml"
+    path.write_text("kybflow: 1\nmission: m\nvehicels: {}\n")
+    return str(path)
+
+
+def test_validate_says_ok_and_ends_with_0() -> None:
+    result = run("validate", GOOD, "--set", "lap=8s")
+    assert result.exit_code == 0
+    assert result.output.startswith(f"{GOOD}: ok (")
+
+
+def test_validate_reports_and_ends_with_2(bad: str) -> None:
+    result = run("validate", GOOD, bad, "--format", "text")
+    assert result.exit_code == 2
+    assert f"{bad}:3:1 error[KYB101]: `vehicels` is no key of a mission" in result.output
+
+
+def test_validate_speaks_json(bad: str) -> None:
+    result = run("validate", GOOD, bad, "--format", "json")
+    report = json.loads(result.output)
+    assert (result.exit_code, report["valid"]) == (2, False)
+    assert [file["valid"] for file in report["files"]] == [True, False]
+    found = report["files"][1]["diagnostics"]
+    assert [d["code"] for d in found] == ["KYB101"]
+    assert {"file", "line", "column", "severity", "message", "help"} <= set(found[0])
+
+
+def test_validate_takes_folders() -> None:
+    result = run("validate", str(REPO / "missions"), "--format", "json")
+    paths = {Path(file["path"]).name for file in json.loads(result.output)["files"]}
+    assert result.exit_code == 0
+    assert {"figure_eight.yaml", "airframes.yaml"} <= paths
+
+
+def test_parts_lists_and_explains() -> None:
+    assert "figure_eight" in run("parts").output
+    text = run("parts", "circle").output
+    assert "radius" in text
+    assert "above 0 m" in text
+
+
+@pytest.mark.parametrize("arguments", [("parts", "circel"), ("validate",), ("fly",), ("run", "-x")])
+def test_a_wrong_command_line_ends_with_2_and_no_traceback(arguments: tuple[str, ...]) -> None:
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert "Traceback" not in result.output
+    assert not isinstance(result.exception, Exception)
+
+
+def test_a_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "none" / "schema.json"
+    result = run("schema", "--write", str(path))
+    assert result.exit_code == 2
+    assert "can't be written" in result.output
+
+
+def test_schema_prints_writes_and_checks(tmp_path: Path) -> None:
+    path = tmp_path / "schema.json"
+    assert json.loads(run("schema").output)["title"] == "mission"
+    assert run("schema", "--write", str(path)).exit_code == 0
+    assert run("schema", "--check", str(path)).exit_code == 0
+    path.write_text("{}")
+    result = run("schema", "--check", str(path))
+    assert result.exit_code == 2
+    assert f"kybflow schema --write {path}" in result.output
+
+
+def test_the_plainest_call_loads_nothing_heavy() -> None:
+    heavy = "numpy", "mujoco", "rich", "transitions", "plotly", "pydantic", "foxglove", "asyncio"
+    code = (
+        "import sys; from kybflow.cli.app import main\n"
+        "sys.argv = ['kybflow', 'validate', sys.argv[1]]\n"
+        "try: main()\nexcept SystemExit as end: code = end.code\n"
+        f"print([m for m in {heavy} if m in sys.modules], code)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, GOOD], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[1] == "[] 0"
+
+
+def test_parts_ends_where_its_reader_does() -> None:
+    """A closed pipe (`kybflow parts | head -1`) is no error worth a traceback."""
+    done = subprocess.run(
+        f"{sys.executable} -c 'from kybflow.cli.app import main; main()' parts | head -1",
+        shell=True,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stderr == ""
+
+
+PRINTS = [
+    ["parts"],
+    ["library"],
+    ["explain"],
+    ["schema"],
+    ["graph", GOOD],
+    ["show", GOOD],
+    ["validate", GOOD],
+    ["validate", GOOD, "--format", "json"],
+    ["preflight", GOOD],
+    ["new", "mine"],
+    ["--version"],
+    ["--help"],
+]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+@pytest.mark.parametrize("words", PRINTS, ids=" ".join)
+def test_output_that_cannot_be_written_is_said_in_one_sentence(
+    words: list[str], tmp_path: Path
+) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "kybflow", *words],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            cwd=tmp_path,
+        )
+    assert done.returncode == 1
+    assert done.stderr == "kybflow: the output can't be written: No space left on device\n"
+
+
+@pytest.mark.parametrize("words", [["parts"], ["schema"]], ids=" ".join)
+def test_an_output_that_was_closed_is_nobodys_concern(words: list[str]) -> None:
+    done = subprocess.run(
+        f"{sys.executable} -m kybflow {' '.join(words)} >&-",
+        shell=True,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_the_plain_call_says_what_the_parsed_one_says(bad: str) -> None:
+    command = [sys.executable, "-m", "kybflow", "validate", bad]
+    plain = subprocess.run(command, capture_output=True, text=True, check=False)
+    parsed = run("validate", bad, "--format", "text")
+    assert (parsed.exit_code, parsed.output) == (plain.returncode, plain.stdout)
+
+
+FIRST = str(REPO / "missions" / "first_flight.yaml")
+
+
+@pytest.mark.parametrize("outlet", ["| head -1", "> /dev/full"])
+def test_a_flight_goes_on_when_nobody_can_be_told(tmp_path: Path, outlet: str) -> None:
+    command = f"{sys.executable} -m kybflow run {FIRST} --no-report --out {tmp_path} {outlet}"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
+    assert json.loads((tmp_path / "summary.json").read_text())["outcome"] == "succeeded"
+    assert done.stderr == ""
+
+
+def test_run_shows_values_as_the_report_does(tmp_path: Path) -> None:
+    result = run("run", FIRST, "--out", str(tmp_path), "--set", "height=50cm")
+    assert result.exit_code == 0
+    assert "held    finished within 30 s  (" in result.output
+    assert f"report: {tmp_path / 'report.html'}" in result.output
+
+
+def test_an_unknown_option_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    result = run("run", FIRST, "--out", str(out), "--option", "nano.processor.fence.margin=1")
+    assert result.exit_code == 2
+    assert "did you mean `nano.processors.fence.margin`?" in result.output
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("operator.go", "is not NAME@TIME"),
+        ("@2s", "is not NAME@TIME"),
+        ("operator.go@2 m", "`2 m` is a length, but a duration is needed"),
+        ("operator.go@-1", "is before the run"),
+        ("operator.lnad@2s", "did you mean `operator.land`?"),
+        ("nano.landed@2s", "nothing here waits for `nano.landed`"),
+    ],
+)
+def test_an_event_that_cannot_be_given_is_refused_before_anything_is_written(
+    given: str, said: str, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    result = run("run", FIRST, "--out", str(out), "--emit", given)
+    assert result.exit_code == 2
+    assert said in " ".join(result.output.replace("│", " ").split())
+    assert not out.exists()
+
+
+def test_events_are_given_while_it_flies(tmp_path: Path) -> None:
+    words = ("--emit", "operator.land@6s", "--emit", "operator.pause@ 5.5", "--no-report")
+    result = run("run", FIRST, "--out", str(tmp_path), *words)
+    told = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
+    given = [(e["event"], e["t_s"]) for e in told if e["event"].startswith("operator.")]
+    assert given == [("operator.pause", 5.5), ("operator.land", 6.0)]
+    assert result.exit_code in (0, 1)
+
+
+def test_an_event_whose_time_never_came_is_told(tmp_path: Path) -> None:
+    words = ("--emit", "operator.land@1s", "--emit", "operator.pause@9000s", "--no-report")
+    result = run("run", FIRST, "--out", str(tmp_path), *words)
+    assert "`operator.pause` at 9000 s was never given: the run had ended" in result.output
+    assert "`operator.land` at" not in result.output
+
+
+def test_graph_draws_both_ways(tmp_path: Path) -> None:
+    assert "stateDiagram-v2" in run("graph", FIRST).output
+    drawing = tmp_path / "first.svg"
+    assert run("graph", FIRST, "--format", "svg", "--out", str(drawing)).exit_code == 0
+    assert drawing.read_text(encoding="utf-8").startswith("<svg")
+
+
+@pytest.mark.parametrize("command", ["run", "show", "graph", "preflight"])
+def test_a_library_is_told_to_be_no_mission(command: str) -> None:
+    library = REPO / "missions" / "library" / "airframes.yaml"
+    result = run(command, str(library))
+    assert result.exit_code == 2
+    assert f"{library} is a library, no mission" in result.output
+
+
+def test_the_version_needs_no_command() -> None:
+    result = run("--version")
+    assert result.exit_code == 0
+    assert result.output.startswith("kybflow ")
+
+
+@pytest.mark.parametrize("command", ["run", "test", "preflight", "validate"])
+def test_help_gives_each_exit_code_and_example_a_line(command: str) -> None:
+    lines = [line.strip() for line in run(command, "--help").output.splitlines()]
+    assert any(line.startswith("0: ") for line in lines)
+    assert any(line.startswith("2: ") for line in lines)
+    assert sum(line.startswith(f"kybflow {command} ") for line in lines) >= 2
+    assert "  |  " not in " ".join(lines)
+
+
+@pytest.mark.parametrize("arguments", ["validate missions/*.yaml", f"test {FIRST} --seeds 0..1"])
+def test_a_reader_that_goes_away_changes_no_exit_code(tmp_path: Path, arguments: str) -> None:
+    out = f" --out {tmp_path}" if arguments.startswith("test") else ""
+    command = f"{sys.executable} -m kybflow {arguments}{out} | head -0; echo ${{PIPESTATUS[0]}}"
+    done = subprocess.run(
+        ["bash", "-c", command], cwd=REPO, capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.stderr) == ("0\n", "")
+
+
+def test_run_tells_names_as_they_are(tmp_path: Path) -> None:
+    mission = tmp_path / "a:100:.yaml"
+    mission.write_text(MINE, encoding="utf-8")
+    result = run("run", str(mission), "--out", str(tmp_path / "run"), "--no-report")
+    assert result.exit_code == 0
+    assert f"[{mission}:8]" in result.output
+
+
+MINE = """kybflow: 1
+mission: hop
+import: {std: kybflow/airframes}
+vehicles:
+  nano:
+    like: std.nano_plus
+    behaviors:
+      up: {do: take_off, height: 50 cm, then: down}
+      down: {do: land}
+"""
+
+
+def test_an_earlier_run_is_not_replaced(tmp_path: Path) -> None:
+    words = ("run", FIRST, "--out", str(tmp_path), "--no-report")
+    assert run(*words).exit_code == 0
+    summary = (tmp_path / "summary.json").read_bytes()
+    again = run(*words)
+    assert again.exit_code == 2
+    assert "holds an earlier run; name another folder, or remove it" in again.output
+    assert (tmp_path / "summary.json").read_bytes() == summary
+
+
+def test_a_disk_that_is_full_at_the_end_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = run_folder._write
+
+    def full(path: Path, text: str) -> None:
+        if path.name == run_folder.SUMMARY:
+            raise run_folder.RunFolderError(f"`{path}` can't be written: No space left on device")
+        write(path, text)
+
+    monkeypatch.setattr(run_folder, "_write", full)
+    result = run("run", FIRST, "--out", str(tmp_path))
+    assert result.exit_code == 1
+    assert "first_flight failed: `" in result.output
+    assert "can't be written: No space left on device" in result.output
+    assert "run_ended" in (tmp_path / "events.jsonl").read_text()
+
+
+def test_show_tells_groups_flows_callbacks_faults_and_world() -> None:
+    formation = run("show", str(REPO / "missions" / "formation.yaml")).output
+    assert "world\n  fence from [-3, -3, 0] m to [3, 3, 2.5] m\n" in formation
+    assert "groups\n  swarm: a, b, c, d\n" in formation
+    assert "flow solo (drives what it is given; begins with leave)\n" in formation
+    assert "others: turn; give d to solo (event solo.finished: again)\n" in formation
+    lives = run("show", str(REPO / "missions" / "two_lives.yaml")).output
+    assert "callbacks\n  sick.fault_injected: log `{vehicle} suffers {fault}" in lives
+    assert "faults\n  battery_sag on sick, when behavior == eight and elapsed > 4 s\n" in lives

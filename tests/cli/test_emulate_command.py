@@ -1,0 +1,33 @@
+"""`kybflow emulate autopilot` says what is wrong with its command line."""
+
+from __future__ import annotations
+
+import pytest
+from typer.testing import CliRunner
+
+pytest.importorskip("pymavlink", reason="pymavlink is not installed")
+
+from kybflow.cli.app import app
+from kybflow.drivers.emulated_autopilot.breaking import read_break
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--fail", "nothing"], "can fail"),
+        (["--param", "COM_OBL_RC_ACT"], "is not NAME=VALUE"),
+        (["--param", "COM_OBL_RC=0"], "no parameter COM_OBL_RC; did you mean `COM_OBL_RC_ACT`?"),
+        (["--airframe", "zeppelin"], "no such airframe"),
+        (["--address", "udp:1"], "could mean two things"),
+        (["--address", "tcpin:1"] * 2, "can't listen"),
+    ],
+)
+def test_a_wrong_command_line_is_told(arguments, words):
+    found = CliRunner().invoke(app, ["emulate", "autopilot", "--vehicle", "px4", *arguments])
+    assert found.exit_code in (2, 3)
+    assert words in " ".join(found.output.replace("│", " ").split())
+
+
+def test_what_fails_is_said_as_it_was_written():
+    written = ("deaf", "pilot=POSCTL", "battery=0.06")
+    assert [str(read_break(f"{text}@20")) for text in written] == list(written)

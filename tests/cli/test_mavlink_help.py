@@ -1,0 +1,26 @@
+"""The examples in the help of `kybflow mavlink` and `kybflow emulate` are command lines."""
+
+from __future__ import annotations
+
+import re
+import shlex
+
+import pytest
+from typer.main import get_command
+
+from kybflow.cli.app import app
+from kybflow.cli.commands.emulate import EXAMPLES
+from kybflow.cli.commands.mavlink import LISTEN, SETUP
+
+SHOWN = re.findall(r"kybflow [^\n]+", "\n".join((EXAMPLES, LISTEN, SETUP)))
+
+
+def test_there_are_examples():
+    assert len(SHOWN) >= 8
+
+
+@pytest.mark.parametrize("line", SHOWN)
+def test_an_example_is_a_command(line: str):
+    _, group, name, *arguments = shlex.split(line)
+    known = get_command(app).commands[group].commands
+    assert known[name].make_context(name, arguments).params

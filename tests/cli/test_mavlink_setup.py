@@ -1,0 +1,266 @@
+"""`kybflow mavlink`: autopilots that are met outside a mission, and what they need indoors."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+pytest.importorskip("pymavlink")
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.cli.app import app
+from kybflow.cli.printing.autopilots import listen_to, set_up
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.discovery import Scout
+from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.preflight.outfit import Outfit
+from kybflow.drivers.mavlink.protocol.framing import Packer, Parser
+from kybflow.drivers.mavlink.transport.wire import memory_wires
+
+PX4, ARDUPILOT = 12, 3
+HOLD = 4 << 16 | 3 << 24
+STEP = NS // 50
+OURS = 245
+
+
+class Peer:
+    """An autopilot with parameters, whole ones where they are ints. `frozen`: those that it keeps
+    whatever is written. `ends`: when it falls silent."""
+
+    def __init__(self, system: int = 1, autopilot: int = PX4, **parameters: float) -> None:
+        self.system, self.autopilot, self.parameters = system, autopilot, parameters
+        self.armed, self.frozen, self.ends = False, set[str](), 1 << 62
+        self.writes: list[str] = []
+        self.hears_ground = False
+        self._packer = Packer(system)
+
+    def step(self, now: Time, heard: list) -> list[bytes]:
+        if now >= self.ends:
+            return []
+        said = [answer for message in heard for answer in self._answer(message)]
+        if now % NS == 0:
+            mode = HOLD if self.autopilot == PX4 else 4
+            base = 128 if self.armed else 0
+            said.append(mavlink.MAVLink_heartbeat_message(2, self.autopilot, base, mode, 3, 3))
+        return [self._packer.pack(message, 1) for message in said]
+
+    def _answer(self, message) -> Iterator:
+        sort = message.get_type()
+        self.hears_ground |= sort == "HEARTBEAT" and message.type == 6
+        if getattr(message, "target_system", 0) != self.system:
+            return
+        name = message.param_id
+        if name not in self.parameters:
+            return
+        is_whole = isinstance(self.parameters[name], int)
+        if sort == "PARAM_SET" and name not in self.frozen:
+            self.writes.append(name)
+            value = message.param_value
+            if is_whole and self.autopilot == PX4:
+                value = struct.unpack("<i", struct.pack("<f", value))[0]
+            self.parameters[name] = int(value) if is_whole else value
+        value = self.parameters[name]
+        if is_whole and self.autopilot == PX4:
+            value = struct.unpack("<f", struct.pack("<i", value))[0]
+        sort = 6 if is_whole else 9
+        yield mavlink.MAVLink_param_value_message(name.encode(), value, sort, 900, 0)
+
+
+class Table:
+    """A scout and those whom it hears, on one wire."""
+
+    def __init__(self, *peers: Peer, system: int | None = None) -> None:
+        ours, self._theirs = memory_wires("udpin:127.0.0.1:14540")
+        self.scout = Scout(ours, system, OURS)
+        self._peers, self._parser = peers, Parser()
+
+    def ticks(self) -> Iterator[Time]:
+        now = 0
+        while now < 300 * NS:
+            came = self._theirs.receive(now)
+            heard = [message for data, _ in came for message in self._parser.parse(data)]
+            for peer in self._peers:
+                for frame in peer.step(now, heard):
+                    self._theirs.send(frame)
+            yield now
+            now += STEP
+        raise AssertionError("it goes on for ever")
+
+    def set_up(self, name: str = "px4", *, write: bool = False, simulator: bool = False) -> bool:
+        outfit = Outfit(profile_of(name), OURS, simulator=simulator)
+        return set_up(self.scout, self.ticks(), outfit, write=write)
+
+
+def right(name: str, simulator: bool = False) -> dict[str, float]:
+    """All parameters as they should be."""
+    outfit = Outfit(profile_of(name), OURS, simulator=simulator)
+    values = {s.name: s.wanted(OURS) for s in outfit.settings}
+    return {name: value if value % 1 else int(value) for name, value in values.items()}
+
+
+@pytest.mark.parametrize(("name", "autopilot"), [("px4", PX4), ("ardupilot", ARDUPILOT)])
+def test_where_all_is_right_nothing_is_written(
+    name: str, autopilot: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    peer = Peer(7, autopilot, **right(name))
+    assert Table(peer).set_up(name, write=True)
+    out = capsys.readouterr().out
+    assert out.startswith(f"system 7: {name}, ")
+    assert out.endswith("\n\nall is right\n")
+    assert (peer.writes, peer.hears_ground) == ([], True)
+
+
+def test_what_is_wrong_is_shown_and_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    peer = Peer(**right("px4") | {"COM_OBL_RC_ACT": 0, "COM_RCL_EXCEPT": 1})
+    assert not Table(peer).set_up()
+    out = capsys.readouterr().out
+    lines = [line.split() for line in out.splitlines()]
+    assert ["COM_OBL_RC_ACT", "0", "4", "or", "5", "WRONG", "it"] in [w[:7] for w in lines]
+    assert ["COM_RCL_EXCEPT", "1", "with", "bits", "4", "WRONG"] in [w[:6] for w in lines]
+    assert out.endswith("\n2 to write: the same command with --write\n")
+    assert peer.writes == []
+
+
+def test_what_is_wrong_is_written_and_read_back(capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = {"EKF2_EV_CTRL": 0, "EKF2_HGT_REF": 1, "COM_RCL_EXCEPT": 1, "COM_OF_LOSS_T": 9.5}
+    peer = Peer(**right("px4") | wrong)
+    assert Table(peer).set_up(write=True)
+    assert set(peer.writes) == set(wrong)
+    assert peer.parameters["EKF2_EV_CTRL"] == 15
+    assert peer.parameters["COM_RCL_EXCEPT"] == 5
+    out = capsys.readouterr().out
+    assert "start the autopilot anew before it flies: EKF2_HGT_REF count only then\n" in out
+    assert out.endswith("all is right\n")
+
+
+def test_ardupilot_gets_plain_numbers_and_our_system_id() -> None:
+    wrong = {"VISO_TYPE": 0, "SYSID_MYGCS": 255}
+    peer = Peer(1, ARDUPILOT, **right("ardupilot") | wrong)
+    assert Table(peer).set_up("ardupilot", write=True)
+    assert (peer.parameters["VISO_TYPE"], peer.parameters["SYSID_MYGCS"]) == (1, OURS)
+
+
+def test_what_is_missing_is_said_and_the_rest_is_written(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    parameters = right("ardupilot") | {"VISO_TYPE": 0}
+    del parameters["COMPASS_ENABLE"]
+    peer = Peer(1, ARDUPILOT, **parameters)
+    assert not Table(peer).set_up("ardupilot", write=True)
+    assert peer.writes == ["VISO_TYPE"]
+    out = capsys.readouterr().out
+    assert "\nmissing: COMPASS_ENABLE. Many parameters only appear once" in out
+    assert "all is right" not in out
+
+
+def test_what_it_keeps_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    peer = Peer(**right("px4") | {"SYS_HAS_GPS": 1})
+    peer.frozen.add("SYS_HAS_GPS")
+    assert not Table(peer).set_up(write=True)
+    out = capsys.readouterr().out
+    assert "(it stays at 1)" in out
+    assert "\nrefused: SYS_HAS_GPS. " in out
+
+
+def test_what_is_dangerous_and_not_ours_to_choose_is_told(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    peer = Peer(**right("px4") | {"NAV_DLL_ACT": 2})
+    assert not Table(peer).set_up(write=True)
+    assert "\nDANGER: NAV_DLL_ACT is 2: " in capsys.readouterr().out
+    assert peer.parameters["NAV_DLL_ACT"] == 2
+
+
+def test_only_a_simulator_is_asked_for_what_only_it_has() -> None:
+    assert Table(Peer(**right("px4", simulator=True))).set_up(simulator=True)
+    assert not Table(Peer(**right("px4"))).set_up(simulator=True)
+
+
+def test_nothing_is_written_to_an_armed_vehicle(capsys: pytest.CaptureFixture[str]) -> None:
+    peer = Peer(**right("px4") | {"EKF2_EV_CTRL": 0})
+    peer.armed = True
+    assert not Table(peer).set_up(write=True)
+    assert peer.writes == []
+    assert "it is armed: nothing is written" in capsys.readouterr().err
+
+
+def test_one_of_several_is_chosen_by_its_system() -> None:
+    one, two = Peer(1, **right("px4")), Peer(2, **right("px4") | {"EKF2_EV_CTRL": 0})
+    assert Table(one, two, system=2).set_up(write=True)
+    assert (one.writes, two.writes) == ([], ["EKF2_EV_CTRL"])
+
+
+def test_several_without_a_choice_are_named() -> None:
+    with pytest.raises(typer.BadParameter, match="systems 1, 2 are heard"):
+        Table(Peer(1), Peer(2)).set_up()
+
+
+def test_another_firmware_is_not_touched() -> None:
+    with pytest.raises(typer.BadParameter, match="system 1 is no px4: ardupilot, GUIDED, disarmed"):
+        Table(Peer(1, ARDUPILOT, VISO_TYPE=0)).set_up(write=True)
+
+
+def test_nobody_there_says_what_to_try() -> None:
+    with pytest.raises(DriverError, match=r"nothing is heard at udpin:127.0.0.1:14540; is the"):
+        Table().set_up()
+
+
+def test_somebody_else_there_is_named() -> None:
+    with pytest.raises(DriverError, match=r"system 3 is not heard at .*, but 1"):
+        Table(Peer(1), system=3).set_up()
+
+
+def test_one_that_falls_silent_is_told() -> None:
+    peer = Peer(**right("px4"))
+    peer.ends = 2 * NS
+    with pytest.raises(DriverError, match=r"system 1 at .* fell silent"):
+        Table(peer, system=1).set_up("px4", write=True)
+
+
+def test_listening_names_all_and_what_they_say(capsys: pytest.CaptureFixture[str]) -> None:
+    one, two, other = Peer(1), Peer(2, ARDUPILOT), Peer(3, 5)
+    two.armed = True
+    table = Table(one, two, other)
+    listen_to(table.scout, table.ticks(), 3 * NS)
+    assert capsys.readouterr().out.splitlines() == [
+        "system 1: px4, HOLD, disarmed",
+        "system 2: ardupilot, GUIDED, armed",
+        "system 3: an autopilot that kybflow does not fly (MAV_AUTOPILOT 5), disarmed",
+    ]
+
+
+def test_listening_to_nobody_fails() -> None:
+    table = Table()
+    with pytest.raises(DriverError, match="nothing is heard"):
+        listen_to(table.scout, table.ticks(), NS)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["setup"], "--vehicle"),
+        (["setup", "--vehicle", "px4", "--address", "udp:14540"], "could mean two things"),
+        (["setup", "--vehicle", "px4", "--key", "/nonexistent"], "no key can be read"),
+        (["setup", "--vehicle", "px4", "--system", "0"], "--system"),
+        (["listen", "--address", "nowhere"], "is no MAVLink address"),
+        (["listen", "--address", "udpin:14540", "--for", "5 m"], "is a length"),
+        (["listen", "--address", "udpin:14540", "--for", "0 s"], "--for"),
+    ],
+)
+def test_a_wrong_command_line_ends_with_2(words: list[str], said: str) -> None:
+    result = CliRunner().invoke(app, ["mavlink", *words], terminal_width=200)
+    assert result.exit_code == 2
+    assert said in result.output
+
+
+def test_a_port_that_cannot_be_had_ends_with_3() -> None:
+    words = ["listen", "--address", "udpin:192.0.2.1:14540"]
+    result = CliRunner().invoke(app, ["mavlink", *words])
+    assert result.exit_code == 3
+    assert result.output.startswith("error: ")

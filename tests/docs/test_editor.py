@@ -1,0 +1,147 @@
+"""A mission in an editor: what the YAML language server completes, shows and reports with the
+schema that the mission's first line names. `npm install --global yaml-language-server@1` brings it.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+REPO = Path(__file__).parents[2]
+MISSIONS = sorted((REPO / "missions").glob("*.yaml"))
+SERVER = shutil.which("yaml-language-server")
+pytestmark = pytest.mark.skipif(
+    SERVER is None, reason="npm install --global yaml-language-server@1 brings it"
+)
+
+
+class Server:
+    """The server over stdio; messages are JSON-RPC behind a header with their length."""
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            [str(SERVER), "--stdio"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        self._number = 0
+        self.reported: dict[str, list[dict[str, Any]]] = {}
+        root = REPO.as_uri()
+        self.ask("initialize", {"processId": None, "rootUri": root, "capabilities": {}})
+        self.tell("initialized", {})
+
+    def close(self) -> None:
+        self.ask("shutdown", None)
+        self.tell("exit", None)
+        with self._process:
+            self._process.wait(timeout=30)
+
+    def open(self, path: Path, text: str) -> str:
+        """Open a text as if it were the file at `path`."""
+        document = {"uri": path.as_uri(), "languageId": "yaml", "version": 1, "text": text}
+        self.tell("textDocument/didOpen", {"textDocument": document})
+        return document["uri"]
+
+    def at(self, method: str, uri: str, line: int, character: int) -> Any:
+        """Ask about a place, counted from 0."""
+        place = {"line": line, "character": character}
+        return self.ask(method, {"textDocument": {"uri": uri}, "position": place})
+
+    def report(self, uri: str) -> list[dict[str, Any]]:
+        """What the server finds in a document, as soon as it says so."""
+        while uri not in self.reported:
+            self._take(self._read())
+        return self.reported[uri]
+
+    def tell(self, method: str, params: Any) -> None:
+        self._send({"jsonrpc": "2.0", "method": method, "params": params})
+
+    def ask(self, method: str, params: Any) -> Any:
+        self._number += 1
+        number = self._number
+        self._send({"jsonrpc": "2.0", "id": number, "method": method, "params": params})
+        while True:
+            message = self._read()
+            if message.get("id") == number and "method" not in message:
+                return message["result"]
+            self._take(message)
+
+    def _take(self, message: dict[str, Any]) -> None:
+        """Note a report; answer a question of the server with nothing."""
+        if message.get("method") == "textDocument/publishDiagnostics":
+            params = message["params"]
+            self.reported[params["uri"]] = params["diagnostics"]
+        elif "id" in message and "method" in message:
+            items = message.get("params", {}).get("items", [])
+            self._send({"jsonrpc": "2.0", "id": message["id"], "result": [None] * len(items)})
+
+    def _send(self, message: dict[str, Any]) -> None:
+        body = json.dumps(message).encode()
+        assert self._process.stdin is not None
+        self._process.stdin.write(b"Content-Length: %d\r\n\r\n%s" % (len(body), body))
+        self._process.stdin.flush()
+
+    def _read(self) -> dict[str, Any]:
+        assert self._process.stdout is not None
+        length = 0
+        while line := self._process.stdout.readline().strip():
+            name, _, value = line.partition(b":")
+            length = int(value) if name.lower() == b"content-length" else length
+        message: dict[str, Any] = json.loads(self._process.stdout.read(length))
+        return message
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Server]:
+    found = Server()
+    yield found
+    found.close()
+
+
+def opened(server: Server, name: str, behaviors: str) -> tuple[str, list[str]]:
+    """A mission that is being written beside the others; its address and lines."""
+    text = (
+        "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
+        "kybflow: 1\nmission: draft\nvehicles:\n  a:\n    behaviors:\n" + behaviors
+    )
+    return server.open(REPO / "missions" / f"{name}.yaml", text), text.split("\n")
+
+
+def labels(answer: Any) -> set[str]:
+    items = answer["items"] if isinstance(answer, dict) else answer
+    return {item["label"] for item in items}
+
+
+def test_it_completes_the_names_of_parts(server: Server) -> None:
+    uri, lines = opened(server, "parts", "      up:\n        do: \n")
+    found = labels(server.at("textDocument/completion", uri, len(lines) - 2, 12))
+    assert {"take_off", "fly_to", "land", "follow_path"} <= found
+
+
+def test_it_completes_the_parameters_of_a_part(server: Server) -> None:
+    uri, lines = opened(server, "keys", "      up:\n        do: take_off\n        \n")
+    found = labels(server.at("textDocument/completion", uri, len(lines) - 2, 8))
+    assert {"height", "then", "within"} <= found
+
+
+def test_it_shows_what_a_parameter_is(server: Server) -> None:
+    uri, lines = opened(server, "hover", "      up:\n        do: take_off\n        height: 1 m\n")
+    found = server.at("textDocument/hover", uri, len(lines) - 2, 10)
+    shown = found["contents"]["value"].replace("\\", "")
+    assert "Height above the ground of the start. Above 0 m." in shown
+    assert "A length [m], like `1.2 m`." in shown
+
+
+def test_it_reports_what_has_the_wrong_unit(server: Server) -> None:
+    uri, lines = opened(server, "wrong", "      up:\n        do: take_off\n        height: 1 s\n")
+    assert {d["range"]["start"]["line"] for d in server.report(uri)} == {len(lines) - 2}
+
+
+@pytest.mark.parametrize("path", MISSIONS, ids=[path.stem for path in MISSIONS])
+def test_it_reports_nothing_of_a_good_mission(server: Server, path: Path) -> None:
+    uri = server.open(path, path.read_text(encoding="utf-8"))
+    assert server.report(uri) == []

@@ -1,0 +1,83 @@
+"""The simulated vehicle's watchdog: it comes down by itself when nobody commands it any more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from sims import FRAME, PERIOD, QUIET, STOPPED, in_flight, lift, push, seat, thrust, world
+
+from kybflow.core.geometry import tilt_of
+from kybflow.core.signals import NS
+from kybflow.drivers.sim import Sim, SimParams
+from kybflow.parts import Effect
+
+
+def left_alone(session, link, now, seconds=30.0):
+    """Nobody sends any more: the fastest descent in the last 5 cm above the floor, and the end."""
+    fastest = 0.0
+    for _ in range(round(seconds * 250)):
+        now += PERIOD
+        before = link.truth()
+        session.advance(now)
+        if before.position[2] < 0.05:
+            fastest = max(fastest, -before.velocity[2])
+    return fastest, now
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("height", [0.6, 1.5, 2.5])
+def test_a_vehicle_that_nobody_commands_any_more_comes_down_gently(height, seed):
+    session, link, now = in_flight(SimParams(), height, seed=seed)
+    fastest, _ = left_alone(session, link, now)
+    assert 0.1 < fastest <= 1.2
+    assert link.truth().position[2] == pytest.approx(0.0, abs=0.02)
+    assert max(session.data.ctrl[:4]) == 0.0
+    assert tilt_of(link.truth().attitude) < 0.1
+
+
+@pytest.mark.parametrize("climb", [-1.0, 1.0])
+def test_the_watchdog_knows_how_fast_it_climbs(climb):
+    session, link, now = in_flight(SimParams(), 2.0)
+    for _ in range(100):
+        error = 4.0 * (climb - link.truth().velocity[2])
+        link.send(thrust(FRAME.mass * (9.81 + error)), now)
+        now += PERIOD
+        session.advance(now)
+    assert left_alone(session, link, now)[0] <= 1.5
+
+
+@pytest.mark.parametrize("error", [-1.0, 1.0])
+def test_it_takes_an_error_of_its_accelerometer_at_rest_for_no_motion(error):
+    session = world(seat(params=SimParams()))
+    link = session.links["a"]
+    link.rig.begin(Effect(accelerometer_bias=(0.0, 0.0, error)), 0)
+    _, now = push(session, link, 0.5, STOPPED)
+    now = lift(session, link, 1.5, 4.0, now)
+    fastest, _ = left_alone(session, link, now, 8.0)
+    assert 0.1 < fastest <= 1.5
+    assert max(session.data.ctrl[:4]) == 0.0
+
+
+def test_it_waits_250_ms_and_then_heeds_only_who_stops_its_rotors():
+    session, link, now = in_flight()
+    held = session.data.ctrl[0]
+    session.advance(now + NS // 4 - NS // 100)
+    assert session.data.ctrl[0] == pytest.approx(held, rel=0.05)
+    now += NS
+    session.advance(now)
+    _, now = push(session, link, 0.5, thrust(20.0), now)
+    assert link.truth().velocity[2] < 0.0
+    _, now = push(session, link, 0.1, STOPPED, now)
+    assert max(session.data.ctrl[:4]) == 0.0
+    push(session, link, 1.0, thrust(20.0), now)
+    assert link.truth().velocity[2] > 1.0
+
+
+def test_without_a_watchdog_it_flies_on_and_the_part_says_so():
+    params = replace(QUIET, watchdog=False)
+    session, link, now = in_flight(params)
+    session.advance(now + 3 * NS)
+    assert link.truth().position[2] > 0.5
+    assert Sim.watchdog(params) == "`watchdog` is off: nothing lands it should this stop"
+    assert Sim.watchdog(QUIET) is None

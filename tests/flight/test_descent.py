@@ -1,0 +1,119 @@
+"""The law of a descent by the IMU alone: how fast, how long, and that it never climbs."""
+
+from __future__ import annotations
+
+import random
+from typing import NamedTuple
+
+import pytest
+
+from kybflow.core.geometry import GRAVITY
+from kybflow.flight.descent import Descent
+
+MASS, MOST, ROTOR_TIME = 0.230, 5.2, 0.03
+HEIGHTS = (0.5, 1.0, 1.5, 2.5)
+ERRORS = (-0.1, 0.0, 0.1)
+
+
+class Fall(NamedTuple):
+    """speed: of the first touch of the floor, m/s. touched, stopped: when, s. climbed: m."""
+
+    speed: float
+    touched: float
+    stopped: float
+    climbed: float
+
+
+def fall(
+    height: float,
+    error: float = 0.0,
+    *,
+    bias: float = 0.0,
+    climb: float = 0.0,
+    unknown: float = 0.0,
+    dt: float = 0.004,
+    seed: int = 0,
+) -> Fall:
+    """A body whose thrust is wrong by `error` over a stiff floor; `unknown` is a vertical speed at
+    the beginning that nobody knows of."""
+    noise = random.Random(seed)
+    descent = Descent(MASS * GRAVITY, MOST, climb)
+    z, v, top, touch = height, climb + unknown, height, None
+    thrust = command = MASS * GRAVITY
+    for step in range(round(40.0 / dt)):
+        thrust += (command - thrust) * dt / ROTOR_TIME
+        lift = (1.0 + error) * thrust / MASS
+        if z <= 0.0:
+            touch = touch or (-v, step * dt)
+            lift += max(-2e4 * z - 200.0 * v, 0.0)
+        v += (lift - GRAVITY) * dt
+        z += v * dt
+        top = max(top, z)
+        given = descent.step(lift + bias + noise.gauss(0.0, 0.07), dt)
+        if given is None:
+            assert touch is not None, "the rotors stopped in the air"
+            return Fall(*touch, (step + 1) * dt, top - height)
+        command = given
+    raise AssertionError("it did not come down")
+
+
+@pytest.mark.parametrize("error", ERRORS)
+@pytest.mark.parametrize("height", HEIGHTS)
+def test_it_comes_down_gently_whatever_is_wrong_with_the_thrust(height, error):
+    speed, touched, stopped, climbed = fall(height, error)
+    assert speed < 1.05
+    assert touched < 4.2
+    assert stopped - touched < 0.05
+    assert climbed < 0.005
+
+
+@pytest.mark.parametrize("bias", [-0.25, -0.15, 0.15, 0.25])
+@pytest.mark.parametrize("error", ERRORS)
+@pytest.mark.parametrize("height", HEIGHTS)
+def test_a_wrong_accelerometer_neither_holds_it_up_nor_drops_it(height, error, bias):
+    speed, _, stopped, climbed = fall(height, error, bias=bias)
+    assert speed < 1.51
+    assert stopped < 11.0
+    assert climbed < 0.01
+
+
+@pytest.mark.parametrize("climb", [-1.0, -0.5, 0.5, 1.0])
+def test_the_speed_of_entry_is_taken_away(climb):
+    speed, _, _, climbed = fall(1.5, climb=climb)
+    assert speed < 1.0
+    assert climbed < max(0.5 * climb * abs(climb) / 2.0 + 0.06, 0.01)
+
+
+@pytest.mark.parametrize("unknown", [-0.3, 0.3])
+def test_a_speed_of_entry_that_is_not_known_does_little(unknown):
+    speed, _, _, climbed = fall(1.5, unknown=unknown)
+    assert speed < 1.0
+    assert climbed < 0.06
+
+
+@pytest.mark.parametrize("bias", [-3.0, -1.0, -0.5])
+def test_whatever_the_imu_says_it_comes_down_in_the_end(bias):
+    assert fall(1.0, bias=bias).stopped < 35.0
+
+
+def test_at_the_rate_of_the_physics_it_is_the_same():
+    slow, fast = fall(1.5), fall(1.5, dt=0.002)
+    assert fast.speed == pytest.approx(slow.speed, abs=0.03)
+    assert fast.touched == pytest.approx(slow.touched, abs=0.05)
+
+
+def test_its_thrust_never_exceeds_what_the_rotors_have():
+    descent = Descent(10.0, 5.0, -2.0)
+    assert descent.step(0.0, 0.004) == pytest.approx(5.0)
+
+
+@pytest.mark.slow
+def test_over_all_seeds():
+    falls = [
+        fall(height, error, bias=random.Random(seed).gauss(0.0, 0.07), seed=seed)
+        for seed in range(40)
+        for height in HEIGHTS
+        for error in ERRORS
+    ]
+    assert max(f.speed for f in falls) < 1.5
+    assert max(f.climbed for f in falls) < 0.01

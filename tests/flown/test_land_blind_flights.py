@@ -1,0 +1,147 @@
+"""land_blind in the simulator: gentle with a wrong thrust, in wind, with a wrong IMU, anywhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar, NamedTuple
+
+import pytest
+from flights import down, hold, named, path, up
+from plans import part, vehicle
+
+from kybflow.core.signals import MeasurementKind, Truth
+from kybflow.drivers.sim import Sim
+from kybflow.dsl.plan import EstimatorPlan, FaultPlan
+from kybflow.parts import Effect
+
+LOST = 9.0
+MOCAP = part("estimators", "mocap")
+KINDS = {
+    "nothing": [],
+    "heavy": [("mass_change", {"factor": 1.1})],
+    "light": [("mass_change", {"factor": 0.9})],
+    "bias down": [("imu_bias_step", {"accelerometer": (0.1, 0.1, -0.15)})],
+    "bias up": [("imu_bias_step", {"accelerometer": (0.1, 0.1, 0.15)})],
+    "wind": [("wind", {"velocity": (1.5, 0.0, 0.0)})],
+    "gust and heavy": [("gust", {"velocity": (2.0, 1.0, 0.0)}), ("mass_change", {"factor": 1.1})],
+    "rotor": [("rotor_weak", {"left": 0.85})],
+}
+"""What happens when the estimate is lost: thrust 10 % too weak or too strong, air, a bad IMU."""
+
+
+class Landing(NamedTuple):
+    speed: float
+    seconds: float
+    climbed: float
+
+
+class Watch:
+    """The truth of every tick of a vehicle in `land_blind`."""
+
+    def __init__(self) -> None:
+        self.seen: list[tuple[float, Truth]] = []
+
+    def __call__(self, engine) -> None:
+        flying = engine.vehicles[0]
+        if engine.flying and flying.activity.machine.state == "land_blind":
+            self.seen.append((engine.seconds(), flying.truth))
+
+    def landing(self) -> Landing:
+        first, last = self.seen[0], self.seen[-1]
+        top = max(truth.position[2] for _, truth in self.seen) - first[1].position[2]
+        fastest = -min(truth.velocity[2] for _, truth in self.seen)
+        return Landing(fastest, last[0] - first[0], top)
+
+
+@pytest.fixture(autouse=True)
+def _every_tick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("kybflow.runtime.engine._OBSERVED_EVERY", 1)
+
+
+def landed(run, kind: str, height: float, seed: int) -> Landing:
+    faults = [FaultPlan(part("faults", "mocap_dropout"), "a", time=LOST)]
+    for name, params in KINDS[kind]:
+        faults.append(FaultPlan(part("faults", name, **params), "a", time=LOST + 0.2))
+    watch = Watch()
+    states = [up("hold", height), hold(30.0, "down"), down()]
+    _, told = run(vehicle("a", states), seed=seed, faults=tuple(faults), observers=(watch,))
+    assert path(told, "a")[-2:] == ["land_blind", "fault"]
+    assert len(named(told, "landed")) == 1
+    return watch.landing()
+
+
+def held(landing: Landing) -> bool:
+    """The figures that the page of failsafes promises."""
+    return landing.speed <= 1.5 and landing.climbed <= 0.1 and landing.seconds < 11.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_lands_gently_from_a_metre(run, kind: str) -> None:
+    landing = landed(run, kind, 1.0, seed=1)
+    assert held(landing), landing
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("height", [0.5, 1.0, 1.8])
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_lands_gently_from_everywhere_with_every_seed(run, kind: str, height: float) -> None:
+    landings = [landed(run, kind, height, seed) for seed in range(10)]
+    assert all(map(held, landings)), landings
+
+
+def test_lost_while_it_climbs_it_lands(run) -> None:
+    watch = Watch()
+    fault = FaultPlan(part("faults", "mocap_dropout"), "a", time=2.5)
+    states = [up("hold", 1.8), hold(30.0, "down"), down()]
+    run(vehicle("a", states), faults=(fault,), observers=(watch,))
+    landing = watch.landing()
+    assert landing.speed <= 1.5
+    assert landing.climbed <= 0.3
+
+
+class Feels(MOCAP.cls):
+    """Motion capture, by an estimator that has the IMU too, on the ground already."""
+
+    needs = MOCAP.cls.needs | {MeasurementKind.IMU}
+
+
+class Biased(Sim):
+    """Its accelerometers are wrong by `error` along body z from the beginning."""
+
+    error: ClassVar[float]
+
+    @classmethod
+    def open(cls, seats, generator):
+        session = super().open(seats, generator)
+        session.links["a"].rig.begin(Effect(accelerometer_bias=(0.0, 0.0, cls.error)), 0)
+        return session
+
+
+def biased(run, error: float, factor: float, estimator=Feels) -> Landing:
+    """From a metre, the thrust wrong by `factor`, the accelerometer by `error`."""
+    sim = type("Biased", (Biased,), {"error": error})
+    faults = (
+        FaultPlan(part("faults", "mass_change", factor=factor), "a", time=LOST + 0.2),
+        FaultPlan(part("faults", "mocap_dropout"), "a", time=LOST),
+    )
+    watch = Watch()
+    one = vehicle(
+        "a",
+        [up("hold", 1.0), hold(30.0, "down"), down()],
+        driver=replace(part("drivers", "sim"), cls=sim),
+        estimators=(EstimatorPlan(replace(MOCAP, cls=estimator), None, 1.0, None),),
+    )
+    _, told = run(one, faults=faults, observers=(watch,))
+    assert path(told, "a")[-2:] == ["land_blind", "fault"]
+    return watch.landing()
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+@pytest.mark.parametrize("error", [-1.0, -0.4, 0.4, 1.0])
+def test_what_the_imu_felt_at_rest_is_no_error_any_more(run, error: float, factor: float) -> None:
+    landing = biased(run, error, factor)
+    assert held(landing), landing
+
+
+def test_where_nothing_was_felt_at_rest_that_error_holds_it_up(run) -> None:
+    assert biased(run, -1.0, 0.9, MOCAP.cls).climbed > 0.3

@@ -1,0 +1,98 @@
+"""Ten minutes of four vehicles: memory stays flat; and a run that is killed leaves its record."""
+
+import random
+import resource
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from mcap.exceptions import EndOfFile
+from mcap.records import Channel, Message
+from mcap.stream_reader import StreamReader
+from plans import part, plan, state, then, vehicle
+
+from kybflow.api.flight import Request, fly
+
+HERE = Path(__file__).parent
+STARTS = ((-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (-1.0, 1.0, 0.0), (1.0, 1.0, 0.0))
+
+
+def circling(minutes: float):
+    vehicles = []
+    for index, start in enumerate(STARTS):
+        center = (start[0], start[1], 1.0)
+        states = [
+            state("up", part("behaviors", "take_off", height=1.0), then("round")),
+            state(
+                "round",
+                part("behaviors", "circle", center=center, radius=0.4, laps=minutes * 60 / 5.03),
+                then("down"),
+            ),
+            state("down", part("behaviors", "land"), then("landed")),
+        ]
+        vehicles.append(vehicle(f"v{index}", states, start=start))
+    return plan(*vehicles, time_limit=minutes * 60 + 60)
+
+
+@pytest.mark.slow
+def test_memory_is_flat_over_ten_minutes(tmp_path: Path):
+    samples: list[tuple[float, int]] = []
+
+    def look(engine):
+        if not samples or engine.seconds() - samples[-1][0] > 30.0:
+            pages = int(Path("/proc/self/statm").read_text().split()[1])
+            samples.append((engine.seconds(), pages * resource.getpagesize()))
+
+    flown = fly(circling(10.0), Request(out=tmp_path), observers=(look,))
+    assert flown.summary["outcome"] == "succeeded"
+    after_a_minute = next(size for t, size in samples if t > 60.0)
+    assert samples[-1][0] > 560.0
+    growth = samples[-1][1] - after_a_minute
+    assert growth < 8e6, samples
+
+
+CHILD = """
+import sys
+sys.path[:0] = {tests!r}
+from pathlib import Path
+from test_long_flight import circling
+from kybflow.api.flight import Request, fly
+fly(circling(10.0), Request(out=Path({out!r})),
+    observers=(lambda engine: print(engine.seconds(), flush=True),))
+"""
+
+
+@pytest.mark.parametrize("draw", range(2))
+def test_a_killed_run_is_readable_up_to_the_last_second(tmp_path: Path, draw: int):
+    lines = random.Random(draw).randint(100, 400)
+    script = CHILD.format(tests=[str(HERE), str(HERE.parent / "support")], out=str(tmp_path))
+    child = subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, bufsize=1
+    )
+    assert child.stdout is not None
+    for _ in range(lines):
+        flown = float(child.stdout.readline())
+    child.send_signal(signal.SIGKILL)
+    rest = child.stdout.read().split()
+    child.stdout.close()
+    child.wait()
+    flown = float(rest[-2]) if len(rest) > 1 else flown
+    assert flown > 5.0
+    last = last_times(tmp_path / "log.mcap")
+    assert all(last[f"/v{i}/tick"] > flown - 1.0 for i in range(4)), (flown, last)
+
+
+def last_times(path: Path) -> dict[str, float]:
+    """The time of each topic's last message, in seconds; the file may end anywhere."""
+    topics: dict[int, str] = {}
+    last: dict[str, float] = {}
+    with path.open("rb") as file, suppress(EndOfFile):
+        for record in StreamReader(file).records:
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message):
+                last[topics[record.channel_id]] = record.log_time / 1e9
+    return last

@@ -1,0 +1,49 @@
+"""Every mission in `missions/` is flown, with two seeds in the fast suite (one where frames are
+drawn, which takes long) and twenty in the slow; its own expectations judge it. Those with
+`mass_guess` fly with a belief too low and one too high."""
+
+from pathlib import Path
+
+import pytest
+
+from kybflow.api.flight import Request, fly
+from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
+
+MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
+DRAWN = frozenset({"courier", "courier_hard"})
+GUESSES = ("80 %", "120 %")
+
+
+def variants(path: Path) -> tuple[tuple[str, ...], ...]:
+    guesses = "mass_guess:" in path.read_text(encoding="utf-8")
+    return tuple((f"mass_guess={g}",) for g in GUESSES) if guesses else ((),)
+
+
+def flights():
+    for path in MISSIONS:
+        fast = 1 if path.stem in DRAWN else 2
+        for sets in variants(path):
+            for seed in range(20):
+                marks = [pytest.mark.slow] if seed >= fast else []
+                name = "-".join([path.stem, *sets, str(seed)])
+                yield pytest.param(path, sets, seed, marks=marks, id=name)
+
+
+@pytest.mark.parametrize(("path", "sets", "seed"), list(flights()))
+def test_mission_meets_its_expectations(
+    path: Path, sets: tuple[str, ...], seed: int, tmp_path: Path
+):
+    result = compile_mission(path, catalog=load_catalog(), sets=sets)
+    assert result.diagnostics == ()
+    assert result.plan is not None
+    flown = fly(result.plan, Request(seed=seed, out=tmp_path))
+    broken = [e for e in flown.summary["expectations"] if not e["held"]]
+    assert broken == []
+    assert flown.summary["outcome"] == "succeeded"
+    assert len(flown.summary["expectations"]) > 0
+
+
+def test_there_are_missions():
+    known = {"first_flight", "figure_eight", "sidestep", "windy", "mass_pickup"}
+    assert {p.stem for p in MISSIONS} >= known

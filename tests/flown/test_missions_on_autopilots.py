@@ -1,0 +1,59 @@
+"""Shipped missions, unchanged, on emulated autopilots: every behavior is reached in order, the
+vehicles land and are disarmed. How well they track is each mission's own expectation, written for
+kybflow's simulator, and not asked of another's controller; where the parcel falls is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from kybflow.api.flight import Request, fly
+from kybflow.core.signals import Event
+from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+TARGETS = ("emulated_px4", "emulated_ardupilot")
+WAYS = {
+    "figure_eight": ["up", "steady", "eight", "down", "landed"],
+    "sidestep": ["up", "steady", "aside", "stop", "down", "landed"],
+    "courier": ["up", "out", "drop", "back", "down", "landed"],
+}
+
+
+def flown(name: str, target: str, out: Path):
+    result = compile_mission(
+        MISSIONS / f"{name}.yaml", catalog=load_catalog(), target=target, sets=()
+    )
+    assert result.plan is not None, result.diagnostics
+    told: list[Event] = []
+    return fly(result.plan, Request(out=out), (told.append,)), told
+
+
+def flights():
+    for name in WAYS:
+        for target in TARGETS:
+            quick = (name, target) in {
+                ("figure_eight", "emulated_ardupilot"),
+                ("courier", "emulated_px4"),
+            }
+            marks = [] if quick else [pytest.mark.slow]
+            yield pytest.param(name, target, marks=marks, id=f"{name}-{target}")
+
+
+@pytest.mark.parametrize(("name", "target"), list(flights()))
+def test_an_unchanged_mission_flies_on_an_autopilot(name: str, target: str, tmp_path: Path):
+    flight, told = flown(name, target, tmp_path)
+    for vehicle, record in flight.summary["vehicles"].items():
+        way = [
+            event.fields["behavior"]
+            for event in told
+            if event.name == "behavior_started" and event.vehicle == vehicle
+        ]
+        assert way == WAYS[name]
+        assert record["final"] == "ground"
+    assert not [event for event in told if event.name in {"failsafe_started", "control_taken"}]
+    if name == "courier":
+        assert [e for e in flight.summary["expectations"] if not e["held"]] == []
+        assert flight.summary["outcome"] == "succeeded"

@@ -1,0 +1,139 @@
+"""pause: an overlay; the behavior and its timers stand still, and the same object goes on."""
+
+from __future__ import annotations
+
+import pytest
+from alarming import followed, largest_steps, orders
+from flights import down, hold, named, path, up
+from plans import part, state, then, vehicle
+
+from kybflow.core.signals import NS
+from kybflow.dsl.plan import TransitionPlan
+
+PLACE = (0.6, 0.3, 0.8)
+FLYING = {
+    "circle": {"center": (0.0, 0.0, 0.6), "radius": 0.5, "speed": 0.5, "laps": 1.0},
+    "figure_eight": {"width": 1.0, "lap": 8.0, "laps": 1.0},
+    "fly_to": {"position": PLACE},
+    "follow_path": {"path": ((0.5, 0.0, 0.6), PLACE)},
+    "hover": {"for_time": 4.0},
+}
+
+
+def pausing(begin: float, end: float):
+    return orders(
+        (begin, lambda v: v.pause("operator", "m.yaml:3")), (end, lambda v: v.resume("operator"))
+    )
+
+
+def between(told, first: str, second: str) -> float:
+    [a], [b] = named(told, first), named(told, second)
+    return (b.time - a.time) / NS
+
+
+def duration(flown, name: str) -> float:
+    [visit] = [b for b in flown.summary["vehicles"]["a"]["behaviors"] if b["name"] == name]
+    return visit["end_s"] - visit["start_s"]
+
+
+@pytest.mark.parametrize("name", FLYING)
+def test_every_flying_behavior_goes_on_where_it_was(run, name):
+    tracker, samples = followed()
+    behavior = part("behaviors", name, **FLYING[name])
+    states = [up("fly"), state("fly", behavior, then("down")), down()]
+    plan = vehicle("a", states, tracker=tracker)
+    calm, _ = run(plan)
+    still = samples.copy()
+    samples.clear()
+    flown, told = run(plan, observers=(pausing(5.5, 8.0),))
+    assert path(told, "a") == ["up", "fly", "down", "landed"]
+    assert [e.fields for e in told if e.name in ("paused", "resumed")] == [{"by": "operator"}] * 2
+    assert duration(flown, "fly") >= duration(calm, "fly") + between(told, "paused", "resumed")
+    highest = [max(s.position[2] for _, s in one) for one in (still, samples)]
+    assert highest[1] == pytest.approx(highest[0], abs=0.01)
+    position, velocity = largest_steps(samples)
+    assert position <= 1.0 * 0.004
+    assert velocity <= 0.02
+
+
+@pytest.mark.parametrize(("name", "when"), [("up", 1.5), ("down", 4.5)])
+def test_a_take_off_and_a_landing_are_paused_too(run, name, when):
+    tracker, samples = followed()
+    plan = vehicle("a", [up("down"), down()], tracker=tracker)
+    calm, _ = run(plan)
+    samples.clear()
+    flown, told = run(plan, observers=(pausing(when, when + 2.0),))
+    assert path(told, "a") == ["up", "down", "landed"]
+    assert duration(flown, name) >= duration(calm, name) + 1.9
+    assert largest_steps(samples)[0] <= 0.5 * 0.004 + 1e-6
+
+
+def test_timers_stand_still(run):
+    timed = state(
+        "timed",
+        part("behaviors", "hover"),
+        TransitionPlan("next", "down", after=3.0),
+        TransitionPlan("within", "hold", after=3.5),
+    )
+    states = [up("timed"), timed, hold(9.0, "down"), down()]
+    flown, told = run(vehicle("a", states), observers=(pausing(4.5, 12.0),))
+    assert path(told, "a") == ["up", "timed", "down", "landed"]
+    frozen = duration(flown, "timed") - 3.0
+    assert frozen == pytest.approx(between(told, "paused", "resumed"), abs=0.05)
+
+
+def test_a_pause_that_lasts_lands(run):
+    states = [up("hold"), hold(4.0, "down"), down()]
+    flown, told = run(
+        vehicle("a", states, hover_limit=5.0), observers=(orders((5.0, lambda v: v.pause("x"))),)
+    )
+    assert path(told, "a") == ["up", "hold", "auto_land", "landed"]
+    [paused] = named(told, "paused")
+    [last] = [e for e in named(told, "behavior_started") if e.fields["behavior"] == "auto_land"]
+    assert (last.time - paused.time) / NS == pytest.approx(5.0, abs=0.01)
+    assert "`hold` failed: held for 5 s" in flown.summary["reason"]
+
+
+def test_a_tight_loop_of_pauses_changes_nothing_but_the_time(run):
+    tracker, samples = followed()
+    circle = part("behaviors", "circle", **FLYING["circle"])
+    times = [5.0 + 0.05 * i for i in range(40)]
+    loop = orders(
+        *((t, (lambda v: v.pause("x")) if i % 2 == 0 else (lambda v: v.resume("x")))
+          for i, t in enumerate(times))
+    )  # fmt: skip
+    states = [up("circle"), state("circle", circle, then("down")), down()]
+    flown, told = run(vehicle("a", states, tracker=tracker), observers=(loop,))
+    assert path(told, "a") == ["up", "circle", "down", "landed"]
+    assert flown.exit_code == 0
+    assert len(named(told, "paused")) == len(named(told, "resumed")) == 20
+    position, velocity = largest_steps(samples)
+    assert position <= 1.0 * 0.004
+    assert velocity <= 0.02
+
+
+def test_pause_and_resume_in_one_tick_is_no_pause(run):
+    both = orders((5.0, lambda v: (v.pause("x"), v.resume("x"))))
+    states = [up("hold"), hold(4.0, "down"), down()]
+    flown, told = run(vehicle("a", states), observers=(both,))
+    assert [e.name for e in told if e.name in ("paused", "resumed")] == ["paused", "resumed"]
+    assert duration(flown, "hold") == pytest.approx(4.0, abs=0.05)
+
+
+def test_a_second_pause_and_a_resume_without_one_say_nothing(run):
+    twice = orders(
+        (4.5, lambda v: v.resume("x")),
+        (5.0, lambda v: (v.pause("x"), v.pause("x"))),
+        (6.0, lambda v: (v.resume("x"), v.resume("x"))),
+    )
+    _, told = run(vehicle("a", [up("hold"), hold(4.0, "down"), down()]), observers=(twice,))
+    assert [e.name for e in told if e.name in ("paused", "resumed")] == ["paused", "resumed"]
+
+
+def test_on_the_ground_a_pause_stops_the_clock_only(run):
+    wait = state(
+        "wait", part("behaviors", "wait_on_ground"), TransitionPlan("next", "up", after=1.0)
+    )
+    flown, told = run(vehicle("a", [wait, up("down"), down()]), observers=(pausing(0.5, 40.0),))
+    assert path(told, "a") == ["wait", "up", "down", "landed"]
+    assert duration(flown, "wait") == pytest.approx(40.5, abs=0.1)

@@ -1,0 +1,59 @@
+"""While a run flies, what was there before is not searched for garbage; afterwards it is again."""
+
+from __future__ import annotations
+
+import gc
+
+import pytest
+from flights import down, up
+from plans import vehicle, wrapped
+
+from kybflow.core.errors import DriverError
+
+
+class Loose:
+    """A link whose cable comes out after a second."""
+
+    def __init__(self, link) -> None:
+        self._link = link
+
+    def __getattr__(self, name):
+        return getattr(self._link, name)
+
+    def read(self, now):
+        if now >= 1_000_000_000:
+            raise DriverError("the cable is out")
+        return self._link.read(now)
+
+
+@pytest.fixture
+def frozen():
+    """What was frozen before, which a run must leave so: nothing."""
+    assert gc.get_freeze_count() == 0
+    yield []
+    gc.unfreeze()
+
+
+@pytest.mark.parametrize(
+    ("driver", "code"), [({}, 0), ({"driver": wrapped(lambda _, link: Loose(link))}, 3)]
+)
+def test_no_tick_searches_what_was_there_before(run, frozen, driver, code):
+    def look(_) -> None:
+        frozen.append(gc.get_freeze_count())
+
+    flown, _ = run(vehicle("a", [up("down"), down()], **driver), observers=(look,))
+    assert flown.exit_code == code
+    assert min(frozen) > 0
+    assert gc.get_freeze_count() == 0
+
+
+def test_an_engine_that_breaks_leaves_nothing_unsearched(run, frozen, monkeypatch):
+    def breaks(engine):
+        frozen.append(gc.get_freeze_count())
+        raise ZeroDivisionError("a bug of ours")
+
+    monkeypatch.setattr("kybflow.runtime.engine.Engine.run", breaks)
+    with pytest.raises(ZeroDivisionError):
+        run(vehicle("a", [up("down"), down()]))
+    assert min(frozen) > 0
+    assert gc.get_freeze_count() == 0

@@ -1,0 +1,50 @@
+"""A vehicle that flies on `tag_camera` alone, late frames of a rolling shutter, does not sway."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("cv2")
+
+from kybflow.api.flight import Request, fly
+from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
+
+MISSION = """kybflow: 1
+mission: alone
+import: {std: kybflow/airframes, rooms: kybflow/worlds}
+world: {like: rooms.tag_floor, points: {over_pad: null, south: null, east: null, north: null, mark: null}}
+airframes:
+  courier: {like: std.courier_quad, cameras: {down: {width: 320, height: 240, rate: 30 Hz, row_time: 0.06 ms}}}
+vehicles:
+  courier:
+    airframe: courier
+    start: {at: world.points.pad}
+    estimators: [{use: tag_camera, healthy: age < 250 ms and spread < 5 cm}]
+    behaviors:
+      up:   {do: take_off, height: 1.2 m, then: wait}
+      wait: {do: hover, for_time: 6 s, then: down}
+      down: {do: land, position: world.points.pad}
+targets:
+  sim: {courier: {sensors: {tag_camera: {use: simulated_camera, row_time: 0.06 ms}}}}
+expect:
+  - max(courier.position_error in wait) < 3 cm
+  - max(courier.velocity_error in wait) < 4 cm/s
+  - finally distance(courier to world.points.pad) < 10 cm
+  - finally courier in landed
+"""  # noqa: E501
+
+
+@pytest.mark.slow
+def test_it_hovers_and_lands_on_the_pad(tmp_path: Path) -> None:
+    path = tmp_path / "alone.yaml"
+    path.write_text(MISSION, encoding="utf-8")
+    result = compile_mission(path, catalog=load_catalog())
+    assert [d.message for d in result.diagnostics] == []
+    assert result.plan is not None
+    flown = fly(result.plan, Request(seed=0, out=tmp_path / "run"))
+    broken = [(e["text"], e["value"]) for e in flown.summary["expectations"] if not e["held"]]
+    assert broken == []
+    assert flown.summary["outcome"] == "succeeded"

@@ -1,0 +1,157 @@
+"""The figures of a run, its outcome and its summary."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from recorded_run import make_plan
+
+from kybflow.recording.outcome import EXIT_CODES, INVALID, Ending, Score, decide, summarise
+from kybflow.runtime.expectations import Verdict
+
+HELD = Verdict("finished within 60 s", True, 41.25, 18.75, "s", "m.yaml:31")
+BROKEN = Verdict("max(mk.position_error) < 1 cm", False, 0.0312, -0.0212, "m", "m.yaml:32")
+
+
+def flown_score() -> Score:
+    score = Score(make_plan("mk"))
+    mk = score.vehicle("mk")
+    mk.estimator("mocap", 0.0)
+    mk.entered("up", "take_off", 0.5)
+    mk.sample(0.03, 0.3)
+    mk.sample(0.04, None)
+    mk.left("done", 3.125)
+    mk.entered("wait", "hover", 3.125)
+    mk.left("next", 4.0)
+    mk.entered("up", "take_off", 4.0)
+    mk.sample(0.0, 0.1)
+    mk.battery(0.95)
+    mk.battery(0.93)
+    mk.battery(0.94)
+    return score
+
+
+def test_the_summary_has_the_documented_shape():
+    summary = summarise(
+        make_plan("mk"), flown_score(), [HELD], Ending(), seed=7, sim_time_s=41.2, wall_time_s=0.8
+    )
+    assert summary == {
+        "kybflow": 1,
+        "mission": "figure_eight",
+        "outcome": "succeeded",
+        "reason": None,
+        "seed": 7,
+        "target": "sim",
+        "sim_time_s": 41.2,
+        "wall_time_s": 0.8,
+        "real_time_factor": 51.5,
+        "vehicles": {
+            "mk": {
+                "final": "ground",
+                "position_error_m": {"mean": 0.0233333, "rms": 0.0288675, "max": 0.04},
+                "velocity_error_m_s": {"mean": 0.2, "rms": 0.223607, "max": 0.3},
+                "behaviors": [
+                    {
+                        "name": "up",
+                        "part": "take_off",
+                        "start_s": 0.5,
+                        "end_s": 3.125,
+                        "ended": "done",
+                        "position_error_m": {"mean": 0.035, "rms": 0.0353553, "max": 0.04},
+                        "velocity_error_m_s": {"mean": 0.3, "rms": 0.3, "max": 0.3},
+                    },
+                    {
+                        "name": "wait",
+                        "part": "hover",
+                        "start_s": 3.125,
+                        "end_s": 4.0,
+                        "ended": "next",
+                        "position_error_m": None,
+                        "velocity_error_m_s": None,
+                    },
+                    {
+                        "name": "up",
+                        "part": "take_off",
+                        "start_s": 4.0,
+                        "end_s": None,
+                        "ended": None,
+                        "position_error_m": {"mean": 0.0, "rms": 0.0, "max": 0.0},
+                        "velocity_error_m_s": {"mean": 0.1, "rms": 0.1, "max": 0.1},
+                    },
+                ],
+                "estimators": [{"name": "mocap", "start_s": 0.0}],
+                "min_battery": 0.93,
+            }
+        },
+        "flows": {},
+        "expectations": [
+            {
+                "text": "finished within 60 s",
+                "held": True,
+                "value": 41.25,
+                "margin": 18.75,
+                "unit": "s",
+                "at": "m.yaml:31",
+            }
+        ],
+        "recording": None,
+    }
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "ending", "expected"),
+    [
+        ([HELD], Ending(), ("succeeded", None)),
+        (
+            [HELD, BROKEN],
+            Ending(),
+            ("failed", "1 of 2 expectations did not hold: max(mk.position_error) < 1 cm"),
+        ),
+        ([HELD], Ending("not finished in time"), ("failed", "not finished in time")),
+        ([HELD], Ending(airborne={"mk"}), ("failed", "mk ended in the air")),
+        ([HELD], Ending(recording="disk full"), ("failed", "disk full")),
+        ([BROKEN], Ending("interrupted", interrupted=True), ("interrupted", "interrupted")),
+        ([HELD], Ending(interrupted=True, driver="link lost"), ("driver_failed", "link lost")),
+        (
+            [BROKEN],
+            Ending("late", airborne={"mk"}),
+            (
+                "failed",
+                "late; mk ended in the air; "
+                "1 of 1 expectations did not hold: max(mk.position_error) < 1 cm",
+            ),
+        ),
+    ],
+)
+def test_the_gravest_decides(verdicts, ending, expected):
+    assert decide(flown_score(), verdicts, ending) == expected
+
+
+def test_a_vehicle_that_rests_in_fault_fails_the_mission():
+    score = flown_score()
+    score.vehicle("mk").entered("fault", "wait_on_ground", 9.0)
+    assert decide(score, [HELD], Ending()) == ("failed", "mk ended in `fault`")
+
+
+def test_every_outcome_has_its_exit_code():
+    assert EXIT_CODES == {
+        "succeeded": 0,
+        "failed": 1,
+        "driver_failed": 3,
+        "interrupted": 130,
+    }
+    assert INVALID == 2
+
+
+def test_a_run_without_samples_or_time_is_valid_json():
+    endless = Verdict("always mk.state.speed < 1", False, float("inf"), None, "m/s", "m.yaml:1")
+    plan = make_plan("mk", "nano")
+    summary = summarise(
+        plan, Score(plan), [endless], Ending("preflight"), seed=0, sim_time_s=0.0, wall_time_s=0.0
+    )
+    json.dumps(summary, allow_nan=False)
+    assert summary["real_time_factor"] is None
+    assert summary["expectations"][0]["value"] is None
+    assert summary["vehicles"]["nano"]["position_error_m"] is None
+    assert summary["vehicles"]["nano"]["min_battery"] is None

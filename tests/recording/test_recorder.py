@@ -1,0 +1,377 @@
+"""The recording: what it holds, that it is the same each time, and what is left of it when all goes
+wrong."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+from recorded_run import LEVEL, REST, make_plan, write_run
+
+from kybflow.core.signals import (
+    NS,
+    Battery,
+    Command,
+    CommandKind,
+    Estimate,
+    Event,
+    Imu,
+    Odometry,
+    Payload,
+    Pose,
+    Setpoint,
+    SetpointKind,
+    Sticks,
+    Time,
+    Truth,
+)
+from kybflow.recording.layout import definition, dtype_spec, struct_format
+from kybflow.recording.recorder import Recorder
+
+ESTIMATE = Estimate(
+    7,
+    (1.0, 2.0, 3.0),
+    (4.0, 5.0, 6.0),
+    (0.5, 0.5, 0.5, -0.5),
+    (7.0, 8.0, 9.0),
+    "mocap",
+    0.01,
+    0.002,
+)
+WANTED = Setpoint(
+    SetpointKind.POSITION,
+    (1.5, 2.5, 3.5),
+    (0.1, 0.2, 0.3),
+    (0.4, 0.5, 0.6),
+    (0.7, 0.8, 0.9),
+    0.25,
+    -0.125,
+)
+COMMAND = Command((1.0, 0.0, 0.0, 0.0), 10.25, (0.5, 0.25, 0.125), 0.75)
+TRUTH = Truth((1.1, 2.1, 3.1), (4.1, 5.1, 6.1), (1.0, 0.0, 0.0, 0.0), (7.1, 8.1, 9.1))
+
+
+def messages(path: Path, topic: str) -> list[Message]:
+    with path.open("rb") as file:
+        return [m for _, _, m in make_reader(file).iter_messages(topics=[topic])]
+
+
+def one_tick(
+    path: Path, *, estimate=ESTIMATE, wanted=WANTED, setpoint=WANTED, command=COMMAND, truth=TRUTH
+):
+    """The tick that was recorded, as it is read back."""
+    recorder = Recorder(path, make_plan("mk"))
+    recorder.vehicle("mk").tick(4_000_000, estimate, wanted, setpoint, command, truth)
+    recorder.close()
+    (message,) = messages(path, "/mk/tick")
+    assert (message.log_time, message.publish_time) == (4_000_000, 4_000_000)
+    return np.frombuffer(message.data, np.dtype(dtype_spec("Tick")))[0]
+
+
+def test_a_tick_holds_every_value(tmp_path):
+    setpoint = WANTED._replace(position=(9.5, 2.5, 3.5))
+    tick = one_tick(tmp_path / "log.mcap", setpoint=setpoint)
+
+    estimate = tick["estimate"]
+    assert estimate["present"]
+    assert tuple(estimate["position"]) == ESTIMATE.position
+    assert tuple(estimate["velocity"]) == ESTIMATE.velocity
+    assert tuple(estimate["attitude"]) == ESTIMATE.attitude
+    assert tuple(estimate["angular_velocity"]) == ESTIMATE.angular_velocity
+    assert (estimate["age"], estimate["spread"]) == (0.01, 0.002)
+    for recorded, meant in ((tick["wanted"], WANTED), (tick["setpoint"], setpoint)):
+        assert (recorded["kind"], recorded["present"]) == (2, 31)
+        for name in ("position", "velocity", "acceleration", "jerk"):
+            assert tuple(recorded[name]) == getattr(meant, name)
+        assert (recorded["heading"], recorded["heading_rate"]) == (0.25, -0.125)
+    command = tick["command"]
+    assert command["armed"]
+    assert command["kind"] == 4
+    assert command["heading_present"]
+    assert tuple(command["attitude"]) == COMMAND.attitude
+    assert tuple(command["rates"]) == COMMAND.rates
+    assert (command["thrust"], command["heading"]) == (10.25, 0.75)
+    assert tick["truth"]["present"]
+    for name in ("position", "velocity", "attitude", "angular_velocity"):
+        assert tuple(tick["truth"][name]) == getattr(TRUTH, name)
+
+
+def test_what_is_not_there_has_a_flag_and_zeros(tmp_path):
+    command = Command(LEVEL, 0.0, REST, None, armed=False)
+    tick = one_tick(
+        tmp_path / "log.mcap",
+        estimate=None,
+        wanted=None,
+        setpoint=None,
+        command=command,
+        truth=None,
+    )
+
+    assert not tick["estimate"]["present"]
+    assert not tick["truth"]["present"]
+    assert (tick["wanted"]["kind"], tick["setpoint"]["kind"]) == (0, 0)
+    assert not tick["command"]["armed"]
+    assert not tick["command"]["heading_present"]
+    assert tuple(tick["estimate"]["position"]) == REST
+    assert tick["command"]["heading"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("setpoint", "kind", "present"),
+    [
+        (Setpoint(SetpointKind.IDLE), 1, 0),
+        (Setpoint(SetpointKind.POSITION, REST, REST, REST, None, 0.0), 2, 1 + 2 + 4 + 16),
+        (Setpoint(SetpointKind.POSITION, REST, REST, REST), 2, 1 + 2 + 4),
+        (Setpoint(SetpointKind.VELOCITY, None, (1.0, 0.0, 0.0), heading=0.5), 3, 2 + 16),
+        (Setpoint(SetpointKind.ACCELERATION, None, None, (1.0, 0.0, 0.0), REST), 4, 4 + 8),
+    ],
+)
+def test_a_setpoint_says_what_it_has(tmp_path, setpoint, kind, present):
+    recorded = one_tick(tmp_path / "log.mcap", wanted=setpoint, setpoint=None)["wanted"]
+    assert (recorded["kind"], recorded["present"]) == (kind, present)
+
+
+def test_a_command_that_is_a_setpoint_is_recorded_with_it(tmp_path):
+    path = tmp_path / "log.mcap"
+    sent = WANTED._replace(kind=SetpointKind.VELOCITY, position=None)
+    command = COMMAND._replace(kind=CommandKind.VELOCITY, setpoint=sent)
+    assert one_tick(path, command=command)["command"]["kind"] == 2
+    (message,) = messages(path, "/mk/command")
+    decoded = np.frombuffer(message.data, np.dtype(dtype_spec("Setpoint")))[0]
+    assert (message.log_time, decoded["kind"], decoded["present"]) == (4_000_000, 3, 2 + 4 + 8 + 16)
+    assert tuple(decoded["velocity"]) == WANTED.velocity
+    assert decoded["heading"] == 0.25
+    assert one_tick(tmp_path / "plain.mcap")["command"]["kind"] == 4
+    assert messages(tmp_path / "plain.mcap", "/mk/command") == []
+
+
+def test_what_an_autopilot_believes_is_recorded(tmp_path):
+    path = tmp_path / "log.mcap"
+    recorder = Recorder(path, make_plan("mk"))
+    said = Odometry(25, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), LEVEL, (7.0, 8.0, 9.0), 0.5)
+    recorder.vehicle("mk").measurement(30, said)
+    recorder.close()
+    (message,) = messages(path, "/mk/odometry")
+    decoded = np.frombuffer(message.data, np.dtype(dtype_spec("Odometry")))[0]
+    assert (message.log_time, decoded["time"], decoded["spread"]) == (30, 25, 0.5)
+    for name in ("position", "velocity", "attitude", "angular_velocity"):
+        assert tuple(decoded[name]) == getattr(said, name)
+
+
+@pytest.mark.parametrize("switches", [(), (1.0, -1.0, 0.5), tuple(i / 64 for i in range(40))])
+def test_what_a_pilot_holds_is_recorded(tmp_path, switches):
+    decoder = pytest.importorskip("mcap_ros1.decoder")
+    path = tmp_path / "log.mcap"
+    recorder = Recorder(path, make_plan("mk"))
+    recorder.vehicle("mk").measurement(30, Sticks(25, 0.1, -0.2, 0.3, 0.4, switches))
+    recorder.close()
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
+        ((_, _, message, said),) = reader.iter_decoded_messages(topics=["/mk/sticks"])
+    assert (message.log_time, said.time) == (30, 25)
+    assert (said.roll, said.pitch, said.yaw, said.throttle) == (0.1, -0.2, 0.3, 0.4)
+    assert said.count == min(len(switches), 32)
+    assert tuple(said.switches) == (*switches[:32], *([0.0] * (32 - said.count)))
+
+
+def test_measurements_and_events_are_recorded_as_they_arrive(tmp_path):
+    path = tmp_path / "log.mcap"
+    recorder = Recorder(path, make_plan("mk", "nano"))
+    recorder.vehicle("nano").measurement(20, Pose(10, (1.0, 2.0, 3.0), (0.0, 1.0, 0.0, 0.0)))
+    recorder.vehicle("mk").measurement(30, Battery(25, 0.75, 11.5))
+    recorder.vehicle("mk").measurement(30, Imu(28, 0.004, (0.1, 0.2, 9.8), (0.5, 0.25, 0.125)))
+    recorder.event(Event(NS, "option_changed", "mk", {"option": "speed", "value": 0.5}, "m.yaml:3"))
+    recorder.close()
+
+    (pose,) = messages(path, "/nano/pose")
+    decoded = np.frombuffer(pose.data, np.dtype(dtype_spec("Pose")))[0]
+    assert (pose.log_time, decoded["time"]) == (20, 10)
+    assert tuple(decoded["position"]) == (1.0, 2.0, 3.0)
+    assert tuple(decoded["attitude"]) == (0.0, 1.0, 0.0, 0.0)
+    (battery,) = messages(path, "/mk/battery")
+    decoded = np.frombuffer(battery.data, np.dtype(dtype_spec("Battery")))[0]
+    assert (battery.log_time, *decoded.tolist()) == (30, 25, 0.75, 11.5)
+    (imu,) = messages(path, "/mk/imu")
+    decoded = np.frombuffer(imu.data, np.dtype(dtype_spec("Imu")))[0]
+    assert (imu.log_time, decoded["time"], decoded["dt"]) == (30, 28, 0.004)
+    assert tuple(decoded["specific_force"]) == (0.1, 0.2, 9.8)
+    assert tuple(decoded["angular_velocity"]) == (0.5, 0.25, 0.125)
+    (event,) = messages(path, "/events")
+    assert event.log_time == NS
+    assert json.loads(event.data) == {
+        "t_s": 1.0,
+        "event": "option_changed",
+        "vehicle": "mk",
+        "at": "m.yaml:3",
+        "fields": {"option": "speed", "value": 0.5},
+    }
+
+
+@pytest.mark.parametrize(
+    ("aboard", "known", "there"), [(True, True, True), (False, True, False), (None, False, False)]
+)
+def test_what_a_vehicle_says_of_its_payload_is_recorded(tmp_path, aboard, known, there):
+    path = tmp_path / "log.mcap"
+    recorder = Recorder(path, make_plan("mk"))
+    recorder.vehicle("mk").measurement(30, Payload(25, True, aboard))
+    recorder.close()
+    (said,) = messages(path, "/mk/payload")
+    decoded = np.frombuffer(said.data, np.dtype(dtype_spec("Payload")))[0]
+    assert (said.log_time, *decoded.tolist()) == (30, 25, True, known, there)
+
+
+def test_each_estimator_is_recorded_fifty_times_a_second(tmp_path):
+    flown = SimpleNamespace(name="mocap", estimate=ESTIMATE, is_usable=True)
+    blind = SimpleNamespace(name="inertial", estimate=None, is_usable=False)
+    estimation = SimpleNamespace(candidates=[flown, blind], source="mocap")
+    recorder = Recorder(tmp_path / "log.mcap", make_plan("mk", rate=250))
+    for tick in range(11):
+        recorder.vehicle("mk").estimators(tick * 4_000_000, estimation)
+    recorder.close()
+
+    first, *others = messages(tmp_path / "log.mcap", "/mk/estimator/mocap")
+    assert [m.log_time for m in others] == [20_000_000, 40_000_000]
+    said = np.frombuffer(first.data, np.dtype(dtype_spec("Candidate")))[0]
+    assert (said["present"], said["usable"], said["used"]) == (True, True, True)
+    assert tuple(said["position"]) == ESTIMATE.position
+    assert tuple(said["attitude"]) == ESTIMATE.attitude
+    assert (said["age"], said["spread"]) == (0.01, 0.002)
+    none = messages(tmp_path / "log.mcap", "/mk/estimator/inertial")[0]
+    said = np.frombuffer(none.data, np.dtype(dtype_spec("Candidate")))[0]
+    assert (said["present"], said["usable"], said["used"]) == (False, False, False)
+
+
+def test_the_definition_in_the_file_is_the_layout():
+    text = definition("Battery").decode()
+    assert [line.split("  #")[0] for line in text.splitlines()] == [
+        "int64 time",
+        "float64 remaining",
+        "float64 voltage",
+    ]
+    assert definition("Tick").count(b"MSG: kybflow/") == 6
+    assert struct_format("Battery") == "<qdd"
+
+
+def test_a_ros_1_reader_decodes_the_ticks(tmp_path):
+    decoder = pytest.importorskip("mcap_ros1.decoder")
+    path = tmp_path / "log.mcap"
+    one_tick(path)
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
+        ((_, _, _, tick),) = reader.iter_decoded_messages(topics=["/mk/tick"])
+    assert (tick.estimate.position.z, tick.wanted.heading_rate) == (3.0, -0.125)
+    assert (tick.command.thrust, tick.truth.attitude.w) == (10.25, 1.0)
+
+
+def test_the_same_run_gives_the_same_bytes(tmp_path):
+    first = write_run(tmp_path / "first", 6.0, seed=3) / "log.mcap"
+    again = write_run(tmp_path / "again", 6.0, seed=3) / "log.mcap"
+    other = write_run(tmp_path / "other", 6.0, seed=4) / "log.mcap"
+    assert first.read_bytes() == again.read_bytes()
+    assert first.read_bytes() != other.read_bytes()
+
+
+def test_closing_twice_is_harmless(tmp_path):
+    recorder = Recorder(tmp_path / "log.mcap", make_plan("mk"))
+    recorder.close()
+    recorder.close()
+    assert recorder.failed is None
+
+
+FULL = Path("/dev/full")
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="needs a device that is always full")
+def test_a_full_disk_stops_the_recording_and_nothing_else(capfd):
+    recorder = Recorder(FULL, make_plan("mk"))
+    channel = recorder.vehicle("mk")
+    for tick in range(1000):
+        channel.tick(tick * 4_000_000, ESTIMATE, WANTED, WANTED, COMMAND, TRUTH)
+    recorder.event(Event(0, "landed", "mk", {}))
+    recorder.close()
+    assert recorder.failed == "the recording stopped: No space left on device"
+    assert capfd.readouterr().err == ""
+
+
+def test_a_file_that_cannot_be_opened_is_an_error_before_the_flight(tmp_path):
+    with pytest.raises(OSError, match="No such file"):
+        Recorder(tmp_path / "missing" / "log.mcap", make_plan("mk"))
+
+
+CHILD = """
+import sys
+from pathlib import Path
+sys.path.insert(0, str(Path.cwd().parent / "support"))
+from recorded_run import make_plan
+from test_recorder import COMMAND, ESTIMATE, TRUTH, WANTED
+from kybflow.recording.recorder import Recorder
+
+plan = make_plan(*sys.argv[2:])
+recorder = Recorder(Path(sys.argv[1]), plan)
+now = 0
+while True:
+    for name in sys.argv[2:]:
+        recorder.vehicle(name).tick(now, ESTIMATE, WANTED, WANTED, COMMAND, TRUTH)
+    if now % 100_000_000 == 0:
+        print(now, flush=True)
+    now += 4_000_000
+"""
+
+
+def last_tick(path: Path) -> Time:
+    """The log time of the last message that can be read of a file without an end."""
+    newest = -1
+    with path.open("rb") as file:
+        try:
+            for record in StreamReader(file, validate_crcs=True).records:
+                if isinstance(record, Message):
+                    newest = record.log_time
+        except EndOfFile:
+            return newest
+    raise AssertionError("the file has an end")
+
+
+@pytest.mark.parametrize(
+    ("told", "vehicles"), [(13, ["mk"]), (57, ["mk"]), (41, ["a", "b", "c", "d"])]
+)
+def test_a_killed_run_is_readable_but_for_its_last_second(tmp_path, told, vehicles):
+    path = tmp_path / "log.mcap"
+    arguments = [sys.executable, "-c", CHILD, str(path), *vehicles]
+    here = Path(__file__).parent
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, cwd=here) as child:
+        assert child.stdout is not None
+        flown = [int(child.stdout.readline()) for _ in range(told)][-1]
+        child.kill()
+    assert flown == (told - 1) * 100_000_000
+    assert last_tick(path) >= flown - NS
+
+
+def resident() -> int:
+    pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+    return int(pages) * 4096
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc")
+def test_memory_is_flat_over_ten_minutes_of_four_vehicles(tmp_path):
+    names = ["a", "b", "c", "d"]
+    recorder = Recorder(tmp_path / "log.mcap", make_plan(*names))
+    channels = [recorder.vehicle(name) for name in names]
+    early = 0
+    for tick in range(600 * 250):
+        for channel in channels:
+            channel.tick(tick * 4_000_000, ESTIMATE, WANTED, WANTED, COMMAND, TRUTH)
+        if tick == 30 * 250:
+            early = resident()
+    grown = resident() - early
+    recorder.close()
+    assert grown < 4_000_000

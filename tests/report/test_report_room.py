@@ -1,0 +1,123 @@
+"""The map of a report: the fence, the obstacles and the points that stand in the room."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import hypot
+
+import pytest
+from recorded_run import write_run
+
+from kybflow.report.data import read_run
+from kybflow.report.map import path_map
+from kybflow.report.room import Extent, outline
+from kybflow.report.world import World, read_world
+from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
+
+WORLD = World(
+    {"pillar": (1.0, 0.5, 1.0), "pad": (0.0, -1.0, 0.0), "above": (0.0, -1.0, 1.0)},
+    {
+        "pillar": Cylinder((1.0, 0.5, 0.0), 0.2, 2.0),
+        "ball": Sphere((-1.0, 0.5, 1.0), 0.3),
+        "crate": Box((-2.0, -2.0, 0.0), (-1.5, -1.0, 0.5)),
+        "wall": Plane((2.5, 0.0, 0.0), (-1.0, 0.0, 0.0)),
+        "floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        "mast": Cylinder((80.0, 0.0, 0.0), 0.2, 9.0),
+    },
+)
+WRITTEN = """
+world:
+  points: {pillar: [1 m, 0.5 m, 1 m], pad: [0 m, -1 m, 0 m], above: [0 m, -1 m, 1 m]}
+  obstacles:
+    pillar: {cylinder: {at: [1 m, 0.5 m, 0 m], radius: 0.2 m, height: 2 m}}
+    ball: {sphere: {at: [-1 m, 0.5 m, 1 m], radius: 0.3 m}}
+    crate: {box: {from: [-2 m, -2 m, 0 m], to: [-1.5 m, -1 m, 0.5 m]}}
+    wall: {plane: {at: [2.5 m, 0 m, 0 m], facing: [-1, 0, 0]}}
+    floor: {plane: {at: [0 m, 0 m, 0 m], facing: [0, 0, 1]}}
+    mast: {cylinder: {at: [80 m, 0 m, 0 m], radius: 0.2 m, height: 9 m}}
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return replace(read_run(write_run(tmp_path_factory.mktemp("run"), 12.0)), world=WORLD)
+
+
+def test_the_world_is_read_from_the_resolved_mission(tmp_path):
+    path = tmp_path / "mission.resolved.yaml"
+    assert read_world(path) == World()
+    path.write_text(WRITTEN, encoding="utf-8")
+    assert read_world(path) == WORLD
+
+
+@pytest.mark.parametrize("text", ["[]", "world: {points: {a: 3}}", "world: {obstacles: {a: {}}}"])
+def test_a_world_that_no_run_has_written_is_an_error(tmp_path, text):
+    path = tmp_path / "mission.resolved.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match="no world that can be read"):
+        read_world(path)
+
+
+def test_the_fence_is_drawn_and_lies_in_the_picture(run):
+    layout = path_map(run).layout
+    [fence] = layout["shapes"]
+    assert (fence["x0"], fence["y0"], fence["x1"], fence["y1"]) == (-3.0, -3.0, 3.0, 3.0)
+    assert (fence["name"], fence["showlegend"]) == ("fence", True)
+    for axis in ("xaxis", "yaxis"):
+        low, high = layout[axis]["range"]
+        assert -4.0 < low < -3.0
+        assert 3.0 < high < 4.0
+
+
+def test_every_obstacle_and_point_has_its_name(run):
+    figure = path_map(run)
+    obstacles = [t for t in figure.traces if t["name"] == "obstacle"]
+    named = ["".join(t["text"]) for t in obstacles]
+    assert named == ["pillar", "ball", "crate", "wall", "mast"]
+    assert [t["showlegend"] for t in obstacles] == [True, False, False, False, False]
+    [points] = [t for t in figure.traces if t["name"] == "named point"]
+    assert points["text"] == ["", "pad, above"]
+    assert points["customdata"] == ["pillar", "pad, above"]
+    assert "Level, so not drawn: floor." in figure.note
+    assert "Farther away than this map reaches: obstacle mast." in figure.note
+
+
+def test_a_fence_far_away_does_not_squash_the_path(run):
+    far = replace(run, mission={**run.mission, "fence": [[-90, -90, 0], [90, 90, 30]]})
+    figure = path_map(far)
+    assert "Farther away than this map reaches: the fence" in figure.note
+    low, high = figure.layout["xaxis"]["range"]
+    assert high - low < 8.0
+
+
+def test_outlines_from_above():
+    window = Extent(-3.0, -3.0, 3.0, 3.0)
+    xs, ys = outline(Cylinder((1.0, 2.0, 0.0), 0.5, 1.0), window)
+    assert [hypot(x - 1.0, y - 2.0) for x, y in zip(xs, ys, strict=True)] == pytest.approx(
+        [0.5] * len(xs)
+    )
+    assert outline(Box((0.0, 1.0, 0.0), (2.0, 3.0, 1.0)), window) == (
+        [0.0, 2.0, 2.0, 0.0, 0.0],
+        [1.0, 1.0, 3.0, 3.0, 1.0],
+    )
+    xs, ys = outline(WORLD.obstacles["wall"], window)
+    assert xs == pytest.approx([2.5] * 3)
+    assert max(ys) > 3.0
+    assert min(ys) < -3.0
+    assert outline(WORLD.obstacles["floor"], window) == ([], [])
+
+
+def test_a_collision_is_marked_where_it_was(run):
+    hit = {"t_s": 6.0, "event": "collided", "vehicle": "mk", "at": "", "fields": {"into": "nano"}}
+    [cross] = [t for t in path_map(replace(run, events=[hit])).traces if t["name"] == "collision"]
+    mk = run.tracks[0]
+    place = mk.position[(mk.time >= 6.0).argmax()]
+    assert (cross["x"][0], cross["y"][0]) == pytest.approx(tuple(place[:2]), abs=0.02)
+    assert cross["text"] == ["mk ran into nano"]
+
+
+def test_a_payload_is_marked_where_it_came_to_rest(run):
+    place = {"x": 0.4, "y": -0.2, "z": 0.0}
+    fell = {"t_s": 6.0, "event": "payload_rested", "vehicle": "mk", "at": "", "fields": place}
+    [square] = [t for t in path_map(replace(run, events=[fell])).traces if t["name"] == "payload"]
+    assert (square["x"], square["y"], square["text"]) == ([0.4], [-0.2], ["the payload of mk"])

@@ -1,0 +1,270 @@
+"""Callbacks: which events they answer, in which order, and that nothing they do stops the run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+from flights import NoParams, down, hold, named, path, up
+from plans import state, then, vehicle
+
+from kybflow.core.errors import OptionRefused, PartFailed
+from kybflow.core.signals import NS, Event
+from kybflow.dsl.expressions import InState
+from kybflow.dsl.plan import (
+    Call,
+    CallbackPlan,
+    Emit,
+    Enable,
+    Log,
+    PartPlan,
+    SetOption,
+    Stop,
+    Switch,
+    TransitionPlan,
+)
+from kybflow.parts import Action, Deck
+from kybflow.runtime.events import Events
+from kybflow.runtime.fleet.action_context import Reach
+from kybflow.runtime.fleet.callbacks import Callbacks, filled
+from kybflow.runtime.vehicle.requests import Asker
+
+
+@dataclass(frozen=True)
+class NoteParams:
+    text: str = "noted"
+
+
+class Note(Action[NoteParams]):
+    """Says who was heard."""
+
+    def __call__(self, event: Event, deck: Deck) -> None:
+        deck.log(f"{self.params.text} {event.name} of {event.vehicle}")
+
+
+class Broken(Action[NoParams]):
+    def __call__(self, event: Event, deck: Deck) -> None:
+        raise ZeroDivisionError("a lab's own bug")
+
+
+class Unmakeable(Broken):
+    def __init__(self, params: NoParams) -> None:
+        raise OSError("no loudspeaker")
+
+
+class FakeVehicle:
+    """Notes what it is asked for."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple] = []
+
+    def ask(self, state: str, by: Asker, at: str = "") -> None:
+        self.asked.append(("switch", state, by, at))
+
+    def enable(self, label: str, on: bool, by: str, at: str = "") -> None:
+        self.asked.append(("enable", label, on, by, at))
+
+
+class Bench:
+    """Callbacks on a fake vehicle `a`, without a flight."""
+
+    def __init__(self, *plans: CallbackPlan, refuses: bool = False) -> None:
+        self.told: list[Event] = []
+        self.events = Events((self.told.append,))
+        self.vehicle = FakeVehicle()
+        self.asked = self.vehicle.asked
+        self._refuses = refuses
+        reach = Reach({"a": self.vehicle}, self, self.events, self._phase, self._stop)
+        self.callbacks = Callbacks(plans, reach, lambda _: lambda: self.holds)
+        self.holds = True
+
+    def set(self, name: str, value: object, by: str, at: str = "") -> None:
+        self.asked.append(("set", name, value, by, at))
+        if self._refuses:
+            raise OptionRefused("too much")
+
+    def _phase(self, *words: str) -> None:
+        self.asked.append(("phase", *words))
+
+    def _stop(self, *words: str) -> None:
+        self.asked.append(("stop", *words))
+
+    def logged(self) -> list[str]:
+        return [str(e.fields["text"]) for e in self.told if e.name == "logged"]
+
+
+def on(event: str, *actions, vehicles=("a",), **more) -> CallbackPlan:
+    return CallbackPlan(event, vehicles, actions, at="m.yaml:9", **more)
+
+
+def call(cls: type[Action], params: object = None) -> Call:
+    name = cls.__name__.lower()
+    return Call(PartPlan(name, cls, params or NoteParams(), f"actions.{name}", "m.yaml:9"))
+
+
+def test_an_event_is_answered_once_by_whom_it_concerns():
+    bench = Bench(on("landed", Log("down")), on("landed", Log("never"), vehicles=("b",)))
+    bench.events.tell("landed", "a")
+    bench.callbacks.step()
+    bench.callbacks.step()
+    assert bench.logged() == ["down"]
+
+
+def test_what_a_simulator_alone_knows_is_not_answered():
+    bench = Bench(on("collided", Log("bang")))
+    bench.events.note("collided", "a")
+    bench.callbacks.step()
+    assert bench.logged() == []
+
+
+def test_actions_are_done_in_order_and_say_where_they_come_from():
+    actions = (
+        Switch("a", "down"),
+        SetOption("a.tracker.tilt", 0.1),
+        Enable("a", "processors.smooth", False),
+        Stop("enough"),
+    )
+    bench = Bench(on("landed", *actions))
+    bench.events.tell("landed", "a")
+    bench.callbacks.step()
+    assert bench.asked == [
+        ("switch", "down", Asker.CALLBACK, "m.yaml:9"),
+        ("set", "a.tracker.tilt", 0.1, "callback", "m.yaml:9"),
+        ("enable", "processors.smooth", False, "callback", "m.yaml:9"),
+        ("stop", "enough", "m.yaml:9"),
+    ]
+
+
+def test_an_option_that_is_refused_is_told_by_the_options_alone():
+    bench = Bench(on("landed", SetOption("a.tracker.tilt", 9.0), Log("next")), refuses=True)
+    bench.events.tell("landed", "a")
+    bench.callbacks.step()
+    assert bench.logged() == ["next"]
+    assert named(bench.told, "action_failed") == []
+
+
+@pytest.mark.parametrize(
+    ("fields", "answered"), [({"how": "done"}, True), ({"how": "next"}, False)]
+)
+def test_a_filter_compares_a_field(fields: dict[str, str], answered: bool):
+    bench = Bench(on("behavior_ended", Log("over"), fields=(("how", "done"),)))
+    bench.events.tell("behavior_ended", "a", **fields)
+    bench.callbacks.step()
+    assert bool(bench.logged()) is answered
+
+
+def test_a_condition_must_hold_when_the_event_is_answered():
+    bench = Bench(on("landed", Log("down"), when=InState("a", "down")))
+    bench.holds = False
+    bench.events.tell("landed", "a")
+    bench.callbacks.step()
+    bench.holds = True
+    bench.callbacks.step()
+    assert bench.logged() == []
+    bench.events.tell("landed", "a")
+    bench.callbacks.step()
+    assert bench.logged() == ["down"]
+
+
+def test_what_is_emitted_is_answered_in_the_next_tick_one_round_a_tick():
+    bench = Bench(on("ping", Log("ping"), Emit("ping"), vehicles=("",)))
+    bench.events.tell("ping")
+    for rounds in (1, 2, 3):
+        bench.events.turn(rounds)
+        assert bench.callbacks.pending
+        bench.callbacks.step()
+        assert bench.logged() == ["ping"] * rounds
+
+
+def test_an_action_of_a_package_gets_the_event_and_its_parameters():
+    bench = Bench(on("landed", call(Note, NoteParams("saw"))))
+    bench.events.tell("landed", "a")
+    bench.callbacks.step()
+    assert bench.logged() == ["saw landed of a"]
+
+
+def test_an_action_that_raises_is_told_and_left_out_and_the_others_go_on():
+    bench = Bench(on("landed", call(Broken), Log("still here")))
+    for _ in range(2):
+        bench.events.tell("landed", "a")
+        bench.callbacks.step()
+    assert bench.logged() == ["still here"] * 2
+    [failed] = named(bench.told, "action_failed")
+    assert failed.at == "m.yaml:9"
+    assert failed.fields == {
+        "action": "broken",
+        "reason": "ZeroDivisionError: a lab's own bug",
+    }
+
+
+def test_an_action_that_cannot_be_made_is_known_before_anything_flies():
+    with pytest.raises(PartFailed, match="no loudspeaker"):
+        Bench(on("landed", call(Unmakeable)))
+
+
+@pytest.mark.parametrize("name", ["landed", "operator.go"])
+def test_an_action_may_not_speak_for_the_engine_or_a_person(name: str):
+    bench = Bench(on("took_off", Emit(name)))
+    bench.events.tell("took_off", "a")
+    bench.callbacks.step()
+    assert [e.name for e in bench.told] == ["took_off", "action_failed"]
+
+
+def test_a_text_is_filled_with_what_the_event_carries():
+    event = Event(2 * NS, "alarm", "a", {"value": 0.123456, "on": True, "who": None})
+    text = "{event} {vehicle} {time} {value} {on} {who} {else} {{}}"
+    assert filled(text, event) == "alarm a 2.00 s 0.1235 true none none {}"
+
+
+def test_a_flight_is_switched_and_its_options_changed_by_its_events(run):
+    speed = "b.processors.fence.margin"
+    callbacks = (
+        on("took_off", Switch("b", "down"), SetOption(speed, 0.4)),
+        on("option_changed", Log("{option} is {value}"), vehicles=("a", "b")),
+    )
+    a = vehicle("a", [up("hold"), hold(2.0, "down"), down()], start=(-1.0, 0.0, 0.0))
+    b = vehicle("b", [up("hold", 0.3), hold(60.0, "down"), down()])
+    flown, told = run(a, b, callbacks=callbacks)
+    assert path(told, "b") in (["up", "hold", "down", "landed"], ["up", "down", "landed"])
+    [ended] = [e for e in named(told, "behavior_ended") if e.fields["how"] == "asked"]
+    assert (ended.vehicle, ended.at) == ("b", "m.yaml:9")
+    assert [e.fields["text"] for e in named(told, "logged")] == [f"{speed} is 0.4"]
+    assert [e.at for e in named(told, "option_changed")] == ["m.yaml:9"]
+    assert flown.exit_code == 0
+
+
+def test_what_was_told_before_the_first_tick_is_answered_in_it(run):
+    callbacks = (
+        on("run_started", Log("begun"), vehicles=("",)),
+        on("behavior_started", Log("{behavior}"), fields=(("behavior", "up"),)),
+    )
+    _, told = run(vehicle("a", [up("down"), down()]), callbacks=callbacks)
+    assert [e.fields["text"] for e in named(told, "logged")] == ["begun", "up"]
+
+
+def test_a_vehicle_that_rests_is_waited_for_when_it_is_asked_for_more(run):
+    again = on("behavior_started", Switch("a", "again"), fields=(("behavior", "landed"),))
+    states = [up("down"), down(), state("again", up("x").behavior, then("hover"))]
+    _, told = run(vehicle("a", states, hover_limit=60.0), callbacks=(again,), time_limit=16.0)
+    assert path(told, "a")[:5] == ["up", "down", "landed", "again", "hover"]
+
+
+def test_arrows_hear_what_is_emitted_one_tick_later(run):
+    waits = state("hold", hold(60.0, "down").behavior, TransitionPlan("next", "down", event="now"))
+    callbacks = (on("behavior_started", Emit("now"), fields=(("behavior", "hold"),)),)
+    _, told = run(vehicle("a", [up("hold"), waits, down()]), callbacks=callbacks)
+    emitted = named(told, "now")[0].time
+    left = next(e for e in named(told, "behavior_ended") if e.fields["behavior"] == "hold")
+    assert left.time - emitted == NS // 250
+
+
+def test_stop_lands_everybody_and_the_run_ended_as_it_should(run):
+    callbacks = (on("took_off", Stop("seen enough")),)
+    a = vehicle("a", [up("hold"), hold(60.0, "down"), down()], start=(-1.0, 0.0, 0.0))
+    b = vehicle("b", [up("hold"), hold(60.0, "down"), down()])
+    flown, told = run(a, b, callbacks=callbacks)
+    [stopped] = named(told, "run_stopped")
+    assert (stopped.fields["reason"], stopped.at) == ("seen enough", "m.yaml:9")
+    assert flown.summary["sim_time_s"] < 30.0
+    assert {v["final"] for v in flown.summary["vehicles"].values()} == {"ground"}
+    assert flown.exit_code == 0

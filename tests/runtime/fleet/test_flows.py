@@ -1,0 +1,455 @@
+"""Flows: phases, barriers and their time-outs, give and return, what is refused and who is heard.
+
+First on vehicles that do at once what they are asked, then in the simulator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from flights import Still, down, named, path, up
+from plans import plan, state, then, vehicle
+
+from kybflow.core.errors import OptionRefused
+from kybflow.core.signals import NS, Event
+from kybflow.dsl.expressions import GroupInState, InState
+from kybflow.dsl.plan import (
+    CallbackPlan,
+    EnterPhase,
+    FlowPlan,
+    PhasePlan,
+    SetOption,
+    Switch,
+    TransitionPlan,
+)
+from kybflow.runtime.events import Events
+from kybflow.runtime.fleet.flows import Flows
+from kybflow.runtime.vehicle.requests import Asker
+
+DT = 0.1
+
+
+@dataclass
+class Obedient:
+    """A vehicle that is in every state that it is asked to enter."""
+
+    name: str
+    state: str = "landed"
+    paused: bool = False
+    asked: list[str] = field(default_factory=list)
+
+    def ask(self, state: str, by: Asker, at: str = "") -> None:
+        assert by is Asker.FLOW
+        self.asked.append(state)
+        self.state = state
+
+
+class Settings:
+    def __init__(self) -> None:
+        self.changed: list[tuple[str, Any, str]] = []
+
+    def set(self, name: str, value: Any, by: str, at: str = "") -> None:
+        if name.endswith("margin"):
+            raise OptionRefused("it only tightens")
+        self.changed.append((name, value, by))
+
+
+def go(target: str, **when: Any) -> TransitionPlan:
+    return TransitionPlan("next", target, **when)
+
+
+def limit(target: str, seconds: float) -> TransitionPlan:
+    return TransitionPlan("within", target, after=seconds)
+
+
+def phase(
+    name: str,
+    *arrows: TransitionPlan,
+    run: dict[str, str] | None = None,
+    give: dict[str, str] | None = None,
+    options: tuple[SetOption, ...] = (),
+) -> PhasePlan:
+    return PhasePlan(name, run or {}, give or {}, options, arrows)
+
+
+def flow(name: str, *phases: PhasePlan, vehicles: str = "", waits: bool = False) -> FlowPlan:
+    members = {p.name: p for p in phases}
+    return FlowPlan(name, phases[0].name, tuple(vehicles), members, waits)
+
+
+class Stage:
+    """Flows over obedient vehicles, tick by tick."""
+
+    def __init__(self, *flows: FlowPlan) -> None:
+        self.told: list[Event] = []
+        self.events = Events([self.told.append])
+        self.options = Settings()
+        self.a, self.b = self.vehicles = [Obedient("a"), Obedient("b")]
+        states = {v.name: v for v in self.vehicles}
+
+        def condition(expression: Any) -> Any:
+            match expression:
+                case InState(name, wanted):
+                    return lambda: states[name].state == wanted
+                case GroupInState("all", _, names, wanted):
+                    return lambda: all(states[name].state == wanted for name in names)
+            raise TypeError(expression)
+
+        self.flows = Flows(plan(flows=flows), self.vehicles, condition, self.events, self.options)
+        self.now = 0
+
+    def step(self, ticks: int = 1) -> None:
+        for _ in range(ticks):
+            self.now += round(DT * NS)
+            self.events.turn(self.now)
+            self.flows.step(self.now, DT)
+
+    def phases(self, name: str) -> list[str]:
+        visits = self.flows.record()[name]["phases"]
+        return [f"{v['name']}: {v['ended']}" if v["ended"] else v["name"] for v in visits]
+
+    def names(self) -> list[str]:
+        return [event.name for event in self.told]
+
+
+BOTH_UP = GroupInState("all", "both", ("a", "b"), "up")
+
+
+def test_a_phase_asks_its_vehicles_and_goes_on_when_all_are_there() -> None:
+    stage = Stage(
+        flow(
+            "team",
+            phase("launch", go("land", when=BOTH_UP), run={"a": "up", "b": "up"}),
+            phase("land", run={"a": "down", "b": "down"}),
+            vehicles="ab",
+        )
+    )
+    stage.step()
+    assert (stage.a.asked, stage.b.asked) == (["up"], ["up"])
+    stage.b.state = "landed"
+    stage.step(3)
+    assert stage.phases("team") == ["launch"]
+    stage.b.state = "up"
+    stage.step()
+    assert stage.phases("team") == ["launch: next", "land"]
+    assert not stage.flows.ended
+
+
+def test_a_barrier_that_takes_too_long_goes_otherwise() -> None:
+    stage = Stage(
+        flow(
+            "team",
+            phase("launch", go("fly", when=BOTH_UP), limit("land", 1.0), run={"a": "up"}),
+            phase("fly"),
+            phase("land", run={"a": "down"}),
+            vehicles="a",
+        )
+    )
+    stage.step(11)
+    assert stage.phases("team") == ["launch: within", "land"]
+    assert stage.told[-2].fields == {"flow": "team", "phase": "launch", "how": "within"}
+
+
+def test_the_last_phase_ends_its_flow_when_its_vehicles_have_left_what_it_asked_for() -> None:
+    stage = Stage(flow("team", phase("land", run={"a": "down"}), vehicles="a"))
+    stage.step(3)
+    assert not stage.flows.ended
+    stage.a.state = "landed"
+    stage.step()
+    assert stage.flows.ended
+    assert stage.names()[-3:] == ["phase_ended", "flow_ended", "team.finished"]
+
+
+def test_a_vehicle_in_a_chain_that_was_asked_for_is_still_in_it() -> None:
+    stage = Stage(flow("team", phase("fetch", run={"a": "fetch"}), vehicles="a"))
+    stage.step()
+    stage.a.state = "fetch.lift"
+    stage.step(2)
+    assert not stage.flows.ended
+
+
+def two() -> tuple[FlowPlan, FlowPlan]:
+    """`team` gives b to `solo`, which takes 0.5 s."""
+    return (
+        flow(
+            "team",
+            phase(
+                "part",
+                go("join", event="solo.finished"),
+                give={"b": "solo"},
+                run={"a": "turn"},
+            ),
+            phase("join", go("end", after=1.0), run={"a": "up", "b": "up"}),
+            vehicles="ab",
+        ),
+        flow("solo", phase("alone", go("end", after=0.5), run={"b": "away"}), waits=True),
+    )
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_flow_drives_what_it_was_given_and_gives_it_back_when_it_ends(order: int) -> None:
+    stage = Stage(*two()[::order])
+    assert stage.flows.driver("b") == "team"
+    stage.step(2)
+    assert stage.flows.driver("b") == "solo"
+    assert (stage.a.asked, stage.b.asked) == (["turn"], ["away"])
+    stage.step(6)
+    assert stage.flows.driver("b") == "team"
+    assert stage.b.asked == ["away", "up"]
+    assert [e.fields["flow"] for e in stage.told if e.name == "driver_changed"] == ["solo", "team"]
+
+
+def test_a_flow_that_waits_begins_with_each_vehicle_that_it_is_given() -> None:
+    team, solo = two()
+    again = flow(
+        "team",
+        team.phases["part"],
+        phase("join", go("part", after=1.0), run={"a": "up", "b": "up"}),
+        vehicles="ab",
+    )
+    stage = Stage(again, solo)
+    stage.step(20)
+    assert stage.phases("solo")[:2] == ["alone: next", "alone"]
+
+
+def test_what_a_flow_asks_of_a_vehicle_that_another_drives_is_refused() -> None:
+    _, solo = two()
+    greedy = flow(
+        "team",
+        phase("part", go("grab", after=0.2), give={"b": "solo"}),
+        phase("grab", go("end", after=9.0), give={"b": "solo"}, run={"a": "up", "b": "up"}),
+        vehicles="ab",
+    )
+    stage = Stage(greedy, solo)
+    stage.step(5)
+    assert stage.b.asked == ["away"]
+    assert stage.a.asked == ["up"]
+    [refused] = [e for e in stage.told if e.name == "switch_refused"]
+    assert (refused.vehicle, refused.fields["reason"]) == ("b", "`solo` drives it")
+    [kept] = [e for e in stage.told if e.name == "give_refused"]
+    assert kept.fields == {"flow": "team", "to": "solo", "reason": "`solo` drives it"}
+
+
+def test_the_time_of_a_flow_stands_still_while_one_of_its_vehicles_is_paused() -> None:
+    stage = Stage(
+        flow(
+            "team", phase("wait", limit("land", 1.0), run={"a": "up"}), phase("land"), vehicles="a"
+        )
+    )
+    stage.step(5)
+    stage.a.paused = True
+    stage.step(50)
+    stage.a.paused = False
+    stage.step(5)
+    assert stage.phases("team") == ["wait"]
+    stage.step(2)
+    assert stage.phases("team")[0] == "wait: within"
+
+
+def test_a_person_who_lands_ends_every_flow() -> None:
+    team, solo = two()
+    stage = Stage(team, solo)
+    stage.step(2)
+    stage.events.tell("operator.land")
+    stage.step()
+    assert stage.flows.ended
+    assert (stage.phases("team"), stage.phases("solo")) == (["part: operator"], ["alone: operator"])
+    stage.step(20)
+    assert (stage.a.asked, stage.b.asked) == (["turn"], ["away"])
+
+
+def test_options_are_set_before_states_are_asked_for_and_a_refusal_stops_nothing() -> None:
+    options = (SetOption("a.processors.fence.margin", 0.1), SetOption("a.tracker.gain", 2.0))
+    stage = Stage(flow("team", phase("go", run={"a": "up"}, options=options), vehicles="a"))
+    stage.step()
+    assert stage.options.changed == [("a.tracker.gain", 2.0, "flow team")]
+    assert stage.a.asked == ["up"]
+
+
+def test_a_phase_can_be_entered_from_outside_and_an_ended_flow_goes_on() -> None:
+    stage = Stage(flow("team", phase("fly"), phase("land", run={"a": "down"}), vehicles="a"))
+    stage.step(2)
+    assert stage.flows.ended
+    stage.flows.enter("team", "land", "callback")
+    assert stage.a.asked == ["down"]
+    assert stage.phases("team") == ["fly: done", "land"]
+
+
+def test_a_flow_that_waits_can_not_be_entered_without_a_vehicle() -> None:
+    stage = Stage(*two())
+    stage.flows.enter("solo", "alone", "callback")
+    assert stage.names() == ["phase_refused"]
+    assert stage.told[0].fields["reason"] == "no flow has given `solo` a vehicle"
+
+
+# In the simulator.
+
+
+def waiting(name: str, **more: Any):
+    """A vehicle that stands in `landed` until its flow asks for `up`."""
+    states = [up("hover"), state("still", Still, then("down")), down()]
+    return vehicle(name, states, **{"begin": "landed", **more})
+
+
+UP, LANDED = InState("a", "hover"), InState("a", "landed")
+
+
+def test_a_vehicle_that_waits_for_its_flow_does_not_end_the_run(run) -> None:
+    team = flow(
+        "team",
+        phase("wait", go("launch", after=2.0)),
+        phase("launch", go("land", when=UP), limit("land", 20.0), run={"a": "up"}),
+        phase("land", run={"a": "down"}),
+        vehicles="a",
+    )
+    flown, told = run(waiting("a"), flows=(team,))
+    assert flown.exit_code == 0
+    assert path(told, "a") == ["landed", "up", "hover", "down", "landed"]
+    phases = flown.summary["flows"]["team"]["phases"]
+    assert [(p["name"], p["ended"]) for p in phases] == [
+        ("wait", "next"), ("launch", "next"), ("land", "done"),
+    ]  # fmt: skip
+    assert phases[1]["start_s"] - phases[0]["start_s"] == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_switch_that_the_flight_types_forbid_is_heard_by_the_flow(run) -> None:
+    team = flow(
+        "team",
+        phase(
+            "wrong",
+            go("right", event="a.switch_refused"),
+            limit("end", 5.0),
+            run={"a": "still"},
+        ),
+        phase("right", go("land", when=UP), limit("land", 20.0), run={"a": "up"}),
+        phase("land", run={"a": "down"}),
+        vehicles="a",
+    )
+    flown, told = run(waiting("a"), flows=(team,))
+    assert path(told, "a") == ["landed", "up", "hover", "down", "landed"]
+    [refused] = named(told, "switch_refused")
+    assert (refused.fields["state"], refused.fields["by"]) == ("still", "flow")
+    assert flown.exit_code == 0
+
+
+def aloft(*more: PhasePlan, **rest: Any) -> FlowPlan:
+    """A flow that takes off and goes on with `more`."""
+    launch = phase("launch", go(more[0].name, when=UP), limit("end", 20.0), run={"a": "up"})
+    return flow("team", launch, *more, vehicles="a", **rest)
+
+
+AT_STILL = {"event": "phase_started", "fields": (("phase", "still"),), "vehicles": ("",)}
+
+
+def test_the_flow_decides_before_a_callback_and_before_the_vehicle_itself(run) -> None:
+    """In the tick in which `still` begins, a callback asks to land, and `hover` would land too."""
+    team = aloft(
+        phase("still", go("land", after=1.0), run={"a": "still"}),
+        phase("land", run={"a": "down"}),
+    )
+    callback = CallbackPlan(actions=(Switch("a", "auto_land"),), **AT_STILL)
+    _, told = run(waiting("a"), flows=(team,), callbacks=(callback,))
+    assert path(told, "a")[:4] == ["landed", "up", "hover", "still"]
+    [refused] = named(told, "switch_refused")
+    assert refused.fields["by"] == "callback"
+
+
+def test_an_operator_decides_before_the_flow(run) -> None:
+    team = aloft(phase("still", go("end", after=1.0), run={"a": "still"}))
+
+    def operator(event: Event) -> None:
+        if event.name == "phase_started" and event.fields["phase"] == "still":
+            engines[0].vehicles[0].ask("down", Asker.OPERATOR)
+
+    engines: list[Any] = []
+    flown, told = run(
+        waiting("a"), flows=(team,), observers=(engines.append,), listeners=(operator,)
+    )
+    assert path(told, "a") == ["landed", "up", "hover", "down", "landed"]
+    [refused] = named(told, "switch_refused")
+    assert (refused.fields["state"], refused.fields["by"]) == ("still", "flow")
+    assert flown.exit_code == 0
+
+
+def test_a_supervisor_decides_before_all_and_its_latch_refuses_the_flow(run) -> None:
+    team = aloft(
+        phase(
+            "still", go("again", event="a.switch_refused"), limit("land", 9.0), run={"a": "still"}
+        ),
+        phase("again", go("land", after=0.5), run={"a": "still"}),
+        phase("land", run={"a": "down"}),
+    )
+    engines: list[Any] = []
+
+    def supervisor(event: Event) -> None:
+        if event.name == "phase_started" and event.fields["phase"] == "still":
+            engines[0].vehicles[0].land("a person says so")
+
+    flown, told = run(
+        waiting("a"), flows=(team,), observers=(engines.append,), listeners=(supervisor,)
+    )
+    assert path(told, "a") == ["landed", "up", "hover", "auto_land", "fault"]
+    assert {e.fields["by"] for e in named(told, "switch_refused")} == {"flow"}
+    assert [p["name"] for p in flown.summary["flows"]["team"]["phases"]][:3] == [
+        "launch", "still", "again",
+    ]  # fmt: skip
+
+
+def test_a_callback_enters_a_phase(run) -> None:
+    team = aloft(
+        phase("still", go("land", after=30.0), run={"a": "still"}),
+        phase("land", run={"a": "down"}),
+    )
+    callback = CallbackPlan(actions=(EnterPhase("team", "land"),), **AT_STILL)
+    flown, _ = run(waiting("a"), flows=(team,), callbacks=(callback,))
+    ends = [(p["name"], p["ended"]) for p in flown.summary["flows"]["team"]["phases"]]
+    assert ends == [("launch", "next"), ("still", "asked"), ("land", "done")]
+
+
+def test_a_run_whose_vehicles_are_all_lost_ends_though_a_flow_waits(run) -> None:
+    team = aloft(phase("forever", go("end", event="operator.go"), run={"a": "still"}))
+    engines: list[Any] = []
+
+    def fault(event: Event) -> None:
+        if event.name == "phase_started" and event.fields["phase"] == "forever":
+            engines[0].vehicles[0].land("lost")
+
+    flown, _ = run(waiting("a"), flows=(team,), observers=(engines.append,), listeners=(fault,))
+    assert flown.summary["sim_time_s"] < 30.0
+    assert flown.summary["flows"]["team"]["phases"][-1]["ended"] == "run_ended"
+
+
+def test_a_pad_that_is_left_and_come_back_to_is_one_flow_of_two_vehicles(run) -> None:
+    """b waits in the air while a, given to `solo`, lands, waits and takes off again."""
+    both = GroupInState("all", "both", ("a", "b"), "hover")
+    team = flow(
+        "team",
+        phase("launch", go("part", when=both), limit("land", 20.0), run={"a": "up", "b": "up"}),
+        phase("part", go("land", event="solo.finished"), give={"a": "solo"}),
+        phase("land", run={"a": "down", "b": "down"}),
+        vehicles="ab",
+    )
+    solo = flow(
+        "solo",
+        phase("sit", go("again", when=LANDED, hold=1.0), limit("end", 20.0), run={"a": "down"}),
+        phase("again", go("end", when=UP), limit("end", 20.0), run={"a": "up"}),
+        waits=True,
+    )
+    flown, told = run(
+        waiting("a", start=(-1.0, 0.0, 0.0)), waiting("b", start=(1.0, 0.0, 0.0)),
+        flows=(team, solo),
+    )  # fmt: skip
+    assert flown.exit_code == 0
+    assert path(told, "a") == [
+        "landed",
+        "up",
+        "hover",
+        "down",
+        "landed",
+        "up",
+        "hover",
+        "down",
+        "landed",
+    ]
+    assert path(told, "b") == ["landed", "up", "hover", "down", "landed"]

@@ -1,0 +1,268 @@
+"""Stale, frozen, jumping and swapped bodies are told apart."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from math import cos, nan, sin
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kybflow.core.geometry import LEVEL, Vec3, add, from_euler, from_heading
+from kybflow.core.signals import NS, Pose
+from kybflow.runtime.monitoring.body_health import (
+    FROZE,
+    JUMPED,
+    RECOVERED,
+    STALE,
+    SWAPPED,
+    Bodies,
+    Bounds,
+    Finding,
+)
+
+TICK = NS // 250
+FLEET = ("a", "b", "c")
+Change = Callable[[str, Pose], Pose | None]
+
+
+def flight(name: str, time: int) -> Pose:
+    """A circle at 1.5 m/s with tilt, each vehicle 1.2 m from the next."""
+    t, k = time / NS, FLEET.index(name)
+    centre = (1.2 * k, 0.0, 1.0)
+    position = add(centre, (0.3 * cos(5 * t + k), 0.3 * sin(5 * t + k), 0.0))
+    return Pose(time, position, from_euler(0.2 * sin(5 * t), 0.2 * cos(5 * t), 0.5 * t))
+
+
+def watched(
+    change: Change, seconds: float, names: tuple[str, ...] = FLEET, rate: int = 120, seed: int = 1
+) -> tuple[list[Finding], dict[str, list[Pose]]]:
+    """What is found while `names` fly, their poses (0.5 mm of noise) as `change` makes them."""
+    generator, bodies = random.Random(seed), Bodies()
+    findings: list[Finding] = []
+    passed: dict[str, list[Pose]] = {name: [] for name in names}
+    count = dict.fromkeys(names, 0)
+    for tick in range(round(seconds * NS / TICK)):
+        now = tick * TICK
+        for name in names:
+            poses = []
+            while (stamp := count[name] * NS // rate) <= now:
+                count[name] += 1
+                pose = flight(name, stamp)
+                x, y, z = (p + generator.gauss(0.0, 0.0005) for p in pose.position)
+                changed = change(name, pose._replace(position=(x, y, z)))
+                if changed is not None:
+                    poses.append(changed)
+            good, found = bodies.judge(name, poses, now)
+            passed[name] += good
+            findings += found
+    return findings, passed
+
+
+def from_second(begin: float, body: str, what: Callable[[Pose], Pose | None], end: float = 1e9):
+    """`what` of the poses of `body` from a second on."""
+
+    def change(name: str, pose: Pose) -> Pose | None:
+        return what(pose) if name == body and begin <= pose.time / NS < end else pose
+
+    return change
+
+
+def moved(by: Vec3) -> Callable[[Pose], Pose]:
+    return lambda pose: pose._replace(position=add(pose.position, by))
+
+
+@pytest.mark.parametrize("rate", [30, 120, 240])
+def test_a_good_flight_is_no_finding_and_every_pose_passes(rate: int) -> None:
+    findings, passed = watched(lambda name, pose: pose, 5.0, rate=rate)
+    assert findings == []
+    assert all(len(poses) >= 5 * rate for poses in passed.values())
+
+
+def test_a_body_that_is_lost_and_comes_back() -> None:
+    findings, _ = watched(from_second(1.0, "a", lambda pose: None, 2.0), 3.0)
+    (lost, back) = findings
+    assert (lost.event, lost.body, back.event, back.body) == (STALE, "a", RECOVERED, "a")
+    assert 1.24 <= lost.time / NS <= 1.26
+    assert lost.value > lost.bound == 0.25
+    assert 2.0 <= back.time / NS <= 2.05
+
+
+def test_a_body_that_never_comes() -> None:
+    findings, _ = watched(from_second(0.0, "a", lambda pose: None), 1.0)
+    assert [(f.event, f.body) for f in findings] == [(STALE, "a")]
+
+
+def test_a_frozen_body_is_withheld_at_once_and_told_after_the_bound() -> None:
+    still = flight("a", NS)
+    frozen = from_second(1.0, "a", lambda pose: still._replace(time=pose.time), 2.0)
+    findings, passed = watched(frozen, 3.0)
+    assert [(f.event, f.body) for f in findings] == [(FROZE, "a"), (RECOVERED, "a")]
+    froze, back = findings
+    assert 1.5 < froze.time / NS <= 1.52
+    assert froze.value > froze.bound == 0.5
+    assert 2.0 < back.time / NS <= 2.05
+    assert [p.time for p in passed["a"] if NS < p.time < 2 * NS] == []
+
+
+def still(bodies: Bodies, times: Sequence[int], in_air: bool) -> tuple[int, list[str]]:
+    """(how many poses of a body that stands still pass, what is found)."""
+    count, found = 0, []
+    for time in times:
+        passed, findings = bodies.judge("a", [Pose(time, (0.0, 0.0, 0.0), LEVEL)], time, in_air)
+        count += len(passed)
+        found += [finding.event for finding in findings]
+    return count, found
+
+
+def test_what_stands_still_without_noise_is_not_frozen_before_it_flies() -> None:
+    bodies = Bodies()
+    assert still(bodies, range(0, 2 * NS, NS // 100), in_air=False) == (200, [])
+    assert still(bodies, range(2 * NS, 3 * NS, NS // 100), in_air=True) == (0, [FROZE])
+
+
+def test_what_froze_in_the_air_is_withheld_on_the_ground_until_it_moves() -> None:
+    bodies = Bodies()
+    still(bodies, range(0, NS, NS // 100), in_air=True)
+    assert still(bodies, range(NS, 2 * NS, NS // 100), in_air=False) == (0, [])
+    poses = [Pose(2 * NS + i, (0.001 * i, 0.0, 0.0), LEVEL) for i in range(1, 4)]
+    passed, findings = bodies.judge("a", poses, 2 * NS + 3, in_air=False)
+    assert (passed, [f.event for f in findings]) == (poses, [RECOVERED])
+
+
+@pytest.mark.parametrize("rate", [3, 5, 8])
+def test_a_slow_stream_is_not_lost_between_its_poses_but_when_it_ends(rate: int) -> None:
+    findings, _ = watched(from_second(3.0, "a", lambda pose: None), 5.0, rate=rate)
+    started = 0 if rate > 3 else 3  # at 3 Hz nobody can tell before three poses have come
+    [lost] = [f for f in findings if f.body == "a" and f.time > 2 * NS]
+    assert lost.event == STALE
+    assert lost.bound == pytest.approx(3.0 / rate, abs=0.02)
+    assert len([f for f in findings if f.event == STALE and f.time < NS]) <= started
+
+
+def test_due_is_when_a_body_is_lost() -> None:
+    bodies = Bodies()
+    still(bodies, range(0, NS, NS // 100), in_air=False)
+    due = bodies.due("a")
+    assert due == 99 * NS // 100 + NS // 4
+    assert bodies.judge("a", [], due)[1] == []
+    assert [f.event for f in bodies.judge("a", [], due + 1)[1]] == [STALE]
+
+
+def test_a_frozen_body_whose_stream_ends_is_stale() -> None:
+    def change(name: str, pose: Pose) -> Pose | None:
+        if name != "a" or pose.time < NS:
+            return pose
+        return flight("a", NS)._replace(time=pose.time) if pose.time < 2 * NS else None
+
+    findings, _ = watched(change, 3.0)
+    assert [f.event for f in findings] == [FROZE, STALE]
+
+
+def test_frames_that_a_server_sends_twice_are_no_finding_and_pass_once() -> None:
+    last: list[Pose] = []
+
+    def twice(name: str, pose: Pose) -> Pose:
+        if name != "a":
+            return pose
+        if last:
+            return last.pop()._replace(time=pose.time)
+        last.append(pose)
+        return pose
+
+    findings, passed = watched(twice, 2.0)
+    assert findings == []
+    assert len(passed["a"]) == pytest.approx(len(passed["b"]) / 2, abs=1)
+
+
+@pytest.mark.parametrize("by", [(1.0, 0.0, 0.5), (0.0, 0.0, -0.3), (0.0, 5.0, 0.0)])
+def test_a_body_that_jumps_and_goes_on_from_there(by: Vec3) -> None:
+    findings, passed = watched(from_second(1.0, "a", moved(by)), 2.0)
+    (jump,) = findings
+    assert (jump.event, jump.body, jump.other) == (JUMPED, "a", "")
+    assert jump.time == pytest.approx(NS, abs=NS // 120)
+    assert jump.value > jump.bound
+    assert len(passed["a"]) == len(passed["b"])
+
+
+def test_a_body_that_is_turned_over_at_a_stroke_has_jumped() -> None:
+    over = from_heading(2.0)
+    findings, _ = watched(from_second(1.0, "a", lambda p: p._replace(attitude=over)), 1.2)
+    assert [(f.event, f.bound < f.value < 3.2) for f in findings] == [(JUMPED, True)]
+
+
+def test_a_single_reflection_is_no_finding() -> None:
+    findings, _ = watched(from_second(1.0, "a", moved((1.0, 0.0, 0.0)), 1.01), 2.0)
+    assert findings == []
+
+
+@pytest.mark.parametrize("names", [FLEET, FLEET[::-1]])
+@pytest.mark.parametrize("seed", range(5))
+def test_two_bodies_that_are_exchanged_and_exchanged_back(
+    names: tuple[str, ...], seed: int
+) -> None:
+    swap = {"a": "b", "b": "a"}
+
+    def change(name: str, pose: Pose) -> Pose:
+        if name in swap and 1.0 <= pose.time / NS < 2.0:
+            other = flight(swap[name], pose.time)
+            noise = tuple(
+                p - q for p, q in zip(pose.position, flight(name, pose.time)[1], strict=True)
+            )
+            return other._replace(position=add(other.position, noise))
+        return pose
+
+    findings, _ = watched(change, 3.0, names, seed=seed)
+    told = sorted((round(f.time / NS), f.body, f.event, f.other) for f in findings)
+    assert told == [
+        (1, "a", SWAPPED, "b"),
+        (1, "b", SWAPPED, "a"),
+        (2, "a", SWAPPED, "b"),
+        (2, "b", SWAPPED, "a"),
+    ]
+
+
+def test_a_body_that_is_taken_for_another_which_stays() -> None:
+    def change(name: str, pose: Pose) -> Pose:
+        away = (0.001, 0.0, 0.0)
+        return moved(away)(flight("b", pose.time)) if name == "a" and pose.time >= NS else pose
+
+    findings, _ = watched(change, 2.0)
+    assert [(f.body, f.event, f.other) for f in findings] == [("a", SWAPPED, "b")]
+
+
+@pytest.mark.parametrize("attitude", [(0.0, 0.0, 0.0, 0.0), (nan, 0.0, 0.0, 0.0)])
+def test_what_is_no_pose_never_passes_and_is_as_if_none_came(attitude: tuple[float, ...]) -> None:
+    findings, passed = watched(
+        from_second(1.0, "a", lambda pose: pose._replace(attitude=attitude)), 2.0
+    )
+    assert [(f.body, f.event) for f in findings] == [("a", STALE)]
+    assert max(pose.time for pose in passed["a"]) < NS
+
+
+def test_a_stamp_that_is_not_newer_is_left_out() -> None:
+    bodies = Bodies()
+    poses = [Pose(t, (0.001 * t, 0.0, 0.0), LEVEL) for t in (1, 3, 2, 3, 4)]
+    assert [pose.time for pose in bodies.judge("a", poses, 4)[0]] == [1, 3, 4]
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(FLEET),
+            st.integers(0, NS),
+            st.tuples(*[st.floats(-10, 10)] * 3),
+            st.tuples(*[st.floats()] * 4),
+        ),
+        max_size=40,
+    )
+)
+def test_whatever_comes_it_never_raises_and_what_passes_is_newer(data: list) -> None:
+    bodies, newest, now = Bodies(Bounds(stale=0.1)), dict.fromkeys(FLEET, -1), 0
+    for name, step, position, attitude in data:
+        now += step
+        for pose in bodies.judge(name, [Pose(now, position, attitude)], now)[0]:
+            assert pose.time > newest[name]
+            newest[name] = pose.time

@@ -1,0 +1,304 @@
+"""The choice of the estimator: the first healthy one, with hysteresis and a bound on its use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import nan
+
+import pytest
+from plans import FENCE, NANO, part, state, vehicle
+
+from kybflow.core.errors import PartFailed
+from kybflow.core.geometry import LEVEL, ZERO, Vec3
+from kybflow.core.signals import NS, Estimate, Event
+from kybflow.core.units import DURATION
+from kybflow.dsl.expressions import Compare, Number, Read
+from kybflow.dsl.plan import EstimatorPlan, PartPlan
+from kybflow.parts import Estimator
+from kybflow.recording.outcome import VehicleScore
+from kybflow.runtime.events import Events
+from kybflow.runtime.vehicle.estimation import Estimation
+from kybflow.world.vehicle_context import Site
+
+SITE = Site("a", NANO, ZERO, 0.0, FENCE, 0.1)
+
+
+@dataclass(frozen=True)
+class Named:
+    name: str
+
+
+class Scripted(Estimator[Named]):
+    """An estimator whose age is set by the test; None: it has no estimate."""
+
+    needs = frozenset()
+    ages: dict[str, float | None] = {}  # noqa: RUF012 (the test sets it)
+    places: dict[str, Vec3] = {}  # noqa: RUF012 (the test sets it)
+
+    def __init__(self, params: Named, site: Site) -> None:
+        super().__init__(params, site)
+        self.anchors: list[Estimate] = []
+
+    def update(self, measurements, now):
+        age = self.ages[self.params.name]
+        if age is None:
+            return None
+        name = self.params.name
+        return Estimate(now, self.places.get(name, ZERO), ZERO, LEVEL, ZERO, name, age, 0.0)
+
+    def anchor(self, estimate):
+        self.anchors.append(estimate)
+
+
+def candidate(name: str, recover: float = 1.0, at_most: float | None = None) -> EstimatorPlan:
+    part = PartPlan(name, Scripted, Named(name), f"estimators.{name}")
+    fresh = Compare("<", Read(None, "estimate.age"), Number(0.3, DURATION))
+    return EstimatorPlan(part, fresh, recover, at_most)
+
+
+@pytest.fixture
+def ages():
+    Scripted.ages = {"first": 0.0, "second": 0.0}
+    yield Scripted.ages
+    Scripted.ages, Scripted.places = {}, {}
+
+
+def choice(
+    *candidates: EstimatorPlan,
+    failed: list[PartFailed] | None = None,
+    told: list[Event] | None = None,
+    known=lambda kinds: "",
+) -> Estimation:
+    states = [state("wait", part("behaviors", "wait_on_ground"))]
+    events = Events(() if told is None else (told.append,))
+    report = [].append if failed is None else failed.append
+    plan = vehicle("a", states, estimators=candidates)
+    return Estimation(plan, SITE, events, VehicleScore("a"), report, known)
+
+
+def run(estimation: Estimation, begin: float, end: float) -> list[str | None]:
+    """Which source is used at each tenth of a second, without repetitions."""
+    used: list[str | None] = []
+    for tick in range(round(begin * 10), round(end * 10)):
+        estimate = estimation.update((), tick * NS // 10)
+        source = estimate.source if estimate else None
+        if not used or used[-1] != source:
+            used.append(source)
+    return used
+
+
+def test_the_first_healthy_one_is_used(ages):
+    estimation = choice(candidate("first"), candidate("second"))
+    assert run(estimation, 0.0, 1.0) == ["first"]
+    ages["first"] = 0.4
+    assert run(estimation, 1.0, 2.0) == ["second"]
+    ages["second"] = None
+    assert run(estimation, 2.0, 3.0) == [None]
+
+
+def test_one_that_was_lost_counts_again_only_after_its_time(ages):
+    estimation = choice(candidate("first"), candidate("second"))
+    run(estimation, 0.0, 1.0)
+    ages["first"] = 0.4
+    run(estimation, 1.0, 2.0)
+    ages["first"] = 0.0
+    assert run(estimation, 2.0, 2.9) == ["second"]
+    ages["first"] = 0.4
+    run(estimation, 2.9, 3.0)
+    ages["first"] = 0.0
+    assert run(estimation, 3.0, 3.9) == ["second"]
+    assert run(estimation, 3.9, 4.5) == ["second", "first"]
+
+
+def test_at_the_start_nobody_waits(ages):
+    assert run(choice(candidate("first", recover=9.0)), 0.0, 0.1) == ["first"]
+
+
+def test_one_that_may_be_used_for_a_time_only_is_spent_until_another_was_used(ages):
+    estimation = choice(candidate("first"), candidate("second", at_most=2.0))
+    ages["first"] = 0.4
+    assert run(estimation, 0.0, 2.0) == ["second"]
+    assert run(estimation, 2.0, 9.0) == [None]
+    ages["first"] = 0.0
+    assert run(estimation, 9.0, 11.0) == ["first"]
+    ages["first"] = 0.4
+    assert run(estimation, 11.0, 12.0) == ["second"]
+
+
+def test_a_moment_of_another_does_not_renew_one_that_is_spent(ages):
+    estimation = choice(candidate("first"), candidate("second", at_most=2.0))
+    ages["first"] = 0.4
+    run(estimation, 0.0, 2.0)
+    ages["first"] = 0.0
+    assert run(estimation, 2.0, 3.0) == ["first"]
+    ages["first"] = 0.4
+    assert run(estimation, 3.0, 4.0) == [None]
+
+
+def test_the_time_of_use_adds_up_over_short_uses(ages):
+    estimation = choice(candidate("first", recover=0.0), candidate("second", at_most=2.0))
+    used = []
+    for tick in range(100):
+        ages["first"] = 0.0 if tick % 4 == 0 else 0.4
+        used.append(run(estimation, tick / 10, (tick + 1) / 10)[0])
+    spent = used.index(None)
+    assert 30 <= spent <= 45
+    assert "second" not in used[spent:]
+
+
+def test_one_that_has_just_become_healthy_is_better_than_none(ages):
+    estimation = choice(candidate("first", recover=1.0), candidate("second", at_most=2.0))
+    run(estimation, 0.0, 0.5)
+    ages["first"] = 0.4
+    run(estimation, 0.5, 2.0)
+    ages["first"] = 0.0
+    assert run(estimation, 2.0, 2.5) == ["second"]
+    assert run(estimation, 2.5, 2.7) == ["first"]
+    ages["second"], ages["first"] = None, 0.4
+    assert run(estimation, 2.7, 3.0) == [None]
+    ages["first"] = 0.0
+    assert run(estimation, 3.0, 3.1) == ["first"]
+
+
+def test_the_others_are_told_what_is_flown_on(ages):
+    estimation = choice(candidate("first"), candidate("second"))
+    run(estimation, 0.0, 1.0)
+    first, second = estimation.parts().values()
+    assert first.anchors == []
+    assert {e.source for e in second.anchors} == {"first"}
+    assert len(second.anchors) == 10
+    ages["first"] = ages["second"] = None
+    run(estimation, 1.0, 2.0)
+    assert len(second.anchors) == 10
+
+
+def test_one_that_fails_when_it_is_anchored_is_left_out(ages):
+    failed: list[PartFailed] = []
+    estimation = choice(candidate("first"), candidate("second"), failed=failed)
+    estimation.parts()["estimators.second"].anchors = None
+    assert run(estimation, 0.0, 1.0) == ["first"]
+    assert [failure.part for failure in failed] == ["estimators.second"]
+
+
+def test_a_change_is_told_with_its_reason_and_its_offset(ages):
+    told: list[Event] = []
+    estimation = choice(candidate("first"), candidate("second", at_most=1.0), told=told)
+    run(estimation, 0.0, 1.0)
+    ages["first"] = 0.4
+    Scripted.places = {"second": (0.1, 0.0, 0.0)}
+    run(estimation, 1.0, 3.0)
+    ages["first"] = 0.0
+    run(estimation, 3.0, 4.0)
+    assert [(e.name, e.fields["reason"]) for e in told] == [
+        ("estimator_changed", "the first estimate"),
+        ("estimator_changed", "`first` is not healthy: age 0.400 s, spread 0.000 m"),
+        ("estimator_lost", "`second` may be used for 1 s"),
+        ("estimator_changed", "there was none"),
+    ]
+    assert told[1].fields["offset"] == pytest.approx(0.1)
+    assert told[1].fields["blended"] is True
+
+
+def test_at_a_change_the_position_goes_on_without_a_step(ages):
+    estimation = choice(candidate("first"), candidate("second"))
+    run(estimation, 0.0, 1.0)
+    ages["first"] = 0.4
+    Scripted.places = {"second": (0.2, 0.0, 0.0)}
+    xs = [estimation.update((), tick * NS // 100).position[0] for tick in range(100, 900)]
+    assert xs[0] == pytest.approx(0.0, abs=1e-9)
+    assert max(b - a for a, b in pairwise(xs)) < 0.2 * 0.56 / 100
+    assert xs == sorted(xs)
+    assert xs[-1] == pytest.approx(0.2, abs=1e-4)
+
+
+@pytest.mark.parametrize("broken", [nan, "no number"])
+def test_one_that_fails_is_reported_once_and_the_next_is_used(ages, broken):
+    failed: list[PartFailed] = []
+    told: list[Event] = []
+    estimation = choice(candidate("first"), candidate("second"), failed=failed, told=told)
+    run(estimation, 0.0, 1.0)
+    ages["first"] = broken
+    assert run(estimation, 1.0, 2.0) == ["second"]
+    ages["first"] = 0.0
+    assert run(estimation, 2.0, 9.0) == ["second"]
+    assert [failure.part for failure in failed] == ["estimators.first"]
+    ages["second"] = broken
+    assert run(estimation, 9.0, 10.0) == [None]
+    assert [(e.name, e.fields["previous"]) for e in told] == [
+        ("estimator_changed", None), ("estimator_changed", "first"), ("estimator_lost", "second"),
+    ]  # fmt: skip
+
+
+def test_a_behavior_brings_others_to_the_front_and_the_next_one_takes_them_back(ages):
+    told: list[Event] = []
+    three = (candidate("first"), candidate("second"), candidate("third"))
+    ages["third"] = 0.0
+    estimation = choice(*three, told=told)
+    assert run(estimation, 0.0, 1.0) == ["first"]
+    estimation.prefer(("third", "second"))
+    assert run(estimation, 1.0, 2.0) == ["third"]
+    ages["third"] = None
+    assert run(estimation, 2.0, 3.0) == ["second"]
+    ages["second"] = None
+    assert run(estimation, 3.0, 4.0) == ["first"], "the others come behind, in their own order"
+    ages["second"] = 0.0
+    assert run(estimation, 4.0, 6.0) == ["first", "second"]
+    estimation.prefer(())
+    assert run(estimation, 6.0, 7.0) == ["first"]
+    reasons = [event.fields["reason"] for event in told]
+    assert reasons[1] == "`third` comes first in this behavior"
+    assert reasons[-2:] == ["`second` is healthy again", "`first` comes first again"]
+
+
+def test_nothing_is_told_where_the_order_changes_nothing(ages):
+    told: list[Event] = []
+    estimation = choice(candidate("first"), candidate("second"), told=told)
+    run(estimation, 0.0, 1.0)
+    estimation.prefer(("first",))
+    run(estimation, 1.0, 2.0)
+    estimation.prefer(("first", "second"))
+    run(estimation, 2.0, 3.0)
+    assert [event.name for event in told] == ["estimator_changed"]
+
+
+def test_one_that_failed_is_not_brought_back_by_a_behavior(ages):
+    estimation = choice(candidate("first"), candidate("second"))
+    run(estimation, 0.0, 1.0)
+    del ages["second"]
+    run(estimation, 1.0, 1.1)
+    ages["second"] = 0.0
+    estimation.prefer(("second",))
+    assert run(estimation, 1.1, 2.0) == ["first"]
+
+
+def test_the_reason_says_what_is_known_of_what_it_lives_on(ages):
+    told: list[Event] = []
+    asked = []
+
+    def known(kinds):
+        asked.append(kinds)
+        return "the camera `down` froze"
+
+    estimation = choice(candidate("first"), candidate("second"), told=told, known=known)
+    run(estimation, 0.0, 1.0)
+    assert asked == [], "nothing was wrong"
+    ages["first"] = 0.4
+    run(estimation, 1.0, 2.0)
+    why = "`first` is not healthy: age 0.400 s, spread 0.000 m; the camera `down` froze"
+    assert told[-1].fields["reason"] == why
+    assert asked == [Scripted.needs]
+    ages["first"] = 0.0
+    run(estimation, 2.0, 4.0)
+    assert told[-1].fields["reason"] == "`first` is healthy again"
+
+
+def test_one_that_failed_needs_no_other_reason(ages):
+    told: list[Event] = []
+    estimation = choice(
+        candidate("first"), candidate("second"), told=told, known=lambda kinds: "it rained"
+    )
+    run(estimation, 0.0, 1.0)
+    estimation.kill(frozenset({"first"}))
+    run(estimation, 1.0, 2.0)
+    assert told[-1].fields["reason"] == "`first` failed"

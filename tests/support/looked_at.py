@@ -1,0 +1,46 @@
+"""A vehicle to look at, for tests of conditions and expectations: its values are set by hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3
+from kybflow.core.signals import Battery, Setpoint, SetpointKind, Truth
+from kybflow.parts.observables import State, Unavailable
+
+
+@dataclass
+class LookedAt:
+    """A `kybflow.parts.observables.View`; what is None can't be known."""
+
+    behavior: str = "up"
+    position: Vec3 | None = ZERO
+    velocity: Vec3 = ZERO
+    attitude: Quat = LEVEL
+    wanted_position: Vec3 | None = None
+    remaining: float | None = None
+    estimator: str = "mocap"
+    elapsed: float = 0.0
+    start: Vec3 = ZERO
+    age: float = 0.0
+    spread: float = 0.0
+    asked: list[str] = field(default_factory=list)
+
+    @property
+    def state(self) -> State:
+        self.asked.append("state")
+        if self.position is None:
+            raise Unavailable
+        return Truth(self.position, self.velocity, self.attitude, (0.0, 0.0, 0.0))
+
+    @property
+    def wanted(self) -> Setpoint:
+        if self.wanted_position is None:
+            raise Unavailable
+        return Setpoint(SetpointKind.POSITION, self.wanted_position, ZERO, ZERO)
+
+    @property
+    def battery(self) -> Battery:
+        if self.remaining is None:
+            raise Unavailable
+        return Battery(0, self.remaining, 12.0)

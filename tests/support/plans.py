@@ -1,0 +1,141 @@
+"""Plans built without YAML, for tests of the runtime."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from kybflow.drivers.sim import Sim
+from kybflow.dsl.plan import (
+    EstimatorPlan,
+    PartPlan,
+    Plan,
+    StatePlan,
+    TransitionPlan,
+    VehiclePlan,
+)
+from kybflow.parts import Behavior, Leg, Link, Seat, Session
+from kybflow.parts.catalog import load_catalog
+from kybflow.world.shapes import Box
+from kybflow.world.vehicle_context import Airframe
+
+NANO = Airframe(
+    mass=0.230,
+    diameter=0.19,
+    inertia=(0.00045, 0.00045, 0.0008),
+    thrust=1.3,
+    rotor_time=0.03,
+    drag=0.35,
+)
+FENCE = Box((-2.0, -2.0, 0.0), (2.0, 2.0, 2.5))
+
+
+def part(kind: str, name: str, **params: Any) -> PartPlan:
+    """A part of the catalog with these parameters (SI)."""
+    spec = load_catalog().get(kind, name)
+    return PartPlan(name, spec.cls, spec.params(**params), f"{kind}.{name}")
+
+
+def wrapped(wrap: Callable[[str, Link], Link], **declared: Any) -> PartPlan:
+    """The simulator, each vehicle's link replaced by what `wrap` makes of it; `declared` is what
+    the driver says of itself, such as `lands`."""
+
+    class Wrapped(Sim):
+        @classmethod
+        def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
+            session = super().open(seats, generator)
+            session.links = {name: wrap(name, link) for name, link in session.links.items()}
+            return session
+
+    for name, value in declared.items():
+        setattr(Wrapped, name, value)
+    return replace(part("drivers", "sim"), cls=Wrapped)
+
+
+def state(
+    name: str, behavior: PartPlan | type[Behavior[Any]], *arrows: TransitionPlan, **more: Any
+) -> StatePlan:
+    """A state; a behavior's class stands for it with no parameters."""
+    if isinstance(behavior, type):
+        behavior = PartPlan(behavior.__name__, behavior, None, "")
+    behavior = replace(behavior, label=f"behaviors.{name}")
+    legs: tuple[Leg, ...] = behavior.cls.flight
+    return StatePlan(name, behavior, legs, arrows, **more)
+
+
+def then(target: str) -> TransitionPlan:
+    return TransitionPlan("then", target)
+
+
+def built_in_states(hover_limit: float = 30.0) -> list[StatePlan]:
+    """As the compiler adds them to every vehicle."""
+    more: dict[str, Any] = {"built_in": True}
+    failed = TransitionPlan("failed", "auto_land")
+    return [
+        state("landed", part("behaviors", "wait_on_ground"), **more),
+        state("brake", part("behaviors", "brake"), then("hover"), failed, **more),
+        state(
+            "hover",
+            part("behaviors", "hover"),
+            TransitionPlan("next", "auto_land", after=hover_limit),
+            failed,
+            **more,
+        ),
+        state(
+            "auto_home",
+            part("behaviors", "go_home"),
+            then("auto_land"),
+            TransitionPlan("failed", "auto_land"),
+            **more,
+        ),
+        state(
+            "auto_land",
+            part("behaviors", "land"),
+            then("landed"),
+            TransitionPlan("failed", "land_blind"),
+            **more,
+        ),
+        state("land_blind", part("behaviors", "land_blind"), then("fault"), **more),
+        state("fault", part("behaviors", "wait_on_ground"), **more),
+    ]
+
+
+def vehicle(name: str, states: list[StatePlan], **more: Any) -> VehiclePlan:
+    """A nano_plus; every state without `then` or `failed` gets the implied arrows' targets."""
+    supervisors = tuple(
+        part("supervisors", spec.name) for spec in load_catalog().always("supervisors")
+    )
+    every = [*states, *built_in_states(more.get("hover_limit", 30.0))]
+    facts: dict[str, Any] = {
+        "airframe": NANO,
+        "start": (0.0, 0.0, 0.0),
+        "heading": 0.0,
+        "estimators": (EstimatorPlan(part("estimators", "mocap"), None, 1.0, None),),
+        "processors": tuple(part("processors", n) for n in ("position_error", "fence")),
+        "tracker": part("trackers", "cascade"),
+        "supervisors": supervisors,
+        "driver": part("drivers", "sim"),
+        "begin": states[0].name,
+        **more,
+    }
+    return VehiclePlan(name=name, states={s.name: s for s in every}, **facts)
+
+
+def plan(*vehicles: VehiclePlan, **more: Any) -> Plan:
+    facts: dict[str, Any] = {
+        "mission": "test",
+        "summary": "",
+        "target": "sim",
+        "simulated": True,
+        "control_rate": 250,
+        "hover_limit": 30.0,
+        "time_limit": 60.0,
+        "fence": FENCE,
+        "expectations": (),
+        "sources": (),
+        "resolved": "",
+        **more,
+    }
+    return Plan(vehicles=vehicles, **facts)
