@@ -94,8 +94,8 @@ class Lockstep(Session):
     def __init__(self, seats: Sequence[Seat], generator: random.Random, traffic: Traffic) -> None:
         plans = Plans("px4", True, True, seats[0].params.own_system, {})
         bare = load_catalog().get("drivers", "emulated_autopilot").params()
-        sites = [Seat(seat.site, bare) for seat in seats]
-        self._fleet = Fleet(sites, [plans] * len(seats), generator)
+        contexts = [Seat(seat.context, bare) for seat in seats]
+        self._fleet = Fleet(contexts, [plans] * len(seats), generator)
         wire = Tapped(traffic)
         self._far: list[Wire] = []
         for member in self._fleet.members:

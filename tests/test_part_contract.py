@@ -39,14 +39,14 @@ from kybflow.core.signals import (
     SetpointKind,
     Tick,
 )
-from kybflow.parts import GROUND, Deck, Effect, Footprint
+from kybflow.parts import GROUND, ActionContext, Effect, Footprint
 from kybflow.parts.catalog import PartSpec, load_catalog
 from kybflow.runtime.finite import checked_command
 
 CATALOG = load_catalog()
 HEAVY = ("numpy", "scipy", "mujoco", "transitions", "cv2", "plotly", "foxglove", "pymavlink")
 TICKS = 200
-DECK = frozenset(name for name in vars(Deck) if not name.startswith("_"))
+CONTEXT = frozenset(name for name in vars(ActionContext) if not name.startswith("_"))
 START: Vec3 = (0.1, 0.2, 1.0)
 TABLE = File("table.csv", "", "t, x, y, z\n0, 0.1, 0.2, 1\n2, 0.5, 0.5, 1.2\n4, 0.5, 0.2, 1\n")
 PLAUSIBLE = {"length": 1.0, "duration": 8.0, "position": (0.5, 0.5, 1.2)}
@@ -335,13 +335,13 @@ def test_a_fault_breaks_the_vehicle_that_it_is_on_and_is_fixed_in_flight(spec: P
 
 
 class Notes:
-    """A deck that notes what it is asked for."""
+    """An action context that notes what it is asked for."""
 
     def __init__(self) -> None:
         self.asked: list[tuple[Any, ...]] = []
 
     def __getattr__(self, name: str) -> Any:
-        assert name in DECK, f"a deck has no `{name}`"
+        assert name in CONTEXT, f"an action context has no `{name}`"
         return lambda *words: self.asked.append((name, *words))
 
 

@@ -108,7 +108,7 @@ def in_the_air(vehicle: Vehicle) -> bool:
     if vehicle.activity.airborne or truth is None:
         return vehicle.activity.airborne
     height = truth.position[2]
-    if height - vehicle.site.start[2] < _MISTAKEN:
+    if height - vehicle.context.start[2] < _MISTAKEN:
         return False
     mistaken = estimate is not None and height - estimate.position[2] > _MISTAKEN
     return mistaken or norm(truth.velocity) > _AT_REST

@@ -17,7 +17,7 @@ from kybflow.runtime.monitoring.estimate_history import Whereabouts
 from kybflow.runtime.monitoring.sensing import Opened
 from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 
 class Devices(NamedTuple):
@@ -60,19 +60,19 @@ def open_devices(plan: Plan, seed: int) -> Devices:
     try:
         for vehicle in plan.vehicles:
             opened = devices.sensors[vehicle.name] = []
-            site, link = site_of(plan, vehicle), links[vehicle.name]
+            context, link = context_of(plan, vehicle), links[vehicle.name]
             for sensor in vehicle.sensors:
                 own = random.Random(f"{seed} {vehicle.name} {sensor.part.label}")
-                opened.append(Opened(sensor, _stream(sensor.part, site, link, own)))
+                opened.append(Opened(sensor, _stream(sensor.part, context, link, own)))
     except BaseException:
         devices.close()
         raise
     return devices
 
 
-def _stream(part: PartPlan, site: Site, link: Link, own: random.Random) -> Stream:
+def _stream(part: PartPlan, context: VehicleContext, link: Link, own: random.Random) -> Stream:
     try:
-        stream: Stream = part.cls.open(part.params, site, link, own)
+        stream: Stream = part.cls.open(part.params, context, link, own)
     except DriverError as error:
         raise DriverError(f"`{part.name}` ({part.at}): {error}") from error
     return stream
@@ -91,7 +91,7 @@ def _open_sessions(plan: Plan, seed: int) -> list[Session]:
     sessions: list[Session] = []
     try:
         for driver, vehicles in by_driver.items():
-            seats = [Seat(site_of(plan, v), v.driver.params) for v in vehicles]
+            seats = [Seat(context_of(plan, v), v.driver.params) for v in vehicles]
             sessions.append(driver.open(seats, generator))
     except BaseException:
         Devices(sessions, {}).close()
@@ -99,9 +99,9 @@ def _open_sessions(plan: Plan, seed: int) -> list[Session]:
     return sessions
 
 
-def site_of(plan: Plan, vehicle: VehiclePlan) -> Site:
+def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
     """What a vehicle's parts may know of it and of the place it flies in."""
-    return Site(
+    return VehicleContext(
         vehicle.name,
         vehicle.airframe,
         vehicle.start,
@@ -124,7 +124,7 @@ def build_vehicles(
     return [
         Vehicle(
             vehicle,
-            site_of(plan, vehicle),
+            context_of(plan, vehicle),
             links[vehicle.name],
             events,
             recorder.vehicle(vehicle.name),

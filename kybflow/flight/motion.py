@@ -137,14 +137,14 @@ def entry_motion(entry: Entry) -> Motion:
     """
     wanted = entry.setpoint
     if wanted is not None and wanted.velocity is not None and wanted.position == entry.position:
-        moved = scale(wanted.velocity, entry.site.dt)
+        moved = scale(wanted.velocity, entry.context.dt)
         return Motion(add(entry.position, moved), wanted.velocity)
     return Motion(entry.position, entry.estimate.velocity if entry.estimate else ZERO)
 
 
 def cruise_speed(wanted: float, entry: Entry) -> float:
     """`wanted`, but never more than the share of the airframe's limit that plans may use."""
-    return min(wanted, SPEED_SHARE * entry.site.airframe.speed)
+    return min(wanted, SPEED_SHARE * entry.context.airframe.speed)
 
 
 class Turn:

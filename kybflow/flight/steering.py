@@ -25,7 +25,7 @@ from kybflow.core.geometry import (
 )
 from kybflow.core.signals import Command, Estimate, Setpoint
 from kybflow.flight.mass import MassEstimator
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 LONGEST_STEP = 0.04
 """Seconds; in a longer step nothing is integrated."""
@@ -52,13 +52,13 @@ class Steering:
         "limited", "trim",
     )  # fmt: skip
 
-    def __init__(self, site: Site, mass_guess: float) -> None:
-        airframe = site.airframe
+    def __init__(self, context: VehicleContext, mass_guess: float) -> None:
+        airframe = context.airframe
         self._tilt = airframe.tilt
         self._steepest = (airframe.tilt, tan(airframe.tilt))
         self._weight, self._airframe_mass = airframe.hover_thrust, airframe.mass
         self._most_thrust = MOST_THRUST * airframe.max_thrust
-        self._heading = site.heading
+        self._heading = context.heading
         self._mass = MassEstimator(airframe.hover_thrust, mass_guess)
         self._carried = airframe.mass * self._mass.carried
         self._slope: tuple[float, float] | None = None

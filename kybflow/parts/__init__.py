@@ -7,7 +7,7 @@ passive: none sleeps, starts a thread, prints, reads a clock or draws from a glo
 """
 
 from kybflow.core.params import Field, fields_of, param, params
-from kybflow.parts.action import Action, Deck
+from kybflow.parts.action import Action, ActionContext
 from kybflow.parts.base import Objection, Part
 from kybflow.parts.behavior import (
     AIR,
@@ -26,8 +26,8 @@ from kybflow.parts.fault import Effect, Fault, Filter, Rig
 from kybflow.parts.sensor import Sensor, Stream
 
 __all__ = [
-    "AIR", "GROUND", "MOVING", "Action", "Behavior", "Check", "Deck", "Driver", "Effect", "Entry",
-    "Estimator", "Fault", "Field", "Filter", "Flight", "Footprint", "Leg", "Link", "Objection",
-    "Origin", "Part", "Processor", "Rig", "Said", "Seat", "Sensor", "Session", "Stream",
-    "Supervisor", "Taken", "Tracker", "fields_of", "param", "params",
+    "AIR", "GROUND", "MOVING", "Action", "ActionContext", "Behavior", "Check", "Driver",
+    "Effect", "Entry", "Estimator", "Fault", "Field", "Filter", "Flight", "Footprint", "Leg",
+    "Link", "Objection", "Origin", "Part", "Processor", "Rig", "Said", "Seat", "Sensor",
+    "Session", "Stream", "Supervisor", "Taken", "Tracker", "fields_of", "param", "params",
 ]  # fmt: skip

@@ -12,7 +12,7 @@ BUILT_IN = frozenset({"switch", "set", "enable", "disable", "emit", "phase", "lo
 """The actions that the language has itself."""
 
 
-class Deck(Protocol):
+class ActionContext(Protocol):
     """What an action may do. Nothing here makes a vehicle less safe: a safety part can't be
     switched off, its parameters only tighten, and a latched vehicle refuses what is milder. Each
     wish is told with the callback's line; a refusal is an event."""
@@ -53,4 +53,4 @@ class Action(Part[P]):
         self.params = params
 
     @abstractmethod
-    def __call__(self, event: Event, deck: Deck) -> None: ...
+    def __call__(self, event: Event, context: ActionContext) -> None: ...

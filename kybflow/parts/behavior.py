@@ -22,7 +22,7 @@ from kybflow.core.signals import (
     Time,
 )
 from kybflow.parts.base import P, Part
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 
 class Flight(Enum):
@@ -58,7 +58,7 @@ class Entry(NamedTuple):
     """
 
     now: Time
-    site: Site
+    context: VehicleContext
     estimate: Estimate | None
     setpoint: Setpoint | None
     hover_thrust: float
@@ -72,7 +72,7 @@ class Entry(NamedTuple):
         trajectory."""
         wanted = self.setpoint.position if self.setpoint else None
         if self.estimate is None:
-            return wanted or self.site.start
+            return wanted or self.context.start
         if wanted is not None and distance(wanted, self.estimate.position) < 0.3:
             return wanted
         return self.estimate.position
@@ -83,7 +83,7 @@ class Entry(NamedTuple):
         Radians."""
         if self.setpoint is not None and self.setpoint.heading is not None:
             return self.setpoint.heading
-        return heading_of(self.estimate.attitude) if self.estimate else self.site.heading
+        return heading_of(self.estimate.attitude) if self.estimate else self.context.heading
 
 
 class Origin(NamedTuple):

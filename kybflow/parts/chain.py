@@ -21,7 +21,7 @@ from kybflow.core.signals import (
 )
 from kybflow.parts.base import P, Part
 from kybflow.world.shapes import Box
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Sighting
@@ -44,7 +44,7 @@ class Estimator(Part[P]):
     needs_tags: ClassVar[bool] = False
     own: ClassVar[bool] = False
 
-    def __init__(self, params: P, site: Site) -> None:
+    def __init__(self, params: P, context: VehicleContext) -> None:
         self.params = params
 
     @classmethod
@@ -73,7 +73,7 @@ class Processor(Part[P]):
     accepts: ClassVar[dict[SetpointKind, SetpointKind]]
     safety: ClassVar[bool] = False
 
-    def __init__(self, params: P, site: Site) -> None:
+    def __init__(self, params: P, context: VehicleContext) -> None:
         self.params = params
 
     @classmethod
@@ -98,7 +98,7 @@ class Tracker(Part[P]):
     accepts: ClassVar[frozenset[SetpointKind]]
     gives: ClassVar[CommandKind]
 
-    def __init__(self, params: P, site: Site) -> None:
+    def __init__(self, params: P, context: VehicleContext) -> None:
         self.params = params
 
     @classmethod
@@ -125,7 +125,7 @@ class Supervisor(Part[P]):
     always: ClassVar[bool] = False
     unhurried: ClassVar[bool] = False
 
-    def __init__(self, params: P, site: Site) -> None:
+    def __init__(self, params: P, context: VehicleContext) -> None:
         self.params = params
 
     @abstractmethod

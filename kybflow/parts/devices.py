@@ -18,7 +18,7 @@ from kybflow.core.signals import (
 )
 from kybflow.parts.base import Objection, P, Part
 from kybflow.parts.fault import Rig
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     import random
@@ -28,7 +28,7 @@ class Seat(NamedTuple):
     """One vehicle that a driver is to open: its place in the world and the driver's parameters for
     it."""
 
-    site: Site
+    context: VehicleContext
     params: Any
 
 
@@ -120,9 +120,9 @@ class Link(ABC):
         raise Refused("it has no land mode")
 
     def grip(self, is_open: bool, now: Time) -> None:
-        """Open or close the servo that holds the payload, on the channel that the site says. Called
-        every tick until a Payload measurement acknowledges it, so that nothing is lost on a bad
-        link; a link sends again as often as its protocol wants. Raises Refused when the vehicle
+        """Open or close the servo that holds the payload, on the channel that its context says.
+        Called every tick until a Payload measurement acknowledges it, so that nothing is lost on a
+        bad link; a link sends again as often as its protocol wants. Raises Refused when the vehicle
         won't, with its own words; DriverError."""
         raise Refused("it has no servo for a payload")
 

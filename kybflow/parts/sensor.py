@@ -10,7 +10,7 @@ from kybflow.core.signals import Measurement, MeasurementKind, Time
 from kybflow.parts.base import Objection, P, Part
 from kybflow.parts.devices import Link
 from kybflow.world.cameras import Camera
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     import random
@@ -64,9 +64,11 @@ class Sensor(Part[P]):
 
     @classmethod
     @abstractmethod
-    def open(cls, params: P, site: Site, link: Link, generator: random.Random) -> Stream:
-        """Open it for the vehicle of `site`, whose driver's link is `link`; `generator` is the only
-        source of chance. Raises DriverError."""
+    def open(
+        cls, params: P, context: VehicleContext, link: Link, generator: random.Random
+    ) -> Stream:
+        """Open it for the vehicle of `context`, whose driver's link is `link`; `generator` is
+        the only source of chance. Raises DriverError."""
 
 
 def frames_of(cameras: Iterable[str]) -> Sequence[str]:

@@ -6,7 +6,7 @@ from typing import Any
 
 from kybflow.core.errors import PartFailed
 from kybflow.dsl.plan import PartPlan, VehiclePlan
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 
 def parts_of(plan: VehiclePlan) -> list[PartPlan]:
@@ -20,10 +20,10 @@ def parts_of(plan: VehiclePlan) -> list[PartPlan]:
     ]
 
 
-def make(part: PartPlan, params: Any, site: Site) -> Any:
+def make(part: PartPlan, params: Any, context: VehicleContext) -> Any:
     """An estimator, processor, tracker or supervisor. Raises PartFailed when its constructor
     raises, whatever that was."""
     try:
-        return part.cls(params, site)
+        return part.cls(params, context)
     except Exception as error:
         raise PartFailed(part.label, error) from error

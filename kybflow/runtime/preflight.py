@@ -122,28 +122,30 @@ def _estimate(vehicle: Vehicle, estimate: Estimate) -> Line:
 
 def _start(vehicle: Vehicle, estimate: Estimate, others: Sequence[Vehicle]) -> Line:
     """Two motion capture bodies that are swapped stand where the other should start."""
-    away = distance(estimate.position, vehicle.site.start)
+    away = distance(estimate.position, vehicle.context.start)
     green = away <= take_off_tolerance.allowed(estimate)
     reason = f"{away:.2f} m from the declared start ({take_off_tolerance.said(estimate)})"
     for other in others if not green else ():
-        there = distance(estimate.position, other.site.start) <= take_off_tolerance.LEAST
+        there = distance(estimate.position, other.context.start) <= take_off_tolerance.LEAST
         if there and other is not vehicle:
             reason += f"; the body of `{vehicle.name}` stands where `{other.name}` should start"
     return Line(vehicle.name, "start pose", green, reason, vehicle.plan.at)
 
 
 def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[Line]:
-    site = vehicle.site
+    context = vehicle.context
     x, y, z = position
-    if site.fence is not None:
-        west, south, floor = site.fence.low
-        walls = Box((west, south, min(floor, z) - _DEEP), site.fence.high)
+    if context.fence is not None:
+        west, south, floor = context.fence.low
+        walls = Box((west, south, min(floor, z) - _DEEP), context.fence.high)
         outside = walls.outside_by(position)
         reason = f"{outside:.2f} m outside" if outside > 0.0 else f"{-outside:.2f} m inside"
         yield Line(vehicle.name, "fence", outside <= 0.0, reason, vehicle.plan.at)
-    if site.obstacles:
-        name, shape = min(site.obstacles.items(), key=lambda o: o[1].distance((x, y, z + _ABOVE)))
+    if context.obstacles:
+        name, shape = min(
+            context.obstacles.items(), key=lambda o: o[1].distance((x, y, z + _ABOVE))
+        )
         room = shape.distance((x, y, z + _ABOVE))
-        reason = f"{room:.2f} m from `{name}` ({site.airframe.arm:.2f} m needed)"
-        green = room >= site.airframe.arm
+        reason = f"{room:.2f} m from `{name}` ({context.airframe.arm:.2f} m needed)"
+        green = room >= context.airframe.arm
         yield Line(vehicle.name, "obstacles", green, reason, vehicle.plan.at)

@@ -54,7 +54,7 @@ class Believed:
 
     @property
     def start(self) -> Vec3:
-        return self._vehicle.site.start
+        return self._vehicle.context.start
 
     @property
     def age(self) -> float:

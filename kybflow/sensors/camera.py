@@ -23,7 +23,7 @@ from kybflow.parts.sensor import frames_of
 from kybflow.sensors._capture import Captured, Grabber
 from kybflow.vision import OPENCV, WAY_OUT
 from kybflow.world.cameras import Camera as Mounted
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     import random
@@ -81,14 +81,14 @@ class Camera(Sensor[CameraParams]):
 
     @classmethod
     def open(
-        cls, params: CameraParams, site: Site, link: Link, generator: random.Random
+        cls, params: CameraParams, context: VehicleContext, link: Link, generator: random.Random
     ) -> Video | Device:
-        objection, latency = cls.objection(params, site.cameras), round(params.latency * NS)
+        objection, latency = cls.objection(params, context.cameras), round(params.latency * NS)
         if objection is not None:
             raise DriverError(objection.reason)
-        if not site.cameras:
-            raise DriverError(f"the vehicle `{site.vehicle}` has no camera")
-        camera = site.cameras[_name_of(params, site.cameras)]
+        if not context.cameras:
+            raise DriverError(f"the vehicle `{context.vehicle}` has no camera")
+        camera = context.cameras[_name_of(params, context.cameras)]
         if params.video is None:
             return Device(Grabber(lambda: _device(params.device, camera)), camera, latency)
         if not os.path.isfile(params.video):

@@ -25,7 +25,7 @@ from kybflow.parts.sensor import frames_of
 from kybflow.vision import OPENCV, WAY_OUT
 from kybflow.vision.optics import SOUND, Optics, Weakness
 from kybflow.world.cameras import Camera
-from kybflow.world.vehicle_context import LEGS, Site
+from kybflow.world.vehicle_context import LEGS, VehicleContext
 
 if TYPE_CHECKING:
     import random
@@ -55,18 +55,22 @@ class SimulatedCamera(Sensor[SimulatedCameraParams]):
 
     @classmethod
     def open(
-        cls, params: SimulatedCameraParams, site: Site, link: Link, generator: random.Random
+        cls,
+        params: SimulatedCameraParams,
+        context: VehicleContext,
+        link: Link,
+        generator: random.Random,
     ) -> Frames:
-        if not site.cameras:
-            raise DriverError(f"the vehicle `{site.vehicle}` has no camera to take frames with")
+        if not context.cameras:
+            raise DriverError(f"the vehicle `{context.vehicle}` has no camera to take frames with")
         try:
             from kybflow.vision.rendering.drawing import Room
         except ImportError as error:
             raise DriverError(f"a simulated camera needs OpenCV ({error}); {WAY_OUT}") from None
-        side = 0.0 if site.payload is None else site.payload.size
-        room = Room(site.tags, params, generator.getrandbits(64), site.obstacles, side)
+        side = 0.0 if context.payload is None else context.payload.size
+        room = Room(context.tags, params, generator.getrandbits(64), context.obstacles, side)
         latency = round(params.latency * NS)
-        return Frames(room, tuple(site.cameras.values()), link, latency, side)
+        return Frames(room, tuple(context.cameras.values()), link, latency, side)
 
 
 class _Taken(NamedTuple):

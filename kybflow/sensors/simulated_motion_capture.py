@@ -18,7 +18,7 @@ from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Measurement, MeasurementKind, Pose, Time, Truth
 from kybflow.core.units import DEG, Angle, Duration, Frequency, Length
 from kybflow.parts import Link, Sensor, Stream
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     import random
@@ -53,7 +53,7 @@ class SimulatedMotionCapture(Sensor[SimulatedMotionCaptureParams]):
     def open(
         cls,
         params: SimulatedMotionCaptureParams,
-        site: Site,
+        context: VehicleContext,
         link: Link,
         generator: random.Random,
     ) -> Poses:

@@ -76,7 +76,7 @@ class Parcel:
     aboard: bool = param("Whether it is on board when the mission begins.", default=True)
 
 
-class Site(NamedTuple):
+class VehicleContext(NamedTuple):
     """What a vehicle's parts are built with: who it is, what it flies, where, how often.
 
     home: where `go_home` flies, None for the start. obstacles: the world's, by name. diameters:

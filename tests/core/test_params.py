@@ -49,7 +49,7 @@ def test_a_parameter_needs_a_type_with_a_unit():
     class Wrong:
         speed: float = param("No unit.", default=1.0)
 
-    with pytest.raises(PartError, match=r"use the types of kybflow\.units"):
+    with pytest.raises(PartError, match=r"use the types of kybflow\.core\.units"):
         fields_of(Wrong)
 
 

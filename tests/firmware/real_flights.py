@@ -22,7 +22,7 @@ from kybflow.parts import Link, Stream
 from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
 from kybflow.sensors.simulated_motion_capture import SimulatedMotionCapture
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 HERE = Path(__file__).parent
 MISSIONS = HERE.parent.parent / "missions"
@@ -91,9 +91,11 @@ class Room:
 
         class InTheRoom(SimulatedMotionCapture):
             @classmethod
-            def open(cls, params, site, link, generator):
-                seen = _Seen(room._watched[site.vehicle], site) if room._watched else link
-                return _Silenced(super().open(params, site, seen, generator), site.vehicle, room)
+            def open(cls, params, context, link, generator):
+                seen = _Seen(room._watched[context.vehicle], context) if room._watched else link
+                return _Silenced(
+                    super().open(params, context, seen, generator), context.vehicle, room
+                )
 
         def replaced(sensor):
             if sensor.part.cls is not SimulatedMotionCapture:
@@ -129,8 +131,8 @@ class _Silenced(Stream):
 class _Seen(Link):
     """A link that can only be seen, through the other connection."""
 
-    def __init__(self, watched: Watched, site: Site) -> None:
-        self._truth = watched.behold(site)
+    def __init__(self, watched: Watched, context: VehicleContext) -> None:
+        self._truth = watched.behold(context)
         self._now: Time = 0
         self._watched = watched
 

@@ -29,7 +29,7 @@ from kybflow.core.geometry import Vec3, norm
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.telemetry.heard import Landed
 from kybflow.runtime.engine import Engine
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 pytestmark = pytest.mark.firmware
 Beside = Callable[[Mapping[int, str]], Witness]
@@ -180,7 +180,9 @@ def test_a_mission_that_is_killed(two: str, tmp_path: Path, beside: Beside):
     witness = beside({1: two, 2: two})
     mission = MISSIONS / "figure_eight.yaml"
     for v in plan_of(mission, two).vehicles:
-        witness.of[NAMES[v.name]].behold(Site(v.name, v.airframe, v.start, v.heading, None, 0.01))
+        witness.of[NAMES[v.name]].behold(
+            VehicleContext(v.name, v.airframe, v.start, v.heading, None, 0.01)
+        )
     command = [sys.executable, "-m", "kybflow", "run", str(mission), "--target", two, "--plain"]
     process = subprocess.Popen(
         [*command, "--out", str(tmp_path / "run")], stdout=subprocess.DEVNULL

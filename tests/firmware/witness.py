@@ -17,7 +17,7 @@ from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, Hub
 from kybflow.drivers.mavlink.transport.wire import open_wire
 from kybflow.drivers.mavlink.upkeep import SET_MESSAGE_INTERVAL
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 OWN = 200
 """Our system id: not that of a mission, whose heartbeat the autopilot waits for."""
@@ -46,9 +46,9 @@ class Watched:
         """Whether it stands and is disarmed, as it says."""
         return self.heard.landed is Landed.GROUND and not self.heard.armed
 
-    def behold(self, site: Site) -> GroundTruth:
+    def behold(self, context: VehicleContext) -> GroundTruth:
         """Hear the truth of its simulator from now on."""
-        self.truth = GroundTruth(site, self.profile.sphere)
+        self.truth = GroundTruth(context, self.profile.sphere)
         self._asked = False
         return self.truth
 

@@ -165,7 +165,7 @@ def test_a_tracker_that_fails_before_the_rotors_turn_never_turns_them(run):
 
 def test_a_part_that_can_not_be_made_is_the_reason_why_nothing_flew(run):
     class Unbuilt(Supervisor[NoParams]):
-        def __init__(self, params, site):
+        def __init__(self, params, context):
             raise ValueError("no such sensor")
 
         def check(self, tick, airborne):

@@ -255,8 +255,8 @@ def test_what_cannot_be_closed_is_told_in_the_summary(run):
 def test_who_believes_itself_on_the_ground_may_be_in_the_air(height, believed, speed, mistaken):
     truth = Truth((0.0, 0.0, height), (0.0, 0.0, speed), LEVEL, ZERO)
     estimate = Estimate(0, (0.0, 0.0, believed), ZERO, LEVEL, ZERO, "mocap", 0.0, 0.0)
-    site, activity = SimpleNamespace(start=ZERO), SimpleNamespace(airborne=False)
-    landed = SimpleNamespace(truth=truth, estimate=estimate, site=site, activity=activity)
+    context, activity = SimpleNamespace(start=ZERO), SimpleNamespace(airborne=False)
+    landed = SimpleNamespace(truth=truth, estimate=estimate, context=context, activity=activity)
     assert in_the_air(landed) is mistaken
 
 
@@ -280,8 +280,8 @@ def test_an_option_reaches_a_living_estimator(run):
     parts = []
 
     class Kept(part("estimators", "mocap").cls):
-        def __init__(self, params, site):
-            super().__init__(params, site)
+        def __init__(self, params, context):
+            super().__init__(params, context)
             parts.append(self)
 
     estimator = EstimatorPlan(replace(part("estimators", "mocap"), cls=Kept), None, 1.0, None)

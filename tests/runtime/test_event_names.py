@@ -12,16 +12,17 @@ import pytest
 from kybflow.parts.catalog import load_catalog
 from kybflow.parts.observables import EVENT_FIELDS, EVENTS, OF_THE_RUN, TOO_LATE
 
-RUNTIME = Path(__file__).parents[2] / "kybflow" / "runtime"
+KYBFLOW = Path(__file__).parents[2] / "kybflow"
 TOLD = re.compile(r'\btell\(\s*"(\w+)"(?: if [^,]*? else "(\w+)")?|_tell\(\s*"(\w+)"')
 RAISED = re.compile(r'\bAlarm\(\s*"(\w+)"')
-PAGE = (RUNTIME.parents[1] / "docs" / "mission-language.md").read_text(encoding="utf-8")
+PAGE = (KYBFLOW.parent / "docs" / "mission-language.md").read_text(encoding="utf-8")
 CATALOG = load_catalog()
 PARTS = [(kind, name) for kind in CATALOG.kinds() for name in CATALOG.names(kind)]
 
 
 def told_by_the_engine() -> set[str]:
-    texts = [path.read_text(encoding="utf-8") for path in RUNTIME.glob("*.py")]
+    paths = [*(KYBFLOW / "runtime").rglob("*.py"), *(KYBFLOW / "api").rglob("*.py")]
+    texts = [path.read_text(encoding="utf-8") for path in paths]
     return {name for text in texts for names in TOLD.findall(text) for name in names if name}
 
 

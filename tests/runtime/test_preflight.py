@@ -124,7 +124,7 @@ class Mute(Sensor[None]):
     says: ClassVar[str | Exception | None] = None
 
     @classmethod
-    def open(cls, params, site, link, generator):
+    def open(cls, params, context, link, generator):
         class Silence(Stream):
             def read(self, now):
                 return ()
@@ -161,7 +161,7 @@ def test_why_a_sensor_gives_nothing_is_said(says, reason):
 def test_why_a_sensor_fails_is_said():
     class Failing(Mute):
         @classmethod
-        def open(cls, params, site, link, generator):
+        def open(cls, params, context, link, generator):
             class Broken(Stream):
                 def read(self, now):
                     raise DriverError("the frames are 4 x 3, but the lens is for 8 x 6")
@@ -198,7 +198,7 @@ def test_frames_without_a_tag_are_told_from_no_frames(located, reason):
         provides = frozenset({MeasurementKind.FRAME})
 
         @classmethod
-        def open(cls, params, site, link, generator):
+        def open(cls, params, context, link, generator):
             class Film(Stream):
                 def read(self, now):
                     return [Frame(now, "down", numpy.zeros((4, 4), numpy.uint8))]

@@ -47,8 +47,8 @@ def video(tmp_path: Path) -> str:
 
 
 def opened(camera: Mounted = DOWN, **params: Any) -> Any:
-    site = SITE._replace(cameras={"down": camera})
-    return Camera.open(CameraParams(**params), site, NoLink(), random.Random(0))
+    context = SITE._replace(cameras={"down": camera})
+    return Camera.open(CameraParams(**params), context, NoLink(), random.Random(0))
 
 
 def played(video: str, latency: float) -> list[tuple[Time, Frame]]:

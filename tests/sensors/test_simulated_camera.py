@@ -23,7 +23,7 @@ from kybflow.vision.rendering.drawing import Room
 from kybflow.world.cameras import Camera, Lens
 from kybflow.world.shapes import Sphere
 from kybflow.world.tags import Tag, TagMap
-from kybflow.world.vehicle_context import LEGS, Parcel, Site
+from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
 LENS = Lens(160, 120, 120.0, 120.0, 79.5, 59.5)
 DOWN = Camera("down", LENS, ZERO, rate=30.0)
@@ -64,14 +64,14 @@ class Hardware(Passing):
         return None
 
 
-def site(*cameras: Camera) -> Site:
+def context(*cameras: Camera) -> VehicleContext:
     return SITE._replace(tags=TAGS, cameras={camera.name: camera for camera in cameras})
 
 
 def opened(
     link: Link, *cameras: Camera, params: SimulatedCameraParams = CLEAN, seed: int = 1
 ) -> Any:
-    return SimulatedCamera.open(params, site(*cameras), link, random.Random(seed))
+    return SimulatedCamera.open(params, context(*cameras), link, random.Random(seed))
 
 
 def fly(stream: Any, link: Passing, until: int, since: int = 0) -> list[tuple[int, Frame]]:
@@ -229,7 +229,7 @@ class Carrying(Passing):
 
 def test_a_parcel_is_seen_once_it_is_released_and_hides_the_tag_that_it_lies_on() -> None:
     def images(link: Passing, **more: Any) -> list[Frame]:
-        place = site(DOWN)._replace(**more)
+        place = context(DOWN)._replace(**more)
         stream = SimulatedCamera.open(CLEAN, place, link, random.Random(1))
         return [frame for _, frame in fly(stream, link, NS // 2)]
 
@@ -244,10 +244,10 @@ def test_a_parcel_is_seen_once_it_is_released_and_hides_the_tag_that_it_lies_on(
 
 
 def test_the_worlds_obstacles_are_drawn() -> None:
-    ball = site(DOWN)._replace(obstacles={"ball": Sphere((0.0, 0.0, 0.1), 0.1)})
+    ball = context(DOWN)._replace(obstacles={"ball": Sphere((0.0, 0.0, 0.1), 0.1)})
     streams = [
         SimulatedCamera.open(CLEAN, place, Passing(), random.Random(1))
-        for place in (ball, site(DOWN))
+        for place in (ball, context(DOWN))
     ]
     seen, free = (
         stream._room.draw(DOWN, Truth((0.0, 0.0, 1.0), ZERO, LEVEL, ZERO)) for stream in streams

@@ -22,7 +22,7 @@ from kybflow.core.signals import (
 from kybflow.dsl.plan import PartPlan
 from kybflow.parts import Link
 from kybflow.runtime.trackers.cascade import Cascade, CascadeParams
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 RATES = frozenset({CommandKind.RATES_THRUST, CommandKind.ATTITUDE_THRUST})
 SETPOINTS = frozenset({CommandKind.POSITION, CommandKind.VELOCITY, CommandKind.ACCELERATION})
@@ -36,8 +36,8 @@ class Follows(Link):
     def __init__(self, name: str, link: Link) -> None:
         self.link, self.rig = link, link.rig
         self.kinds: set[CommandKind] = set()
-        site = Site(name, NANO, (0.0, 0.0, 0.0), 0.0, None, 0.004)
-        self._tracker = Cascade(CascadeParams(), site)
+        context = VehicleContext(name, NANO, (0.0, 0.0, 0.0), 0.0, None, 0.004)
+        self._tracker = Cascade(CascadeParams(), context)
         self._last: Time = 0
 
     def read(self, now: Time) -> Sequence[Measurement]:

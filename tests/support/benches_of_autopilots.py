@@ -36,12 +36,14 @@ class Bench:
     """One vehicle. outside: its position comes from the client, which sees it as motion capture
     does; else it has GPS. `say` sends, `heard` is all that came, newest last."""
 
-    def __init__(self, name="px4", outside=True, is_prepared=True, site=None, params=PLAIN, seed=1):
+    def __init__(
+        self, name="px4", outside=True, is_prepared=True, context=None, params=PLAIN, seed=1
+    ):
         self.firmware = FIRMWARES[name]
         self.px4 = name == "px4"
-        place = seat(params=params) if site is None else site
+        place = seat(params=params) if context is None else context
         self.world = World([place], random.Random(seed))
-        self.vehicle = self.world.links[place.site.vehicle]
+        self.vehicle = self.world.links[place.context.vehicle]
         kinds = {MeasurementKind.IMU} | (set() if outside else {MeasurementKind.POSITION})
         self.vehicle.subscribe(frozenset(kinds))
         body = Body(
@@ -50,12 +52,12 @@ class Bench:
             self.vehicle.truth,
         )
         changes = (
-            prepared(self.firmware, place.site, 1, outside=outside, station=245)
+            prepared(self.firmware, place.context, 1, outside=outside, station=245)
             if is_prepared
-            else as_built(self.firmware, place.site, 1)
+            else as_built(self.firmware, place.context, 1)
         )
         self.pilot = Autopilot(
-            self.firmware, place.site, body, changes=changes, generator=random.Random(seed)
+            self.firmware, place.context, body, changes=changes, generator=random.Random(seed)
         )
         mine, its = memory_wires()
         self.channel = self.pilot.connect(its)

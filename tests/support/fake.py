@@ -21,7 +21,7 @@ from kybflow.drivers.mavlink.protocol.framing import Framing
 from kybflow.drivers.mavlink.session import MavlinkSession, open_session
 from kybflow.drivers.mavlink.transport.wire import MemoryWire, Wire, memory_wires
 from kybflow.parts import Seat
-from kybflow.world.vehicle_context import Parcel, Site
+from kybflow.world.vehicle_context import Parcel, VehicleContext
 
 PERIOD = NS // 50
 GROUND, AIR, TAKING_OFF = 1, 2, 3
@@ -197,8 +197,8 @@ class Bench:
 def seat(
     name: str = "px4", vehicle: str = "a", payload: Parcel | None = None, **params: Any
 ) -> Seat:
-    site = Site(vehicle, FRAME, ZERO, 0.0, None, 0.004, payload=payload)
-    return Seat(site, MavlinkParams(autopilot=name, **params))
+    context = VehicleContext(vehicle, FRAME, ZERO, 0.0, None, 0.004, payload=payload)
+    return Seat(context, MavlinkParams(autopilot=name, **params))
 
 
 def opened(one: Seat, wires: dict[str, MemoryWire]) -> MavlinkSession:

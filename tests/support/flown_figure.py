@@ -24,10 +24,10 @@ from kybflow.core.geometry import (
 )
 from kybflow.core.signals import NS, Estimate, Imu, Measurement, Pose, Position, Time
 from kybflow.runtime.estimators.fusion import Fusion, FusionParams
-from kybflow.world.vehicle_context import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRAME = Airframe(mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05)
-SITE = Site("a", FRAME, ZERO, 0.0, None, 0.004)
+SITE = VehicleContext("a", FRAME, ZERO, 0.0, None, 0.004)
 TICK = NS // 250
 DT = TICK / NS
 FORCE_NOISE, TURN_NOISE = 0.005 / DT**0.5, radians(0.01) / DT**0.5

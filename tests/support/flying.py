@@ -18,7 +18,7 @@ from kybflow.core.signals import (
 )
 from kybflow.parts import AIR, Behavior, Entry, Flight
 from kybflow.world.shapes import Box
-from kybflow.world.vehicle_context import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 DT = 0.004
 MASS = 0.230
@@ -31,7 +31,7 @@ AIRFRAME = Airframe(
     drag=0.35,
 )
 FENCE = Box((-3.0, -3.0, 0.0), (3.0, 3.0, 2.5))
-SITE = Site("nano", AIRFRAME, ZERO, 0.0, FENCE, DT)
+SITE = VehicleContext("nano", AIRFRAME, ZERO, 0.0, FENCE, DT)
 
 
 def estimate(
@@ -50,13 +50,13 @@ def entry(
     velocity: Vec3 = ZERO,
     flight: Flight = AIR,
     setpoint: Setpoint | None = None,
-    site: Site = SITE,
+    context: VehicleContext = SITE,
 ) -> Entry:
     """Entered with the vehicle on its setpoint, if not said otherwise."""
     if setpoint is None and flight is AIR:
         setpoint = at_rest(position, velocity)
-    thrust = site.airframe.hover_thrust
-    return Entry(0, site, estimate(position, velocity), setpoint, thrust, flight)
+    thrust = context.airframe.hover_thrust
+    return Entry(0, context, estimate(position, velocity), setpoint, thrust, flight)
 
 
 def tick(

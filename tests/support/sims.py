@@ -8,7 +8,7 @@ from kybflow.core.geometry import LEVEL, ZERO, Vec3
 from kybflow.core.signals import NS, Command
 from kybflow.drivers.sim import Sim, SimParams
 from kybflow.parts import Seat
-from kybflow.world.vehicle_context import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRAME = Airframe(
     mass=1.05, diameter=0.5, inertia=(0.011, 0.011, 0.02), thrust=6.0, rotor_time=0.05, drag=0.25
@@ -20,7 +20,7 @@ QUIET = SimParams(
 
 
 def seat(name="a", at: Vec3 = ZERO, params=QUIET, airframe=FRAME, heading=0.0) -> Seat:
-    return Seat(Site(name, airframe, at, heading, None, 0.004), params)
+    return Seat(VehicleContext(name, airframe, at, heading, None, 0.004), params)
 
 
 def world(*seats: Seat, seed=1):

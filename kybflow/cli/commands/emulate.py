@@ -164,7 +164,7 @@ def _opened(
             stack.callback(wire.close)
             member.autopilot.connect(wire, secret)
             said.append(wire.address)
-        name = f"{seats[number].site.vehicle} ({plans.firmware}, system {first + number})"
+        name = f"{seats[number].context.vehicle} ({plans.firmware}, system {first + number})"
         echo(f"{name} speaks at {', '.join(said)}; Ctrl-C ends it")
     return fleet
 
@@ -225,7 +225,7 @@ def _seats(mission: Path | None, airframe: str, count: int) -> list[Seat]:
 def _compiled(path: Path, mission: Path | None) -> list[Seat]:
     """The seats of a mission; ends with what is wrong with it."""
     from kybflow.api.findings import findings
-    from kybflow.api.opening import site_of
+    from kybflow.api.opening import context_of
     from kybflow.dsl.compiler import compile_mission
     from kybflow.parts import Seat
     from kybflow.parts.catalog import load_catalog
@@ -240,7 +240,7 @@ def _compiled(path: Path, mission: Path | None) -> list[Seat]:
             echo(text, err=True)
         raise typer.Exit(INVALID)
     plan, params = result.plan, _driver().params()
-    return [Seat(site_of(plan, vehicle), params) for vehicle in plan.vehicles]
+    return [Seat(context_of(plan, vehicle), params) for vehicle in plan.vehicles]
 
 
 def _driver() -> PartSpec:

@@ -39,7 +39,7 @@ from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
 from kybflow.drivers.emulated_autopilot.state import CRITICAL, INFO, Failures, Landed, State, Sticks
 from kybflow.drivers.mavlink.firmware.profile import profile_of
 from kybflow.drivers.mavlink.transport.wire import Wire
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 REPEATS: Time = 30 * NS
 """How often ArduPilot says why it can't be armed."""
@@ -65,7 +65,7 @@ class Autopilot:
     def __init__(
         self,
         firmware: Firmware,
-        site: Site,
+        context: VehicleContext,
         body: Body,
         *,
         system: int = 1,
@@ -75,7 +75,7 @@ class Autopilot:
     ) -> None:
         parameters = Parameters(firmware, changes or {})
         estimator = Estimator(firmware, parameters, 0.0)
-        self.state = State(firmware, parameters, site.airframe, estimator, self._say)
+        self.state = State(firmware, parameters, context.airframe, estimator, self._say)
         self.state.mode = self.state.asked = firmware.start
         self.failures: Failures = self.state.failures
         self.px4 = firmware.name == "px4"
@@ -86,15 +86,15 @@ class Autopilot:
         self.commanded: Command | None = None
         self._body, self._boot, self._generator = body, boot, generator
         self._senses = Senses(body.look, generator)
-        self._most = site.airframe.max_thrust
-        parcel, place = site.payload, profile_of(firmware.name).output
+        self._most = context.airframe.max_thrust
+        parcel, place = context.payload, profile_of(firmware.name).output
         self.outputs = Outputs(
             self.state,
             None if parcel is None else place(parcel.channel, True).number,
             parcel is not None and parcel.aboard,
             body.move,
         )
-        self._control = Control(site.airframe, 0.0)
+        self._control = Control(context.airframe, 0.0)
         self.flight = Flight(self.state, self._control)
         self._channels: list[Channel] = []
         self._ears: list[tuple[Channel, Ears]] = []

@@ -27,17 +27,17 @@ class Emulated:
     def __init__(
         self, vehicle: Vehicle, seat: Seat, plans: Plans, system: int, generator: random.Random
     ) -> None:
-        site, firmware = seat.site, FIRMWARES[plans.firmware]
+        context, firmware = seat.context, FIRMWARES[plans.firmware]
         changes = (
-            prepared(firmware, site, system, outside=plans.outside, station=plans.station)
+            prepared(firmware, context, system, outside=plans.outside, station=plans.station)
             if plans.prepared
-            else as_built(firmware, site, system)
+            else as_built(firmware, context, system)
         )
         self.vehicle = vehicle
         vehicle.is_wired = True
         self.autopilot = Autopilot(
             firmware,
-            site,
+            context,
             Body(vehicle.send, vehicle.grip, vehicle.truth),
             system=system,
             changes={**changes, **plans.changes},
@@ -75,7 +75,7 @@ class Fleet:
         self._world = World(seats, generator)
         self.members: list[Emulated] = []
         for number, (seat, plan) in enumerate(zip(seats, plans, strict=True), start=first):
-            vehicle = self._world.links[seat.site.vehicle]
+            vehicle = self._world.links[seat.context.vehicle]
             assert isinstance(vehicle, Vehicle)
             chance = random.Random(generator.getrandbits(64))
             self.members.append(Emulated(vehicle, seat, plan, number, chance))

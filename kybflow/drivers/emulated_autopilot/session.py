@@ -31,7 +31,7 @@ class EmulatedLink(AutopilotLink):
         shared = {field.name: getattr(seat.params, field.name) for field in fields(AutopilotParams)}
         params = MavlinkParams(**shared, simulator=True)
         profile = replace(profile_of(params.autopilot), lag=LAG)
-        super().__init__(Seat(seat.site, params), profile, port)
+        super().__init__(Seat(seat.context, params), profile, port)
         self.wire = wire
         self._emulated = emulated
         self.rig = emulated.vehicle.rig
@@ -71,14 +71,14 @@ class EmulatedSession(Session):
         ]
         self._fleet = Fleet(seats, plans, generator)
         self._links: list[EmulatedLink] = []
-        wires = [memory_wires(f"memory:{seat.site.vehicle}") for seat in seats]
+        wires = [memory_wires(f"memory:{seat.context.vehicle}") for seat in seats]
         self._hub = Hub({ours.address: ours for ours, _ in wires}, own, None)
         for seat, (ours, theirs), emulated in zip(seats, wires, self._fleet.members, strict=True):
             emulated.autopilot.connect(theirs)
             port = self._hub.port(ours.address, emulated.autopilot.system)
             self._links.append(EmulatedLink(seat, port, ours, emulated))
         self.links: dict[str, Link] = {
-            seat.site.vehicle: link for seat, link in zip(seats, self._links, strict=True)
+            seat.context.vehicle: link for seat, link in zip(seats, self._links, strict=True)
         }
 
     def advance(self, now: Time) -> None:

@@ -45,14 +45,14 @@ class Contact:
     simulator, None on hardware."""
 
     def __init__(self, seat: Seat, profile: Profile, port: Port) -> None:
-        params, site = seat.params, seat.site
+        params, context = seat.params, seat.context
         self.port, self.profile, self.target = port, profile, (port.system, AUTOPILOT)
         self.is_outside = params.position == "outside"
         self.heard, self.clock = Heard(), BootClock()
         self.requests = Requests(self.heard, target=self.target, own_system=params.own_system)
         self.parameters = Parameters(profile.integer_parameters_bytewise, target=self.target)
-        self.telemetry = Telemetry(site, profile, self.heard, self.clock, self.is_outside)
-        self.truth = GroundTruth(site, profile.sphere) if params.simulator else None
+        self.telemetry = Telemetry(context, profile, self.heard, self.clock, self.is_outside)
+        self.truth = GroundTruth(context, profile.sphere) if params.simulator else None
         self.silence: Silence | None = None
         self._alive: Time | None = None
         self._text: Text | None = None

@@ -56,7 +56,7 @@ class AutopilotLink(Link):
     """One vehicle. `look` is called once a tick after the hub has heard everybody."""
 
     def __init__(self, seat: Seat, profile: Profile, port: Port) -> None:
-        site, params = seat.site, seat.params
+        context, params = seat.context, seat.params
         contact = self.contact = Contact(seat, profile, port)
         resumes = params.after_failsafe == "resume"
         self.helm = Helm(
@@ -66,12 +66,12 @@ class AutopilotLink(Link):
         self._watch = Watch(contact, self.helm.modes, params)
         self._drift = Drift()
         self._lead = profile.lag if params.lead is None else Lag(params.lead, params.lead)
-        self._hover = Hover(profile.hover_parameter, site.airframe.hover_thrust, profile.raises)
+        self._hover = Hover(profile.hover_parameter, context.airframe.hover_thrust, profile.raises)
         self._vision = Vision(params.vision_rate, contact.target)
         names = [*self._watch.names(), profile.hover_parameter]
         self._grip: Grip | None = None
-        if site.payload is not None:
-            output = profile.output(site.payload.channel, params.simulator)
+        if context.payload is not None:
+            output = profile.output(context.payload.channel, params.simulator)
             names.append(output.parameter)
             self._grip = Grip(contact, output)
         rates = {**profile.streams, **(profile.simulator_streams if params.simulator else {})}

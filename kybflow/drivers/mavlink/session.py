@@ -39,7 +39,7 @@ def open_session(
         session.hubs = tuple(hubs.values())
         for (profile, address, system), seat in zip(places, seats, strict=True):
             port = hubs[owners[address]].port(address, system)
-            session.links[seat.site.vehicle] = AutopilotLink(seat, profile, port)
+            session.links[seat.context.vehicle] = AutopilotLink(seat, profile, port)
     except BaseException:
         session.close()
         raise

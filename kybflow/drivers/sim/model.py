@@ -21,7 +21,7 @@ from xml.sax.saxutils import quoteattr
 
 from kybflow.core.geometry import Vec3
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
-from kybflow.world.vehicle_context import LEGS, Parcel, Site
+from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
 ROTORS = ((1.0, 1.0, 1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0), (1.0, -1.0, -1.0))
 """Each rotor's side along body x and y, and the sign of its drag torque about body z."""
@@ -52,15 +52,17 @@ class Body(NamedTuple):
     drag: float
 
 
-def world_text(sites: Sequence[Site], bodies: Sequence[Body], timestep: float) -> str:
+def world_text(contexts: Sequence[VehicleContext], bodies: Sequence[Body], timestep: float) -> str:
     """The whole world as MJCF; `timestep` in seconds."""
-    every = tuple(enumerate(zip(sites, bodies, strict=True)))
-    vehicles = "".join(_vehicle(index, site, body) for index, (site, body) in every)
-    actuators = "".join(_actuators(index, site, body) for index, (site, body) in every)
-    sensors = "".join(f'<gyro site="v{i}"/><accelerometer site="v{i}"/>' for i in range(len(sites)))
-    fences = {site.fence: None for site in sites if site.fence is not None}
-    obstacles = {name: shape for site in sites for name, shape in site.obstacles.items()}
-    carrying = [site for site in sites if site.payload is not None]
+    every = tuple(enumerate(zip(contexts, bodies, strict=True)))
+    vehicles = "".join(_vehicle(index, context, body) for index, (context, body) in every)
+    actuators = "".join(_actuators(index, context, body) for index, (context, body) in every)
+    sensors = "".join(
+        f'<gyro site="v{i}"/><accelerometer site="v{i}"/>' for i in range(len(contexts))
+    )
+    fences = {context.fence: None for context in contexts if context.fence is not None}
+    obstacles = {name: shape for context in contexts for name, shape in context.obstacles.items()}
+    carrying = [context for context in contexts if context.payload is not None]
     return f"""<mujoco model="kybflow">
 <option timestep="{timestep!r}" gravity="0 0 -9.81" integrator="Euler"/>
 {SOLID if carrying else ""}<visual><headlight ambient="0.4 0.4 0.4" diffuse="0.4 0.4 0.4"/></visual>
@@ -74,7 +76,7 @@ def world_text(sites: Sequence[Site], bodies: Sequence[Body], timestep: float) -
 <geom name="floor" type="plane" size="0 0 1" pos="0 0 {-LEGS}" material="tiles"/>
 {"".join(_fence(box) for box in fences)}
 {"".join(_obstacle(name, shape) for name, shape in obstacles.items())}
-{vehicles}{"".join(parcel_text(site) for site in carrying)}
+{vehicles}{"".join(parcel_text(context) for context in carrying)}
 </worldbody>
 <actuator>{actuators}</actuator>
 <sensor>{sensors}</sensor>
@@ -108,19 +110,19 @@ def _geom(kind: str, at: Iterable[float], size: Iterable[float]) -> str:
     return f'type="{kind}" pos="{_numbers(at)}" size="{_numbers(size)}"'
 
 
-def _vehicle(index: int, site: Site, body: Body) -> str:
-    x, y, z = site.start
-    half = site.airframe.arm / sqrt(2.0)
+def _vehicle(index: int, context: VehicleContext, body: Body) -> str:
+    x, y, z = context.start
+    half = context.airframe.arm / sqrt(2.0)
     hue = ("0.9 0.4 0.1", "0.1 0.5 0.8", "0.2 0.7 0.3", "0.7 0.2 0.6")[index % 4]
     rotors = "".join(
         f'<site name="v{index}r{n}" pos="{sx * half:.9g} {sy * half:.9g} 0" type="cylinder"'
         f' size="{half * 0.6:.6g} 0.003" rgba="{hue} 0.5"/>'
         for n, (sx, sy, _) in enumerate(ROTORS)
     )
-    stand = _stand(site) if z > 0.0 else ""
-    turn = f"{cos(site.heading / 2)!r} 0 0 {sin(site.heading / 2)!r}"
-    name = quoteattr(f"vehicle {site.vehicle}")
-    mass, inertia, height = loaded(body.mass, body.inertia, site.payload)
+    stand = _stand(context) if z > 0.0 else ""
+    turn = f"{cos(context.heading / 2)!r} 0 0 {sin(context.heading / 2)!r}"
+    name = quoteattr(f"vehicle {context.vehicle}")
+    mass, inertia, height = loaded(body.mass, body.inertia, context.payload)
     return f"""{stand}<body name={name} pos="{x!r} {y!r} {z!r}" quat="{turn}">
 <freejoint/>
 <inertial pos="0 0 {height!r}" mass="{mass!r}" diaginertia="{_numbers(inertia)}"/>
@@ -148,32 +150,32 @@ def loaded(mass: float, inertia: Vec3, parcel: Parcel | None) -> tuple[float, Ve
     return mass + m, (jx + own + off, jy + own + off, jz + own), m * height / (m + mass)
 
 
-def parcel_text(site: Site) -> str:
+def parcel_text(context: VehicleContext) -> str:
     """A vehicle's parcel as MJCF, where it is on board."""
-    assert site.payload is not None
-    (x, y, z), half = site.start, 0.5 * site.payload.size
-    name = quoteattr(PARCEL + site.vehicle)
-    return f"""<body name={name} pos="{x!r} {y!r} {z + mount(site.payload)!r}" gravcomp="1">
+    assert context.payload is not None
+    (x, y, z), half = context.start, 0.5 * context.payload.size
+    name = quoteattr(PARCEL + context.vehicle)
+    return f"""<body name={name} pos="{x!r} {y!r} {z + mount(context.payload)!r}" gravcomp="1">
 <freejoint/>
-<geom name={name} type="box" size="{half!r} {half!r} {half!r}" mass="{site.payload.mass!r}"
+<geom name={name} type="box" size="{half!r} {half!r} {half!r}" mass="{context.payload.mass!r}"
  contype="0" conaffinity="0" rgba="0.75 0.6 0.4 1"/>
 </body>
 """
 
 
-def _stand(site: Site) -> str:
+def _stand(context: VehicleContext) -> str:
     """What a vehicle stands on that starts above the floor."""
-    x, y, z = site.start
-    half = site.airframe.arm
+    x, y, z = context.start
+    half = context.airframe.arm
     return (
         f'<geom type="box" pos="{x!r} {y!r} {z / 2 - LEGS!r}" size="{half!r} {half!r} {z / 2!r}"'
         ' rgba="0.5 0.5 0.5 1"/>\n'
     )
 
 
-def _actuators(index: int, site: Site, body: Body) -> str:
+def _actuators(index: int, context: VehicleContext, body: Body) -> str:
     rotors = "".join(
-        f'<general site="v{index}r{n}" gear="0 0 1 0 0 {sign * site.airframe.torque_ratio!r}"'
+        f'<general site="v{index}r{n}" gear="0 0 1 0 0 {sign * context.airframe.torque_ratio!r}"'
         f' dyntype="filterexact" dynprm="{body.rotor_time!r}" gainprm="{thrust!r}"'
         ' ctrllimited="true" ctrlrange="0 1"/>'
         for n, ((_, _, sign), thrust) in enumerate(zip(ROTORS, body.thrust, strict=True))

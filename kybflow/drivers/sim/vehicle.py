@@ -39,26 +39,28 @@ class Vehicle(Link):
     is_wired = False
 
     def __init__(self, world: World, index: int, seat: Seat, generator: random.Random) -> None:
-        site, p = seat.site, seat.params
+        context, p = seat.context, seat.params
         streams = numpy.random.default_rng(generator.getrandbits(64)).spawn(5)
         self._world = world
         self._index = index
-        self.body = build(site.airframe, p.model_error, streams[0])
+        self.body = build(context.airframe, p.model_error, streams[0])
         imu = streams[1]
         offsets = [*bias(imu, p.gyro_bias), *bias(imu, p.accelerometer_bias)]
         noises = [p.gyro_noise] * 3 + [p.accelerometer_noise] * 3
-        self.pilot = Pilot(site.airframe, site.heading, 1.0 / p.physics, draw(imu, offsets, noises))
+        self.pilot = Pilot(
+            context.airframe, context.heading, 1.0 / p.physics, draw(imu, offsets, noises)
+        )
         self.capture = MotionCapture(
             p.mocap_rate, p.mocap_latency, p.mocap_position_noise, p.mocap_attitude_noise,
             streams[2],
         )  # fmt: skip
         spread = (p.position_noise, p.position_noise, p.position_noise_up)
         self._positions = Positions(p.position_rate, p.position_latency, spread, streams[4])
-        self.cell = Cell(site.airframe, p.battery, p.battery_rate)
+        self.cell = Cell(context.airframe, p.battery, p.battery_rate)
         self.wind = Wind(p.wind, p.gust, draw(streams[3], [0.0] * 3, [1.0] * 3))
         self.due: Time = 0
         self.thrust = list(self.body.thrust)
-        self.rig = Rig(site.vehicle, self._rigged)
+        self.rig = Rig(context.vehicle, self._rigged)
         self._dt = 1.0 / p.physics
         self._arriving: deque[tuple[Time, Measurement]] = deque()
         self._filters = self.rig.filters
@@ -66,10 +68,12 @@ class Vehicle(Link):
         self._seen_as = self._sees_as = index
         self._imu = Averages(self.pilot.noise)
         self._subscribed = False
-        self._receiver = Receiver(self.pilot, site.airframe, p.watchdog)
+        self._receiver = Receiver(self.pilot, context.airframe, p.watchdog)
         self._minded: Time = 0
-        if site.payload is not None:
-            self._arriving.append((0, Payload(0, not site.payload.aboard, site.payload.aboard)))
+        if context.payload is not None:
+            self._arriving.append(
+                (0, Payload(0, not context.payload.aboard, context.payload.aboard))
+            )
 
     def measure(self, now: Time) -> None:
         """Take every measurement that is due at `now`, and every command; mind the watchdog."""

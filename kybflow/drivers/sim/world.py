@@ -37,7 +37,8 @@ class World(Session):
         self._rate: int = round(rates.pop())
         self._vehicles = [Vehicle(self, i, seat, generator) for i, seat in enumerate(seats)]
         self.links: dict[str, Link] = {
-            seat.site.vehicle: vehicle for seat, vehicle in zip(seats, self._vehicles, strict=True)
+            seat.context.vehicle: vehicle
+            for seat, vehicle in zip(seats, self._vehicles, strict=True)
         }
         self.model = _compile(seats, [vehicle.body for vehicle in self._vehicles], self._rate)
         self.data = mujoco.MjData(self.model)
@@ -53,7 +54,7 @@ class World(Session):
         self._winds = self._blowing()
         for index in self._parcels:
             self.refit(index)
-        self._solid = Contacts(self.model, [seat.site.vehicle for seat in seats])
+        self._solid = Contacts(self.model, [seat.context.vehicle for seat in seats])
         self._steps = 0
         self._next: Time = NS // self._rate
         self._blown: Time = 0
@@ -187,7 +188,9 @@ def _parcels(
     model: mujoco.MjModel, data: mujoco.MjData, seats: Sequence[Seat]
 ) -> dict[int, FallingParcel]:
     """The parcel of each vehicle that has one, by the vehicle's place."""
-    made = [(index, p) for index, seat in enumerate(seats) if (p := seat.site.payload) is not None]
+    made = [
+        (index, p) for index, seat in enumerate(seats) if (p := seat.context.payload) is not None
+    ]
     first = len(seats)
     return {
         index: FallingParcel(model, data, index, first + number, parcel)
@@ -198,7 +201,7 @@ def _parcels(
 def _compile(seats: Sequence[Seat], bodies: Sequence[Body], rate: float) -> mujoco.MjModel:
     try:
         return mujoco.MjModel.from_xml_string(
-            world_text([seat.site for seat in seats], bodies, 1.0 / rate)
+            world_text([seat.context for seat in seats], bodies, 1.0 / rate)
         )
     except ValueError as error:
         raise DriverError(f"MuJoCo refuses the world: {error}") from error

@@ -11,7 +11,7 @@ from kybflow.core.geometry import norm
 from kybflow.core.signals import Frame, Measurement, Pose, Position, Time
 from kybflow.flight.fusion.covariance import Matrix
 from kybflow.flight.fusion.values import Belief, Fix
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     from kybflow.runtime.estimators.fusion import FusionParams
@@ -26,13 +26,13 @@ Believed = Callable[[Time], Belief | None]
 Saw = Callable[["Sighting | None"], None]
 
 
-def source(params: FusionParams, site: Site, believed: Believed, saw: Saw) -> Read:
+def source(params: FusionParams, context: VehicleContext, believed: Believed, saw: Saw) -> Read:
     """What reads the measurements of the source that is asked for, and leaves out others and those
     that are none. `saw` is told what camera frames showed."""
     noises = [params.position_noise] * 3 + [params.attitude_noise] * 3
     noise: Matrix = numpy.diag(numpy.square(noises))
     if params.source == "tags":
-        return _Tags(site, believed, noise, saw).read
+        return _Tags(context, believed, noise, saw).read
     read, size = (_pose, 6) if params.source == "mocap" else (_position, 3)
     noise = noise[:size, :size]
     return lambda measured: [fix for m in measured if (fix := read(m, noise)) is not None]
@@ -59,10 +59,12 @@ def _position(measured: Measurement, noise: Matrix) -> Fix | None:
 class _Tags:
     """Frames of one time, from whichever cameras, tell one pose."""
 
-    def __init__(self, site: Site, believed: Believed, noise: Matrix, saw: Saw) -> None:
+    def __init__(
+        self, context: VehicleContext, believed: Believed, noise: Matrix, saw: Saw
+    ) -> None:
         from kybflow.vision.locating.locator import Locator
 
-        self._locator = Locator(site.tags, site.cameras)
+        self._locator = Locator(context.tags, context.cameras)
         self._believed, self._noise, self._saw = believed, noise, saw
 
     def read(self, measured: Sequence[Measurement]) -> list[Fix]:

@@ -48,7 +48,7 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         speed = cruise_speed(abs(params.speed), entry)
         if speed <= 0.0:
             raise Refused("a circle needs a speed other than zero")
-        most = GRAVITY * tan(entry.site.airframe.tilt)
+        most = GRAVITY * tan(entry.context.airframe.tilt)
         if speed * speed / params.radius > most:
             raise Refused(
                 f"{speed:g} m/s on a radius of {params.radius:g} m needs "

@@ -51,7 +51,7 @@ class GoHome(
         self._coast = Coast.entering(entry)
         stop = self._coast.end
         above = (*stop[:2], _safe_height(params, entry, stop))
-        x, y, _ = entry.site.home or entry.site.start
+        x, y, _ = entry.context.home or entry.context.start
         self._goal: Vec3 = (x, y, above[2])
         speed = cruise_speed(params.speed, entry)
         self._up = Straight(stop, above, speed, params.acceleration)
@@ -77,17 +77,17 @@ class GoHome(
 
 
 def _safe_height(params: GoHomeParams, entry: Entry, stop: Vec3) -> float:
-    height = max(stop[2], entry.site.start[2] + params.height)
-    if entry.site.fence is None:
+    height = max(stop[2], entry.context.start[2] + params.height)
+    if entry.context.fence is None:
         return height
-    return max(min(height, entry.site.fence.high[2] - _UNDER_TOP), min(stop[2], height))
+    return max(min(height, entry.context.fence.high[2] - _UNDER_TOP), min(stop[2], height))
 
 
 def _check_clear(entry: Entry, above: Vec3, goal: Vec3) -> None:
     """Raises Refused for the first obstacle that is too close to the level way home."""
-    keep = entry.site.airframe.diameter + _CLEARANCE
+    keep = entry.context.airframe.diameter + _CLEARANCE
     steps = max(1, round(distance(above, goal) / _STEP))
-    for name, shape in entry.site.obstacles.items():
+    for name, shape in entry.context.obstacles.items():
         for i in range(steps + 1):
             s = i / steps
             x, y, z = (a + s * (b - a) for a, b in zip(above, goal, strict=True))

@@ -97,7 +97,7 @@ class Land(
         super().__init__(params, entry)
         self._grounded = entry.flight is GROUND
         self._point = params.position
-        self._ground = (entry.site.start if self._point is None else self._point)[2]
+        self._ground = (entry.context.start if self._point is None else self._point)[2]
         self._heading = entry.heading
         start, (east, north, climb), *_ = entry_motion(entry)
         self._coast = Coast(start, (east, north, 0.0), COAST_ACCELERATION)

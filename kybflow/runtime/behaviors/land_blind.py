@@ -98,7 +98,7 @@ class LandBlind(
         super().__init__(params, entry)
         self._grounded = entry.flight is GROUND
         self._hover = entry.hover_thrust
-        self._most = entry.site.airframe.max_thrust
+        self._most = entry.context.airframe.max_thrust
         climb = entry_motion(entry).velocity[2]
         self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST), -_MOST), _MOST)
         self._descent: Descent | None = Descent(self._hover, self._most, climb, entry.rest)

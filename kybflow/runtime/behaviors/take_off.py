@@ -43,9 +43,9 @@ class TakeOffParams:
 class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.POSITION):
     def __init__(self, params: TakeOffParams, entry: Entry) -> None:
         super().__init__(params, entry)
-        self._ground = entry.estimate.position if entry.estimate else entry.site.start
+        self._ground = entry.estimate.position if entry.estimate else entry.context.start
         self._heading = entry.heading
-        speed = cruise_speed(min(params.speed, entry.site.airframe.climb), entry)
+        speed = cruise_speed(min(params.speed, entry.context.airframe.climb), entry)
         self._profile = Profile.within(params.height, speed, params.acceleration)
         self._time = 0.0
         self._there = Dwell()

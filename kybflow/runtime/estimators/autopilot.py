@@ -21,7 +21,7 @@ from kybflow.core.geometry import add, integrate, scale
 from kybflow.core.signals import NS, Estimate, Measurement, MeasurementKind, Odometry, Time
 from kybflow.core.units import Duration
 from kybflow.parts import Estimator, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 
 @params
@@ -37,8 +37,8 @@ class Autopilot(Estimator[AutopilotParams]):
     needs = frozenset({MeasurementKind.ODOMETRY})
     own: ClassVar[bool] = True
 
-    def __init__(self, params: AutopilotParams, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: AutopilotParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
         self._newest: Odometry | None = None
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:

@@ -36,7 +36,7 @@ from kybflow.core.signals import NS, Estimate, Imu, Measurement, MeasurementKind
 from kybflow.core.units import DEG, Acceleration, Angle, AngularRate, Duration, Length, Ratio, Speed
 from kybflow.parts import Estimator, param, params
 from kybflow.runtime.estimators.inertial import SILENT
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Sighting
@@ -123,13 +123,13 @@ class Fusion(Estimator[FusionParams]):
     needs = frozenset({MeasurementKind.IMU, *_KINDS.values()})
     needs_tags = True
 
-    def __init__(self, params: FusionParams, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: FusionParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
         from kybflow.flight.fusion.filter import Filter
         from kybflow.flight.fusion.sources import source
 
-        self.filter = Filter(params, site.heading)
-        self._read = source(params, site, self.filter.at, self._saw)
+        self.filter = Filter(params, context.heading)
+        self._read = source(params, context, self.filter.at, self._saw)
         self._turn: Vec3 = ZERO
 
     @classmethod

@@ -34,7 +34,7 @@ from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate, r
 from kybflow.core.signals import NS, Estimate, Imu, Measurement, MeasurementKind, Time
 from kybflow.core.units import Acceleration, Duration, Frequency, Speed
 from kybflow.parts import Estimator, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 SILENT = NS // 10
 """An IMU that was not heard for so long tells nothing about the motion since."""
@@ -73,8 +73,8 @@ class Inertial(Estimator[InertialParams]):
 
     needs = frozenset({MeasurementKind.IMU})
 
-    def __init__(self, params: InertialParams, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: InertialParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
         self._time: Time | None = None
         self._anchored: Time | None = None
         self._anchor_spread = 0.0

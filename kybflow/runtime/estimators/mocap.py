@@ -28,7 +28,7 @@ from kybflow.flight.pose_gate import (
 )
 from kybflow.flight.tracked_pose import TrackedParams, TrackedPose
 from kybflow.parts import Estimator, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 
 @params
@@ -54,9 +54,9 @@ class Mocap(Estimator[MocapParams]):
 
     needs = frozenset({MeasurementKind.POSE})
 
-    def __init__(self, params: MocapParams, site: Site) -> None:
-        super().__init__(params, site)
-        self._track = TrackedPose(params, site.airframe.drag)
+    def __init__(self, params: MocapParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._track = TrackedPose(params, context.airframe.drag)
         self._gate = PoseGate()
         self._known = False
 

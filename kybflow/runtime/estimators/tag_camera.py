@@ -33,7 +33,7 @@ from kybflow.core.units import Length
 from kybflow.flight.tracked_pose import TrackedParams, TrackedPose
 from kybflow.parts import Estimator, param, params
 from kybflow.vision import OPENCV
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     from kybflow.vision.locating.fit import Located
@@ -65,16 +65,16 @@ class TagCamera(Estimator[TagCameraParams]):
     needs_tags = True
     packages = OPENCV
 
-    def __init__(self, params: TagCameraParams, site: Site) -> None:
-        super().__init__(params, site)
-        self._track = TrackedPose(params, site.airframe.drag)
-        self._cameras = site.cameras
-        self._start = (site.start, from_heading(site.heading))
+    def __init__(self, params: TagCameraParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._track = TrackedPose(params, context.airframe.drag)
+        self._cameras = context.cameras
+        self._start = (context.start, from_heading(context.heading))
         self._spread = 0.0
-        if site.cameras:
+        if context.cameras:
             from kybflow.vision.locating.locator import Locator
 
-            self._locator = Locator(site.tags, site.cameras)
+            self._locator = Locator(context.tags, context.cameras)
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
         frames = [measured for measured in measurements if isinstance(measured, Frame)]

@@ -43,8 +43,8 @@ class Reach(NamedTuple):
     stop: Callable[[str, str], None]
 
 
-class CallbackDeck:
-    """The deck (`kybflow.parts.Deck`) of the callback at one line of the mission."""
+class CallbackContext:
+    """The context (`kybflow.parts.ActionContext`) of the callback at one line of the mission."""
 
     def __init__(self, reach: Reach, at: str) -> None:
         self._reach, self._at = reach, at
@@ -62,7 +62,7 @@ class CallbackDeck:
         self._reach.vehicles[vehicle].enable(label, on, BY, self._at)
 
     def emit(self, name: str) -> None:
-        """See `Deck.emit`."""
+        """See `ActionContext.emit`."""
         if name in EVENTS or name.startswith(_OPERATOR):
             raise ValueError(f"`{name}` is not an action's to tell")
         self._reach.events.tell(name, at=self._at)

@@ -26,9 +26,9 @@ from kybflow.dsl.plan import (
     Stop,
     Switch,
 )
-from kybflow.parts import Action, Deck
+from kybflow.parts import Action, ActionContext
 from kybflow.runtime.events import Events, Fields
-from kybflow.runtime.fleet.action_context import CallbackDeck, Reach
+from kybflow.runtime.fleet.action_context import CallbackContext, Reach
 
 Do = Callable[[Event], None]
 
@@ -46,7 +46,7 @@ class Callbacks:
         self._listening: dict[tuple[str, str], list[_Callback]] = {}
         for plan in plans:
             when = None if plan.when is None else conditions(plan.when)
-            callback = _Callback(plan, when, CallbackDeck(reach, plan.at))
+            callback = _Callback(plan, when, CallbackContext(reach, plan.at))
             for vehicle in plan.vehicles:
                 self._listening.setdefault((vehicle, plan.event), []).append(callback)
 
@@ -68,9 +68,11 @@ class Callbacks:
 class _Callback:
     """One entry of `on:`. An action that raises is told and left out from then on."""
 
-    def __init__(self, plan: CallbackPlan, when: Callable[[], bool] | None, deck: Deck) -> None:
+    def __init__(
+        self, plan: CallbackPlan, when: Callable[[], bool] | None, context: ActionContext
+    ) -> None:
         self._plan, self._when = plan, when
-        self._actions = [(_name(action), _bound(action, deck)) for action in plan.actions]
+        self._actions = [(_name(action), _bound(action, context)) for action in plan.actions]
 
     def answer(self, event: Event, events: Events) -> None:
         try:
@@ -98,26 +100,26 @@ def _name(action: ActionPlan) -> str:
     return action.part.name if isinstance(action, Call) else type(action).__name__.lower()
 
 
-def _bound(action: ActionPlan, deck: Deck) -> Do:
+def _bound(action: ActionPlan, context: ActionContext) -> Do:
     """The action as a function of the event that it answers."""
     match action:
         case Switch(vehicle, state):
-            return lambda _: deck.switch(vehicle, state)
+            return lambda _: context.switch(vehicle, state)
         case SetOption(option, value):
-            return lambda _: deck.set(option, value)
+            return lambda _: context.set(option, value)
         case Enable(vehicle, label, on):
-            return lambda _: deck.enable(vehicle, label, on)
+            return lambda _: context.enable(vehicle, label, on)
         case Emit(name):
-            return lambda _: deck.emit(name)
+            return lambda _: context.emit(name)
         case EnterPhase(flow, phase):
-            return lambda _: deck.phase(flow, phase)
+            return lambda _: context.phase(flow, phase)
         case Log(text):
-            return lambda event: deck.log(filled(text, event))
+            return lambda event: context.log(filled(text, event))
         case Stop(reason):
-            return lambda _: deck.stop(reason)
+            return lambda _: context.stop(reason)
         case Call(part):
             made = _made(part)
-            return lambda event: made(event, deck)
+            return lambda event: made(event, context)
 
 
 def _made(part: PartPlan) -> Action[Any]:

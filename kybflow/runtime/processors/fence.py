@@ -26,7 +26,7 @@ from kybflow.core.signals import Estimate, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Length
 from kybflow.parts import Processor, param, params
 from kybflow.world.shapes import Box
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 _UNDER = 0.5
 _STOPPING = 1.0
@@ -51,11 +51,11 @@ class Fence(Processor[FenceParams]):
     }
     safety = True
 
-    def __init__(self, params: FenceParams, site: Site) -> None:
-        super().__init__(params, site)
-        self._fence = site.fence
+    def __init__(self, params: FenceParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._fence = context.fence
         self._margin = params.margin
-        self._room = _shrunk(site.fence, params.margin) if site.fence is not None else None
+        self._room = _shrunk(context.fence, params.margin) if context.fence is not None else None
 
     @classmethod
     def keeps_inside(cls, params: FenceParams, fence: Box) -> Box | None:

@@ -15,7 +15,7 @@ from kybflow.core.signals import Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Speed
 from kybflow.flight.governor import Follower, motion_of, shortened
 from kybflow.parts import Processor, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 _SLACK = 1.0 + 1e-6
 
@@ -34,8 +34,8 @@ class LimitSpeed(Processor[LimitSpeedParams]):
         SetpointKind.VELOCITY: SetpointKind.VELOCITY,
     }
 
-    def __init__(self, params: LimitSpeedParams, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: LimitSpeedParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
         self._follower = Follower()
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:

@@ -19,7 +19,7 @@ from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale, sub
 from kybflow.core.signals import Alarm, Reaction, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Length
 from kybflow.parts import Processor, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 _LATELY = 2.0
 
@@ -39,8 +39,8 @@ class PositionError(Processor[PositionErrorParams]):
     safety = True
     events = ("position_error_exceeded",)
 
-    def __init__(self, params: PositionErrorParams, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: PositionErrorParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
         self._behind = ZERO
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm:

@@ -25,7 +25,7 @@ from kybflow.core.geometry import ZERO, Vec3, add, norm, scale, sub
 from kybflow.core.signals import NS, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Duration
 from kybflow.parts import Processor, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 _SETTLED = 7.5
 """k t at which (1 + k t + (k t)^2 / 2) exp(-k t) is 2 %."""
@@ -80,8 +80,8 @@ class Smooth(Processor[SmoothParams]):
         SetpointKind.VELOCITY: SetpointKind.VELOCITY,
     }
 
-    def __init__(self, params: SmoothParams, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: SmoothParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
         self._last: Setpoint | None = None
         self._time = 0
         self._error = _NOTHING

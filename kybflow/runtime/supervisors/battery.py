@@ -18,7 +18,7 @@ from __future__ import annotations
 from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick
 from kybflow.core.units import Duration, Ratio
 from kybflow.parts import Supervisor, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 _RECOVERED = 0.05
 
@@ -51,8 +51,8 @@ class Battery(Supervisor[BatteryParams]):
     unhurried = True
     events = ("battery_low", "battery_lost")
 
-    def __init__(self, params: BatteryParams, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: BatteryParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
         self._low = False
         self._empty = False
 

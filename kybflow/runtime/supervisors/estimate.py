@@ -14,7 +14,7 @@ from __future__ import annotations
 from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
 from kybflow.core.units import Duration, Length
 from kybflow.parts import Supervisor, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 
 @params
@@ -33,8 +33,8 @@ class Estimate(Supervisor[EstimateParams]):
     unhurried = True
     events = ("estimate_lost",)
 
-    def __init__(self, params: EstimateParams, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: EstimateParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
         self._newest: Time | None = None
 
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:

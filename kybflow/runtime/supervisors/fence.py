@@ -16,7 +16,7 @@ from kybflow.core.signals import Alarm, Reaction, ReactionName, Tick
 from kybflow.core.units import Length
 from kybflow.parts import Supervisor, param, params
 from kybflow.world.shapes import Box
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 _BACK_INSIDE = 0.05
 
@@ -34,13 +34,13 @@ class Fence(Supervisor[FenceParams]):
     unhurried = True
     events = ("fence_breached",)
 
-    def __init__(self, params: FenceParams, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: FenceParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
         self._outside = False
         self._box = None
-        if site.fence is not None:
-            (x, y, z), high = site.fence
-            self._box = Box((x, y, min(z, site.start[2])), high)
+        if context.fence is not None:
+            (x, y, z), high = context.fence
+            self._box = Box((x, y, min(z, context.start[2])), high)
 
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:
         if self._box is None or tick.estimate is None or not airborne:

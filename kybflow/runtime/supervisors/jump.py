@@ -16,7 +16,7 @@ from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
 from kybflow.core.units import Length, Number
 from kybflow.parts import Supervisor, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 _SHARE = 0.05
 _LASTS = NS
@@ -39,8 +39,8 @@ class Jump(Supervisor[JumpParams]):
     unhurried = True
     events = ("jumped",)
 
-    def __init__(self, params: JumpParams, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: JumpParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
         self._last: Estimate | None = None
         self._measured: Time = 0
         self._average = 0.0

@@ -16,7 +16,7 @@ from kybflow.core.geometry import distance, dot, sub
 from kybflow.core.signals import NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
 from kybflow.core.units import Length
 from kybflow.parts import Supervisor, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 _APART = 0.05
 _CLOSING = 20.0
@@ -40,11 +40,11 @@ class Proximity(Supervisor[ProximityParams]):
     unhurried = True
     events = ("too_close",)
 
-    def __init__(self, params: ProximityParams, site: Site) -> None:
-        super().__init__(params, site)
-        own = site.airframe.diameter
-        self._vehicle = site.vehicle
-        self._touching = {name: 0.5 * (own + size) for name, size in site.diameters.items()}
+    def __init__(self, params: ProximityParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        own = context.airframe.diameter
+        self._vehicle = context.vehicle
+        self._touching = {name: 0.5 * (own + size) for name, size in context.diameters.items()}
         self._own = own
         self._close: frozenset[str] = frozenset()
         self._next: Time = 0

@@ -18,7 +18,7 @@ from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
 from kybflow.core.signals import Setpoint as Followed
 from kybflow.core.units import Length
 from kybflow.parts import Supervisor, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 _LASTS = NS // 10
 
@@ -37,8 +37,8 @@ class Setpoint(Supervisor[SetpointParams]):
     unhurried = True
     events = ("setpoint_jumped", "setpoint_left")
 
-    def __init__(self, params: SetpointParams, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: SetpointParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
         self._last: Followed | None = None
         self._looked: Time = 0
         self._jumped: Alarm | None = None

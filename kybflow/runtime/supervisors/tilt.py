@@ -15,7 +15,7 @@ from kybflow.core.geometry import tilt_of
 from kybflow.core.signals import Alarm, Reaction, ReactionName, Tick
 from kybflow.core.units import DEG, Angle
 from kybflow.parts import Supervisor, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 _BACK = 0.087
 
@@ -33,8 +33,8 @@ class Tilt(Supervisor[TiltParams]):
     unhurried = True
     events = ("tilted",)
 
-    def __init__(self, params: TiltParams, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: TiltParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
         self._tilted = False
 
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:

@@ -8,7 +8,7 @@ from kybflow.core.signals import CommandKind
 from kybflow.core.units import Acceleration, Angle, Damping, Length, Ratio
 from kybflow.flight.steering import Steering
 from kybflow.parts import Tracker, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 
 @params
@@ -40,10 +40,10 @@ class Steered(Tracker[P]):
 
     gives = CommandKind.ATTITUDE_THRUST
 
-    def __init__(self, params: P, site: Site) -> None:
-        super().__init__(params, site)
-        self._drag = site.airframe.drag
-        self._steering = Steering(site, params.mass_guess)
+    def __init__(self, params: P, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._drag = context.airframe.drag
+        self._steering = Steering(context, params.mass_guess)
         self._integral = (0.0, 0.0)
 
     @property

@@ -23,7 +23,7 @@ from kybflow.core.units import AngularRate, Damping
 from kybflow.flight.governor import shortened
 from kybflow.parts import Tracker, param, params
 from kybflow.runtime.trackers.geometric import Geometric, GeometricParams
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 
 @params
@@ -41,9 +41,9 @@ class BodyRates(Tracker[BodyRatesParams]):
     accepts = Geometric.accepts
     gives = CommandKind.RATES_THRUST
 
-    def __init__(self, params: BodyRatesParams, site: Site) -> None:
-        super().__init__(params, site)
-        self._law = Geometric(params, site)
+    def __init__(self, params: BodyRatesParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._law = Geometric(params, context)
 
     @property
     def hover_thrust(self) -> float:

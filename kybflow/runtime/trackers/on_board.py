@@ -49,7 +49,7 @@ from kybflow.core.units import Acceleration, Damping, Length, Number, Speed
 from kybflow.flight.governor import shortened
 from kybflow.flight.steering import LEAST_LIFT, LONGEST_STEP, MOST_THRUST
 from kybflow.parts import Tracker, param, params
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 By = Literal["position", "velocity", "acceleration"]
 _COMMANDS = {
@@ -106,9 +106,9 @@ class OnBoard(Tracker[OnBoardParams]):
     accepts = frozenset(_COMMANDS)
     gives = CommandKind.POSITION
 
-    def __init__(self, params: OnBoardParams, site: Site) -> None:
-        super().__init__(params, site)
-        self._airframe = site.airframe
+    def __init__(self, params: OnBoardParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._airframe = context.airframe
         self._integral = ZERO
         self._floor: float | None = None
 

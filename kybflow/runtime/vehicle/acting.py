@@ -17,7 +17,7 @@ from kybflow.runtime.safety.land_mode import HANDED_OVER, LandMode
 from kybflow.runtime.vehicle.chain import Chain
 from kybflow.runtime.vehicle.commanding import Commanding
 from kybflow.runtime.vehicle.senses import Senses
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 RESTING = Command(LEVEL, 0.0, ZERO, None, False)
 """What a vehicle on the ground is sent: rotors at rest."""
@@ -33,7 +33,7 @@ class Acting(Commanding):
     `followed` is the setpoint that the tracker followed last, None while there is none.
     """
 
-    site: Site
+    context: VehicleContext
     senses: Senses
     _params: dict[str, Any]
     _chain: Chain
@@ -112,7 +112,7 @@ class Acting(Commanding):
             return tick
         activity.changed = False
         if activity.leg.start is GROUND and activity.leg.end is AIR:
-            self._chain = Chain(self.plan, self.site, self._params)
+            self._chain = Chain(self.plan, self.context, self._params)
         self._select()
         self.senses.subscribe(activity.state.behavior.cls.needs)
         self.senses.estimation.prefer(activity.state.estimators)
@@ -152,7 +152,7 @@ class Acting(Commanding):
     def _hand_over(self, now: Time) -> None:
         """Land by the vehicle's own mode, in place of the state that was entered."""
         estimate = self.senses.estimate
-        height = 0.0 if estimate is None else estimate.position[2] - self.site.start[2]
+        height = 0.0 if estimate is None else estimate.position[2] - self.context.start[2]
         self.activity.land_mode = LandMode(self.senses.land, now, height)
         self._tell("land_mode_started", self.plan.driver.at)
 
@@ -201,7 +201,7 @@ class Acting(Commanding):
 
     def _hover_thrust(self) -> float:
         """The tracker's belief in the air; the airframe's weight where that can't be."""
-        weight = self.site.airframe.hover_thrust
+        weight = self.context.airframe.hover_thrust
         if not self.activity.airborne:
             return weight
         try:

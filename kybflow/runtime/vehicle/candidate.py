@@ -14,7 +14,7 @@ from kybflow.parts.observables import Unavailable
 from kybflow.runtime.conditions import bind
 from kybflow.runtime.finite import checked_estimate
 from kybflow.runtime.making import make
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 
 class Candidate:
@@ -28,10 +28,10 @@ class Candidate:
     neither a moment's health of another nor none at all renews it.
     """
 
-    def __init__(self, plan: EstimatorPlan, site: Site) -> None:
+    def __init__(self, plan: EstimatorPlan, context: VehicleContext) -> None:
         self.label = plan.part.label
         self.name = self.label.rpartition(".")[2]
-        self.part: Estimator[Any] = make(plan.part, plan.part.params, site)
+        self.part: Estimator[Any] = make(plan.part, plan.part.params, context)
         self.uses = plan.part.cls.uses(plan.part.params)
         self.estimate: Estimate | None = None
         self.age = self.spread = inf

@@ -13,7 +13,7 @@ from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import Processor, Tracker
 from kybflow.runtime.finite import checked_command, checked_setpoint
 from kybflow.runtime.making import make
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 Process = Callable[[Setpoint, Tick], Setpoint | Alarm]
 
@@ -22,11 +22,11 @@ class Chain:
     """`stage` is the label of the part at work, empty while none is: it tells which one raised.
     Raises PartFailed for a part that can't be made."""
 
-    def __init__(self, plan: VehiclePlan, site: Site, params: dict[str, Any]) -> None:
+    def __init__(self, plan: VehiclePlan, context: VehicleContext, params: dict[str, Any]) -> None:
         self.processors: dict[str, Processor[Any]] = {
-            part.label: make(part, params[part.label], site) for part in plan.processors
+            part.label: make(part, params[part.label], context) for part in plan.processors
         }
-        self.tracker: Tracker[Any] = make(plan.tracker, params[plan.tracker.label], site)
+        self.tracker: Tracker[Any] = make(plan.tracker, params[plan.tracker.label], context)
         self.stage = ""
         self._tracker_label = plan.tracker.label
         self._active: tuple[tuple[str, Process], ...] = ()

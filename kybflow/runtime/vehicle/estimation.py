@@ -19,7 +19,7 @@ from kybflow.recording.outcome import VehicleScore
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.blending import Blend
 from kybflow.runtime.vehicle.candidate import Candidate
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 Known = Callable[[frozenset[MeasurementKind]], str]
 
@@ -31,13 +31,13 @@ class Estimation:
     def __init__(
         self,
         plan: VehiclePlan,
-        site: Site,
+        context: VehicleContext,
         events: Events,
         score: VehicleScore,
         report: Callable[[PartFailed], None],
         known: Known = lambda _: "",
     ) -> None:
-        self._listed = [Candidate(estimator, site) for estimator in plan.estimators]
+        self._listed = [Candidate(estimator, context) for estimator in plan.estimators]
         self._candidates = self._listed
         self._preferred: tuple[str, ...] = ()
         self._is_reordered = False

@@ -36,7 +36,7 @@ from kybflow.runtime.vehicle.cargo import Cargo
 from kybflow.runtime.vehicle.estimation import Estimation
 from kybflow.runtime.vehicle.resting_bias import Rest
 from kybflow.runtime.vehicle.telling import Telling
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 SILENCE = 0.3
 """Seconds without a word of the link after which it has returned when there is one."""
@@ -52,7 +52,7 @@ class Senses:
     def __init__(
         self,
         plan: VehiclePlan,
-        site: Site,
+        context: VehicleContext,
         link: Link,
         events: Events,
         channel: VehicleChannel,
@@ -73,7 +73,7 @@ class Senses:
         self.cargo = Cargo(plan.name, events)
         self._armed = False
         self._streams: dict[type, tuple[Time, int]] = {}
-        self.estimation = Estimation(plan, site, events, score, report, self._known)
+        self.estimation = Estimation(plan, context, events, score, report, self._known)
         self._link, self._channel, self._score, self._report = link, channel, score, report
         self._events, self._at = events, plan.driver.at
         self.asking = Asking(link, self._failed)

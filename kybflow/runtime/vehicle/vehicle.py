@@ -36,7 +36,7 @@ from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.chain import Chain
 from kybflow.runtime.vehicle.obeying import Obeying
 from kybflow.runtime.vehicle.senses import Senses
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 _FALL = 2 * NS
 """For how long a vehicle whose rotors were cut is watched falling."""
@@ -51,7 +51,7 @@ class Vehicle(Obeying):
     def __init__(
         self,
         plan: VehiclePlan,
-        site: Site,
+        context: VehicleContext,
         link: Link,
         events: Events,
         channel: VehicleChannel,
@@ -60,18 +60,18 @@ class Vehicle(Obeying):
         bodies: Bodies | None = None,
         fleet: Whereabouts | None = None,
     ) -> None:
-        self.plan, self.name, self.site = plan, plan.name, site
+        self.plan, self.name, self.context = plan, plan.name, context
         self.now: Time = 0
         self._events, self._channel, self._score = events, channel, score
         self._fleet: dict[str, Estimate | None] = {}
         self._params = {part.label: part.params for part in parts_of(plan)}
-        self._supervisors = {p.label: make(p, p.params, site) for p in plan.supervisors}
-        self._chain = Chain(plan, site, self._params)
+        self._supervisors = {p.label: make(p, p.params, context) for p in plan.supervisors}
+        self._chain = Chain(plan, context, self._params)
         lines = {part.label: part.at for part in parts_of(plan)}
         self.failsafe = Failsafe(plan.name, self._supervisors, lines, events)
         report = self.failsafe.report
         self.senses = Senses(
-            plan, site, link, events, channel, score, report, sensors, bodies, fleet
+            plan, context, link, events, channel, score, report, sensors, bodies, fleet
         )
         self.activity = Activity(plan, self._params, events, score, self._objection)
         super().__init__()
@@ -168,7 +168,7 @@ class Vehicle(Obeying):
     def entry(self) -> Entry:
         """What a behavior is entered with now."""
         thrust, flight, rest = self._hover_thrust(), self.activity.flight, self.senses.rest.lift
-        return Entry(self.now, self.site, self.estimate, self.followed, thrust, flight, rest)
+        return Entry(self.now, self.context, self.estimate, self.followed, thrust, flight, rest)
 
     def land(self, reason: str) -> None:
         """Land now, whatever the mission says: an operator's interrupt, or its time is over."""

@@ -17,7 +17,7 @@ from kybflow.parts.devices import Link
 from kybflow.parts.sensor import Sensor, Stream
 from kybflow.sensors._axes import Axes, Units
 from kybflow.sensors._stream import Poses
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     import random
@@ -57,13 +57,17 @@ class MotionCapture(Sensor[MotionCaptureParams]):
 
     @classmethod
     def open(
-        cls, params: MotionCaptureParams, site: Site, link: Link, generator: random.Random
+        cls,
+        params: MotionCaptureParams,
+        context: VehicleContext,
+        link: Link,
+        generator: random.Random,
     ) -> Stream:
         from kybflow.sensors.motion_capture.feed import subscribe
 
         settings = {"hostname": params.host}
         if params.interface is not None:
             settings["interface_ip"] = params.interface
-        body = site.vehicle if params.body is None else params.body
+        body = context.vehicle if params.body is None else params.body
         source = subscribe(params.system, settings, body)
         return Poses(source, params.units, params.axes, params.latency)

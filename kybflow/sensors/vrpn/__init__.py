@@ -20,7 +20,7 @@ from kybflow.parts.devices import Link
 from kybflow.parts.sensor import Sensor, Stream
 from kybflow.sensors._axes import Axes, Units
 from kybflow.sensors._stream import Poses
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     import random
@@ -68,11 +68,13 @@ class Vrpn(Sensor[VrpnParams]):
         return True
 
     @classmethod
-    def open(cls, params: VrpnParams, site: Site, link: Link, generator: random.Random) -> Stream:
+    def open(
+        cls, params: VrpnParams, context: VehicleContext, link: Link, generator: random.Random
+    ) -> Stream:
         from kybflow.sensors.vrpn.client import subscribe
         from kybflow.sensors.vrpn.link import read_address
 
         address = read_address(params.host, params.opening == "direct")
-        body = site.vehicle if params.body is None else params.body
+        body = context.vehicle if params.body is None else params.body
         source = subscribe(address, body, params.sensor)
         return Poses(source, params.units, params.axes, params.latency)

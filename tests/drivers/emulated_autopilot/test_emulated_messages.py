@@ -169,7 +169,7 @@ def test_mocap_messages_are_fused_by_ardupilot_alone(name, is_fused):
 )
 def test_its_simulator_tells_the_truth_on_request(name, kind):
     place = seat(at=(1.0, 2.0, 0.0), heading=0.5, params=QUIET)
-    bench = Bench(name, site=place)
+    bench = Bench(name, context=place)
     number = getattr(mavlink, f"MAVLINK_MSG_ID_{kind}")
     assert bench.command(mavlink.MAV_CMD_REQUEST_MESSAGE, number) == ACCEPTED
     told, origin = bench.last(kind), bench.firmware.origin
@@ -182,7 +182,7 @@ def test_its_simulator_tells_the_truth_on_request(name, kind):
 @BOTH
 def test_a_local_position_is_north_east_down(name):
     place = seat(at=(1.0, 2.0, 0.0), params=QUIET)
-    bench = Bench(name, site=place)
+    bench = Bench(name, context=place)
     bench.say(mavlink.MAVLink_set_gps_global_origin_message(1, 473977420, 85455940, 488000, 0))
     bench.run(1.0)
     number = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
@@ -192,9 +192,11 @@ def test_a_local_position_is_north_east_down(name):
 
 
 def carrying(name, **changes):
-    site, params = seat(params=QUIET)
+    context, params = seat(params=QUIET)
     parcel = Parcel(mass=0.1, size=0.05)
-    return Bench(name, site=seat(params=params)._replace(site=site._replace(payload=parcel)))
+    return Bench(
+        name, context=seat(params=params)._replace(context=context._replace(payload=parcel))
+    )
 
 
 def test_ardupilots_servo_lets_the_parcel_go():

@@ -20,15 +20,15 @@ from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS
 from kybflow.drivers.mavlink.protocol.frames import Tangent, attitude_to_ned, to_frd, to_ned
 from kybflow.drivers.mavlink.telemetry.truth import LONGEST, STEP, GroundTruth
-from kybflow.world.vehicle_context import LEGS, Parcel, Site
+from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
 RADIUS = 6_378_100.0
 EARTH = Tangent.on_sphere(-35.3632621, 149.1652374, 584.0, RADIUS)
 PARCEL = Parcel(mass=0.2, size=0.06)
 
 
-def site(start=ZERO, heading=0.0, payload=None):
-    return Site("a", FRAME, start, heading, None, 0.004, None, MappingProxyType({}),
+def context(start=ZERO, heading=0.0, payload=None):
+    return VehicleContext("a", FRAME, start, heading, None, 0.004, None, MappingProxyType({}),
                 payload=payload)  # fmt: skip
 
 
@@ -60,7 +60,7 @@ def standing(where, sphere=RADIUS, **facts):
 
 
 def test_it_begins_where_the_mission_says():
-    truth = standing(site((1.0, 2.0, 0.0), 0.5), heading=-1.0)
+    truth = standing(context((1.0, 2.0, 0.0), 0.5), heading=-1.0)
     known = truth.truth(0)
     assert pytest.approx((1.0, 2.0, 0.0), abs=1e-9) == known.position
     assert pytest.approx(g.from_heading(0.5)) == known.attitude
@@ -68,7 +68,7 @@ def test_it_begins_where_the_mission_says():
 
 
 def test_from_then_on_its_world_is_the_missions_moved_and_turned():
-    truth = standing(site((1.0, 2.0, 0.0), pi / 2))
+    truth = standing(context((1.0, 2.0, 0.0), pi / 2))
     there = sim_state((3.0, 1.0, 2.0), 0.2, velocity=(0.5, 0.0, -0.1), rates=(0.1, 0.2, 0.3))
     truth.hear(there, NS, on_ground=False)
     known = truth.truth(NS)
@@ -80,7 +80,7 @@ def test_from_then_on_its_world_is_the_missions_moved_and_turned():
 
 def test_that_of_px4_is_in_whole_centimetres_and_on_the_ellipsoid():
     earth = Tangent.on_ellipsoid(47.3977419, 8.5455939, 488.0)
-    truth = GroundTruth(site(), None)
+    truth = GroundTruth(context(), None)
     truth.hear(hil_state(earth=earth), 0, on_ground=True)
     truth.hear(hil_state((2.0, -3.0, 1.5), velocity=(0.5, 0, 0), earth=earth), NS, on_ground=False)
     known = truth.truth(NS)
@@ -101,7 +101,7 @@ def swinging(axes, time):
 
 @given(st.tuples(swings, swings, swings), st.sampled_from((20, 50, 100)))
 def test_a_place_in_steps_of_a_centimetre_is_followed_within_seven_millimetres(axes, rate):
-    truth = standing(site())
+    truth = standing(context())
     for number in range(1, 3 * rate):
         place, velocity = swinging(axes, number / rate)
         now = number * NS // rate
@@ -110,7 +110,7 @@ def test_a_place_in_steps_of_a_centimetre_is_followed_within_seven_millimetres(a
 
 
 def test_what_is_followed_moves_as_smoothly_as_the_vehicle():
-    truth, places = standing(site()), []
+    truth, places = standing(context()), []
     for number in range(1, 500):
         now = number * NS // 50
         moved = sim_state((0.1 * now / NS, 0.0, 0.0), velocity=(0.1, 0.0, 0.0))
@@ -121,7 +121,7 @@ def test_what_is_followed_moves_as_smoothly_as_the_vehicle():
 
 
 def test_a_jump_is_followed_at_once():
-    truth = standing(site())
+    truth = standing(context())
     for number in range(1, 20):
         place = ZERO if number < 10 else (1.0, -1.0, 1.0)
         now = number * NS // 50
@@ -130,14 +130,14 @@ def test_a_jump_is_followed_at_once():
 
 
 def test_after_silence_it_is_where_it_says():
-    truth = standing(site())
+    truth = standing(context())
     now = round((LONGEST + 0.1) * NS)
     truth.hear(sim_state((0.02, 0.0, 0.0)), now, on_ground=False)
     assert truth.truth(now).position == pytest.approx((0.02, 0.0, 0.0), abs=0.006)
 
 
 def test_there_is_no_truth_before_it_was_seen_on_the_ground():
-    truth = GroundTruth(site(), RADIUS)
+    truth = GroundTruth(context(), RADIUS)
     truth.hear(mavlink.MAVLink_system_time_message(0, 0), 0, on_ground=True)
     truth.hear(sim_state(), 0, on_ground=False)
     assert truth.truth(0) is None
@@ -147,7 +147,7 @@ def test_there_is_no_truth_before_it_was_seen_on_the_ground():
 
 
 def test_between_messages_it_goes_on_as_it_moved_but_not_for_long():
-    truth = standing(site())
+    truth = standing(context())
     truth.hear(sim_state(velocity=(1.0, 0.0, 0.0), rates=(0.0, 0.0, 1.0)), NS, on_ground=False)
     known = truth.truth(NS + NS // 20)
     assert pytest.approx((0.05, 0.0, 0.0)) == known.position
@@ -156,13 +156,13 @@ def test_between_messages_it_goes_on_as_it_moved_but_not_for_long():
 
 
 def test_on_board_the_parcel_hangs_level_with_the_legs():
-    truth = standing(site((1.0, 0.0, 0.0), payload=PARCEL))
+    truth = standing(context((1.0, 0.0, 0.0), payload=PARCEL))
     assert pytest.approx((1.0, 0.0, -0.02)) == truth.truth(0).payload
     assert pytest.approx(0.5 * PARCEL.size - LEGS) == truth.truth(0).payload[2]
 
 
 def test_released_it_falls_with_the_velocity_it_had_and_rests_on_the_floor():
-    truth = standing(site(payload=PARCEL))
+    truth = standing(context(payload=PARCEL))
     truth.hear(sim_state((0.0, 0.0, 2.0), velocity=(0.5, 0.0, 0.1)), NS, on_ground=False)
     truth.release(NS)
     x, y, z = truth.truth(NS + NS // 5).payload
@@ -175,14 +175,14 @@ def test_released_it_falls_with_the_velocity_it_had_and_rests_on_the_floor():
 
 
 def test_a_turning_vehicle_lends_its_parcel_the_speed_of_its_place():
-    truth = standing(site(payload=PARCEL))
+    truth = standing(context(payload=PARCEL))
     truth.hear(sim_state((0, 0, 2.0), rates=(0.0, 2.0, 0.0)), NS, on_ground=False)
     truth.release(NS)
     assert pytest.approx(-0.02 * 2.0 * 0.5, abs=0.012) == truth.truth(NS + NS // 2).payload[0]
 
 
 def test_it_is_let_go_once_and_may_be_put_on_board_again():
-    truth = standing(site(payload=PARCEL))
+    truth = standing(context(payload=PARCEL))
     truth.hear(sim_state((0, 0, 2.0)), NS, on_ground=False)
     truth.release(NS)
     truth.release(2 * NS)
@@ -193,7 +193,7 @@ def test_it_is_let_go_once_and_may_be_put_on_board_again():
 
 def test_a_parcel_that_was_never_on_board_lies_where_the_vehicle_stood():
     left = Parcel(mass=0.2, size=0.06, aboard=False)
-    truth = standing(site(payload=left))
+    truth = standing(context(payload=left))
     assert pytest.approx((0.0, 0.0, -0.02)) == truth.truth(0).payload
     truth.hear(sim_state((3.0, 0, 2.0)), NS, on_ground=False)
     truth.release(NS)

@@ -12,7 +12,7 @@ from kybflow.core.signals import NS
 from kybflow.drivers.sim import Sim
 from kybflow.parts import Seat
 from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 SHAPES = {
     "box": Box((0.5, -0.5, 0.0), (1.0, 0.5, 3.0)),
@@ -25,7 +25,8 @@ SHAPES = {
 def flown_east(**obstacles):
     """A vehicle at 1 m that flies east at 1 m/s: how far it comes, and what it ran into."""
     session = Sim.open(
-        [Seat(Site("a", FRAME, ZERO, 0.0, None, 0.004, None, obstacles), QUIET)], random.Random(1)
+        [Seat(VehicleContext("a", FRAME, ZERO, 0.0, None, 0.004, None, obstacles), QUIET)],
+        random.Random(1),
     )
     session.data.qpos[2], session.data.qvel[0] = 1.0, 1.0
     met, now = [], 0

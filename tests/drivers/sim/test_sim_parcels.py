@@ -17,7 +17,7 @@ SMALL, LEVEL_BOX = Parcel(mass=0.2, size=0.06), Parcel(mass=0.2, size=0.1)
 
 def carrying(parcel=SMALL, name="a", at=ZERO, **facts):
     bare = seat(name, at, QUIET)
-    return bare._replace(site=bare.site._replace(payload=parcel, **facts))
+    return bare._replace(context=bare.context._replace(payload=parcel, **facts))
 
 
 def at_height(session, link, height=1.0, velocity=ZERO):

@@ -11,7 +11,7 @@ from kybflow.core.signals import NS, Estimate, Imu, MeasurementKind, Odometry, P
 from kybflow.parts import Estimator
 from kybflow.runtime.estimators.autopilot import Autopilot, AutopilotParams
 from kybflow.runtime.estimators.mocap import Mocap
-from kybflow.world.vehicle_context import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRAME = Airframe(
     mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05,
@@ -20,7 +20,7 @@ MS = NS // 1000
 
 
 def autopilot(**params) -> Autopilot:
-    return Autopilot(AutopilotParams(**params), Site("a", FRAME, ZERO, 0.0, None, 0.004))
+    return Autopilot(AutopilotParams(**params), VehicleContext("a", FRAME, ZERO, 0.0, None, 0.004))
 
 
 def odometry(

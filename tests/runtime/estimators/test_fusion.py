@@ -126,8 +126,8 @@ def test_it_is_consistent_over_many_flights() -> None:
 
 
 def test_a_wrong_heading_is_learnt_where_the_vehicle_speeds_up() -> None:
-    site = SITE._replace(heading=radians(20.0))
-    part = Fusion(FusionParams(source="position", position_noise=0.001, **STEADY), site)
+    context = SITE._replace(heading=radians(20.0))
+    part = Fusion(FusionParams(source="position", position_noise=0.001, **STEADY), context)
 
     estimate = last(part, World(3, 25.0, **SKY).flight())
 

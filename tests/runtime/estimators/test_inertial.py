@@ -23,10 +23,10 @@ from kybflow.core.geometry import (
 )
 from kybflow.core.signals import NS, Battery, Estimate, Imu, MeasurementKind, Pose
 from kybflow.runtime.estimators.inertial import Inertial, InertialParams
-from kybflow.world.vehicle_context import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRAME = Airframe(mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05)
-PLACE = Site("a", FRAME, ZERO, 0.0, None, 0.004)
+PLACE = VehicleContext("a", FRAME, ZERO, 0.0, None, 0.004)
 DT = 0.004
 STEP = round(DT * NS)
 NOISE, TURN_NOISE = 0.07, 0.0025

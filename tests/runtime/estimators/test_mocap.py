@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, add, from_euler, heading_of
 from kybflow.core.signals import NS, Battery, Estimate, MeasurementKind, Pose
 from kybflow.runtime.estimators.mocap import Mocap, MocapParams
-from kybflow.world.vehicle_context import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRAME = Airframe(mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05)
-PLACE = Site("a", FRAME, ZERO, 0.0, None, 0.004)
+PLACE = VehicleContext("a", FRAME, ZERO, 0.0, None, 0.004)
 
 
 def mocap(**params):

@@ -32,11 +32,11 @@ TAGS = grid()
 RATE, LATENCY = 30, 0.04
 
 
-def flown(pose_at, seconds, drawn, tags, begin=0.5, weakness=lambda t: {}, site=SITE):
+def flown(pose_at, seconds, drawn, tags, begin=0.5, weakness=lambda t: {}, context=SITE):
     """Errors of every estimate from `begin` on: of position and height (metres), heading
     (radians); None for one that is missing. Then the estimator's last estimate."""
-    site = site._replace(tags=TagMap(tags), cameras={"down": CAMERA})
-    estimator = TagCamera(TagCameraParams(), site)
+    context = context._replace(tags=TagMap(tags), cameras={"down": CAMERA})
+    estimator = TagCamera(TagCameraParams(), context)
     errors, estimate, taken = [], None, 0
     for tick in range(round(100 * seconds)):
         now, frames = tick / 100, []
@@ -131,15 +131,15 @@ def test_it_takes_off_from_a_pad_of_small_tags(height, brightness):
         return (0.0, 0.0, z), from_euler(0.01 * sin(3 * t), 0.01 * cos(2 * t), 0.02 * sin(t))
 
     tags = pad()
-    site = SITE._replace(start=(0.0, 0.0, height))
-    errors, _ = flown(up, 1.6, room(tags, brightness=brightness), tags, site=site)
+    context = SITE._replace(start=(0.0, 0.0, height))
+    errors, _ = flown(up, 1.6, room(tags, brightness=brightness), tags, context=context)
     assert None not in errors
     assert max(error[1] for error in errors) <= 0.01
 
 
 def test_a_frame_of_an_unknown_camera_says_so():
-    site = SITE._replace(tags=TagMap(TAGS), cameras={"down": CAMERA})
+    context = SITE._replace(tags=TagMap(TAGS), cameras={"down": CAMERA})
     body = truth_at(lively(), 0.0)
     strange = frame(room(TAGS), body)._replace(camera="front")
     with pytest.raises(ValueError, match="no camera `front`"):
-        TagCamera(TagCameraParams(), site).update([strange], 0)
+        TagCamera(TagCameraParams(), context).update([strange], 0)

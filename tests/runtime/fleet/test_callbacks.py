@@ -23,7 +23,7 @@ from kybflow.dsl.plan import (
     Switch,
     TransitionPlan,
 )
-from kybflow.parts import Action, Deck
+from kybflow.parts import Action, ActionContext
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.action_context import Reach
 from kybflow.runtime.fleet.callbacks import Callbacks, filled
@@ -38,12 +38,12 @@ class NoteParams:
 class Note(Action[NoteParams]):
     """Says who was heard."""
 
-    def __call__(self, event: Event, deck: Deck) -> None:
-        deck.log(f"{self.params.text} {event.name} of {event.vehicle}")
+    def __call__(self, event: Event, context: ActionContext) -> None:
+        context.log(f"{self.params.text} {event.name} of {event.vehicle}")
 
 
 class Broken(Action[NoParams]):
-    def __call__(self, event: Event, deck: Deck) -> None:
+    def __call__(self, event: Event, context: ActionContext) -> None:
         raise ZeroDivisionError("a lab's own bug")
 
 

@@ -36,7 +36,7 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.admission import AHEAD
 from kybflow.runtime.monitoring.sensing import Opened, Sensing
 from kybflow.world.cameras import Camera, Lens
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 REST = (0.0, 0.0, 0.0)
 MS = NS // 1000
@@ -55,7 +55,9 @@ class Scripted(Sensor[Script]):
     provides = frozenset({MeasurementKind.POSE})
 
     @classmethod
-    def open(cls, params: Script, site: Site, link: Link, generator: random.Random) -> Stream:
+    def open(
+        cls, params: Script, context: VehicleContext, link: Link, generator: random.Random
+    ) -> Stream:
         return Played(params)
 
 
@@ -292,7 +294,9 @@ def test_a_flight_whose_sensor_is_lost_loses_the_estimate_and_not_the_link(run) 
 def test_a_sensor_that_can_not_be_opened_ends_the_run_with_the_driver(run) -> None:
     class Missing(Scripted):
         @classmethod
-        def open(cls, params: Script, site: Site, link: Link, generator: random.Random) -> Stream:
+        def open(
+            cls, params: Script, context: VehicleContext, link: Link, generator: random.Random
+        ) -> Stream:
             raise DriverError("there is no camera 3")
 
     closed: list[str] = []

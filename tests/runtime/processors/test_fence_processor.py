@@ -49,8 +49,8 @@ def test_a_margin_without_room_leaves_the_middle() -> None:
 
 @pytest.mark.parametrize("floor", [0.0, 0.8])
 def test_its_floor_stops_no_landing_and_no_take_off(floor: float) -> None:
-    site = SITE._replace(fence=Box((-3.0, -3.0, floor), FENCE.high))
-    processor = Fence(FenceParams(), site)
+    context = SITE._replace(fence=Box((-3.0, -3.0, floor), FENCE.high))
+    processor = Fence(FenceParams(), context)
     start = (0.0, 0.0, 1.5)
     body = point_mass(start, ground=-0.5)
 

@@ -26,12 +26,12 @@ from kybflow.core.geometry import (
 from kybflow.core.signals import CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.runtime.trackers.body_rates import BodyRates, BodyRatesParams, _turn
 from kybflow.runtime.trackers.geometric import Geometric, GeometricParams
-from kybflow.world.vehicle_context import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRAME = Airframe(
     mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05, drag=0.0,
 )  # fmt: skip
-SITE = Site("a", FRAME, ZERO, 0.0, None, 0.004)
+SITE = VehicleContext("a", FRAME, ZERO, 0.0, None, 0.004)
 UP: Vec3 = (0.0, 0.0, 1.0)
 HERE = Setpoint(SetpointKind.POSITION, UP, ZERO, ZERO, ZERO, 0.0)
 

@@ -13,7 +13,7 @@ from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, body_z, from_euler, head
 from kybflow.core.signals import CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.flight.mass import MassEstimator
 from kybflow.runtime.trackers.cascade import Cascade, CascadeParams
-from kybflow.world.vehicle_context import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRAME = Airframe(
     mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05, drag=0.0,
@@ -24,7 +24,8 @@ DT = 0.004
 
 def cascade(frame=FRAME, **params):
     return Cascade(
-        CascadeParams(**{"mass_guess": 1.0, **params}), Site("a", frame, ZERO, 0.0, None, DT)
+        CascadeParams(**{"mass_guess": 1.0, **params}),
+        VehicleContext("a", frame, ZERO, 0.0, None, DT),
     )
 
 

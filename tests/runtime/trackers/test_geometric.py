@@ -23,7 +23,7 @@ from kybflow.core.geometry import (
 )
 from kybflow.core.signals import Command, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.runtime.trackers.geometric import Geometric, GeometricParams
-from kybflow.world.vehicle_context import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRAME = Airframe(
     mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05, drag=0.0,
@@ -35,7 +35,7 @@ small = st.tuples(*[st.floats(-0.3, 0.3)] * 3)
 
 def geometric(frame=FRAME, **params) -> Geometric:
     given = {"mass_guess": 1.0, "trim": 0.0, "integral": 0.0, **params}
-    tracker = Geometric(GeometricParams(**given), Site("a", frame, ZERO, 0.0, None, DT))
+    tracker = Geometric(GeometricParams(**given), VehicleContext("a", frame, ZERO, 0.0, None, DT))
     tracker.update(at(ZERO), tick(ZERO))
     return tracker
 

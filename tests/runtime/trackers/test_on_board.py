@@ -25,7 +25,7 @@ from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, Setpo
 from kybflow.flight.steering import LEAST_LIFT, MOST_THRUST
 from kybflow.runtime.finite import checked_command
 from kybflow.runtime.trackers.on_board import OnBoard, OnBoardParams
-from kybflow.world.vehicle_context import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRAME = Airframe(
     mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05, drag=0.3,
@@ -35,7 +35,7 @@ UP: Vec3 = (0.0, 0.0, 1.0)
 
 
 def on_board(by: str, frame: Airframe = FRAME, **params) -> OnBoard:
-    return OnBoard(OnBoardParams(by=by, **params), Site("a", frame, ZERO, 0.0, None, DT))
+    return OnBoard(OnBoardParams(by=by, **params), VehicleContext("a", frame, ZERO, 0.0, None, DT))
 
 
 def tick(where: Vec3 = UP, speed: Vec3 = ZERO, dt: float = DT, attitude=LEVEL) -> Tick:

@@ -11,7 +11,7 @@ from plans import part, state, then, vehicle
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, body_z, scale, tilt_of
 from kybflow.core.signals import Command, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.runtime.trackers.velocity import Velocity, VelocityParams
-from kybflow.world.vehicle_context import Airframe, Site
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRAME = Airframe(
     mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0, rotor_time=0.05, drag=0.0,
@@ -22,7 +22,7 @@ DT = 0.004
 
 def velocity(**params) -> Velocity:
     given = {"mass_guess": 1.0, "trim": 0.0, "integral": 0.0, **params}
-    tracker = Velocity(VelocityParams(**given), Site("a", FRAME, ZERO, 0.0, None, DT))
+    tracker = Velocity(VelocityParams(**given), VehicleContext("a", FRAME, ZERO, 0.0, None, DT))
     tracker.update(position(ZERO), tick(ZERO))
     return tracker
 

@@ -19,9 +19,9 @@ from kybflow.parts import Estimator
 from kybflow.recording.outcome import VehicleScore
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.estimation import Estimation
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
-SITE = Site("a", NANO, ZERO, 0.0, FENCE, 0.1)
+SITE = VehicleContext("a", NANO, ZERO, 0.0, FENCE, 0.1)
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Scripted(Estimator[Named]):
     ages: dict[str, float | None] = {}  # noqa: RUF012 (the test sets it)
     places: dict[str, Vec3] = {}  # noqa: RUF012 (the test sets it)
 
-    def __init__(self, params: Named, site: Site) -> None:
-        super().__init__(params, site)
+    def __init__(self, params: Named, context: VehicleContext) -> None:
+        super().__init__(params, context)
         self.anchors: list[Estimate] = []
 
     def update(self, measurements, now):

@@ -7,7 +7,7 @@ run begins. It emits `tally_reached` once, in the call with the number `most`.
 from __future__ import annotations
 
 from kybflow.core.signals import Event
-from kybflow.parts import Action, Deck, param, params
+from kybflow.parts import Action, ActionContext, param, params
 
 
 @params
@@ -24,8 +24,8 @@ class Tally(Action[TallyParams]):
         super().__init__(params)
         self._calls = 0
 
-    def __call__(self, event: Event, deck: Deck) -> None:
+    def __call__(self, event: Event, context: ActionContext) -> None:
         self._calls += 1
-        deck.log(f"{event.name} of {event.vehicle}: {self._calls} of {self.params.most}")
+        context.log(f"{event.name} of {event.vehicle}: {self._calls} of {self.params.most}")
         if self._calls == self.params.most:
-            deck.emit("tally_reached")
+            context.emit("tally_reached")

@@ -13,7 +13,7 @@ from kybflow.drivers.emulated_autopilot.firmware.firmware import Firmware
 from kybflow.drivers.emulated_autopilot.firmware.px4 import PX4
 from kybflow.drivers.mavlink.firmware.profile import profile_of
 from kybflow.dsl.diagnostics.diagnostic import did_you_mean
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 FIRMWARES: dict[str, Firmware] = {"px4": PX4, "ardupilot": ARDUPILOT}
 
@@ -40,28 +40,28 @@ def check_names(firmware: str, changes: Mapping[str, float]) -> None:
         raise DriverError(f"the emulated {firmware} has no parameter {name}; {hint}")
 
 
-def as_built(firmware: Firmware, site: Site, system: int) -> dict[str, float]:
+def as_built(firmware: Firmware, context: VehicleContext, system: int) -> dict[str, float]:
     """Parameters that any airframe has of its own: what throttle it hovers with."""
-    hover = round(site.airframe.hover_thrust / site.airframe.max_thrust, 4)
+    hover = round(context.airframe.hover_thrust / context.airframe.max_thrust, 4)
     if firmware.bytewise:
         return {"MPC_THR_HOVER": hover, "MAV_SYS_ID": system}
     return {"MOT_THST_HOVER": hover, "SYSID_THISMAV": system}
 
 
 def prepared(
-    firmware: Firmware, site: Site, system: int, *, outside: bool, station: int
+    firmware: Firmware, context: VehicleContext, system: int, *, outside: bool, station: int
 ) -> dict[str, float]:
     """The same, and what kybflow's own profile wants. outside: whether its position comes from
     kybflow; else its own is left on. station: the system id of the program that flies it."""
     profile = profile_of(firmware.name)
     safe = {danger.name for danger in profile.dangers}
-    changes = as_built(firmware, site, system)
+    changes = as_built(firmware, context, system)
     for setting in profile.indoors:
         if outside or setting.name in safe or setting.value == "own":
             found = firmware.parameters.get(setting.name, 0.0)
             if not setting.accepts(found, station):
                 changes[setting.name] = setting.wanted(station, found)
-    if site.payload is not None:
+    if context.payload is not None:
         function = GRIPPER if firmware.bytewise else 0
-        changes[profile.output(site.payload.channel, True).parameter] = function
+        changes[profile.output(context.payload.channel, True).parameter] = function
     return changes

@@ -18,7 +18,7 @@ from kybflow.drivers.mavlink.protocol import decode
 from kybflow.drivers.mavlink.protocol.frames import IDENTITY, Anchor, Tangent, from_ned
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, boot_time
 from kybflow.drivers.mavlink.telemetry.heard import Heard, Landed
-from kybflow.world.vehicle_context import Site
+from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
@@ -39,13 +39,18 @@ class Telemetry:
     frame, as ENU."""
 
     def __init__(
-        self, site: Site, profile: Profile, heard: Heard, clock: BootClock, is_outside: bool
+        self,
+        context: VehicleContext,
+        profile: Profile,
+        heard: Heard,
+        clock: BootClock,
+        is_outside: bool,
     ) -> None:
         self.anchor: Anchor | None = IDENTITY if is_outside else None
         self.odometry: Odometry | None = None
         self.spread: float | None = None
         self.heading: float | None = None
-        self._site, self._profile, self._heard, self._clock = site, profile, heard, clock
+        self._context, self._profile, self._heard, self._clock = context, profile, heard, clock
         self._is_outside = is_outside
         self._attitude: Message | None = None
         self._reboots, self._has_flown = clock.reboots, False
@@ -65,8 +70,8 @@ class Telemetry:
             "MANUAL_CONTROL": decode.sticks,
             **dict.fromkeys(INERTIAL, self._felt),
         }
-        if site.payload is not None:
-            self._taken.append(Payload(0, not site.payload.aboard, site.payload.aboard))
+        if context.payload is not None:
+            self._taken.append(Payload(0, not context.payload.aboard, context.payload.aboard))
 
     @property
     def heeds(self) -> Set[str]:
@@ -128,7 +133,7 @@ class Telemetry:
         if self._has_flown and self._reboots:
             return None
         there = from_ned((message.x, message.y, message.z))
-        return Anchor.joining(there, self.heading, self._site.start, self._site.heading)
+        return Anchor.joining(there, self.heading, self._context.start, self._context.heading)
 
     def _begin_anew(self) -> None:
         self._reboots = self._clock.reboots

@@ -38,7 +38,7 @@ from kybflow.drivers.mavlink.protocol.frames import (
     from_ned,
 )
 from kybflow.drivers.sim.model import mount
-from kybflow.world.vehicle_context import Parcel, Site
+from kybflow.world.vehicle_context import Parcel, VehicleContext
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
@@ -54,14 +54,14 @@ class GroundTruth:
     """Of one vehicle. sphere: the radius of the earth in its simulator, metres, None for that of
     WGS 84."""
 
-    def __init__(self, site: Site, sphere: float | None) -> None:
-        self._site, self._sphere = site, sphere
+    def __init__(self, context: VehicleContext, sphere: float | None) -> None:
+        self._context, self._sphere = context, sphere
         self._tangent: Tangent | None = None
         self._anchor = Anchor()
         self._newest: Truth | None = None
         self._heard: Time = 0
         self._now: tuple[Time, Truth] | None = None  # `_newest` moved on, and until when
-        self._parcel = None if site.payload is None else _Fall(site.payload)
+        self._parcel = None if context.payload is None else _Fall(context.payload)
 
     def hear(self, message: Message, now: Time, *, on_ground: bool) -> None:
         """A SIM_STATE or a HIL_STATE_QUATERNION; others are passed over. on_ground: whether the
@@ -88,7 +88,7 @@ class GroundTruth:
             if not on_ground:
                 return
             self._tangent = self._touching(*degrees, height)
-            start, heading = self._site.start, self._site.heading
+            start, heading = self._context.start, self._context.heading
             self._anchor = Anchor.joining(ZERO, heading_of(attitude), start, heading)
         velocity = self._anchor.turned(from_ned(speed))
         place = self._anchor.to_world(self._tangent.local(*degrees, height))
