@@ -1,10 +1,12 @@
-"""Makes the helpers in `support/` importable and hypothesis draw the same in every run.
+"""Makes the helpers in `support/` importable and hypothesis draw the same in every run, and lets
+programs that a test starts hear Ctrl-C, which a shell takes from what it runs in the background.
 
 `run` flies a plan in the simulator; every event carries what the table of events says.
 """
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +15,9 @@ import pytest
 from hypothesis import settings
 
 sys.path.insert(0, str(Path(__file__).parent / "support"))
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # programs that a test starts inherit it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("seeded", derandomize=True, database=None, deadline=None)
 settings.load_profile("seeded")

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 
@@ -17,6 +19,7 @@ def block(language: str) -> str:
     return found[1]
 
 
+@pytest.mark.thorough
 def test_the_five_minutes_are_true(tmp_path: Path):
     [part] = re.findall(r"Write the file\*\* `(.*?)`", TEXT)
     [mission] = re.findall(r"Fly it\*\* in `(.*?)`", TEXT)

@@ -67,6 +67,7 @@ def test_two_bodies_that_are_exchanged_bring_neither_off_its_way() -> None:
     assert seen.restless == []
 
 
+@pytest.mark.thorough
 def test_two_couriers_whose_cameras_are_exchanged_come_down() -> None:
     case = Case(COURIERS, "courier", "out", "camera_swapped")
     seen = study(case, range(1))

@@ -20,6 +20,11 @@ WAYS = {
     "sidestep": ["up", "steady", "aside", "stop", "down", "landed"],
     "courier": ["up", "out", "drop", "back", "down", "landed"],
 }
+MARKS = {
+    ("figure_eight", "emulated_ardupilot"): [],
+    ("courier", "emulated_px4"): [pytest.mark.thorough],
+}
+"""The tier of each flight; those that aren't named are slow."""
 
 
 def flown(name: str, target: str, out: Path):
@@ -34,11 +39,7 @@ def flown(name: str, target: str, out: Path):
 def flights():
     for name in WAYS:
         for target in TARGETS:
-            quick = (name, target) in {
-                ("figure_eight", "emulated_ardupilot"),
-                ("courier", "emulated_px4"),
-            }
-            marks = [] if quick else [pytest.mark.slow]
+            marks = MARKS.get((name, target), [pytest.mark.slow])
             yield pytest.param(name, target, marks=marks, id=f"{name}-{target}")
 
 

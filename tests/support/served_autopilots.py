@@ -29,7 +29,7 @@ def emulated(*arguments):
         assert "speaks at" in program.stdout.readline()
         yield program
         program.send_signal(signal.SIGINT)
-        _, errors = program.communicate(timeout=20)
+        _, errors = program.communicate(timeout=300)
         assert (program.returncode, errors) == (0, "")
     finally:
         program.kill()

@@ -22,8 +22,10 @@ if PROGRAM is None:
 
 from served_autopilots import TCP, emulated, free_port  # noqa: E402
 
-DEADLINE = 60.0
-"""Seconds that one line may take; it takes a few."""
+DEADLINE = 300.0
+"""Seconds after which a line that doesn't come hangs; it takes a few."""
+
+pytestmark = [pytest.mark.peer, pytest.mark.filterwarnings("ignore")]
 
 
 class Prompt:
@@ -69,7 +71,6 @@ class Prompt:
         self.program.stdout.close()
 
 
-@pytest.mark.filterwarnings("ignore")
 def test_a_person_at_its_prompt_flies_an_emulated_ardupilot(tmp_path):
     port = free_port(TCP)
     with emulated("--vehicle", "ardupilot", "--address", f"tcpin:127.0.0.1:{port}"):
@@ -89,7 +90,6 @@ def test_a_person_at_its_prompt_flies_an_emulated_ardupilot(tmp_path):
             prompt.close()
 
 
-@pytest.mark.filterwarnings("ignore")
 def test_a_person_at_its_prompt_flies_an_emulated_px4(tmp_path):
     """By the numbers of PX4's modes, whose names its prompt doesn't send."""
     port = free_port()

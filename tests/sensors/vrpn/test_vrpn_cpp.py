@@ -13,6 +13,8 @@ from kybflow.sensors.vrpn.server import Server
 
 pytest.importorskip("motioncapture", "1.1")
 
+pytestmark = pytest.mark.peer
+
 OPENINGS = pytest.mark.parametrize("direct", [True, False], ids=["direct", "lob"])
 
 
