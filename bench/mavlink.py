@@ -30,7 +30,7 @@ from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import all as dialect
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.drivers.emulated_autopilot import EmulatedAutopilot
 from kybflow.drivers.emulated_autopilot.firmware.preparing import Plans
 from kybflow.drivers.emulated_autopilot.fleet import Fleet
@@ -220,7 +220,8 @@ def measure(name: str, count: int, seconds: float, cls: type, lines: int) -> Non
     Fleet.advance, MemoryWire._send = timed, noted  # type: ignore[method-assign]
     try:
         with tempfile.TemporaryDirectory() as folder:
-            flown = fly(plan_of(count, cls), Request(out=Path(folder) / "run"), observers=(costs,))
+            request = RunRequest(out=Path(folder) / "run")
+            flown = fly(plan_of(count, cls), request, observers=(costs,))
     finally:
         Fleet.advance, MemoryWire._send = advance, send  # type: ignore[method-assign]
     if not costs.flown:

@@ -25,7 +25,7 @@ from typing import Any, ClassVar
 
 from mavlink import GOAL, PERIOD, SET_POINT, SYSTEM, lateness, plan_of
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.drivers.mavlink import Mavlink
 from kybflow.drivers.mavlink.session import open_session
 from kybflow.drivers.mavlink.transport.wire import Wire, open_wire
@@ -90,7 +90,7 @@ def measure(count: int, seconds: float) -> Watch:
     try:
         with tempfile.TemporaryDirectory() as folder:
             plan = dataclasses.replace(plan, simulated=False)
-            flown = fly(plan, Request(out=Path(folder) / "run"), observers=(watch,))
+            flown = fly(plan, RunRequest(out=Path(folder) / "run"), observers=(watch,))
     finally:
         emulator.terminate()
         emulator.wait()

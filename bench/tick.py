@@ -24,7 +24,7 @@ from typing import Any
 import mujoco
 from stages import Stages
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan, VehiclePlan
@@ -99,7 +99,7 @@ def _placed(vehicle: VehiclePlan, driver: Any, index: int) -> VehiclePlan:
 
 def flown(plan: Plan, observers: Sequence[Any] = ()) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        fly(plan, Request(out=Path(folder) / "run"), observers=observers)
+        fly(plan, RunRequest(out=Path(folder) / "run"), observers=observers)
 
 
 def measure(count: int, seconds: float) -> None:

@@ -27,13 +27,13 @@ settings.load_profile("seeded")
 def run(tmp_path: Path) -> Callable[..., object]:
     from plans import plan
 
-    from kybflow.api.flight import Request, fly
+    from kybflow.api.flight import RunRequest, fly
     from kybflow.parts.observables import EVENT_FIELDS
 
     def run(*vehicles, seed=0, options=(), emitted=(), observers=(), listeners=(), **facts):
         told = []
         out = tmp_path / str(len(list(tmp_path.iterdir())))
-        request = Request(seed=seed, out=out, options=options, emitted=emitted)
+        request = RunRequest(seed=seed, out=out, options=options, emitted=emitted)
         flown = fly(plan(*vehicles, **facts), request, (*listeners, told.append), observers)
         for event in told:
             if event.name in EVENT_FIELDS:

@@ -17,11 +17,12 @@ from pathlib import Path
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 from kybflow.runtime import vehicle
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 
 plan = compile_mission(Path(sys.argv[1]), catalog=load_catalog()).plan
 print(Path(vehicle.__file__).suffix)
-fly(plan, Request(seed=3, out=Path(sys.argv[2])), (lambda e: print(e.time, e.name, e.fields),), ())
+request = RunRequest(seed=3, out=Path(sys.argv[2]))
+fly(plan, request, (lambda e: print(e.time, e.name, e.fields),), ())
 """
 
 

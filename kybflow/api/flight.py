@@ -36,7 +36,7 @@ believes itself to be (m)."""
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class RunRequest:
     """What a run is asked for beside its plan.
 
     speed: pace of a simulated clock, None for as fast as it goes. options: changes made before
@@ -51,6 +51,16 @@ class Request:
     options: tuple[tuple[str, str], ...] = ()
     emitted: tuple[tuple[float, str], ...] = ()
     sets: tuple[str, ...] = ()
+
+    def record(self) -> dict[str, Any]:
+        """The request as `provenance.json` holds it: options as the command line takes them."""
+        return {
+            "seed": self.seed,
+            "speed": self.speed,
+            "set": [*self.sets],
+            "option": [f"{name}={value}" for name, value in self.options],
+            "emit": [f"{name}@{seconds!r}s" for seconds, name in self.emitted],
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +78,7 @@ class Flown:
 
 def fly(
     plan: Plan,
-    request: Request,
+    request: RunRequest,
     listeners: Sequence[Callable[[Event], None]] = (),
     observers: Sequence[Observer] = (),
 ) -> Flown:
@@ -81,7 +91,7 @@ def fly(
     folder = create_run_folder(plan, request.out, started)
     recorder = Recorder(folder.log, plan)
     try:
-        folder.describe(plan, request, started)
+        folder.describe(plan, request.record(), started)
         events = Events((recorder.event, folder.event, *listeners))
         run = _Run(plan, request, events, recorder)
         run.fly((*observers, *_pictures(plan, folder)))
@@ -128,7 +138,7 @@ def _unsearched() -> Iterator[None]:
 class _Run:
     """A run under way: what is open, and how it ended."""
 
-    def __init__(self, plan: Plan, request: Request, events: Events, recorder: Recorder) -> None:
+    def __init__(self, plan: Plan, request: RunRequest, events: Events, recorder: Recorder) -> None:
         self._plan, self._request = plan, request
         self._events, self._recorder = events, recorder
         self._score = Score(plan)
@@ -157,7 +167,7 @@ class _Run:
 
     def _flown(self, devices: Devices, observers: Sequence[Observer]) -> str | None:
         plan, events = self._plan, self._events
-        vehicles = build_vehicles(plan, devices, events, self._recorder, self._score)
+        vehicles = build_vehicles(plan, devices, events, self._recorder.vehicle, self._score)
         clock = clock_for(plan, self._request.speed)
         asked = self._request
         engine = self._engine = Engine(

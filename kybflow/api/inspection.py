@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from kybflow.api.opening import (
-    build_vehicles,
-    clock_for,
-    goes_by_the_wall,
-    open_devices,
-)
+from kybflow.api.opening import build_vehicles, clock_for, goes_by_the_wall, open_devices
 from kybflow.dsl.plan import Plan
-from kybflow.recording.recorder import Recorder
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.events import Events
+from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.preflight import Line
 from kybflow.runtime.scores import Score
 
@@ -33,16 +26,10 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
     events = Events()
     devices = open_devices(plan, seed)
     try:
-        with TemporaryDirectory() as folder:
-            recorder = Recorder(Path(folder) / "log.mcap", plan)
-            try:
-                vehicles = build_vehicles(plan, devices, events, recorder, Score(plan))
-                clock = clock_for(plan, 1.0 if goes_by_the_wall(plan) else None)
-                engine = Engine(plan, clock, devices.sessions, vehicles, events)
-                lines = engine.inspect()
-                failed = next((v.link_error for v in vehicles if v.link_error), None)
-                return Inspected(lines, failed)
-            finally:
-                recorder.close()
+        vehicles = build_vehicles(plan, devices, events, lambda _: VehicleObserver(), Score(plan))
+        clock = clock_for(plan, 1.0 if goes_by_the_wall(plan) else None)
+        lines = Engine(plan, clock, devices.sessions, vehicles, events).inspect()
+        failed = next((v.link_error for v in vehicles if v.link_error), None)
+        return Inspected(lines, failed)
     finally:
         devices.close()

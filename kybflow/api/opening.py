@@ -4,17 +4,18 @@ clock."""
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from kybflow.core.errors import DriverError, described
 from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
 from kybflow.parts import Driver, Link, Seat, Session, Stream
-from kybflow.recording.recorder import Recorder
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.body_health import Bodies
 from kybflow.runtime.monitoring.estimate_history import Whereabouts
 from kybflow.runtime.monitoring.sensing import Opened
+from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.vehicle_context import VehicleContext
@@ -118,8 +119,13 @@ def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
 
 
 def build_vehicles(
-    plan: Plan, devices: Devices, events: Events, recorder: Recorder, score: Score
+    plan: Plan,
+    devices: Devices,
+    events: Events,
+    observer: Callable[[str], VehicleObserver],
+    score: Score,
 ) -> list[Vehicle]:
+    """A vehicle for each of the plan, with `observer` of its name."""
     links, bodies, fleet = _links(devices), Bodies(), Whereabouts()
     return [
         Vehicle(
@@ -127,7 +133,7 @@ def build_vehicles(
             context_of(plan, vehicle),
             links[vehicle.name],
             events,
-            recorder.vehicle(vehicle.name),
+            observer(vehicle.name),
             score.vehicle(vehicle.name),
             devices.sensors[vehicle.name],
             bodies,

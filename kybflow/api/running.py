@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from kybflow.api.findings import findings
-from kybflow.api.flight import Flown, Request, fly
+from kybflow.api.flight import Flown, RunRequest, fly
 from kybflow.cli.live_table import LivePanel, PlainPanel
 from kybflow.core.details import headline
 from kybflow.core.errors import KybflowError
@@ -28,7 +28,7 @@ class Asked:
 
     path: Path
     target: str | None
-    request: Request
+    request: RunRequest
     live: bool
     plain: bool
     report: bool

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from kybflow.api.findings import findings
-from kybflow.api.flight import Flown, Request, fly
+from kybflow.api.flight import Flown, RunRequest, fly
 from kybflow.campaigns.coverage import Arrow, State, Traces, written
 from kybflow.core.details import headline
 from kybflow.core.errors import KybflowError
@@ -64,7 +64,7 @@ def try_case(case: Case) -> Tried:
     if result.plan is None:
         return Tried(case, "invalid", tuple(findings(result, case.path)))
     traces = Traces()
-    request = Request(seed=case.seed, out=case.out, sets=case.sets)
+    request = RunRequest(seed=case.seed, out=case.out, sets=case.sets)
     try:
         flown = fly(result.plan, request, (traces.hear,))
         verdict: Verdict = flown.summary["outcome"]

@@ -24,14 +24,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from kybflow.dsl.plan import Plan
-from kybflow.runtime.scores import Score, VehicleScore, rounded
+from kybflow.runtime.scores import Score, rounded
 
 if TYPE_CHECKING:
     from kybflow.runtime.expectations import Verdict
-
-__all__ = [
-    "EXIT_CODES", "INVALID", "Ending", "Outcome", "Score", "VehicleScore", "decide", "summarise",
-]  # fmt: skip
 
 Outcome = Literal["succeeded", "failed", "interrupted", "driver_failed"]
 

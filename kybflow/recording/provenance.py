@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
@@ -13,15 +13,13 @@ from kybflow.dsl.plan import EstimatorPlan, Plan, SensorPlan
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from kybflow.api.flight import Request
-
 FLOWN_FROM = "files"
 """Its key for the files that the mission names and that are in the run folder."""
 _PACKAGES = ("kybflow", "mujoco", "numpy", "foxglove-sdk", "transitions", "PyYAML", "jsonschema")
 
 
 def provenance(
-    plan: Plan, request: Request, started: datetime, files: Iterable[str]
+    plan: Plan, request: Mapping[str, Any], started: datetime, files: Iterable[str]
 ) -> dict[str, Any]:
     """Sources with their SHA-256, the copied `files`, what was asked for as it is written on the
     command line, versions, machine."""
@@ -29,11 +27,7 @@ def provenance(
         "kybflow": 1,
         "mission": plan.mission,
         "target": plan.target,
-        "seed": request.seed,
-        "speed": request.speed,
-        "set": [*request.sets],
-        "option": [f"{name}={value}" for name, value in request.options],
-        "emit": [f"{name}@{seconds!r}s" for seconds, name in request.emitted],
+        **request,
         "started": started.isoformat(timespec="seconds"),
         "sources": [{"path": source.path, "sha256": source.sha256} for source in plan.sources],
         FLOWN_FROM: [*files],

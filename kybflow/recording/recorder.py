@@ -61,11 +61,11 @@ from kybflow.recording.layout import (
     struct_format,
 )
 from kybflow.recording.sink import Sink
+from kybflow.runtime.observer import EstimationState, VehicleObserver
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from kybflow.runtime.vehicle.estimation import Estimation
 
 CHUNK_SECONDS = 0.5
 """How long a chunk lasts: what a program that is killed may lose."""
@@ -144,7 +144,7 @@ class Recorder:
             self._sink.close()
 
 
-class VehicleChannel:
+class VehicleChannel(VehicleObserver):
     """What is recorded of one vehicle; of its estimators one tick of `every`, from the first on."""
 
     def __init__(self, name: str, every: int, context: Context) -> None:
@@ -190,7 +190,7 @@ class VehicleChannel:
             data = _SETPOINT.pack(*marks, *p0, *v0, *a0, *j0, heading0, rate0)
             self._log_rare("command", "Setpoint", data, now)
 
-    def estimators(self, now: Time, estimation: Estimation) -> None:
+    def estimators(self, now: Time, estimation: EstimationState) -> None:
         """What each estimator says in this tick."""
         self._ticks += 1
         if (self._ticks - 1) % self._every:

@@ -9,6 +9,7 @@ wall-clock time stand in `provenance.json` and in the folder's name only, how lo
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from contextlib import suppress
 from io import FileIO
 from pathlib import Path, PurePath
@@ -24,8 +25,6 @@ from kybflow.recording.run_files import contents, copies
 
 if TYPE_CHECKING:
     from datetime import datetime
-
-    from kybflow.api.flight import Request
 
 SUMMARY, EVENTS, LOG, REPORT = "summary.json", "events.jsonl", "log.mcap", "report.html"
 FRAMES = "frames"
@@ -60,7 +59,7 @@ class RunFolder:
         except OSError as error:
             self.failed = f"the events stopped: {error.strerror or error}"
 
-    def describe(self, plan: Plan, request: Request, started: datetime) -> None:
+    def describe(self, plan: Plan, request: Mapping[str, Any], started: datetime) -> None:
         """Write the resolved mission, the files that it names, and where everything came from.
         Raises RunFolderError."""
         files = copies(plan.files, FILES)

@@ -21,7 +21,8 @@ from kybflow.dsl.expressions import (
     Word,
 )
 from kybflow.dsl.plan import ExpectationPlan
-from kybflow.recording.outcome import Ending, Score, decide
+from kybflow.recording.outcome import Ending, decide
+from kybflow.runtime.scores import Score
 
 SICK, WELL = InState("sick", "fault"), InState("well", "landed")
 

@@ -9,7 +9,7 @@ from packaged import package
 from typer.testing import CliRunner
 
 from kybflow.api.beginning import SCHEMA, begin_mission
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.api.library import libraries, missions
 from kybflow.cli.app import app
 from kybflow.core.errors import KybflowError
@@ -74,7 +74,7 @@ def test_a_new_mission_flies(tmp_path: Path) -> None:
     begun = begin_mission("hop", "first_flight", tmp_path)
     plan = compile_mission(begun.mission, catalog=load_catalog()).plan
     assert plan is not None
-    assert fly(plan, Request(out=tmp_path / "run")).summary["outcome"] == "succeeded"
+    assert fly(plan, RunRequest(out=tmp_path / "run")).summary["outcome"] == "succeeded"
 
 
 def test_a_new_mission_brings_the_files_that_it_names(tmp_path: Path) -> None:

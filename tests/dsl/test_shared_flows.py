@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.cli.app import app
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import FlowPlan, Plan
@@ -186,6 +186,6 @@ def test_the_example_of_the_page_is_valid(tmp_path: Path) -> None:
 def test_the_flow_of_the_library_flies(late: str, phases: list[str], tmp_path: Path) -> None:
     result = compile_mission(SHARED, catalog=load_catalog(), sets=[f"meet={late}"])
     assert result.plan is not None
-    summary = fly(result.plan, Request(out=tmp_path / "run")).summary
+    summary = fly(result.plan, RunRequest(out=tmp_path / "run")).summary
     assert summary["outcome"] == "succeeded"
     assert [visit["name"] for visit in summary["flows"]["team"]["phases"]] == phases

@@ -11,7 +11,7 @@ from typing import Any
 
 from witness import Watched, Witness
 
-from kybflow.api.flight import Flown, Request, fly
+from kybflow.api.flight import Flown, RunRequest, fly
 from kybflow.core.geometry import Vec3, add
 from kybflow.core.signals import Event, Measurement, Time, Truth
 from kybflow.drivers.mavlink import session
@@ -49,7 +49,7 @@ def flown(
     """Fly a plan to its end. Who looks on must not raise."""
     told: list[Event] = []
     engines: list[Engine] = []
-    flight = fly(plan, Request(out=out), (told.append,), (engines.append, *looks))
+    flight = fly(plan, RunRequest(out=out), (told.append,), (engines.append, *looks))
     assert [e.fields for e in told if e.name == "observer_failed"] == []
     return flight, told, engines[-1]
 

@@ -6,7 +6,7 @@ import pytest
 from flights import down, hold, named, path, up
 from plans import part, plan, vehicle
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.plan import EstimatorPlan, FaultPlan
 from kybflow.parts import Driver, Link
 from kybflow.runtime.events import Events
@@ -37,7 +37,7 @@ def fault(name, on="a", time=3.0, lasts=1.0, **params):
 def undisturbed(tmp_path_factory):
     """The position error while it hovers with nothing broken."""
     folder = tmp_path_factory.mktemp("runs") / "run"
-    return hover_error(fly(plan(flier()), Request(out=folder)))
+    return hover_error(fly(plan(flier()), RunRequest(out=folder)))
 
 
 def hover_error(flown):

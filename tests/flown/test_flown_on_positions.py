@@ -10,7 +10,7 @@ import pytest
 from flights import down, hold, named, path, up
 from plans import part, vehicle
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import Event
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import EstimatorPlan
@@ -55,7 +55,7 @@ def test_the_mission_of_the_page_flies_as_well_as_it_says(seed: int, tmp_path: P
     assert not compiled.diagnostics
     assert compiled.plan is not None
     told: list[Event] = []
-    flown = fly(compiled.plan, Request(seed=seed, out=tmp_path / "run"), (told.append,))
+    flown = fly(compiled.plan, RunRequest(seed=seed, out=tmp_path / "run"), (told.append,))
     assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]
     assert path(told, "nano") == ["up", "away", "hold", "down", "landed"]
     assert not named(told, "failsafe_started")

@@ -14,7 +14,7 @@ from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 from plans import part, plan, state, then, vehicle
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 
 HERE = Path(__file__).parent
 STARTS = ((-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (-1.0, 1.0, 0.0), (1.0, 1.0, 0.0))
@@ -46,7 +46,7 @@ def test_memory_is_flat_over_ten_minutes(tmp_path: Path):
             pages = int(Path("/proc/self/statm").read_text().split()[1])
             samples.append((engine.seconds(), pages * resource.getpagesize()))
 
-    flown = fly(circling(10.0), Request(out=tmp_path), observers=(look,))
+    flown = fly(circling(10.0), RunRequest(out=tmp_path), observers=(look,))
     assert flown.summary["outcome"] == "succeeded"
     after_a_minute = next(size for t, size in samples if t > 60.0)
     assert samples[-1][0] > 560.0
@@ -59,8 +59,8 @@ import sys
 sys.path[:0] = {tests!r}
 from pathlib import Path
 from test_long_flight import circling
-from kybflow.api.flight import Request, fly
-fly(circling(10.0), Request(out=Path({out!r})),
+from kybflow.api.flight import RunRequest, fly
+fly(circling(10.0), RunRequest(out=Path({out!r})),
     observers=(lambda engine: print(engine.seconds(), flush=True),))
 """
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 
@@ -41,7 +41,7 @@ def test_mission_meets_its_expectations(
     result = compile_mission(path, catalog=load_catalog(), sets=sets)
     assert result.diagnostics == ()
     assert result.plan is not None
-    flown = fly(result.plan, Request(seed=seed, out=tmp_path))
+    flown = fly(result.plan, RunRequest(seed=seed, out=tmp_path))
     broken = [e for e in flown.summary["expectations"] if not e["held"]]
     assert broken == []
     assert flown.summary["outcome"] == "succeeded"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import Event
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
@@ -33,7 +33,7 @@ def flown(name: str, target: str, out: Path):
     )
     assert result.plan is not None, result.diagnostics
     told: list[Event] = []
-    return fly(result.plan, Request(out=out), (told.append,)), told
+    return fly(result.plan, RunRequest(out=out), (told.append,)), told
 
 
 def flights():

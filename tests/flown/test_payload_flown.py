@@ -9,7 +9,7 @@ import pytest
 from flights import down, hold, named, path, up
 from plans import part, state, then, vehicle, wrapped
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.signals import NS, Payload
 from kybflow.dsl.compiler import compile_mission
@@ -102,7 +102,7 @@ def test_a_mission_loads_delivers_once_and_is_judged(tmp_path: Path) -> None:
     compiled = compile_mission(mission, catalog=load_catalog())
     assert compiled.plan is not None, compiled.diagnostics
     told = []
-    flown = fly(compiled.plan, Request(out=tmp_path / "run"), (told.append,))
+    flown = fly(compiled.plan, RunRequest(out=tmp_path / "run"), (told.append,))
     assert [(line["text"], line["held"]) for line in flown.summary["expectations"]] == [
         (text.text, True) for text in compiled.plan.expectations
     ]

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("cv2")
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 
@@ -44,7 +44,7 @@ def test_it_hovers_and_lands_on_the_pad(tmp_path: Path) -> None:
     result = compile_mission(path, catalog=load_catalog())
     assert [d.message for d in result.diagnostics] == []
     assert result.plan is not None
-    flown = fly(result.plan, Request(seed=0, out=tmp_path / "run"))
+    flown = fly(result.plan, RunRequest(seed=0, out=tmp_path / "run"))
     broken = [(e["text"], e["value"]) for e in flown.summary["expectations"] if not e["held"]]
     assert broken == []
     assert flown.summary["outcome"] == "succeeded"

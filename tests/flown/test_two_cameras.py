@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.api.opening import open_devices
 from kybflow.cli.printing.mission import show_mission
 from kybflow.core.errors import DriverError
@@ -87,7 +87,7 @@ def test_each_camera_has_the_frames_of_its_own_video(mission: Path) -> None:
 
 def test_the_one_that_is_over_is_told_by_its_name(mission: Path, tmp_path: Path) -> None:
     heard: list[Event] = []
-    fly(compiled(mission), Request(0, tmp_path / "run"), (heard.append,))
+    fly(compiled(mission), RunRequest(0, tmp_path / "run"), (heard.append,))
     failed = [event.fields for event in heard if event.name == "sensor_failed"]
     assert failed == [
         {"sensor": "fusion.1", "reason": "the video is over"},

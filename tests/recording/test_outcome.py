@@ -7,8 +7,9 @@ import json
 import pytest
 from recorded_run import make_plan
 
-from kybflow.recording.outcome import EXIT_CODES, INVALID, Ending, Score, decide, summarise
+from kybflow.recording.outcome import EXIT_CODES, INVALID, Ending, decide, summarise
 from kybflow.runtime.expectations import Verdict
+from kybflow.runtime.scores import Score
 
 HELD = Verdict("finished within 60 s", True, 41.25, 18.75, "s", "m.yaml:31")
 BROKEN = Verdict("max(mk.position_error) < 1 cm", False, 0.0312, -0.0212, "m", "m.yaml:32")

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from kybflow.api.flight import Flown, Request, fly
+from kybflow.api.flight import Flown, RunRequest, fly
 from kybflow.core.files import File
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
@@ -35,7 +35,7 @@ vehicles:
       down: {do: land}
 """
 TABLE = BOM_UTF8 + b"t, x, y, z\r\n0, 0, 0, 1\r\n2, 0.5, 0, 1\r\n"
-REQUEST = Request(
+REQUEST = RunRequest(
     seed=3,
     options=(("a.processors.fence.margin", "30 cm"),),
     emitted=((3.0, "operator.pause"), (4.0, "operator.resume")),
@@ -43,13 +43,13 @@ REQUEST = Request(
 
 
 def flown(
-    mission: Path, out: Path, request: Request = REQUEST, sets: tuple[str, ...] = ()
+    mission: Path, out: Path, request: RunRequest = REQUEST, sets: tuple[str, ...] = ()
 ) -> Flown:
     result = compile_mission(mission, catalog=load_catalog(), sets=sets)
     assert result.plan is not None, result.diagnostics
     return fly(
         result.plan,
-        Request(request.seed, out, None, request.options, request.emitted, sets),
+        RunRequest(request.seed, out, None, request.options, request.emitted, sets),
     )
 
 

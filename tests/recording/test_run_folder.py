@@ -11,7 +11,7 @@ import pytest
 from plans import part
 from recorded_run import STARTED, make_plan
 
-from kybflow.api.flight import Request
+from kybflow.api.flight import RunRequest
 from kybflow.core.signals import NS, Event
 from kybflow.dsl.plan import EstimatorPlan, SensorPlan
 from kybflow.recording.provenance import provenance
@@ -124,16 +124,16 @@ def test_provenance_tells_the_versions_that_the_parts_need(tmp_path, kind, name,
         asked = {"estimators": (EstimatorPlan(used, None, 1.0, None),)}
     vehicles = tuple(replace(vehicle, **asked) for vehicle in PLAN.vehicles)
     plan = replace(PLAN, vehicles=vehicles)
-    found = provenance(plan, Request(0), STARTED, ())["versions"]
+    found = provenance(plan, {}, STARTED, ())["versions"]
     assert found[package] == installed
-    assert package not in provenance(PLAN, Request(0), STARTED, ())["versions"]
+    assert package not in provenance(PLAN, {}, STARTED, ())["versions"]
 
 
 def test_provenance_says_what_the_run_was_made_of(tmp_path):
     run = create_run_folder(PLAN, tmp_path, STARTED)
     changes = (("mk.processors.fence.margin", "30 cm"),)
-    request = Request(7, None, 2.0, changes, ((0.1, "operator.go"),), ("lap=8 s",))
-    run.describe(PLAN, request, STARTED)
+    request = RunRequest(7, None, 2.0, changes, ((0.1, "operator.go"),), ("lap=8 s",))
+    run.describe(PLAN, request.record(), STARTED)
     run.finish({"kybflow": 1})
 
     found = json.loads((tmp_path / "provenance.json").read_text(encoding="utf-8"))

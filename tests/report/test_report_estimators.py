@@ -11,7 +11,7 @@ import pytest
 from recorded_run import LEVEL, REST, STARTED, make_plan
 from test_report import unpacked
 
-from kybflow.api.flight import Request
+from kybflow.api.flight import RunRequest
 from kybflow.core.geometry import from_euler, from_heading
 from kybflow.core.signals import NS, Command, Estimate, Event, Truth
 from kybflow.recording.recorder import Recorder, VehicleChannel
@@ -35,7 +35,7 @@ def write(path, truth=TRUTH, names=("tags", "mocap"), attitude=LEVEL):
     CHANGE on it has no estimate, and `mocap`, 3 cm off, is flown on."""
     plan = replace(make_plan("mk"), simulated=truth is not None)
     run = create_run_folder(plan, path, STARTED)
-    run.describe(plan, Request(0), STARTED)
+    run.describe(plan, RunRequest(0).record(), STARTED)
     recorder = Recorder(run.log, plan)
     channel = recorder.vehicle("mk")
     fields = {"estimator": "tags", "previous": None, "reason": "the first estimate", "offset": 0.0}

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("cv2")
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 from kybflow.report.data import read_run
@@ -51,7 +51,7 @@ def run(tmp_path_factory):
     mission.write_text(MISSION)
     result = compile_mission(mission, catalog=load_catalog())
     assert result.plan is not None, result.diagnostics
-    flown = fly(result.plan, Request(seed=2, out=folder / "run"))
+    flown = fly(result.plan, RunRequest(seed=2, out=folder / "run"))
     assert flown.exit_code == 0, flown.summary["reason"]
     return read_run(flown.folder)
 

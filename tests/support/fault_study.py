@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.core.geometry import distance
 from kybflow.core.units import DURATION
 from kybflow.dsl.compiler import compile_mission
@@ -127,7 +127,7 @@ def flown(plan: Plan, vehicle: str, seed: int) -> tuple[Seen, dict[str, Any]]:
     engine_module._OBSERVED_EVERY = 1
     try:
         with tempfile.TemporaryDirectory() as folder:
-            request = Request(seed=seed, out=Path(folder) / "run")
+            request = RunRequest(seed=seed, out=Path(folder) / "run")
             told: list[str] = []
             listener = (lambda event: told.append(event.name),)
             summary = fly(plan, request, listener, (watch,)).summary

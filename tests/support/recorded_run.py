@@ -7,7 +7,7 @@ import random
 from datetime import UTC, datetime
 from pathlib import Path
 
-from kybflow.api.flight import Request
+from kybflow.api.flight import RunRequest
 from kybflow.core.geometry import Vec3, distance, from_heading
 from kybflow.core.signals import (
     NS,
@@ -22,10 +22,11 @@ from kybflow.core.signals import (
 )
 from kybflow.dsl.plan import PartPlan, Plan, SourceFile, StatePlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
-from kybflow.recording.outcome import Ending, Score, summarise
+from kybflow.recording.outcome import Ending, summarise
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import create_run_folder
 from kybflow.runtime.expectations import Verdict
+from kybflow.runtime.scores import Score
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import Airframe
 
@@ -67,7 +68,7 @@ def write_run(folder: Path, seconds: float = 28.0, seed: int = 0, rate: int = 25
     """Fill `folder` with a finished run and return it."""
     plan = make_plan("mk", "nano", rate=rate)
     run = create_run_folder(plan, folder, STARTED)
-    run.describe(plan, Request(seed), STARTED)
+    run.describe(plan, RunRequest(seed).record(), STARTED)
     recorder, score = Recorder(run.log, plan), Score(plan)
     chance = random.Random(seed)
     starts = [0.0, 3.0, 5.0, seconds - 3.0]

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from flights import down, hold, path, up
 from plans import part, plan, vehicle
 
-from kybflow.api.flight import Flown, Request, fly
+from kybflow.api.flight import Flown, RunRequest, fly
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, Event, Time
 from kybflow.dsl.plan import FaultPlan, PartPlan
@@ -103,7 +103,7 @@ class Rehearsal:
         )
         numbers = (folder / str(number) for number in count())
         out = next(number for number in numbers if not number.exists())
-        request = Request(out=out, emitted=tuple(emitted))
+        request = RunRequest(out=out, emitted=tuple(emitted))
         flight = plan(one, faults=tuple(faults), time_limit=90.0)
         self.flown: Flown = fly(flight, request, (self._hear,), (self._look,))
 

@@ -90,11 +90,11 @@ def _fly(
     seed: int,
     out: Path | None,
 ) -> int:
-    from kybflow.api.flight import Request
+    from kybflow.api.flight import RunRequest
     from kybflow.api.running import Asked, run_mission
     from kybflow.sensors.vrpn.publishing import published, to
 
-    request = Request(seed, out, 1.0, sets=sets)
+    request = RunRequest(seed, out, 1.0, sets=sets)
     asked = Asked(mission, target, request, live=False, plain=False, report=False)
     screen, errors = (console(stream) for stream in (sys.stdout, sys.stderr))
     return run_mission(asked, screen, errors, lambda plan: published(plan, to(server)))

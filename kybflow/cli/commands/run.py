@@ -62,13 +62,13 @@ def run(
     3: a driver or device failed.
     130: interrupted.
     """
-    from kybflow.api.flight import Request
+    from kybflow.api.flight import RunRequest
     from kybflow.api.running import Asked, run_mission
 
     pace = 1.0 if live and speed is None else speed
     changes = tuple(_pair(option) for option in options or ())
     given = tuple(_timed(emit) for emit in emits or ())
-    request = Request(seed, out, pace, changes, given, tuple(sets or ()))
+    request = RunRequest(seed, out, pace, changes, given, tuple(sets or ()))
     asked = Asked(mission, target, request, live, plain, report)
     screen, errors = (console(stream) for stream in (sys.stdout, sys.stderr))
     raise typer.Exit(run_mission(asked, screen, errors))

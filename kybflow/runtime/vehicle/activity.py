@@ -13,11 +13,11 @@ from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Outcome, VehicleMachine
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Leg
-from kybflow.recording.outcome import VehicleScore
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.runtime.safety.hold import Blend, Hold, Holder
 from kybflow.runtime.safety.land_mode import LandMode
+from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.requests import unfit
 
 _SAFE = frozenset({"brake", "landed"})

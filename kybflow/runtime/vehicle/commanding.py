@@ -13,10 +13,10 @@ from kybflow.core.errors import Refused
 from kybflow.core.signals import NS, Reaction, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import Entry
-from kybflow.recording.outcome import VehicleScore
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import Failsafe
 from kybflow.runtime.safety.hold import Hold
+from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.requests import Asker, Wish, Wishes, comes_down, severity, unfit
 

@@ -15,8 +15,8 @@ from typing import Any
 from kybflow.core.errors import PartFailed
 from kybflow.core.signals import NS, Estimate, Measurement, MeasurementKind, Time
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.recording.outcome import VehicleScore
 from kybflow.runtime.events import Events
+from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.blending import Blend
 from kybflow.runtime.vehicle.candidate import Candidate
 from kybflow.world.vehicle_context import VehicleContext

@@ -23,14 +23,14 @@ from kybflow.core.signals import (
 )
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import Link
-from kybflow.recording.outcome import VehicleScore
-from kybflow.recording.recorder import VehicleChannel
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.body_health import Bodies
 from kybflow.runtime.monitoring.estimate_history import Whereabouts
 from kybflow.runtime.monitoring.sensing import Opened, Sensing
 from kybflow.runtime.monitoring.watched_body import WatchedBody
 from kybflow.runtime.monitoring.watched_cameras import WatchedCameras
+from kybflow.runtime.observer import VehicleObserver
+from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.asking import Asking
 from kybflow.runtime.vehicle.cargo import Cargo
 from kybflow.runtime.vehicle.estimation import Estimation
@@ -55,7 +55,7 @@ class Senses:
         context: VehicleContext,
         link: Link,
         events: Events,
-        channel: VehicleChannel,
+        observer: VehicleObserver,
         score: VehicleScore,
         report: Callable[[PartFailed], None],
         sensors: Sequence[Opened] = (),
@@ -74,7 +74,7 @@ class Senses:
         self._armed = False
         self._streams: dict[type, tuple[Time, int]] = {}
         self.estimation = Estimation(plan, context, events, score, report, self._known)
-        self._link, self._channel, self._score, self._report = link, channel, score, report
+        self._link, self._observer, self._score, self._report = link, observer, score, report
         self._events, self._at = events, plan.driver.at
         self.asking = Asking(link, self._failed)
         self._telling = Telling(plan, self.estimation)
@@ -210,7 +210,7 @@ class Senses:
     def _note(self, measurements: Sequence[Measurement], now: Time) -> None:
         streams = self._streams
         for measurement in measurements:
-            self._channel.measurement(now, measurement)
+            self._observer.measurement(now, measurement)
             cls = type(measurement)
             first, count = streams.get(cls, (now, 0))
             streams[cls] = first, count + 1

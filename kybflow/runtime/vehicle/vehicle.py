@@ -23,15 +23,15 @@ from kybflow.core.signals import (
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND, Entry, Link
-from kybflow.recording.outcome import VehicleScore
-from kybflow.recording.recorder import VehicleChannel
 from kybflow.runtime.events import Events
 from kybflow.runtime.making import make, parts_of
 from kybflow.runtime.monitoring.body_health import Bodies
 from kybflow.runtime.monitoring.estimate_history import Whereabouts
 from kybflow.runtime.monitoring.sensing import Opened
+from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.safety.failsafe import Failsafe, Heard
 from kybflow.runtime.safety.land_mode import HANDED_OVER
+from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.chain import Chain
 from kybflow.runtime.vehicle.obeying import Obeying
@@ -54,7 +54,7 @@ class Vehicle(Obeying):
         context: VehicleContext,
         link: Link,
         events: Events,
-        channel: VehicleChannel,
+        observer: VehicleObserver,
         score: VehicleScore,
         sensors: Sequence[Opened] = (),
         bodies: Bodies | None = None,
@@ -62,7 +62,7 @@ class Vehicle(Obeying):
     ) -> None:
         self.plan, self.name, self.context = plan, plan.name, context
         self.now: Time = 0
-        self._events, self._channel, self._score = events, channel, score
+        self._events, self._observer, self._score = events, observer, score
         self._fleet: dict[str, Estimate | None] = {}
         self._params = {part.label: part.params for part in parts_of(plan)}
         self._supervisors = {p.label: make(p, p.params, context) for p in plan.supervisors}
@@ -71,7 +71,7 @@ class Vehicle(Obeying):
         self.failsafe = Failsafe(plan.name, self._supervisors, lines, events)
         report = self.failsafe.report
         self.senses = Senses(
-            plan, context, link, events, channel, score, report, sensors, bodies, fleet
+            plan, context, link, events, observer, score, report, sensors, bodies, fleet
         )
         self.activity = Activity(plan, self._params, events, score, self._objection)
         super().__init__()
@@ -161,8 +161,8 @@ class Vehicle(Obeying):
         self._sent = command
         if self.activity.grip is not None:
             self._grip(self.activity.grip, now)
-        self._channel.tick(now, senses.estimate, wanted, self.followed, command, senses.truth)
-        self._channel.estimators(now, senses.estimation)
+        self._observer.tick(now, senses.estimate, wanted, self.followed, command, senses.truth)
+        self._observer.estimators(now, senses.estimation)
         self._measure()
 
     def entry(self) -> Entry:

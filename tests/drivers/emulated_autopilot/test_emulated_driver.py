@@ -14,7 +14,7 @@ pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
 from sims import seat
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS, Odometry, Pose
 from kybflow.drivers.emulated_autopilot import (
     EmulatedAutopilot,
@@ -30,7 +30,7 @@ MISSIONS = Path(__file__).parents[3] / "missions"
 def flown(mission, target, out, **request):
     result = compile_mission(MISSIONS / mission, catalog=load_catalog(), target=target)
     assert result.plan is not None, result.diagnostics
-    return fly(result.plan, Request(out=out, **request))
+    return fly(result.plan, RunRequest(out=out, **request))
 
 
 def test_importing_the_part_loads_neither_mujoco_nor_pymavlink():

@@ -156,7 +156,7 @@ MISSION = Path(__file__).parents[3] / "missions" / "courier.yaml"
 @pytest.mark.slow
 def test_the_couriers_camera_is_told_before_its_estimator_changes(tmp_path: Path) -> None:
     pytest.importorskip("cv2")
-    from kybflow.api.flight import Request, fly
+    from kybflow.api.flight import RunRequest, fly
     from kybflow.dsl.compiler import compile_mission
     from kybflow.parts.catalog import load_catalog
 
@@ -169,7 +169,7 @@ def test_the_couriers_camera_is_told_before_its_estimator_changes(tmp_path: Path
     assert [d.message for d in compiled.diagnostics] == []
     assert compiled.plan is not None
     told: list[Event] = []
-    flown = fly(compiled.plan, Request(seed=0, out=tmp_path / "run"), (told.append,))
+    flown = fly(compiled.plan, RunRequest(seed=0, out=tmp_path / "run"), (told.append,))
     assert flown.summary["outcome"] == "succeeded"
     names = [e.name for e in told if e.name.startswith(("camera_", "tags_", "estimator_"))]
     assert names == [

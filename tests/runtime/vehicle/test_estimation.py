@@ -16,8 +16,8 @@ from kybflow.core.units import DURATION
 from kybflow.dsl.expressions import Compare, Number, Read
 from kybflow.dsl.plan import EstimatorPlan, PartPlan
 from kybflow.parts import Estimator
-from kybflow.recording.outcome import VehicleScore
 from kybflow.runtime.events import Events
+from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.estimation import Estimation
 from kybflow.world.vehicle_context import VehicleContext
 

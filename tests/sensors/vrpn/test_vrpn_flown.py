@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from servers import free_port
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS, Event, Pose
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
@@ -80,7 +80,7 @@ def test_a_server_that_is_restarted_in_flight(opening: str, tmp_path: Path) -> N
     plan = plan_of(tmp_path, port, opening)
     network = Unreliable(port)
     events: list[Event] = []
-    request = Request(out=tmp_path / "run", speed=1.0)
+    request = RunRequest(out=tmp_path / "run", speed=1.0)
     flown = fly(published(plan, network.publish), request, (events.append,))
     assert network.server is not None
     network.server.close()

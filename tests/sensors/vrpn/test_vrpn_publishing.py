@@ -11,7 +11,7 @@ import pytest
 from servers import free_port, until
 from typer.testing import CliRunner
 
-from kybflow.api.flight import Request, fly
+from kybflow.api.flight import RunRequest, fly
 from kybflow.cli.app import app
 from kybflow.core.errors import KybflowError
 from kybflow.core.geometry import Quat, Vec3, distance
@@ -37,8 +37,8 @@ def plan() -> Plan:
 def test_every_pose_is_published_and_the_flight_is_the_same(plan: Plan, tmp_path: Path) -> None:
     seen: list[tuple[str, Pose]] = []
     tapped = published(plan, lambda name, pose: seen.append((name, pose)))
-    flown = fly(tapped, Request(out=tmp_path / "published"))
-    alone = fly(plan, Request(out=tmp_path / "alone"))
+    flown = fly(tapped, RunRequest(out=tmp_path / "published"))
+    alone = fly(plan, RunRequest(out=tmp_path / "alone"))
     assert flown.summary["vehicles"] == alone.summary["vehicles"]
     assert {name for name, _ in seen} == {vehicle.name for vehicle in plan.vehicles}
     stamps = [pose.time for name, pose in seen if name == plan.vehicles[0].name]
