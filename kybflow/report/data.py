@@ -1,5 +1,5 @@
 """A run folder read back, as arrays for the report: `log.mcap`, `events.jsonl`, `summary.json`,
-the world of `mission.resolved.yaml`, the pictures in `frames/`.
+the obstacles and points of `mission.resolved.yaml`, the pictures in `frames/`.
 
 A run that was killed has no summary and a log without an end; what is readable is read.
 """
@@ -8,33 +8,44 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, replace
+import re
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.exceptions import McapError
+import yaml
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Channel, Message, Metadata
+from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS
+from kybflow.core.units import LENGTH, NUMBER, parse_quantity
 from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
-from kybflow.recording.layout import HAS_POSITION, HAS_VELOCITY, dtype_spec
-from kybflow.recording.run_folder import EVENTS, LOG, SUMMARY, RunFolderError
-from kybflow.report.estimators import Estimated, read_estimators
-from kybflow.report.log import Log, read_log
-from kybflow.report.pictures import Picture, read_pictures
-from kybflow.report.world import World, read_world
+from kybflow.recording.layout import (
+    HAS_POSITION,
+    HAS_VELOCITY,
+    METADATA,
+    dtype_spec,
+    kept_every,
+)
+from kybflow.recording.run_folder import EVENTS, FRAMES, LOG, SUMMARY, RunFolderError
+from kybflow.report.estimators import Array, EstimatorTrack, norm, read_estimators
+from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
-Array = NDArray[np.float64]
-
-MOST = 6000
-"""The most ticks of one vehicle that it shows; a long run is shown more coarsely."""
+MOST_TICKS = 6000
+"""The most ticks of one vehicle that the report shows; a long run is shown more coarsely."""
+MOST_PICTURES = 96
+"""The most pictures in one report; a fleet's others are in its folder."""
 
 _TICK, _BATTERY = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Battery"))
+_PICTURE_NAME = re.compile(r"(\d+\.\d+)s-(?:(\d+)-used-(\d+)-rejected|no-pose)\.jpg")
 
 
 @dataclass(frozen=True)
-class Visit:
+class StateVisit:
     """One visit to a state, from `start` to `end` seconds. ended: how, empty where the recording
     ends before it. aloft: it neither takes off nor lands. built_in: no mission wrote it."""
 
@@ -65,7 +76,29 @@ class Track:
     to_target: Array
     battery_time: Array
     battery: Array
-    visits: tuple[Visit, ...]
+    visits: tuple[StateVisit, ...]
+
+
+@dataclass(frozen=True)
+class RecordedWorld:
+    """The named points and the obstacles of a mission, by name; metres, world frame."""
+
+    points: dict[str, Vec3] = field(default_factory=dict)
+    obstacles: dict[str, Shape] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A frame with what was found in it. time: seconds. used, rejected: tags; None where it told no
+    pose."""
+
+    vehicle: str
+    estimator: str
+    camera: str
+    time: float
+    used: int | None
+    rejected: int | None
+    data: bytes
 
 
 @dataclass(frozen=True)
@@ -80,9 +113,14 @@ class Run:
     events: list[dict[str, Any]]
     tracks: tuple[Track, ...]
     end: float
-    world: World
-    estimators: tuple[Estimated, ...] = ()
+    world: RecordedWorld
+    estimators: tuple[EstimatorTrack, ...] = ()
     pictures: tuple[Picture, ...] = ()
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the truth is known."""
+        return self.mission.get("simulated") is not False
 
 
 def read_run(folder: Path) -> Run:
@@ -100,7 +138,9 @@ def read_run(folder: Path) -> Run:
         _track(name, facts, log, _visits(events, name, facts["states"], end))
         for name, facts in log.mission["vehicles"].items()
     )
-    estimators = tuple(e for name in log.mission["vehicles"] for e in read_estimators(log, name))
+    estimators = tuple(
+        e for name in log.mission["vehicles"] for e in read_estimators(log.messages, name)
+    )
     return Run(log.mission, summary, provenance, events, tracks, end, world, estimators, pictures)
 
 
@@ -116,23 +156,25 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 def _visits(
     events: list[dict[str, Any]], vehicle: str, states: dict[str, dict[str, bool]], end: float
-) -> tuple[Visit, ...]:
-    visits: list[Visit] = []
+) -> tuple[StateVisit, ...]:
+    visits: list[StateVisit] = []
     for event in events:
         if event["vehicle"] != vehicle:
             continue
         fields, t = event["fields"], event["t_s"]
         if event["event"] == "behavior_started":
             name, part = fields["behavior"], fields["part"]
-            visits.append(Visit(name, part, t, end, "", **states[name]))
+            visits.append(StateVisit(name, part, t, end, "", **states[name]))
         elif event["event"] == "behavior_ended" and visits:
             visits[-1] = replace(visits[-1], end=t, ended=fields["how"])
     return tuple(visits)
 
 
-def _track(name: str, facts: dict[str, Any], log: Log, visits: tuple[Visit, ...]) -> Track:
+def _track(
+    name: str, facts: dict[str, Any], log: Recording, visits: tuple[StateVisit, ...]
+) -> Track:
     messages = log.messages.get(f"/{name}/tick", [])
-    kept = messages[:: max(1, math.ceil(len(messages) / MOST))]
+    kept = messages[:: max(1, math.ceil(len(messages) / MOST_TICKS))]
     ticks = np.frombuffer(b"".join(m.data for m in kept), _TICK)
     time = np.array([m.log_time for m in kept], np.float64) / NS
     reports = log.messages.get(f"/{name}/battery", [])
@@ -145,8 +187,8 @@ def _track(name: str, facts: dict[str, Any], log: Log, visits: tuple[Visit, ...]
         time=time,
         position=position,
         reference=reference,
-        position_error=_norm(position - reference),
-        velocity_error=_norm(velocity - _field(ticks["setpoint"], "velocity", HAS_VELOCITY)),
+        position_error=norm(position - reference),
+        velocity_error=norm(velocity - _field(ticks["setpoint"], "velocity", HAS_VELOCITY)),
         to_target=_to_target(
             time, position, _field(ticks["wanted"], "position", HAS_POSITION), visits
         ),
@@ -169,17 +211,117 @@ def _field(setpoints: NDArray[Any], name: str, mark: int) -> Array:
     return value
 
 
-def _norm(vectors: Array) -> Array:
-    length: Array = np.sqrt((vectors * vectors).sum(axis=1))
-    return length
-
-
-def _to_target(time: Array, position: Array, wanted: Array, visits: tuple[Visit, ...]) -> Array:
+def _to_target(
+    time: Array, position: Array, wanted: Array, visits: tuple[StateVisit, ...]
+) -> Array:
     distances = np.full(len(time), np.nan)
     for visit in visits:
         inside = (time >= visit.start) & (time < visit.end)
         goals = wanted[inside]
         goals = goals[~np.isnan(goals[:, 0])]
         if len(goals):
-            distances[inside] = _norm(position[inside] - goals[-1])
+            distances[inside] = norm(position[inside] - goals[-1])
     return distances
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What is kept of a recording. mission: what its head says. messages: the kept ones, by topic.
+    seen: the ticks of each topic, last: its newest log time, both kept or not."""
+
+    mission: dict[str, Any]
+    messages: dict[str, list[Message]] = field(default_factory=dict)
+    seen: dict[str, int] = field(default_factory=dict)
+    last: dict[str, int] = field(default_factory=dict)
+
+
+def read_log(path: Path) -> Recording:
+    """The recording at `path`, as far as it goes. Raises OSError, ValueError or McapError for a
+    file that is no recording of a run."""
+    mission: dict[str, Any] = {}
+    topics: dict[int, str] = {}
+    log = Recording(mission)
+    with path.open("rb") as file:
+        try:
+            for record in StreamReader(file).records:
+                if isinstance(record, Message):
+                    _keep(log, topics[record.channel_id], record)
+                elif isinstance(record, Channel):
+                    topics[record.id] = record.topic
+                elif isinstance(record, Metadata) and record.name == METADATA:
+                    mission.update(json.loads(record.metadata["plan"]))
+        except EndOfFile:
+            pass  # the run was killed, or is still going on
+    if not mission:
+        raise ValueError(f"`{path.name}` says nothing of a mission")
+    return log
+
+
+def _keep(log: Recording, topic: str, message: Message) -> None:
+    """Keep battery reports and estimators, and ticks at the rate of the report."""
+    log.last[topic] = message.log_time
+    if topic.endswith("/battery") or "/estimator/" in topic:
+        log.messages.setdefault(topic, []).append(message)
+    elif topic.endswith("/tick"):
+        seen = log.seen[topic] = log.seen.get(topic, 0) + 1
+        if (seen - 1) % kept_every(log.mission["control_rate"]) == 0:
+            log.messages.setdefault(topic, []).append(message)
+
+
+def read_world(path: Path) -> RecordedWorld:
+    """The world of the mission in `path`; an empty one without such a file. Raises ValueError for
+    one that no run has written."""
+    if not path.exists():
+        return RecordedWorld()
+    try:
+        world = yaml.safe_load(path.read_text(encoding="utf-8")).get("world") or {}
+        points = {name: _vector(at) for name, at in world.get("points", {}).items()}
+        obstacles = {name: _shape(solid) for name, solid in world.get("obstacles", {}).items()}
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"`{path.name}` has no world that can be read: {error}") from error
+    return RecordedWorld(points, obstacles)
+
+
+def _shape(solid: dict[str, dict[str, Any]]) -> Shape:
+    ((kind, of),) = solid.items()
+    if kind == "box":
+        return Box(_vector(of["from"]), _vector(of["to"]))
+    at = _vector(of["at"])
+    if kind == "cylinder":
+        return Cylinder(at, _length(of["radius"]), _length(of["height"]))
+    if kind == "sphere":
+        return Sphere(at, _length(of["radius"]))
+    x, y, z = (parse_quantity(str(n), NUMBER) for n in of["facing"])
+    return Plane(at, (x, y, z))
+
+
+def _vector(texts: list[str]) -> Vec3:
+    x, y, z = (_length(text) for text in texts)
+    return (x, y, z)
+
+
+def _length(text: str) -> float:
+    return parse_quantity(text, LENGTH)
+
+
+def read_pictures(folder: Path) -> tuple[Picture, ...]:
+    """Those of a run, of each camera in order. Raises OSError."""
+    found: list[Picture] = []
+    for path in sorted((folder / FRAMES).glob("*/*/*/*.jpg")):
+        named = _PICTURE_NAME.fullmatch(path.name)
+        if named is not None and len(found) < MOST_PICTURES:
+            found.append(_picture(path, *named.groups()))
+    return tuple(found)
+
+
+def _picture(path: Path, time: str, used: str | None, rejected: str | None) -> Picture:
+    vehicle, estimator, camera = path.parts[-4:-1]
+    return Picture(
+        vehicle,
+        estimator,
+        camera,
+        float(time),
+        None if used is None else int(used),
+        None if rejected is None else int(rejected),
+        path.read_bytes(),
+    )

@@ -1,43 +1,46 @@
-"""What a recording says of each estimator, flown on or not, as arrays and figures."""
+"""How good each estimator was, whether the vehicle flew on it or not: arrays over time and the
+statistics of their errors."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from mcap.records import Message
 from numpy.typing import NDArray
 
 from kybflow.core.signals import NS
 from kybflow.recording.layout import dtype_spec
-from kybflow.report.log import Log
 
 Array = NDArray[np.float64]
 
-SURE = 2.796
-"""Deviations along an axis within which 95 % of errors in three dimensions are, where each axis has
-the same (chi-square, three degrees of freedom)."""
+CHI_95 = 2.796
+"""Standard deviations along an axis within which 95 % of errors in three dimensions are, where each
+axis has the same: the root of the chi-square quantile with three degrees of freedom."""
 
-_SAME = 1e-4
+_SAME_POSITION = 1e-4
 """Metres: what is left of an offset that does not count any more."""
 _TICK, _CANDIDATE = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Candidate"))
 
 
 @dataclass(frozen=True)
-class Estimated:
-    """One estimator over time, SI, not-a-number where it has no estimate. error: (n, 3), from the
-    truth; without one, from the estimate that the vehicle flew on. yaw, turn: of the attitude in
-    the same way, about the world's z axis and in all. usable, used: whether the vehicle could have
-    flown on it, and did. blended: whether what it flew on was not that of any estimator, because an
-    offset was being taken away."""
+class EstimatorTrack:
+    """One estimator over time, SI, not-a-number where it has no estimate.
+
+    error: (n, 3), from the true position; without a truth, from the estimate that the vehicle flew
+    on. yaw_error, attitude_error: of the attitude in the same way, about the world's z axis and in
+    all. usable, used: whether the vehicle could have flown on it, and did. blended: whether the
+    vehicle flew on no estimator's own estimate, because an offset was being taken away.
+    """
 
     vehicle: str
     name: str
     time: Array
     error: Array
-    yaw: Array
-    turn: Array
+    yaw_error: Array
+    attitude_error: Array
     age: Array
     spread: Array
     usable: NDArray[np.bool_]
@@ -45,13 +48,12 @@ class Estimated:
     blended: NDArray[np.bool_]
 
     @property
-    def off(self) -> Array:
-        """How far it was off, metres."""
-        distance: Array = np.sqrt((self.error * self.error).sum(axis=1))
-        return distance
+    def position_error(self) -> Array:
+        """The length of `error`, metres."""
+        return norm(self.error)
 
-    def spans(self) -> list[tuple[float, float]]:
-        """From when to when it was flown on."""
+    def intervals_used(self) -> list[tuple[float, float]]:
+        """From when to when the vehicle flew on it, seconds."""
         step = float(np.median(np.diff(self.time))) if len(self.time) > 1 else 0.0
         edges = np.flatnonzero(np.diff(np.concatenate(([False], self.used, [False])).astype(int)))
         return [
@@ -61,120 +63,116 @@ class Estimated:
 
 
 @dataclass(frozen=True)
-class Figures:
-    """While it was flown on. share: of the ticks. mean, high, worst: how far it was off, the mean,
-    what 99 % are below, the most; None if never. within: the share of errors that were within
-    `SURE` spreads, of ticks without an offset that is being taken away. yaw: what 99 % of its
-    errors are below. age, oldest: mean and most."""
+class EstimatorStatistics:
+    """The errors of an estimator while the vehicle flew on it; None if it never did.
+
+    share: of all ticks. mean, p99, highest: of the position error, m. within: the share of position
+    errors within `CHI_95` spreads, of the ticks in which no offset was being taken away. yaw_p99:
+    rad. age_mean, age_highest: s.
+    """
 
     share: float
     mean: float | None = None
-    high: float | None = None
-    worst: float | None = None
+    p99: float | None = None
+    highest: float | None = None
     within: float | None = None
-    yaw: float | None = None
-    age: float | None = None
-    oldest: float | None = None
+    yaw_p99: float | None = None
+    age_mean: float | None = None
+    age_highest: float | None = None
 
 
-class _Known(NamedTuple):
-    """The truth, or what comes nearest to it: (n, 3), (n, 4)."""
-
-    position: Array
-    attitude: Array
-
-    def at(self, index: NDArray[np.int64]) -> _Known:
-        return _Known(self.position[index], self.attitude[index])
-
-
-def figures_of(estimated: Estimated, ticks: int) -> Figures:
-    """The figures of one estimator of a vehicle of which so many `ticks` are shown."""
-    used = estimated.used & ~np.isnan(estimated.age)
-    share = float(estimated.used.sum()) / max(ticks, 1)
-    age = estimated.age[used]
-    known = used & ~np.isnan(estimated.off)
+def statistics_of(track: EstimatorTrack, ticks: int) -> EstimatorStatistics:
+    """The statistics of one estimator of a vehicle of which so many `ticks` are shown."""
+    used = track.used & ~np.isnan(track.age)
+    share = float(track.used.sum()) / max(ticks, 1)
+    age, distance = track.age[used], track.position_error
+    known = used & ~np.isnan(distance)
     if not known.any():
-        return Figures(share)
-    off = estimated.off[known]
-    told = known & ~estimated.blended
-    is_within = estimated.off[told] <= SURE * estimated.spread[told]
-    return Figures(
+        return EstimatorStatistics(share)
+    errors, own = distance[known], known & ~track.blended
+    is_within = distance[own] <= CHI_95 * track.spread[own]
+    return EstimatorStatistics(
         share,
-        float(off.mean()),
-        float(np.quantile(off, 0.99)),
-        float(off.max()),
-        float(is_within.mean()) if told.any() else None,
-        float(np.quantile(np.abs(estimated.yaw[known]), 0.99)),
+        float(errors.mean()),
+        float(np.quantile(errors, 0.99)),
+        float(errors.max()),
+        float(is_within.mean()) if own.any() else None,
+        float(np.quantile(np.abs(track.yaw_error[known]), 0.99)),
         float(age.mean()),
         float(age.max()),
     )
 
 
-def read_estimators(log: Log, vehicle: str) -> Iterator[Estimated]:
+def read_estimators(
+    messages: Mapping[str, Sequence[Message]], vehicle: str
+) -> Iterator[EstimatorTrack]:
     """What a vehicle flew on, whichever it was, as an estimator without a name; then each of its
-    estimators. Nothing of one that was not recorded."""
-    messages = log.messages.get(f"/{vehicle}/tick", [])
-    ticks = np.frombuffer(b"".join(message.data for message in messages), _TICK)
-    stamps = np.array([message.log_time for message in messages], np.int64)
+    estimators. Nothing where none was recorded. messages: by topic."""
+    ticks, stamps = _decoded(messages.get(f"/{vehicle}/tick", ()), _TICK)
     flown, truth = ticks["estimate"], ticks["truth"]
-    present = truth["present"][:, None]
-    best = _Known(
-        np.where(present, truth["position"], _known(flown, "position")),
-        np.where(present, truth["attitude"], _known(flown, "attitude")),
+    is_known = truth["present"][:, None]
+    reference = _Reference(
+        np.where(is_known, truth["position"], _present(flown, "position")),
+        np.where(is_known, truth["attitude"], _present(flown, "attitude")),
     )
-    began = f"/{vehicle}/estimator/"
+    prefix = f"/{vehicle}/estimator/"
     blended, found = np.full(len(ticks), -1), []
-    for topic in (topic for topic in log.messages if topic.startswith(began)):
-        said = np.frombuffer(b"".join(m.data for m in log.messages[topic]), _CANDIDATE)
-        at = np.array([message.log_time for message in log.messages[topic]], np.int64)
+    for topic in (topic for topic in messages if topic.startswith(prefix)):
+        said, at = _decoded(messages[topic], _CANDIDATE)
         index = np.searchsorted(stamps, at).clip(0, max(len(stamps) - 1, 0))
         held = stamps[index] == at if len(stamps) else np.zeros(len(at), bool)
-        said, index = said[held], index[held]
+        said, index, at = said[held], index[held], at[held]
         apart = np.abs(said["position"] - flown["position"][index]).max(axis=1, initial=0.0)
-        used = said["used"]
-        blended[index[used]] = apart[used] > _SAME
-        found.append(_estimated(vehicle, topic.removeprefix(began), at[held], best.at(index), said))
+        used, own = said["used"], np.zeros(len(said), bool)
+        blended[index[used]] = apart[used] > _SAME_POSITION
+        name = topic.removeprefix(prefix)
+        found.append(
+            _track(vehicle, name, at, reference.at(index), said, said["usable"], used, own)
+        )
     if found:
-        yield _flown(vehicle, stamps, best, flown, _held(blended) == 1)
+        present, offset = flown["present"], _held(blended) == 1
+        yield _track(vehicle, "", stamps, reference, flown, present, present, offset)
     yield from found
 
 
-def _estimated(
-    vehicle: str, name: str, stamps: NDArray[np.int64], best: _Known, said: NDArray[Any]
-) -> Estimated:
-    """An estimator from what was recorded of it."""
-    return Estimated(
+class _Reference(NamedTuple):
+    """The truth, or what comes nearest to it: (n, 3), (n, 4)."""
+
+    position: Array
+    attitude: Array
+
+    def at(self, index: NDArray[np.int64]) -> _Reference:
+        return _Reference(self.position[index], self.attitude[index])
+
+
+def _decoded(
+    messages: Sequence[Message], kind: np.dtype[Any]
+) -> tuple[NDArray[Any], NDArray[np.int64]]:
+    """(the messages as one array, their log times in ns)."""
+    data = np.frombuffer(b"".join(message.data for message in messages), kind)
+    return data, np.array([message.log_time for message in messages], np.int64)
+
+
+def _track(
+    vehicle: str,
+    name: str,
+    stamps: NDArray[np.int64],
+    reference: _Reference,
+    said: NDArray[Any],
+    usable: NDArray[np.bool_],
+    used: NDArray[np.bool_],
+    blended: NDArray[np.bool_],
+) -> EstimatorTrack:
+    return EstimatorTrack(
         vehicle,
         name,
         stamps / NS,
-        _known(said, "position") - best.position,
-        *_turned(_known(said, "attitude"), best.attitude),
-        _known(said, "age"),
-        _known(said, "spread"),
-        said["usable"],
-        said["used"],
-        np.zeros(len(said), bool),
-    )
-
-
-def _flown(
-    vehicle: str,
-    stamps: NDArray[np.int64],
-    best: _Known,
-    flown: NDArray[Any],
-    blended: NDArray[np.bool_],
-) -> Estimated:
-    """What was flown on."""
-    return Estimated(
-        vehicle,
-        "",
-        stamps / NS,
-        _known(flown, "position") - best.position,
-        *_turned(_known(flown, "attitude"), best.attitude),
-        _known(flown, "age"),
-        _known(flown, "spread"),
-        flown["present"],
-        flown["present"],
+        _present(said, "position") - reference.position,
+        *_turned(_present(said, "attitude"), reference.attitude),
+        _present(said, "age"),
+        _present(said, "spread"),
+        usable,
+        used,
         blended,
     )
 
@@ -200,8 +198,14 @@ def _heading(q: Array) -> Array:
     return heading
 
 
-def _known(said: NDArray[Any], name: str) -> Array:
+def _present(said: NDArray[Any], name: str) -> Array:
     """A field, not-a-number where there is no estimate."""
     values, present = said[name], said["present"]
     known: Array = np.where(present if values.ndim == 1 else present[:, None], values, np.nan)
     return known
+
+
+def norm(vectors: Array) -> Array:
+    """The length of each row of (n, 3)."""
+    length: Array = np.sqrt((vectors * vectors).sum(axis=1))
+    return length

@@ -1,48 +1,116 @@
-"""The tables of events: what was out of the ordinary, and everything."""
+"""Which events are alarms or routine, their fields as text, and their marks in the timeline."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
-from pathlib import PurePath
 from typing import Any
 
 from kybflow.report.data import Run
-from kybflow.report.marks import COLLISION, EVENT, is_notable, kind_of, told
-from kybflow.report.tables import table
 
-_MANY = 40
-"""Notable events from which their table is folded up."""
-_HEADS = ("Time (s)", "Vehicle", "Event", "What", "Mission")
+BARS = frozenset({"behavior_started", "behavior_ended", "phase_started", "phase_ended"})
+"""Events that are shown as bars."""
+COLLISION, ALARM, EVENT = "collision", "alarm", "event"
+_ALARMING = (
+    "failed", "lost", "breached", "exceeded", "refused", "low", "failsafe_started",
+    "fault_injected", "run_stopped",
+)  # fmt: skip
+_ROUTINE = BARS | {
+    "run_started", "run_ended", "preflight_passed", "took_off", "landed", "driver_changed",
+    "payload_loaded", "payload_released", "payload_rested",
+}  # fmt: skip
+_LOOKS = {
+    EVENT: ("triangle-up", "ink", 9),
+    ALARM: ("diamond", "alarm", 9),
+    COLLISION: ("x", "alarm", 13),
+}
 
 
-def events(run: Run) -> str:
-    """The notable events, collisions first, and folded up under them all events in order."""
-    if not run.events:
-        return ""
-    notable = sorted(filter(is_notable, run.events), key=lambda e: kind_of(e) != COLLISION)
-    opened = " open" if len(notable) <= _MANY else ""
-    shown = (
-        f"<details{opened}><summary>{len(notable)} out of the ordinary</summary>"
-        f"{_table(notable)}</details>"
-        if notable
-        else '<p class="note">None out of the ordinary.</p>'
+def kind_of(event: Mapping[str, Any]) -> str:
+    """How an event is marked. One with a reaction and a bound is an alarm of a supervisor."""
+    name = event["event"]
+    if name == "collided":
+        return COLLISION
+    is_alarm = {"reaction", "bound"} <= event["fields"].keys()
+    return ALARM if is_alarm or name.endswith(_ALARMING) else EVENT
+
+
+def is_notable(event: Mapping[str, Any]) -> bool:
+    """Whether it is out of the ordinary: no step of a flight in which all goes well."""
+    if event["event"] == "estimator_changed":
+        return event["fields"].get("previous") is not None
+    return event["event"] not in _ROUTINE and not event["event"].endswith(".finished")
+
+
+def fields_text(event: Mapping[str, Any]) -> str:
+    """The fields of an event that have a value, as text."""
+    return ", ".join(
+        f"{name}: {_value(value)}" for name, value in event["fields"].items() if value is not None
     )
-    every = f"<details><summary>All {len(run.events)}</summary>{_table(run.events)}</details>"
-    return f'<section class="events"><h2>Events</h2>{shown}{every}</section>'
 
 
-def _table(found: Sequence[Mapping[str, Any]]) -> str:
-    return table(_HEADS, [_row(event) for event in found], numbers=(0,))
+def marks(run: Run, rows: Mapping[str, float]) -> list[dict[str, Any]]:
+    """A trace for each kind of mark; `rows` says how far down each vehicle's and the run's marks
+    are. The events of one vehicle at one time share a mark."""
+    found: dict[str, dict[tuple[float, float], list[str]]] = {kind: {} for kind in _LOOKS}
+    for event in run.events:
+        row = event["vehicle"] or "run"
+        if event["event"] not in BARS and row in rows:
+            place = (event["t_s"], rows[row])
+            found[kind_of(event)].setdefault(place, []).append(_hover_text(event))
+    return [_trace(kind, places) for kind, places in found.items() if places]
 
 
-def _row(event: Mapping[str, Any]) -> list[str]:
-    name, at = escape(event["event"]), event["at"]
-    place = f'<code title="{escape(at)}">{escape(PurePath(at).name)}</code>' if at else ""
-    return [
-        f"{event['t_s']:.2f}",
-        escape(event["vehicle"]),
-        name if kind_of(event) == EVENT else f'<span class="bad">{name}</span>',
-        escape(told(event)),
-        place,
+def _trace(kind: str, places: Mapping[tuple[float, float], list[str]]) -> dict[str, Any]:
+    symbol, colour, size = _LOOKS[kind]
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": kind,
+        "x": [time for time, _ in places],
+        "y": [row for _, row in places],
+        "text": ["<br>".join(texts) for texts in places.values()],
+        "hovertemplate": "<b>%{x:.2f} s</b><br>%{text}<extra></extra>",
+        "marker": {"symbol": symbol, "color": colour, "size": size},
+    }
+
+
+def _hover_text(event: Mapping[str, Any]) -> str:
+    said = fields_text(event)
+    place = f" ({escape(event['at'])})" if event["at"] else ""
+    return f"{event['event']}{' - ' if said else ''}{escape(said)}{place}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def ending(run: Run, name: str) -> str:
+    """Where a vehicle was at the end, the fault that it was in, and what it ran into; as text."""
+    vehicle = run.summary["vehicles"][name]
+    visits = vehicle["behaviors"]
+    last = visits[-1] if visits else None
+    own = [event for event in run.events if event["vehicle"] == name]
+    parts = ["on the ground" if vehicle["final"] == "ground" else "in the air"]
+    if last is not None and last["name"] == "fault":
+        reason = _fault_reason([event for event in own if event["t_s"] <= last["start_s"]])
+        parts.append(f"in fault: {reason}" if reason else "in fault")
+    parts += [
+        f"ran into {event['fields'].get('into')} at {event['t_s']:.2f} s"
+        for event in own
+        if event["event"] == "collided"
     ]
+    return ", ".join(parts)
+
+
+def _fault_reason(events: list[dict[str, Any]]) -> str:
+    """The reason of the last failsafe that ended the flight, else of the last failure."""
+    stopped = [
+        event["fields"]["reason"]
+        for event in events
+        if event["event"] == "failsafe_started" and event["fields"].get("reaction") != "brake"
+    ]
+    failed = [event["fields"]["reason"] for event in events if event["event"].endswith("_failed")]
+    return str((stopped or failed or [""])[-1])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from kybflow.report.data import Run, Track
+from kybflow.report.intervals import shaded
 from kybflow.report.map import path_map
 from kybflow.report.plot import Figure, coloured, dashed, line, over_time, shade
-from kybflow.report.spans import shaded
 from kybflow.report.timeline import timeline
 
 _BELOW = (
@@ -37,7 +37,8 @@ def _errors(run: Run, what: str, unit: str) -> Figure:
         values = (track.position_error if what == "position" else track.velocity_error) * 100.0
         hover = f"%{{y:.2f}} c{unit}"
         traces.append(line(track.name, track.time, values, colour, 1.6, hover=hover))
-    note = f"Between the setpoint before tracking and the {_known(run)} {what}."
+    known = "true" if run.simulated else "estimated"
+    note = f"Between the setpoint before tracking and the {known} {what}."
     layout = over_time(run, f"{what} error (c{unit})", "tozero")
     highest = max((_highest_aloft(track, what) for track in run.tracks), default=0.0)
     if highest > 0.0:
@@ -95,7 +96,3 @@ def _battery(run: Run) -> Figure:
     ]
     layout = over_time(run, "remaining (%)", "normal")
     return Figure("battery", "Battery", "", traces, layout)
-
-
-def _known(run: Run) -> str:
-    return "estimated" if run.mission.get("simulated") is False else "true"

@@ -1,29 +1,28 @@
 """Writes `report.html`: one page with everything in it, made from a run folder alone.
 
-It needs no network and no other file. How the page looks stands in `report_page.html`.
+It needs no network and no other file. How the page looks stands in `templates/`.
 """
 
 from __future__ import annotations
 
-import json
+import base64
 from dataclasses import asdict
-from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 from typing import Any
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
+from kybflow.core.units import DEG, format_measured
 from kybflow.recording.run_folder import REPORT, RunFolderError
-from kybflow.report.data import Run, read_run
-from kybflow.report.estimation import estimators, pages
-from kybflow.report.events import events
+from kybflow.report.data import Picture, Run, read_run
+from kybflow.report.estimator_pages import estimator_pages, statistics
+from kybflow.report.estimators import CHI_95
+from kybflow.report.events import COLLISION, EVENT, ending, fields_text, is_notable, kind_of
 from kybflow.report.figures import figures
-from kybflow.report.plot import Figure
-from kybflow.report.tables import badge, expectations, facts, footer, vehicles
 
-_PAGE = "report_page.html"
+_DASH = "\N{EN DASH}"
 
 
 def write_report(folder: Path) -> Path:
@@ -41,33 +40,81 @@ def write_report(folder: Path) -> Path:
 
 def render(run: Run) -> str:
     """The whole page."""
-    drawn, of_estimators = figures(run), pages(run)
-    every = [figure for page in of_estimators for figure in page.figures]
-    reason = run.summary.get("reason")
-    template = Template(files("kybflow.runtime").joinpath(_PAGE).read_text(encoding="utf-8"))
-    return template.substitute(
-        mission=escape(run.mission.get("mission", "a run")),
-        summary=escape(run.mission.get("summary", "")),
-        badge=badge(run),
-        reason=f'<p class="reason">{escape(reason)}</p>' if reason else "",
-        facts=facts(run),
-        expectations=expectations(run),
-        vehicles=vehicles(run),
-        figures="\n".join(_section(figure) for figure in drawn),
-        estimators=estimators(run, of_estimators),
-        events=events(run),
-        footer=footer(run),
+    drawn, pages = figures(run), estimator_pages(run)
+    every = [*drawn, *(figure for page in pages for figure in page.figures)]
+    notable = sorted(filter(is_notable, run.events), key=lambda e: kind_of(e) != COLLISION)
+    environment = Environment(
+        loader=PackageLoader("kybflow.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.tests.update(change=_is_change, plain=lambda event: kind_of(event) == EVENT)
+    environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
+    environment.filters.update(
+        code=_code, errors=_errors, picture=_picture, quantity=_quantity, scaled=_scaled
+    )
+    return environment.get_template("page.html").render(
+        run=run,
+        DASH=_DASH,
+        DEG=DEG,
+        spreads=f"{CHI_95:.1f}",
+        ending=ending,
+        figures=drawn,
+        statistics=list(statistics(run)),
+        pages=pages,
+        notable=notable,
+        fields_text=fields_text,
         plotly=get_plotlyjs(),
-        data=_data([asdict(figure) for figure in (*drawn, *every)]),
+        data=[asdict(figure) for figure in every],
     )
 
 
-def _section(figure: Figure) -> str:
-    note = f'<p class="note">{escape(figure.note)}</p>' if figure.note else ""
-    title = f"<h2>{escape(figure.title)}</h2>"
-    return f'<section>{title}{note}<div class="figure" id="{figure.name}"></div></section>'
+def _is_change(event: dict[str, Any]) -> bool:
+    """Whether one estimator took over from another, or from none."""
+    is_one = event["event"] in ("estimator_changed", "estimator_lost")
+    return is_one and event["fields"]["reason"] != "the first estimate"
 
 
-def _data(value: list[dict[str, Any]]) -> str:
-    """JSON that can't end the script element that it stands in."""
-    return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+def _scaled(value: float | None, factor: float = 1.0, digits: int = 2, unit: str = "") -> str:
+    """A number in `factor`-ths, a dash for none."""
+    return _DASH if value is None else f"{value * factor:.{digits}f}{unit}"
+
+
+def _quantity(value: float | None, unit: str, sign: str = "") -> str:
+    """A value in SI as a person would write it, a dash for none."""
+    if value is None:
+        return _DASH
+    return format_measured(value, unit, sign).replace("-", "\N{MINUS SIGN}")
+
+
+def _errors(record: dict[str, Any]) -> list[str]:
+    """Mean, rms and largest position error in cm, then velocity error in cm/s."""
+    return [
+        _scaled((record[field] or {}).get(figure), 100.0)
+        for field in ("position_error_m", "velocity_error_m_s")
+        for figure in ("mean", "rms", "max")
+    ]
+
+
+def _code(text: str) -> Markup:
+    """Text in which names stand between backticks."""
+    parts = escape(text).split("`")
+    return Markup("").join(
+        Markup("<code>{}</code>").format(part) if n % 2 else part for n, part in enumerate(parts)
+    )
+
+
+def _picture(picture: Picture) -> dict[str, str]:
+    """A picture as the page shows it: its caption and its data."""
+    if picture.used is None:
+        found = "no pose"
+    else:
+        found = f"{picture.used} {'tag' if picture.used == 1 else 'tags'} used"
+        found += f", {picture.rejected} left out" if picture.rejected else ""
+    return {
+        "camera": picture.camera,
+        "caption": f"{picture.time:.2f} s: {found}",
+        "data": base64.b64encode(picture.data).decode(),
+    }

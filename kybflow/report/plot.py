@@ -7,17 +7,18 @@ replaces.
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from kybflow.report.data import Array, Run, Track
-from kybflow.report.spans import BLIND, FALLBACK, FAULT, HOLD, TINTS, Span
+from kybflow.report.data import Run, Track
+from kybflow.report.estimators import Array
+from kybflow.report.intervals import BLIND, FALLBACK, FAULT, HOLD, TINTS, Interval
 
 VEHICLES = ("#2f7ed8", "#e07b26", "#1f9e77", "#a55ec4", "#d1495b", "#7a8b1f", "#00a3b5", "#c2578f")
 
 _SIDES = {FAULT: "top", HOLD: "middle", BLIND: "middle", FALLBACK: "bottom"}
-"""Where a span's label stands, so that those that overlap can be read."""
+"""Where an interval's label stands, so that those that overlap can be read."""
 
 
 @dataclass(frozen=True)
@@ -82,36 +83,42 @@ def over_time(run: Run, axis: str, mode: str) -> dict[str, Any]:
     }
 
 
-def shade(spans: Sequence[Span], named: bool) -> dict[str, Any]:
-    """Spans behind curves, as part of a layout: a legend entry a kind, each with its label and,
+def shade(intervals: Sequence[Interval], named: bool) -> dict[str, Any]:
+    """Intervals behind curves, as part of a layout: a legend entry a kind, each with its label and,
     where `named`, its vehicle."""
+    found = ((i.kind, i.start, i.end, TINTS[i.kind], _label(i, named)) for i in intervals)
+    return bands(found)
+
+
+def _label(interval: Interval, named: bool) -> dict[str, Any]:
+    text = f"{interval.vehicle}: {interval.label}" if named else interval.label
+    place, font = f"{_SIDES[interval.kind]} left", {"size": 10, "color": "ink"}
+    return {"label": {"text": text, "textposition": place, "font": font}}
+
+
+def bands(found: Iterable[tuple[str, float, float, str, dict[str, Any]]]) -> dict[str, Any]:
+    """Bands over the whole height of a figure, as part of a layout, each as (its entry in the
+    legend, start, end, colour, more of its shape)."""
     shapes: list[dict[str, Any]] = []
     seen: set[str] = set()
-    for span in spans:
-        label = f"{span.vehicle}: {span.label}" if named else span.label
-        shapes.append(
-            {
-                "type": "rect",
-                "layer": "below",
-                "xref": "x",
-                "yref": "paper",
-                "x0": span.start,
-                "x1": span.end,
-                "y0": 0,
-                "y1": 1,
-                "line": {"width": 0},
-                "fillcolor": TINTS[span.kind],
-                "name": span.kind,
-                "legendgroup": span.kind,
-                "showlegend": span.kind not in seen,
-                "label": {
-                    "text": label,
-                    "textposition": f"{_SIDES[span.kind]} left",
-                    "font": {"size": 10, "color": "ink"},
-                },
-            }
-        )
-        seen.add(span.kind)
+    for name, start, end, colour, more in found:
+        shape = {
+            "type": "rect",
+            "layer": "below",
+            "xref": "x",
+            "yref": "paper",
+            "x0": start,
+            "x1": end,
+            "y0": 0,
+            "y1": 1,
+            "line": {"width": 0},
+            "fillcolor": colour,
+            "name": name,
+            "legendgroup": name,
+            "showlegend": name not in seen,
+        }
+        shapes.append(shape | more)
+        seen.add(name)
     return {"shapes": shapes, "showlegend": True} if shapes else {}
 
 

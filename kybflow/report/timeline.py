@@ -6,10 +6,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from kybflow.report.data import Run, Visit
-from kybflow.report.marks import marks
+from kybflow.report.data import Run, StateVisit
+from kybflow.report.events import marks
+from kybflow.report.intervals import (
+    FAULT,
+    HOLD,
+    TINTS,
+    Interval,
+    estimators_in_use,
+    faults_and_holds,
+)
 from kybflow.report.plot import Figure, time_axis
-from kybflow.report.spans import FAULT, HOLD, TINTS, Span, estimators, spans
 
 _VISITS = ("#6f9fd8", "#e3a869", "#6dbb9c", "#b892d4", "#d98a94", "#a9b35e", "#62bcc7", "#d395b6")
 _GREY = "#9aa3ad"
@@ -43,7 +50,7 @@ def timeline(run: Run) -> Figure:
         down = middle + _BAR / 2 + _MARKS
         for kind, shown in lanes.get(row, {}).items():
             ticks[f"{row}, {kind}"] = down + _LANE / 2
-            traces += [_strip(span, down + _LANE / 2) for span in shown]
+            traces += [_strip(interval, down + _LANE / 2) for interval in shown]
             down += _LANE + 3.0
         down += _GAP
     if any(not event["vehicle"] for event in run.events):
@@ -78,12 +85,12 @@ def _layout(
     }
 
 
-def narrow_labels(visits: Sequence[Visit], end: float) -> tuple[dict[Visit, int], float]:
+def narrow_labels(visits: Sequence[StateVisit], end: float) -> tuple[dict[StateVisit, int], float]:
     """(the visits whose name does not fit into their bar, each with its level above it, how many
     pixels those need); what has no room on the top level has none."""
     each = _WIDTH / end
     free = [float("-inf")] * _LEVELS
-    levels: dict[Visit, int] = {}
+    levels: dict[StateVisit, int] = {}
     for visit in visits:
         width = _LETTER * len(visit.name) + 6.0
         if (visit.end - visit.start) * each >= width:
@@ -96,22 +103,22 @@ def narrow_labels(visits: Sequence[Visit], end: float) -> tuple[dict[Visit, int]
     return levels, _LEVEL * (max(levels.values(), default=-1) + 1) + 4.0
 
 
-def _lanes(run: Run) -> dict[str, dict[str, list[Span]]]:
+def _lanes(run: Run) -> dict[str, dict[str, list[Interval]]]:
     """For each vehicle, what its lanes show. One estimator all the time is no lane."""
-    found: dict[str, dict[str, list[Span]]] = {}
-    lasting = spans(run)
-    for name, used in estimators(run).items():
-        own = [span for span in lasting if span.vehicle == name]
+    found: dict[str, dict[str, list[Interval]]] = {}
+    lasting = faults_and_holds(run)
+    for name, used in estimators_in_use(run).items():
+        own = [i for i in lasting if i.vehicle == name]
         lanes = {
-            "faults": [span for span in own if span.kind == FAULT],
-            "holds": [span for span in own if span.kind == HOLD],
+            "faults": [i for i in own if i.kind == FAULT],
+            "holds": [i for i in own if i.kind == HOLD],
             "estimator": used if len(used) > 1 else [],
         }
         found[name] = {kind: shown for kind, shown in lanes.items() if shown}
     return found
 
 
-def _label(visit: Visit, top: float, level: int) -> dict[str, Any]:
+def _label(visit: StateVisit, top: float, level: int) -> dict[str, Any]:
     """A name above its bar, with a line down to it."""
     return {
         "text": visit.name,
@@ -127,35 +134,37 @@ def _label(visit: Visit, top: float, level: int) -> dict[str, Any]:
     }
 
 
-def _strip(span: Span, middle: float) -> dict[str, Any]:
+def _strip(interval: Interval, middle: float) -> dict[str, Any]:
     """A part of a lane, with its label in it."""
-    told = f"{span.kind}: {span.label}" if span.kind != span.label else span.label
+    kind, label = interval.kind, interval.label
+    title = f"{kind}: {label}" if kind != label else label
+    time = f"{interval.start:.2f} to {interval.end:.2f} s"
     return {
         "type": "bar",
         "orientation": "h",
-        "x": [span.end - span.start],
-        "base": [span.start],
+        "x": [interval.end - interval.start],
+        "base": [interval.start],
         "y": [middle],
         "width": _LANE,
-        "text": [span.label],
+        "text": [label],
         "textposition": "inside",
         "insidetextanchor": "start",
         "insidetextfont": {"color": "ink", "size": 10},
         "constraintext": "none",
-        "marker": {"color": TINTS.get(span.kind, "rgba(125,136,148,0.22)")},
-        "hovertemplate": f"<b>{told}</b><br>{span.start:.2f} to {span.end:.2f} s<extra></extra>",
+        "marker": {"color": TINTS.get(kind, "rgba(125,136,148,0.22)")},
+        "hovertemplate": f"<b>{title}</b><br>{time}<extra></extra>",
         "showlegend": False,
     }
 
 
-def _phases(run: Run) -> dict[str, list[Visit]]:
+def _phases(run: Run) -> dict[str, list[StateVisit]]:
     """The phases of each flow, by the flow's row."""
-    found: dict[str, list[Visit]] = {}
+    found: dict[str, list[StateVisit]] = {}
     for event in run.events:
         fields = event["fields"]
         if event["event"] == "phase_started":
             name, start = fields["phase"], event["t_s"]
-            visit = Visit(name, "", start, run.end, "", aloft=False, built_in=False)
+            visit = StateVisit(name, "", start, run.end, "", aloft=False, built_in=False)
             found.setdefault(f"flow {fields['flow']}", []).append(visit)
         elif event["event"] == "phase_ended":
             visits = found[f"flow {fields['flow']}"]
@@ -163,14 +172,14 @@ def _phases(run: Run) -> dict[str, list[Visit]]:
     return found
 
 
-def _visit_colours(visits: Sequence[Visit]) -> dict[str, str]:
+def _visit_colours(visits: Sequence[StateVisit]) -> dict[str, str]:
     """A colour for each name; what no mission wrote is grey."""
     own = dict.fromkeys(visit.name for visit in visits if not visit.built_in)
     colours = {name: _VISITS[number % len(_VISITS)] for number, name in enumerate(own)}
     return {visit.name: colours.get(visit.name, _GREY) for visit in visits}
 
 
-def _bar(visit: Visit, middle: float, colour: str, named: bool) -> dict[str, Any]:
+def _bar(visit: StateVisit, middle: float, colour: str, named: bool) -> dict[str, Any]:
     part = f" ({visit.part})" if visit.part and visit.part != visit.name else ""
     ended = f"<br>ended: {visit.ended}" if visit.ended else ""
     span = f"{visit.start:.2f} to {visit.end:.2f} s"

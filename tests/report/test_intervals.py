@@ -8,11 +8,11 @@ from dataclasses import replace
 import pytest
 from recorded_run import write_run
 
-from kybflow.report.data import Visit, read_run
-from kybflow.report.endings import ended
+from kybflow.report.data import StateVisit, read_run
+from kybflow.report.events import ending
 from kybflow.report.figures import figures
+from kybflow.report.intervals import Interval, estimators_in_use, faults_and_holds, shaded
 from kybflow.report.page import render
-from kybflow.report.spans import Span, estimators, shaded, spans
 from kybflow.report.timeline import narrow_labels, timeline
 
 
@@ -51,25 +51,27 @@ def run(tmp_path_factory):
 
 
 def test_faults_and_holds_last_from_event_to_event(run):
-    assert spans(run) == [
-        Span("fault at work", "mk", "wind", 2.0, 4.5),
-        Span("fault at work", "mk", "sag", 8.0, run.end),
-        Span("hold", "mk", "paused", 3.0, 4.0),
-        Span("hold", "mk", "brake", 5.0, 6.0),
+    assert faults_and_holds(run) == [
+        Interval("fault at work", "mk", "wind", 2.0, 4.5),
+        Interval("fault at work", "mk", "sag", 8.0, run.end),
+        Interval("hold", "mk", "paused", 3.0, 4.0),
+        Interval("hold", "mk", "brake", 5.0, 6.0),
     ]
 
 
 def test_a_behavior_that_is_left_ends_its_hold(run):
     told = [event(3.0, "paused", by="operator"), event(5.0, "behavior_ended", how="asked")]
-    assert spans(replace(run, events=told)) == [Span("hold", "mk", "paused", 3.0, 5.0)]
+    assert faults_and_holds(replace(run, events=told)) == [
+        Interval("hold", "mk", "paused", 3.0, 5.0)
+    ]
 
 
 def test_estimators_that_are_not_the_first_are_told_apart(run):
-    assert estimators(run) == {
+    assert estimators_in_use(run) == {
         "mk": [
-            Span("estimator", "mk", "mocap", 0.1, 2.5),
-            Span("fallback estimator", "mk", "inertial", 2.5, 7.0),
-            Span("no estimate", "mk", "no estimate", 7.0, run.end),
+            Interval("estimator", "mk", "mocap", 0.1, 2.5),
+            Interval("fallback estimator", "mk", "inertial", 2.5, 7.0),
+            Interval("no estimate", "mk", "no estimate", 7.0, run.end),
         ],
         "nano": [],
     }
@@ -103,7 +105,7 @@ def test_the_timeline_has_a_lane_for_each(run):
 
 
 def test_a_name_that_does_not_fit_stands_above_its_bar():
-    wide = Visit("steady", "hover", 0.0, 50.0, "done", aloft=True, built_in=False)
+    wide = StateVisit("steady", "hover", 0.0, 50.0, "done", aloft=True, built_in=False)
     narrow = [replace(wide, name="wait", start=50.0 + n, end=51.0 + n) for n in range(5)]
     levels, room = narrow_labels([wide, *narrow], 100.0)
     assert wide not in levels
@@ -124,9 +126,9 @@ def test_every_event_stands_in_the_page(run):
 
 
 def test_the_end_tells_the_fault_and_the_collision(run):
-    vehicle = {"final": "ground", "behaviors": [{"name": "fault", "start_s": 9.5}]}
-    assert ended(run, "mk", vehicle) == (
-        "on the ground, in fault: none left, ran into beam at 9.00 s"
-    )
-    landed = {"final": "ground", "behaviors": [{"name": "landed", "start_s": 9.5}]}
-    assert ended(replace(run, events=[]), "mk", landed) == "on the ground"
+    def ended(state, events):
+        vehicle = {"final": "ground", "behaviors": [{"name": state, "start_s": 9.5}]}
+        return ending(replace(run, events=events, summary={"vehicles": {"mk": vehicle}}), "mk")
+
+    assert ended("fault", TOLD) == "on the ground, in fault: none left, ran into beam at 9.00 s"
+    assert ended("landed", []) == "on the ground"

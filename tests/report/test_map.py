@@ -8,13 +8,11 @@ from math import hypot
 import pytest
 from recorded_run import write_run
 
-from kybflow.report.data import read_run
-from kybflow.report.map import path_map
-from kybflow.report.room import Extent, outline
-from kybflow.report.world import World, read_world
+from kybflow.report.data import RecordedWorld, read_run, read_world
+from kybflow.report.map import Extent, outline, path_map
 from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
 
-WORLD = World(
+WORLD = RecordedWorld(
     {"pillar": (1.0, 0.5, 1.0), "pad": (0.0, -1.0, 0.0), "above": (0.0, -1.0, 1.0)},
     {
         "pillar": Cylinder((1.0, 0.5, 0.0), 0.2, 2.0),
@@ -45,7 +43,7 @@ def run(tmp_path_factory):
 
 def test_the_world_is_read_from_the_resolved_mission(tmp_path):
     path = tmp_path / "mission.resolved.yaml"
-    assert read_world(path) == World()
+    assert read_world(path) == RecordedWorld()
     path.write_text(WRITTEN, encoding="utf-8")
     assert read_world(path) == WORLD
 

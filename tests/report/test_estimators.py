@@ -9,16 +9,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from recorded_run import LEVEL, REST, STARTED, make_plan
-from test_report import unpacked
+from test_page import unpacked
 
 from kybflow.api.flight import RunRequest
 from kybflow.core.geometry import from_euler, from_heading
 from kybflow.core.signals import NS, Command, Estimate, Event, Truth
 from kybflow.recording.recorder import Recorder, VehicleChannel
 from kybflow.recording.run_folder import create_run_folder
-from kybflow.report.data import read_run
-from kybflow.report.estimation import estimators, pages
-from kybflow.report.estimators import SURE, figures_of
+from kybflow.report.data import Picture, read_run
+from kybflow.report.estimator_pages import estimator_pages
+from kybflow.report.estimators import CHI_95, statistics_of
 from kybflow.report.page import render
 
 SECONDS, CHANGE = 4.0, 3.0
@@ -68,28 +68,30 @@ def run(tmp_path_factory):
 def test_errors_are_those_from_the_truth_while_it_was_in_use(run):
     flown, tags, mocap = run.estimators
     assert [e.name for e in run.estimators] == ["", "tags", "mocap"]
-    assert tags.spans() == [(0.0, pytest.approx(CHANGE))]
-    assert mocap.spans() == [(pytest.approx(CHANGE), pytest.approx(SECONDS))]
+    assert tags.intervals_used() == [(0.0, pytest.approx(CHANGE))]
+    assert mocap.intervals_used() == [(pytest.approx(CHANGE), pytest.approx(SECONDS))]
     assert np.nanmax(np.abs(tags.error - [0.01, 0.0, 0.0])[:-60]) == pytest.approx(0.0, abs=1e-9)
 
-    found = figures_of(tags, 200)
+    found = statistics_of(tags, 200)
     assert found.share == 0.75
     assert found.mean == pytest.approx((145 * 0.01 + 5 * 0.05) / 150)
-    assert found.high == pytest.approx(0.05)
-    assert found.worst == pytest.approx(0.05)
+    assert found.p99 == pytest.approx(0.05)
+    assert found.highest == pytest.approx(0.05)
     assert found.within == pytest.approx(145 / 150)  # 5 cm are ten spreads, 1 cm is two
-    assert (found.age, found.oldest) == (pytest.approx(0.04), pytest.approx(0.04))
-    assert figures_of(mocap, 200).mean == pytest.approx(0.03)
-    assert figures_of(flown, 200).mean == pytest.approx((145 * 0.01 + 5 * 0.05 + 50 * 0.03) / 200)
+    assert (found.age_mean, found.age_highest) == (pytest.approx(0.04), pytest.approx(0.04))
+    assert statistics_of(mocap, 200).mean == pytest.approx(0.03)
+    assert statistics_of(flown, 200).mean == pytest.approx(
+        (145 * 0.01 + 5 * 0.05 + 50 * 0.03) / 200
+    )
 
 
 def test_there_is_a_page_for_each_estimator_with_error_spread_and_age(run):
-    first, second = pages(run)
-    assert (first.estimated.name, second.estimated.name) == ("tags", "mocap")
+    first, second = estimator_pages(run)
+    assert (first.track.name, second.track.name) == ("tags", "mocap")
     error, _, age = second.figures
     off, limit, x, *_ = error.traces
     assert unpacked(off["y"]) == pytest.approx(np.full(200, 3.0))
-    assert unpacked(limit["y"]) == pytest.approx(np.full(200, 100.0 * SURE * 0.02))
+    assert unpacked(limit["y"]) == pytest.approx(np.full(200, 100.0 * CHI_95 * 0.02))
     assert unpacked(x["y"]) == pytest.approx(np.full(200, -3.0))
     assert x["visible"] == "legendonly"
     assert unpacked(age.traces[0]["y"]) == pytest.approx(np.full(200, 10.0))
@@ -139,27 +141,41 @@ def test_the_tables_tell_shares_errors_and_why_it_changed(run):
     }
 
 
+def test_pictures_stand_camera_by_camera_in_the_page_of_their_estimator(run):
+    jpeg = b"\xff\xd8\xff\xe0"
+    pictures = (
+        Picture("mk", "tags", "down", 1.5, 2, 1, jpeg),
+        Picture("mk", "tags", "down", 3.0, None, None, jpeg),
+        Picture("mk", "tags", "front", 4.5, 0, 0, jpeg),
+    )
+    page = render(replace(run, pictures=pictures))
+    assert page.count('src="data:image/jpeg;base64,/9j/') == 3
+    for caption in ("1.50 s: 2 tags used, 1 left out", "3.00 s: no pose", "4.50 s: 0 tags used"):
+        assert f"<figcaption>{caption}</figcaption>" in page
+    assert page.count("<h3>What camera") == 2
+
+
 def test_without_a_truth_nothing_is_claimed(tmp_path):
     run = read_run(write(tmp_path, truth=None))
-    body = estimators(run, pages(run))
+    body = render(run)
     assert "nobody knows better" in body
     row = next(row for row in re.findall(r"<tr>(.*?)</tr>", body) if ">tags<" in row)
     assert re.sub(r"<[^>]+>", " ", row).split() == [
         "mk", "tags", "75.0", "%", *["\N{EN DASH}"] * 5, "40", "40",
     ]  # fmt: skip
-    mocap = pages(run)[1]
+    mocap = estimator_pages(run)[1]
     assert unpacked(mocap.figures[0].traces[0]["y"])[0] == pytest.approx(4.0)
 
 
 def test_a_lone_estimator_is_folded_up_and_says_once_how_it_was(tmp_path):
     run = read_run(write(tmp_path, names=("mocap",)))
-    body = estimators(run, pages(run))
+    body = render(run)
     assert "what it flew on" not in body
     assert '<details class="page"><summary>mk: mocap</summary>' in body
 
 
 def test_a_run_in_which_none_was_recorded_has_no_section(run):
-    assert estimators(replace(run, estimators=()), []) == ""
+    assert "<h2>Estimators</h2>" not in render(replace(run, estimators=()))
 
 
 def test_what_an_offset_adds_is_no_lie_of_a_spread(tmp_path, monkeypatch):
@@ -177,9 +193,9 @@ def test_what_an_offset_adds_is_no_lie_of_a_spread(tmp_path, monkeypatch):
     assert (blended.min(), blended.max()) == (CHANGE, pytest.approx(CHANGE + 0.5, abs=0.021))
     assert not tags.blended.any()
     assert not mocap.blended.any()
-    flown = figures_of(flown, len(flown.time))
+    flown = statistics_of(flown, len(flown.time))
     assert flown.within == pytest.approx(170 / 175, abs=0.002)  # 5 of the 150 of `tags`
-    assert flown.worst == pytest.approx(0.05)
+    assert flown.highest == pytest.approx(0.05)
 
 
 def test_errors_in_yaw_and_attitude_are_told(tmp_path):
@@ -187,10 +203,10 @@ def test_errors_in_yaw_and_attitude_are_told(tmp_path):
     truth = TRUTH._replace(attitude=from_heading(0.04))
     run = read_run(write(tmp_path, truth=truth, attitude=leant))
     mocap = run.estimators[2]
-    assert mocap.yaw[0] == pytest.approx(0.01)
-    assert mocap.turn[0] == pytest.approx((0.01**2 + 0.02**2) ** 0.5, rel=0.01)
-    assert figures_of(mocap, 200).yaw == pytest.approx(0.01)
-    _, attitude, _ = pages(run)[1].figures
+    assert mocap.yaw_error[0] == pytest.approx(0.01)
+    assert mocap.attitude_error[0] == pytest.approx((0.01**2 + 0.02**2) ** 0.5, rel=0.01)
+    assert statistics_of(mocap, 200).yaw_p99 == pytest.approx(0.01)
+    _, attitude, _ = estimator_pages(run)[1].figures
     turn, yaw = (unpacked(trace["y"])[0] for trace in attitude.traces)
     assert (turn, yaw) == (pytest.approx(1.28, abs=0.01), pytest.approx(0.573, abs=0.001))
 
@@ -198,4 +214,4 @@ def test_errors_in_yaw_and_attitude_are_told(tmp_path):
 def test_a_yaw_beyond_half_a_turn_is_the_short_way(tmp_path):
     truth = TRUTH._replace(attitude=from_heading(-3.1))
     run = read_run(write(tmp_path, truth=truth, attitude=from_heading(3.1)))
-    assert run.estimators[2].yaw[0] == pytest.approx(6.2 - 2.0 * np.pi)
+    assert run.estimators[2].yaw_error[0] == pytest.approx(6.2 - 2.0 * np.pi)

@@ -1,4 +1,4 @@
-"""What lasted in a run, from the events that begin and end it: faults, holds, estimators."""
+"""What lasts in a run, from the events that begin and end it: faults, holds, estimators in use."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TINTS = {
 
 
 @dataclass(frozen=True)
-class Span:
+class Interval:
     """Something of one vehicle from `start` to `end` seconds."""
 
     kind: str
@@ -29,32 +29,33 @@ class Span:
     end: float
 
 
-def spans(run: Run) -> list[Span]:
-    """The faults, holds and estimators of each vehicle; what never ended lasts to the end of the
-    run."""
-    found: list[Span] = []
+def faults_and_holds(run: Run) -> list[Interval]:
+    """The faults and holds of each vehicle; one that never ended lasts to the end of the run."""
+    found: list[Interval] = []
     for track in run.tracks:
         own = [event for event in run.events if event["vehicle"] == track.name]
         found += [*_faults(own, run.end), *_holds(own, run.end)]
     return found
 
 
-def estimators(run: Run) -> dict[str, list[Span]]:
-    """What each vehicle flew by: of the kind FALLBACK unless it is the first that it had."""
-    found: dict[str, list[Span]] = {}
+def estimators_in_use(run: Run) -> dict[str, list[Interval]]:
+    """The estimators that each vehicle flew on: of the kind FALLBACK but for its first one."""
+    found: dict[str, list[Interval]] = {}
     for track in run.tracks:
         own = (event for event in run.events if event["vehicle"] == track.name)
         found[track.name] = list(_estimators(own, track.name, run.end))
     return found
 
 
-def shaded(run: Run) -> list[Span]:
-    """What is shaded behind a curve: everything but the estimator that all goes well with."""
-    besides = [s for own in estimators(run).values() for s in own if s.kind in (BLIND, FALLBACK)]
-    return sorted([*spans(run), *besides], key=lambda span: list(TINTS).index(span.kind))
+def shaded(run: Run) -> list[Interval]:
+    """What is shaded behind a curve: all of it but the times on the first estimator."""
+    used = [interval for own in estimators_in_use(run).values() for interval in own]
+    besides = [interval for interval in used if interval.kind in (BLIND, FALLBACK)]
+    order = list(TINTS)
+    return sorted([*faults_and_holds(run), *besides], key=lambda i: order.index(i.kind))
 
 
-def _faults(events: list[dict[str, Any]], end: float) -> Iterator[Span]:
+def _faults(events: list[dict[str, Any]], end: float) -> Iterator[Interval]:
     running: dict[tuple[str, str], list[float]] = {}
     for event in events:
         vehicle, fault = event["vehicle"], event["fields"].get("fault", "")
@@ -62,12 +63,12 @@ def _faults(events: list[dict[str, Any]], end: float) -> Iterator[Span]:
         if event["event"] == "fault_injected":
             running.setdefault(key, []).append(event["t_s"])
         elif event["event"] == "fault_ended" and running.get(key):
-            yield Span(FAULT, vehicle, fault, running[key].pop(0), event["t_s"])
+            yield Interval(FAULT, vehicle, fault, running[key].pop(0), event["t_s"])
     for (fault, _), starts in running.items():
-        yield from (Span(FAULT, events[0]["vehicle"], fault, start, end) for start in starts)
+        yield from (Interval(FAULT, events[0]["vehicle"], fault, start, end) for start in starts)
 
 
-def _holds(events: list[dict[str, Any]], end: float) -> Iterator[Span]:
+def _holds(events: list[dict[str, Any]], end: float) -> Iterator[Interval]:
     """Pauses and brakes. Leaving the behavior that was frozen ends a hold as well."""
     running: dict[str, float] = {}
     for event in events:
@@ -86,12 +87,12 @@ def _holds(events: list[dict[str, Any]], end: float) -> Iterator[Span]:
         for label in ended:
             start = running.pop(label, time)
             if time > start:
-                yield Span(HOLD, event["vehicle"], label, start, time)
+                yield Interval(HOLD, event["vehicle"], label, start, time)
     for label, start in running.items():
-        yield Span(HOLD, events[0]["vehicle"], label, start, end)
+        yield Interval(HOLD, events[0]["vehicle"], label, start, end)
 
 
-def _estimators(events: Iterator[dict[str, Any]], vehicle: str, end: float) -> Iterator[Span]:
+def _estimators(events: Iterator[dict[str, Any]], vehicle: str, end: float) -> Iterator[Interval]:
     first: str | None = None
     now: tuple[str, float] | None = None
     for event in events:
@@ -106,6 +107,6 @@ def _estimators(events: Iterator[dict[str, Any]], vehicle: str, end: float) -> I
         yield _used(vehicle, *now, end, first)
 
 
-def _used(vehicle: str, name: str, start: float, end: float, first: str) -> Span:
+def _used(vehicle: str, name: str, start: float, end: float, first: str) -> Interval:
     kind = "estimator" if name == first else FALLBACK if name else BLIND
-    return Span(kind, vehicle, name or BLIND, start, end)
+    return Interval(kind, vehicle, name or BLIND, start, end)

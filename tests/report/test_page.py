@@ -12,7 +12,7 @@ import pytest
 from recorded_run import write_run
 
 from kybflow.recording.run_folder import RunFolderError
-from kybflow.report.data import Visit, read_run
+from kybflow.report.data import StateVisit, read_run
 from kybflow.report.figures import figures
 from kybflow.report.page import render, write_report
 from kybflow.report.timeline import timeline
@@ -41,10 +41,10 @@ def test_the_tracks_are_what_was_flown(folder):
     assert (mk.name, nano.name) == ("mk", "nano")
     assert mk.time[[0, 1, -1]] == pytest.approx([0.0, 0.02, 11.98])
     assert mk.visits == (
-        Visit("up", "take_off", 0.0, 3.0, "done", aloft=False, built_in=False),
-        Visit("steady", "hover", 3.0, 5.0, "done", aloft=True, built_in=False),
-        Visit("eight", "figure_eight", 5.0, 9.0, "done", aloft=True, built_in=False),
-        Visit("down", "land", 9.0, 11.996, "", aloft=False, built_in=False),
+        StateVisit("up", "take_off", 0.0, 3.0, "done", aloft=False, built_in=False),
+        StateVisit("steady", "hover", 3.0, 5.0, "done", aloft=True, built_in=False),
+        StateVisit("eight", "figure_eight", 5.0, 9.0, "done", aloft=True, built_in=False),
+        StateVisit("down", "land", 9.0, 11.996, "", aloft=False, built_in=False),
     )
     # 12 mm x sqrt(sin^2(a) + sin^2(a + 1) + sin^2(a + 2)), which is 1.13 to 1.31, and noise
     assert 0.012 < np.nanmin(mk.position_error) < np.nanmax(mk.position_error) < 0.018

@@ -10,7 +10,7 @@ from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 from kybflow.report.data import read_run
-from kybflow.report.estimators import figures_of
+from kybflow.report.estimators import statistics_of
 from kybflow.report.page import render
 
 MISSION = """
@@ -61,11 +61,11 @@ def test_each_estimator_is_recorded_whether_it_is_flown_on_or_not(run):
     mocap, tags = sorted(others, key=lambda estimated: estimated.name)
     assert (mocap.name, tags.name) == ("mocap", "tag_camera")
     ticks = len(flown.time)
-    shares = [figures_of(estimated, ticks).share for estimated in (mocap, tags)]
+    shares = [statistics_of(estimated, ticks).share for estimated in (mocap, tags)]
     assert sum(shares) == pytest.approx(1.0, abs=0.01)
     assert shares[0] > shares[1] > 0.05
-    assert len(tags.spans()) == 1
-    assert figures_of(tags, ticks).mean < 0.05
+    assert len(tags.intervals_used()) == 1
+    assert statistics_of(tags, ticks).mean < 0.05
     assert (tags.age > 0.0).sum() > tags.used.sum()  # it was there long before
 
 

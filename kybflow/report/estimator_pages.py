@@ -1,0 +1,133 @@
+"""The estimators in a report: a line of statistics and a page of figures and pictures for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kybflow.core.units import DEG
+from kybflow.report.data import Picture, Run
+from kybflow.report.estimators import (
+    CHI_95,
+    Array,
+    EstimatorStatistics,
+    EstimatorTrack,
+    statistics_of,
+)
+from kybflow.report.plot import Figure, bands, dashed, line, over_time
+
+MOST_POINTS = 3000
+"""The most points of a curve here."""
+_USED = "rgba(31,158,119,0.16)"
+_AXES = (("x", "#2f7ed8"), ("y", "#e07b26"), ("z", "#a55ec4"))
+
+
+@dataclass(frozen=True)
+class EstimatorPage:
+    """The figures of one estimator, and what its cameras saw."""
+
+    track: EstimatorTrack
+    figures: tuple[Figure, ...]
+    pictures: tuple[Picture, ...]
+
+
+def estimator_pages(run: Run) -> list[EstimatorPage]:
+    """A page for each estimator that was recorded."""
+    named = [track for track in run.estimators if track.name]
+    return [
+        EstimatorPage(
+            track,
+            (
+                error_figure(run, track, f"estimator_{n}"),
+                attitude_figure(run, track, f"estimator_{n}"),
+                age_figure(run, track, f"estimator_{n}"),
+            ),
+            tuple(
+                p for p in run.pictures if (p.vehicle, p.estimator) == (track.vehicle, track.name)
+            ),
+        )
+        for n, track in enumerate(named)
+    ]
+
+
+def statistics(run: Run) -> Iterator[tuple[EstimatorTrack, EstimatorStatistics]]:
+    """Each estimator with its statistics; what was flown on is one of its own, without a name,
+    where that could be more than one estimator."""
+    for vehicle in dict.fromkeys(track.vehicle for track in run.estimators):
+        flown, *others = (track for track in run.estimators if track.vehicle == vehicle)
+        for track in [flown, *others] if len(others) > 1 else others:
+            yield track, statistics_of(track, len(flown.time))
+
+
+def error_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
+    """The position error, and its bound by the estimator's own spread."""
+    kept = _kept(track)
+    time, bound = track.time[kept], CHI_95 * track.spread[kept] * 100.0
+    off, each = track.position_error[kept] * 100.0, track.error[kept] * 100.0
+    traces = [line("off", time, off, "#d1495b", 1.6, hover="%{y:.2f} cm")]
+    limit = dashed(f"{CHI_95:.1f} spreads", time, bound, True)
+    limit |= {"hoverinfo": "all", "hovertemplate": f"%{{y:.2f}} cm<extra>{limit['name']}</extra>"}
+    traces.append({**limit, "legendgroup": name})
+    for number, (axis, colour) in enumerate(_AXES):
+        trace = line(axis, time, each[:, number], colour, 1.1, hover="%{y:.2f} cm")
+        traces.append({**trace, "visible": "legendonly"})
+    note = (
+        f"From {_reference(run)}, and what 95 % of it is below if the spread is honest. "
+        "Shaded: in use."
+    )
+    layout = over_time(run, "off (cm)", "normal")
+    highest = _highest(track.used[kept], off, bound)
+    if highest > 0.0:
+        layout["yaxis"]["range"] = [0.0, 1.15 * highest]
+        note += " Click x, y or z for one axis; double-click for all of it."
+    return Figure(f"{name}_error", "Error and spread", note, traces, layout | _in_use(track))
+
+
+def attitude_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
+    """The attitude error, in all and about the world's z axis."""
+    kept = _kept(track)
+    time, attitude = track.time[kept], track.attitude_error[kept] / DEG
+    yaw = np.abs(track.yaw_error[kept]) / DEG
+    traces = [
+        line("attitude", time, attitude, "#d1495b", 1.4, hover="%{y:.2f} deg"),
+        line("yaw", time, yaw, "#2f7ed8", 1.4, hover="%{y:.2f} deg"),
+    ]
+    layout = over_time(run, "off (deg)", "tozero") | {"height": 240}
+    note = (
+        f"From {_reference(run)}: the angle between the two attitudes, and between their headings."
+    )
+    return Figure(f"{name}_attitude", "Attitude", note, traces, layout | _in_use(track))
+
+
+def age_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
+    """The time since the newest measurement in it was true."""
+    kept = _kept(track)
+    time, age = track.time[kept], track.age[kept] * 1000.0
+    traces = [line("age", time, age, "#2f7ed8", 1.4, hover="%{y:.0f} ms")]
+    layout = over_time(run, "age (ms)", "tozero") | {"height": 200, "showlegend": False}
+    note = "How old its newest measurement was."
+    shapes = _in_use(track).get("shapes", [])
+    return Figure(f"{name}_age", "Age", note, traces, layout | {"shapes": shapes})
+
+
+def _kept(track: EstimatorTrack) -> slice:
+    return slice(None, None, max(1, -(-len(track.time) // MOST_POINTS)))
+
+
+def _reference(run: Run) -> str:
+    return "the truth" if run.simulated else "what the vehicle flew on"
+
+
+def _highest(used: Any, off: Array, bound: Array) -> float:
+    """The largest error while it was in use, or the largest bound but for a hundredth of them."""
+    errors, bounds = (values[used & np.isfinite(values)] for values in (off, bound))
+    common = float(np.quantile(bounds, 0.99)) if len(bounds) else 0.0
+    return max(common, float(errors.max(initial=0.0)))
+
+
+def _in_use(track: EstimatorTrack) -> dict[str, Any]:
+    """When it was in use, as part of a layout."""
+    return bands(("in use", start, end, _USED, {}) for start, end in track.intervals_used())
