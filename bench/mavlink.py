@@ -35,9 +35,10 @@ from kybflow.drivers.emulated_autopilot import EmulatedAutopilot
 from kybflow.drivers.emulated_autopilot.firmware.preparing import Plans
 from kybflow.drivers.emulated_autopilot.fleet import Fleet
 from kybflow.drivers.mavlink.session import MavlinkSession, open_session
+from kybflow.drivers.mavlink.transport import open_wire
 from kybflow.drivers.mavlink.transport.address import read_address
-from kybflow.drivers.mavlink.transport.udp import UdpIn
-from kybflow.drivers.mavlink.transport.wire import MemoryWire, Received, Wire, open_wire
+from kybflow.drivers.mavlink.transport.sockets import UdpIn
+from kybflow.drivers.mavlink.transport.wire import MemoryWire, Received, Wire
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Seat, Session

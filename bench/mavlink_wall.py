@@ -28,7 +28,8 @@ from mavlink import GOAL, PERIOD, SET_POINT, SYSTEM, lateness, plan_of
 from kybflow.api.flight import RunRequest, fly
 from kybflow.drivers.mavlink import Mavlink
 from kybflow.drivers.mavlink.session import open_session
-from kybflow.drivers.mavlink.transport.wire import Wire, open_wire
+from kybflow.drivers.mavlink.transport import open_wire
+from kybflow.drivers.mavlink.transport.wire import Wire
 from kybflow.parts import Seat, Session
 from kybflow.runtime.engine import Engine
 

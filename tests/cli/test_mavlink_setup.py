@@ -17,9 +17,9 @@ from kybflow.cli.app import app
 from kybflow.cli.printing.autopilots import listen_to, set_up
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.discovery import Scout
-from kybflow.drivers.mavlink.firmware.profile import profile_of
-from kybflow.drivers.mavlink.preflight.outfit import Outfit
+from kybflow.drivers.mavlink.discovery import Discovery
+from kybflow.drivers.mavlink.firmware import profile_of
+from kybflow.drivers.mavlink.preflight.required_parameters import ParameterSetup
 from kybflow.drivers.mavlink.protocol.framing import Packer, Parser
 from kybflow.drivers.mavlink.transport.wire import memory_wires
 
@@ -73,11 +73,11 @@ class Peer:
 
 
 class Table:
-    """A scout and those whom it hears, on one wire."""
+    """A discovery and those whom it hears, on one wire."""
 
     def __init__(self, *peers: Peer, system: int | None = None) -> None:
         ours, self._theirs = memory_wires("udpin:127.0.0.1:14540")
-        self.scout = Scout(ours, system, OURS)
+        self.discovery = Discovery(ours, system, OURS)
         self._peers, self._parser = peers, Parser()
 
     def ticks(self) -> Iterator[Time]:
@@ -93,13 +93,13 @@ class Table:
         raise AssertionError("it goes on for ever")
 
     def set_up(self, name: str = "px4", *, write: bool = False, simulator: bool = False) -> bool:
-        outfit = Outfit(profile_of(name), OURS, simulator=simulator)
-        return set_up(self.scout, self.ticks(), outfit, write=write)
+        outfit = ParameterSetup(profile_of(name), OURS, simulator=simulator)
+        return set_up(self.discovery, self.ticks(), outfit, write=write)
 
 
 def right(name: str, simulator: bool = False) -> dict[str, float]:
     """All parameters as they should be."""
-    outfit = Outfit(profile_of(name), OURS, simulator=simulator)
+    outfit = ParameterSetup(profile_of(name), OURS, simulator=simulator)
     values = {s.name: s.wanted(OURS) for s in outfit.settings}
     return {name: value if value % 1 else int(value) for name, value in values.items()}
 
@@ -227,7 +227,7 @@ def test_listening_names_all_and_what_they_say(capsys: pytest.CaptureFixture[str
     one, two, other = Peer(1), Peer(2, ARDUPILOT), Peer(3, 5)
     two.armed = True
     table = Table(one, two, other)
-    listen_to(table.scout, table.ticks(), 3 * NS)
+    listen_to(table.discovery, table.ticks(), 3 * NS)
     assert capsys.readouterr().out.splitlines() == [
         "system 1: px4, HOLD, disarmed",
         "system 2: ardupilot, GUIDED, armed",
@@ -238,7 +238,7 @@ def test_listening_names_all_and_what_they_say(capsys: pytest.CaptureFixture[str
 def test_listening_to_nobody_fails() -> None:
     table = Table()
     with pytest.raises(DriverError, match="nothing is heard"):
-        listen_to(table.scout, table.ticks(), NS)
+        listen_to(table.discovery, table.ticks(), NS)
 
 
 @pytest.mark.parametrize(

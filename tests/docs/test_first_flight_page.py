@@ -12,7 +12,7 @@ pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
 from test_tutorial import FENCE, commands, pattern, ran
 
-from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.firmware import profile_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "first-flight.md"
 TEXT = PAGE.read_text(encoding="utf-8")

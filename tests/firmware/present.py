@@ -12,9 +12,9 @@ from real_flights import ASKED
 
 from kybflow.cli.commands.mavlink import ticks
 from kybflow.core.errors import DriverError
-from kybflow.drivers.mavlink.discovery import FIRMWARES, Scout
-from kybflow.drivers.mavlink.firmware.profile import profile_of
-from kybflow.drivers.mavlink.transport.wire import open_wire
+from kybflow.drivers.mavlink.discovery import Discovery
+from kybflow.drivers.mavlink.firmware import firmware_by, profile_of
+from kybflow.drivers.mavlink.transport import open_wire
 
 OWN = 245
 
@@ -27,9 +27,9 @@ def missing(autopilot: str, system: int) -> str:
     address = profile_of(autopilot).default_address(system)
     try:
         with closing(open_wire(address)) as wire:
-            scout = Scout(wire, system, OWN)
-            scout.find(ticks())
-            found = FIRMWARES.get(scout.heard[system].autopilot or 0)
+            discovery = Discovery(wire, system, OWN)
+            discovery.find(ticks())
+            found = firmware_by(discovery.statuses[system].autopilot)
     except DriverError as error:
         return f"real firmware: {error}"
     return "" if found == autopilot else f"real firmware: {address} is no {autopilot}"

@@ -15,7 +15,8 @@ from kybflow.api.flight import Flown, RunRequest, fly
 from kybflow.core.geometry import Vec3, add
 from kybflow.core.signals import Event, Measurement, Time, Truth
 from kybflow.drivers.mavlink import session
-from kybflow.drivers.mavlink.transport.wire import Wire, open_wire
+from kybflow.drivers.mavlink.transport import open_wire
+from kybflow.drivers.mavlink.transport.wire import Wire
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Link, Stream

@@ -27,7 +27,7 @@ from witness import Witness
 
 from kybflow.core.geometry import Vec3, norm
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.telemetry.heard import Landed
+from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.runtime.engine import Engine
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -189,7 +189,7 @@ def test_a_mission_that_is_killed(two: str, tmp_path: Path, beside: Beside):
     )
     try:
         every = witness.of.values()
-        assert witness.wait(lambda: all(w.heard.landed is Landed.AIR for w in every), 60.0)
+        assert witness.wait(lambda: all(w.heard.landed is LandedState.AIR for w in every), 60.0)
         witness.wait(lambda: False, 12.0)
         assert process.poll() is None
         assert not any(w.rests for w in every)

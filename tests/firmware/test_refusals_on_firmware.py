@@ -11,10 +11,10 @@ import pytest
 from real_flights import MISSIONS, Room, flown, named, plan_of, shown
 
 from kybflow.cli.commands.mavlink import ticks
-from kybflow.drivers.mavlink.discovery import Scout
-from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.discovery import Discovery
+from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
-from kybflow.drivers.mavlink.transport.wire import open_wire
+from kybflow.drivers.mavlink.transport import open_wire
 from kybflow.dsl.plan import Plan
 
 pytestmark = pytest.mark.firmware
@@ -40,10 +40,10 @@ def _written(autopilot: str, system: int, values: dict[str, float]) -> dict[str,
     profile, steps = profile_of(autopilot), ticks()
     bytewise = profile.integer_parameters_bytewise
     with closing(open_wire(profile.default_address(system))) as wire:
-        scout = Scout(wire, system, 245)
-        scout.find(steps)
-        before = dict(scout.settle(system, bytewise, steps, values).values)
-        scout.settle(system, bytewise, steps, values, values)
+        discovery = Discovery(wire, system, 245)
+        discovery.find(steps)
+        before = dict(discovery.settle(system, bytewise, steps, values).values)
+        discovery.settle(system, bytewise, steps, values, values)
     return before
 
 

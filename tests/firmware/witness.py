@@ -9,14 +9,14 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.cli.commands.mavlink import ticks
 from kybflow.core.signals import NS, Time, Truth
+from kybflow.drivers.mavlink.contact import SET_MESSAGE_INTERVAL
 from kybflow.drivers.mavlink.control.modes import DO_SET_MODE
-from kybflow.drivers.mavlink.control.requests import Request, Requests
-from kybflow.drivers.mavlink.firmware.profile import profile_of
-from kybflow.drivers.mavlink.telemetry.heard import Heard, Landed
+from kybflow.drivers.mavlink.control.requests import CommandRequest, CommandRequests
+from kybflow.drivers.mavlink.firmware import profile_of
+from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
-from kybflow.drivers.mavlink.transport.router import AUTOPILOT, Hub
-from kybflow.drivers.mavlink.transport.wire import open_wire
-from kybflow.drivers.mavlink.upkeep import SET_MESSAGE_INTERVAL
+from kybflow.drivers.mavlink.transport import open_wire
+from kybflow.drivers.mavlink.transport.router import AUTOPILOT, Router
 from kybflow.world.vehicle_context import VehicleContext
 
 OWN = 200
@@ -33,18 +33,18 @@ class Watched:
     """One autopilot. `truth`: of its simulator, once it was given a site. No heartbeat of ours is
     sent, so that nothing takes us for the mission's link."""
 
-    def __init__(self, autopilot: str, system: int, hub: Hub) -> None:
-        self.profile, self.heard = profile_of(autopilot), Heard()
+    def __init__(self, autopilot: str, system: int, hub: Router) -> None:
+        self.profile, self.heard = profile_of(autopilot), ReceivedStatus()
         self.truth: GroundTruth | None = None
         self._port = hub.port(second_address(autopilot, system), system)
-        self._requests = Requests(self.heard, target=(system, AUTOPILOT), own_system=OWN)
+        self._requests = CommandRequests(self.heard, target=(system, AUTOPILOT), own_system=OWN)
         self._asked = False
         self.now: Time = 0
 
     @property
     def rests(self) -> bool:
         """Whether it stands and is disarmed, as it says."""
-        return self.heard.landed is Landed.GROUND and not self.heard.armed
+        return self.heard.landed is LandedState.GROUND and not self.heard.armed
 
     def behold(self, context: VehicleContext) -> GroundTruth:
         """Hear the truth of its simulator from now on."""
@@ -59,10 +59,10 @@ class Watched:
         assert found is not None
         return found
 
-    def ask(self, command: int, *params: float, now: Time) -> Request:
+    def ask(self, command: int, *params: float, now: Time) -> CommandRequest:
         return self._requests.ask(command, *params, now=now)
 
-    def fly_in(self, mode: str, now: Time) -> Request:
+    def fly_in(self, mode: str, now: Time) -> CommandRequest:
         """What a pilot's switch does."""
         return self.ask(DO_SET_MODE, *self.profile.mode_params(self.profile.modes[mode]), now=now)
 
@@ -72,7 +72,7 @@ class Watched:
             self.heard.hear(message, now)
             self._requests.hear(message, now)
             if self.truth is not None:
-                on_ground = self.heard.landed is Landed.GROUND
+                on_ground = self.heard.landed is LandedState.GROUND
                 self.truth.hear(message, now, on_ground=on_ground)
         if self.heard.heartbeat is not None and not self._asked:
             self._asked = True
@@ -89,7 +89,7 @@ class Witness:
 
     def __init__(self, autopilots: Mapping[int, str]) -> None:
         places = dict.fromkeys(second_address(name, i) for i, name in autopilots.items())
-        self._hub = Hub({place: open_wire(place) for place in places}, OWN)
+        self._hub = Router({place: open_wire(place) for place in places}, OWN)
         self.of = {i: Watched(name, i, self._hub) for i, name in autopilots.items()}
         self._ticks: Iterator[Time] = ticks()
         self.now: Time = 0

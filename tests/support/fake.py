@@ -14,9 +14,9 @@ from sims import FRAME
 
 from kybflow.core.geometry import LEVEL, ZERO, Vec3
 from kybflow.core.signals import NS, Command, CommandKind, Estimate, Setpoint, SetpointKind
-from kybflow.drivers.mavlink import MavlinkParams
-from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
+from kybflow.drivers.mavlink.params import MavlinkParams
 from kybflow.drivers.mavlink.protocol.framing import Framing
 from kybflow.drivers.mavlink.session import MavlinkSession, open_session
 from kybflow.drivers.mavlink.transport.wire import MemoryWire, Wire, memory_wires

@@ -152,7 +152,7 @@ def _opened(
     """All vehicles, each on its wires. Raises DriverError."""
     import random
 
-    from kybflow.drivers.mavlink.transport.wire import open_wire
+    from kybflow.drivers.mavlink.transport import open_wire
 
     driver = _driver().cls
     fleet: Fleet = driver.fleet(seats, [plans] * len(seats), random.Random(seed), first)

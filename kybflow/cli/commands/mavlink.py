@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
 from kybflow.cli.arguments import echo, examples
+from kybflow.drivers import firmware_names
 
 if TYPE_CHECKING:
     from kybflow.core.signals import Time
-    from kybflow.drivers.mavlink.discovery import Scout
+    from kybflow.drivers.mavlink.discovery import Discovery
+
+    Firmware = str
+else:
+    Firmware = Literal[firmware_names("mavlink")]
 
 SETUP = examples(
     "kybflow mavlink setup --vehicle px4",
@@ -34,11 +38,6 @@ Read = TypeVar("Read")
 app = typer.Typer(no_args_is_help=True)
 
 
-class Vehicle(StrEnum):
-    PX4 = "px4"
-    ARDUPILOT = "ardupilot"
-
-
 OwnSystem = Annotated[
     int, typer.Option(min=1, max=255, help="The system id of this program, as in the mission.")
 ]
@@ -52,7 +51,7 @@ def _group() -> None:
 
 @app.command("setup", epilog=SETUP)
 def setup(
-    vehicle: Annotated[Vehicle, typer.Option(help="Whose firmware it is.")],
+    vehicle: Annotated[Firmware, typer.Option(help="Whose firmware it is.")],
     address: Annotated[
         str | None,
         typer.Option(help="Where it is; where the firmware's own simulator is by default."),
@@ -81,14 +80,14 @@ def setup(
     3: the autopilot can't be reached.
     """
     from kybflow.cli.printing.autopilots import set_up
-    from kybflow.drivers.mavlink.firmware.profile import profile_of
-    from kybflow.drivers.mavlink.preflight.outfit import Outfit
+    from kybflow.drivers.mavlink.firmware import profile_of
+    from kybflow.drivers.mavlink.preflight.required_parameters import ParameterSetup
 
-    profile = profile_of(vehicle.value)
+    profile = profile_of(vehicle)
     place = address or profile.default_address(system or 1)
-    with _opened(place, system, own_system, key) as scout:
-        outfit = Outfit(profile, own_system, simulator=simulator)
-        is_right = set_up(scout, ticks(), outfit, write=write)
+    with _opened(place, system, own_system, key) as discovery:
+        parameters = ParameterSetup(profile, own_system, simulator=simulator)
+        is_right = set_up(discovery, ticks(), parameters, write=write)
     raise typer.Exit(0 if is_right else WRONG)
 
 
@@ -110,8 +109,8 @@ def listen(
     from kybflow.cli.printing.autopilots import listen_to
 
     patience = _duration(duration)
-    with _opened(address, None, own_system, key) as scout:
-        listen_to(scout, ticks(), patience)
+    with _opened(address, None, own_system, key) as discovery:
+        listen_to(discovery, ticks(), patience)
 
 
 def ticks() -> Iterator[Time]:
@@ -124,8 +123,10 @@ def ticks() -> Iterator[Time]:
 
 
 @contextmanager
-def _opened(address: str, system: int | None, own_system: int, key: Path | None) -> Iterator[Scout]:
-    """A scout on the wire of that address; what fails there ends the command."""
+def _opened(
+    address: str, system: int | None, own_system: int, key: Path | None
+) -> Iterator[Discovery]:
+    """The discovery on the wire of that address; its failures end the command."""
     from kybflow.core.errors import DriverError
     from kybflow.drivers.mavlink.protocol.signing import read_key
     from kybflow.drivers.mavlink.transport.address import read_address
@@ -133,11 +134,11 @@ def _opened(address: str, system: int | None, own_system: int, key: Path | None)
     secret = None if key is None else _given("--key", read_key, key)
     place = _given("--address", read_address, address)
     try:
-        from kybflow.drivers.mavlink.discovery import Scout
-        from kybflow.drivers.mavlink.transport.wire import open_wire
+        from kybflow.drivers.mavlink.discovery import Discovery
+        from kybflow.drivers.mavlink.transport import open_wire
 
         with closing(open_wire(place)) as wire:
-            yield Scout(wire, system, own_system, secret)
+            yield Discovery(wire, system, own_system, secret)
     except DriverError as error:
         echo(f"error: {error}", err=True)
         raise typer.Exit(FAILED) from None

@@ -11,61 +11,63 @@ from kybflow.cli.arguments import echo
 
 if TYPE_CHECKING:
     from kybflow.core.signals import Time
-    from kybflow.drivers.mavlink.discovery import Scout
-    from kybflow.drivers.mavlink.preflight.outfit import Outfit, Row
-    from kybflow.drivers.mavlink.telemetry.heard import Heard
+    from kybflow.drivers.mavlink.discovery import Discovery
+    from kybflow.drivers.mavlink.preflight.required_parameters import ParameterRow, ParameterSetup
+    from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 SHOWN = 3
 """Of what an autopilot said, the newest."""
 
 
-def listen_to(scout: Scout, steps: Iterator[Time], patience: Time) -> None:
+def listen_to(discovery: Discovery, steps: Iterator[Time], patience: Time) -> None:
     """Print a line for each autopilot that is heard. Raises DriverError where none is."""
-    scout.watch(steps, patience)
-    for system in scout.found():
-        heard = scout.heard[system]
-        echo(f"system {system}: {described(heard)}")
-        for said in list(heard.texts)[-SHOWN:]:
+    discovery.watch(steps, patience)
+    for system in discovery.found():
+        status = discovery.statuses[system]
+        echo(f"system {system}: {described(status)}")
+        for said in list(status.texts)[-SHOWN:]:
             echo(f"    it says: {said.text}")
 
 
-def set_up(scout: Scout, steps: Iterator[Time], outfit: Outfit, *, write: bool) -> bool:
+def set_up(
+    discovery: Discovery, steps: Iterator[Time], setup: ParameterSetup, *, write: bool
+) -> bool:
     """Print the settings, written if that is asked; whether all is right. Raises DriverError where
     the autopilot can't be reached."""
-    system = _only(scout, scout.find(steps), outfit.profile.name)
-    echo(f"system {system}: {described(scout.heard[system])}")
-    is_bytewise = outfit.profile.integer_parameters_bytewise
-    parameters = scout.settle(system, is_bytewise, steps, outfit.names)
+    system = _only(discovery, discovery.find(steps), setup.profile.name)
+    echo(f"system {system}: {described(discovery.statuses[system])}")
+    is_bytewise = setup.profile.integer_parameters_bytewise
+    parameters = discovery.settle(system, is_bytewise, steps, setup.names)
     written: dict[str, float] = {}
     if write:
-        if scout.heard[system].armed:
+        if discovery.statuses[system].armed:
             echo("error: it is armed: nothing is written; disarm it first", err=True)
             return False
-        written = outfit.wrong(parameters.values)
-        scout.settle(system, is_bytewise, steps, outfit.names, written)
-    rows = outfit.rows(parameters, written)
+        written = setup.wrong(parameters.values)
+        discovery.settle(system, is_bytewise, steps, setup.names, written)
+    rows = setup.rows(parameters, written)
     echo("\n".join((*table(rows), "")))
-    for line in verdict(rows, dangers := outfit.dangers(parameters.values), written=write):
+    for line in verdict(rows, dangers := setup.dangers(parameters.values), written=write):
         echo(line)
     return not dangers and all(row.is_right for row in rows)
 
 
-def _only(scout: Scout, systems: Sequence[int], name: str) -> int:
+def _only(discovery: Discovery, systems: Sequence[int], name: str) -> int:
     """The one that was found, if it is of that firmware."""
-    from kybflow.drivers.mavlink.discovery import FIRMWARES
+    from kybflow.drivers.mavlink.firmware import firmware_by
 
     if len(systems) > 1:
         names = ", ".join(str(system) for system in systems)
         raise typer.BadParameter(f"systems {names} are heard: say which", param_hint="--system")
-    number = scout.heard[systems[0]].autopilot
-    if FIRMWARES.get(number or 0) != name:
-        found = described(scout.heard[systems[0]])
+    number = discovery.statuses[systems[0]].autopilot
+    if firmware_by(number) != name:
+        found = described(discovery.statuses[systems[0]])
         message = f"system {systems[0]} is no {name}: {found}"
         raise typer.BadParameter(message, param_hint="--vehicle")
     return systems[0]
 
 
-def table(rows: Sequence[Row]) -> list[str]:
+def table(rows: Sequence[ParameterRow]) -> list[str]:
     """The rows in columns: parameter, what it is, what it should be, how it stands, why."""
     head = ("parameter", "has", "needs", "", "why")
     cells = [head, *(_cells(row) for row in rows)]
@@ -76,7 +78,7 @@ def table(rows: Sequence[Row]) -> list[str]:
     ]
 
 
-def _cells(row: Row) -> tuple[str, ...]:
+def _cells(row: ParameterRow) -> tuple[str, ...]:
     has, why = "-", row.setting.why
     if row.found is not None:
         has, why = f"{row.found:g}", row.setting.does(row.found)
@@ -84,7 +86,9 @@ def _cells(row: Row) -> tuple[str, ...]:
     return row.setting.name, has, row.needs, row.state, why
 
 
-def verdict(rows: Sequence[Row], dangers: Sequence[str], *, written: bool) -> Iterator[str]:
+def verdict(
+    rows: Sequence[ParameterRow], dangers: Sequence[str], *, written: bool
+) -> Iterator[str]:
     """What is left to do, a line each."""
     for danger in dangers:
         yield f"DANGER: {danger}"
@@ -106,14 +110,15 @@ def verdict(rows: Sequence[Row], dangers: Sequence[str], *, written: bool) -> It
         yield "all is right"
 
 
-def described(heard: Heard) -> str:
+def described(status: ReceivedStatus) -> str:
     """Firmware, mode, and whether it is armed."""
-    from kybflow.drivers.mavlink.discovery import FIRMWARES
-    from kybflow.drivers.mavlink.firmware.profile import profile_of
+    from kybflow.drivers.mavlink.firmware import firmware_by, profile_of
 
-    name = FIRMWARES.get(heard.autopilot or 0)
-    arming = "armed" if heard.armed else "disarmed"
+    name = firmware_by(status.autopilot)
+    arming = "armed" if status.armed else "disarmed"
     if name is None:
-        return f"an autopilot that kybflow does not fly (MAV_AUTOPILOT {heard.autopilot}), {arming}"
-    mode = "mode unheard" if heard.mode is None else profile_of(name).mode_name(heard.mode)
+        return (
+            f"an autopilot that kybflow does not fly (MAV_AUTOPILOT {status.autopilot}), {arming}"
+        )
+    mode = "mode unheard" if status.mode is None else profile_of(name).mode_name(status.mode)
     return f"{name}, {mode}, {arming}"

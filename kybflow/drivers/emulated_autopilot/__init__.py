@@ -13,7 +13,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.core.signals import CommandKind, MeasurementKind
-from kybflow.drivers.mavlink import Autopilot, AutopilotParams, Mavlink
+from kybflow.drivers.mavlink import Mavlink
+from kybflow.drivers.mavlink.params import AutopilotLinkParams, FirmwareName
 from kybflow.drivers.sim import SimParams
 from kybflow.parts import Driver, Seat, Session, param, params
 
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 
 
 @params
-class EmulatedAutopilotParams(AutopilotParams, SimParams):
-    autopilot: Autopilot = param("Whose firmware is emulated.", default="px4", read_only=True)
+class EmulatedAutopilotParams(AutopilotLinkParams, SimParams):
+    autopilot: FirmwareName = param("Whose firmware is emulated.", default="px4", read_only=True)
     prepared: bool = param(
         "Whether its parameters are those that kybflow needs; else they are the firmware's own.",
         default=True, read_only=True,

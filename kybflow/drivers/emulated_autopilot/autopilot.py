@@ -37,7 +37,7 @@ from kybflow.drivers.emulated_autopilot.messages.channel import Channel
 from kybflow.drivers.emulated_autopilot.messages.hearing import Ears
 from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
 from kybflow.drivers.emulated_autopilot.state import CRITICAL, INFO, Failures, Landed, State, Sticks
-from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.transport.wire import Wire
 from kybflow.world.vehicle_context import VehicleContext
 

@@ -11,15 +11,14 @@ from kybflow.core.signals import Measurement, Time, Truth
 from kybflow.drivers.emulated_autopilot.autopilot import Autopilot
 from kybflow.drivers.emulated_autopilot.firmware.preparing import Plans
 from kybflow.drivers.emulated_autopilot.fleet import Emulated, Fleet
-from kybflow.drivers.mavlink import AutopilotParams, MavlinkParams
-from kybflow.drivers.mavlink.control.latency import Lag
-from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.firmware import Latency, profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
-from kybflow.drivers.mavlink.transport.router import Hub, Port
+from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
+from kybflow.drivers.mavlink.transport.router import Port, Router
 from kybflow.drivers.mavlink.transport.wire import Wire, memory_wires
 from kybflow.parts import Link, Seat, Session
 
-LAG = Lag(position=0.04, acceleration=0.1)
+LATENCY = Latency(position=0.04, acceleration=0.1)
 """By how much an emulated autopilot comes after its set-points."""
 
 
@@ -28,9 +27,11 @@ class EmulatedLink(AutopilotLink):
     beside it. `wire` is our end; `autopilot`, what is at the other."""
 
     def __init__(self, seat: Seat, port: Port, wire: Wire, emulated: Emulated) -> None:
-        shared = {field.name: getattr(seat.params, field.name) for field in fields(AutopilotParams)}
+        shared = {
+            field.name: getattr(seat.params, field.name) for field in fields(AutopilotLinkParams)
+        }
         params = MavlinkParams(**shared, simulator=True)
-        profile = replace(profile_of(params.autopilot), lag=LAG)
+        profile = replace(profile_of(params.autopilot), latency=LATENCY)
         super().__init__(Seat(seat.context, params), profile, port)
         self.wire = wire
         self._emulated = emulated
@@ -72,7 +73,7 @@ class EmulatedSession(Session):
         self._fleet = Fleet(seats, plans, generator)
         self._links: list[EmulatedLink] = []
         wires = [memory_wires(f"memory:{seat.context.vehicle}") for seat in seats]
-        self._hub = Hub({ours.address: ours for ours, _ in wires}, own, None)
+        self._hub = Router({ours.address: ours for ours, _ in wires}, own, None)
         for seat, (ours, theirs), emulated in zip(seats, wires, self._fleet.members, strict=True):
             emulated.autopilot.connect(theirs)
             port = self._hub.port(ours.address, emulated.autopilot.system)

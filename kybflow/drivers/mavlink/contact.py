@@ -1,95 +1,113 @@
-"""What is known of one autopilot, and how it is heard: everything that it says goes from here to
-whom it concerns."""
+"""One autopilot on its port: what it last reported, its parameters and clock, and the upkeep of the
+link to it.
+
+Upkeep means heartbeats, streams that are asked for, parameters that are read, clocks that are
+compared, commands that are sent again. All of it happens in the engine's tick and stops with it.
+Two heartbeats are sent: a ground station's, without which PX4 sends no texts, and an onboard
+computer's. What an autopilot may have forgotten, because it rebooted or was not heard for a while,
+is asked for again."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.control.override import Silence
-from kybflow.drivers.mavlink.control.requests import Requests
-from kybflow.drivers.mavlink.firmware.profile import Profile
-from kybflow.drivers.mavlink.telemetry.clocks import BootClock
-from kybflow.drivers.mavlink.telemetry.heard import WARNING, Heard, Landed
-from kybflow.drivers.mavlink.telemetry.heard import Said as Text
+from kybflow.drivers.mavlink.control.requests import CommandRequests
+from kybflow.drivers.mavlink.firmware import FirmwareProfile
+from kybflow.drivers.mavlink.telemetry.clocks import BootClock, TimeSync
 from kybflow.drivers.mavlink.telemetry.measurements import Telemetry
-from kybflow.drivers.mavlink.telemetry.parameters import Parameters
+from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
+from kybflow.drivers.mavlink.telemetry.received_status import (
+    WARNING,
+    LandedState,
+    ReceivedStatus,
+    StatusText,
+)
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
-from kybflow.drivers.mavlink.transport.router import Port
-from kybflow.drivers.mavlink.upkeep import Chores
+from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port, heartbeat
 from kybflow.parts import Said, Seat
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
-AUTOPILOT = 1
-"""Its component."""
 SHORTEST: Time = 3 * NS // 10
-"""A silence that is told."""
+"""Shorter intervals without a message are no silence."""
 FORGETS: Time = 2 * NS
-"""A silence after which its streams are asked for again."""
+"""After a longer silence the streams are requested again."""
 REPEATED: Time = 60 * NS
-"""How long a text that was told is not told again."""
+"""How long a text that was reported is not reported again."""
 DISARM, REFUSALS = "disarm", ("denied", "not landed", "refused", "rejected")
 ALERT = 1
-"""MAV_SEVERITY: what is as bad is told at once, whatever it says."""
+"""MAV_SEVERITY: texts as severe as this are reported at once, whatever they say."""
 SEVERITIES = ("critical", "critical", "critical", "error", "warning")
 TRUE = frozenset({"SIM_STATE", "HIL_STATE_QUATERNION"})
 ANSWERS = frozenset({"COMMAND_ACK", "PARAM_VALUE", "PARAM_ERROR", "TIMESYNC"})
 
 
 class Contact:
-    """One autopilot. `silence`: the newest time in which nothing was heard. `truth`: of its own
-    simulator, None on hardware."""
+    """One autopilot. `status`, `telemetry`, `parameters`: what it reported. `requests`: commands
+    to it. `sync`: the comparison of its clock with ours. `silence`: the newest interval without a
+    message. `truth`: the ground truth of its simulator, None on hardware."""
 
-    def __init__(self, seat: Seat, profile: Profile, port: Port) -> None:
+    def __init__(self, seat: Seat, profile: FirmwareProfile, port: Port) -> None:
         params, context = seat.params, seat.context
         self.port, self.profile, self.target = port, profile, (port.system, AUTOPILOT)
         self.is_outside = params.position == "outside"
-        self.heard, self.clock = Heard(), BootClock()
-        self.requests = Requests(self.heard, target=self.target, own_system=params.own_system)
-        self.parameters = Parameters(profile.integer_parameters_bytewise, target=self.target)
-        self.telemetry = Telemetry(context, profile, self.heard, self.clock, self.is_outside)
+        self.status, self.clock = ReceivedStatus(), BootClock()
+        self.sync = TimeSync(self.clock)
+        self.requests = CommandRequests(
+            self.status, target=self.target, own_system=params.own_system
+        )
+        self.parameters = AutopilotParameters(
+            profile.integer_parameters_bytewise, target=self.target
+        )
+        self.telemetry = Telemetry(
+            context, profile.spread, profile.streams.keys(), self.status, self.clock,
+            self.is_outside,
+        )  # fmt: skip
         self.truth = GroundTruth(context, profile.sphere) if params.simulator else None
         self.silence: Silence | None = None
         self._alive: Time | None = None
-        self._text: Text | None = None
+        self._text: StatusText | None = None
         self._told: dict[str, Time] = {}
-        self._kept: list[Text] = []
-        port.want({*self.heard.heeds, *self.telemetry.heeds, *profile.streams, *ANSWERS})
+        self._kept: list[StatusText] = []
+        port.want({*self.status.heeds, *self.telemetry.heeds, *profile.streams, *ANSWERS})
         if self.truth is not None:
             port.want(TRUE)
 
     @property
-    def unheeded(self) -> str:
-        """Why it may not heed what it is asked; empty where nothing is known."""
+    def ignored_because(self) -> str:
+        """Why the autopilot may ignore our commands; empty where nothing is known."""
         if self.port.counts.signed:
             return "; what it sends is signed: give the driver its `key`"
         return ""
 
     def age(self, now: Time) -> float:
-        """Seconds since anything was heard; zero before."""
+        """Seconds since the last message; zero before the first."""
         return 0.0 if self._alive is None else (now - self._alive) / NS
 
-    def listen(self, chores: Chores, now: Time) -> None:
-        """Hear what came."""
+    def listen(self, now: Time) -> bool:
+        """Take in what arrived. Whether the autopilot was silent for so long before that it may
+        have forgotten what it was asked for."""
         messages = self.port.take()
         if not messages:
-            return
+            return False
         gap = 0 if self._alive is None else now - self._alive
         self._alive = now
         if gap > SHORTEST:
             self.silence = Silence(now, gap / NS)
-        if gap > FORGETS:
-            chores.begin_anew()
         for message in messages:
-            self._hear(message, chores, now)
+            self._hear(message, now)
+        return gap > FORGETS
 
     def said(self, *, is_disarming: bool) -> Sequence[Said]:
-        """What it said of warning or worse since the last call, each thing but once a minute. Why
-        it does not disarm is kept back while that is tried again, and told once it is not."""
+        """The new texts of severity warning or worse, each at most once a minute. Refusals to
+        disarm are held back while disarming is retried, and reported when the retries end."""
         fresh = self._fresh()
         if not fresh and not self._kept:
             return ()
@@ -97,7 +115,7 @@ class Contact:
             self._kept += (text for text in fresh if _refuses_to_disarm(text))
             fresh = [text for text in fresh if not _refuses_to_disarm(text)]
         elif self._kept:
-            fresh = [*(self._kept if self.heard.armed else ()), *fresh]
+            fresh = [*(self._kept if self.status.armed else ()), *fresh]
             self._kept = []
         said = []
         for time, severity, text in fresh:
@@ -107,32 +125,104 @@ class Contact:
                 said.append(Said(SEVERITIES[severity], text))
         return said
 
-    def _fresh(self) -> list[Text]:
-        """Its texts since the last call, oldest first."""
-        texts = self.heard.texts
+    def _fresh(self) -> list[StatusText]:
+        """The texts since the last call, oldest first."""
+        texts = self.status.texts
         if not texts or texts[-1] is self._text:
             return []
         fresh = list(takewhile(lambda text: text is not self._text, reversed(texts)))
         self._text = texts[-1]
         return fresh[::-1]
 
-    def _hear(self, message: Message, chores: Chores, now: Time) -> None:
+    def _hear(self, message: Message, now: Time) -> None:
         sort = message.get_type()
-        self.heard.hear(message, now)
+        self.status.hear(message, now)
         if sort == "COMMAND_ACK":
             self.requests.hear(message, now)
         elif sort in {"PARAM_VALUE", "PARAM_ERROR"}:
             self.parameters.hear(message, now)
         elif sort == "TIMESYNC":
-            for answer in chores.sync.hear(message, now):
+            for answer in self.sync.hear(message, now):
                 self.port.send(answer)
         elif sort in TRUE:
             if self.truth is not None:
-                self.truth.hear(message, now, on_ground=self.heard.landed is Landed.GROUND)
+                self.truth.hear(message, now, on_ground=self.status.landed is LandedState.GROUND)
         else:
             self.telemetry.hear(message, now)
 
 
-def _refuses_to_disarm(text: Text) -> bool:
+def _refuses_to_disarm(text: StatusText) -> bool:
     words = text.text.lower()
     return text.severity > ALERT and DISARM in words and any(word in words for word in REFUSALS)
+
+
+STATION, ONBOARD = 190, 191
+"""Our component ids: ground station, onboard computer."""
+REQUEST_MESSAGE, SET_MESSAGE_INTERVAL = 512, 511
+ROUND: Time = 5 * NS
+"""Pause between two requests for streams that do not arrive."""
+ROUNDS = 3
+SILENT: Time = 3 * NS
+
+
+class Upkeep:
+    """Keeps the link to one autopilot alive.
+
+    rates: the streams to request, Hz. names: the parameters to read.
+    """
+
+    def __init__(self, contact: Contact, rates: Mapping[str, float], names: Sequence[str]) -> None:
+        self._port, self._status, self._clock = contact.port, contact.status, contact.clock
+        self._requests, self._parameters = contact.requests, contact.parameters
+        self._sync, self._rates, self._names = contact.sync, dict(rates), names
+        self._heartbeat: Time = 0
+        self._round: Time = 0
+        self._rounds = 0
+        self._reboots = 0
+
+    def stream(self, name: str, rate: float, now: Time) -> None:
+        """Request a stream at another rate, Hz."""
+        is_other = rate != self._rates.get(name)
+        self._rates[name] = rate
+        if self._rounds and is_other:
+            self._ask_for(name, now)
+
+    def begin_anew(self) -> None:
+        """Request everything again: the autopilot may have forgotten it."""
+        self._round = self._rounds = 0
+
+    def step(self, now: Time) -> None:
+        """Send what is due, once a tick. Raises DriverError."""
+        if now >= self._heartbeat:
+            self._heartbeat = now + NS
+            self._port.send(HEARTBEAT, STATION)
+            self._port.send(heartbeat(mavlink.MAV_TYPE_ONBOARD_CONTROLLER), ONBOARD)
+        if self._status.heartbeat is None:
+            return
+        if self._clock.reboots != self._reboots:
+            self._reboots = self._clock.reboots
+            self._status.at.pop("GPS_GLOBAL_ORIGIN", None)
+            self._parameters.read(self._names, now, again=True)
+            self.begin_anew()
+        if self._rounds < ROUNDS and now >= self._round:
+            self._ask(now)
+        for due in (self._requests, self._parameters, self._sync):
+            for message in due.due(now):
+                self._port.send(message)
+
+    def _ask(self, now: Time) -> None:
+        if self._rounds == 0:
+            self._parameters.read(self._names, now)
+        self._rounds += 1
+        self._round = now + ROUND
+        for name in self._rates:
+            if self._rounds == 1 or now - self._status.at.get(name, -SILENT) >= SILENT:
+                self._ask_for(name, now)
+        if "GPS_GLOBAL_ORIGIN" not in self._status.at:
+            number = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
+            self._requests.ask(REQUEST_MESSAGE, number, now=now, attempts=2)
+
+    def _ask_for(self, name: str, now: Time) -> None:
+        number = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
+        interval = round(1e6 / self._rates[name])
+        self._requests.ask(SET_MESSAGE_INTERVAL, number, interval, now=now, attempts=3)

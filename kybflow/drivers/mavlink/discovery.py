@@ -11,19 +11,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.protocol.framing import Message
-from kybflow.drivers.mavlink.telemetry.heard import Heard
-from kybflow.drivers.mavlink.telemetry.parameters import Parameters
-from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Hub, Port
+from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
+from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
+from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port, Router
 from kybflow.drivers.mavlink.transport.wire import Wire
 
 PATIENCE: Time = 6 * NS
-"""How long an autopilot may take until it is heard: some need two of our heartbeats."""
+"""How long an autopilot may take until it is statuses: some need two of our heartbeats."""
 OTHERS: Time = 3 * NS // 2
 """How much longer others are waited for."""
 SILENT: Time = 5 * NS
 """Without a heartbeat for so long, it is gone."""
-FIRMWARES = {3: "ardupilot", 12: "px4"}
-"""Those that fly missions, by MAV_AUTOPILOT."""
 _WAYS = {
     "udpin": "is the autopilot told to send to that port, and does no other program take it?",
     "udpout": "does an autopilot listen there?",
@@ -33,29 +31,29 @@ _WAYS = {
 }
 
 
-class Scout:
-    """Listens on one wire. `heard`: what each autopilot said, by its system id. system: the one
+class Discovery:
+    """Listens on one wire. `statuses`: what each autopilot said, by its system id. system: the one
     that is looked for; none: whoever is there. own_system, key: as in a mission."""
 
     def __init__(
         self, wire: Wire, system: int | None, own_system: int, key: bytes | None = None
     ) -> None:
-        self.heard: dict[int, Heard] = {}
-        self.parameters: dict[int, Parameters] = {}
+        self.statuses: dict[int, ReceivedStatus] = {}
+        self.parameters: dict[int, AutopilotParameters] = {}
         self.now: Time = 0
         self._wire, self._system, self._own = wire, system, own_system
-        self._hub = Hub({wire.address: wire}, own_system, key)
+        self._router = Router({wire.address: wire}, own_system, key)
         first = system or (1 if own_system != 1 else 2)
-        self._asked = self._hub.port(wire.address, first)
+        self._asked = self._router.port(wire.address, first)
         self._ports: dict[int, Port] = {first: self._asked}
         self._beat: Time | None = None
 
     def step(self, now: Time) -> None:
         """Hear everybody, and tell everybody that we are there."""
         self.now = now
-        self._hub.poll(now)
+        self._router.poll(now)
         for system in sorted(self._asked.heard_from - set(self._ports) - {self._own}):
-            self._ports[system] = self._hub.port(self._wire.address, system)
+            self._ports[system] = self._router.port(self._wire.address, system)
         for system, port in self._ports.items():
             for message in port.take():
                 self._hear(system, message)
@@ -92,7 +90,7 @@ class Scout:
 
     def there(self) -> list[int]:
         """The systems whose autopilot sent a heartbeat."""
-        return sorted(s for s, heard in self.heard.items() if heard.heartbeat is not None)
+        return sorted(s for s, statuses in self.statuses.items() if statuses.heartbeat is not None)
 
     def settle(
         self,
@@ -101,11 +99,11 @@ class Scout:
         ticks: Iterator[Time],
         names: Iterable[str],
         writes: Mapping[str, float] | None = None,
-    ) -> Parameters:
+    ) -> AutopilotParameters:
         """Write parameters of an autopilot that was found, then read all of `names` anew. Raises
         DriverError where it falls silent."""
         if system not in self.parameters:
-            self.parameters[system] = Parameters(bytewise, target=(system, AUTOPILOT))
+            self.parameters[system] = AutopilotParameters(bytewise, target=(system, AUTOPILOT))
         parameters, written, read = self.parameters[system], writes or {}, tuple(names)
         for name, value in written.items():
             parameters.write(name, value, self.now)
@@ -115,13 +113,17 @@ class Scout:
         return parameters
 
     def _await(
-        self, system: int, parameters: Parameters, names: tuple[str, ...], ticks: Iterator[Time]
+        self,
+        system: int,
+        parameters: AutopilotParameters,
+        names: tuple[str, ...],
+        ticks: Iterator[Time],
     ) -> None:
         while not parameters.is_complete(names):
             for message in parameters.due(self.now):
                 self._ports[system].send(message)
             self.step(next(ticks))
-            heartbeat = self.heard[system].heartbeat
+            heartbeat = self.statuses[system].heartbeat
             if heartbeat is None or self.now - heartbeat > SILENT:
                 raise DriverError(
                     f"system {system} at {self._wire.address} fell silent: is it still powered and"
@@ -129,7 +131,7 @@ class Scout:
                 )
 
     def _hear(self, system: int, message: Message) -> None:
-        self.heard.setdefault(system, Heard()).hear(message, self.now)
+        self.statuses.setdefault(system, ReceivedStatus()).hear(message, self.now)
         if system in self.parameters:
             self.parameters[system].hear(message, self.now)
 

@@ -1,5 +1,7 @@
-"""One autopilot as the engine sees it. What it is asked for is decided in `helm`; what is looked at
-before take-off, in `watch`; what is known of it is `contact`."""
+"""One autopilot as the engine sees it.
+
+`control.offboard` decides what is asked of it, `preflight.checks` what is checked before take-off,
+and `contact` keeps what it reported."""
 
 from __future__ import annotations
 
@@ -21,23 +23,19 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.drivers.mavlink.contact import Contact
-from kybflow.drivers.mavlink.control.hover import Hover
-from kybflow.drivers.mavlink.control.latency import Lag, led
+from kybflow.drivers.mavlink.contact import Contact, Upkeep
 from kybflow.drivers.mavlink.control.modes import DO_SET_MODE
-from kybflow.drivers.mavlink.control.offboard import Goal, Helm
-from kybflow.drivers.mavlink.control.payload import Grip
-from kybflow.drivers.mavlink.firmware.profile import Profile
-from kybflow.drivers.mavlink.preflight.watch import Watch
+from kybflow.drivers.mavlink.control.offboard import OffboardControl, OffboardGoal
+from kybflow.drivers.mavlink.control.payload import PayloadGrip
+from kybflow.drivers.mavlink.control.setpoints import HoverThrottle, compensated
+from kybflow.drivers.mavlink.firmware import FirmwareProfile, Latency
+from kybflow.drivers.mavlink.preflight.checks import LineCapacity, PreflightChecks
 from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.frames import Anchor
-from kybflow.drivers.mavlink.telemetry.drift import Drift
-from kybflow.drivers.mavlink.telemetry.heard import Landed
 from kybflow.drivers.mavlink.telemetry.measurements import INERTIAL
-from kybflow.drivers.mavlink.telemetry.vision import Vision
-from kybflow.drivers.mavlink.transport.capacity import Capacity
+from kybflow.drivers.mavlink.telemetry.received_status import LandedState
+from kybflow.drivers.mavlink.telemetry.vision import ExternalVision, FrameDrift
 from kybflow.drivers.mavlink.transport.router import Port
-from kybflow.drivers.mavlink.upkeep import Chores
 from kybflow.parts import Check, Link, Said, Seat
 
 PATIENCE: Time = 10 * NS
@@ -55,29 +53,33 @@ and to begin to come down by until more arrive."""
 class AutopilotLink(Link):
     """One vehicle. `look` is called once a tick after the hub has heard everybody."""
 
-    def __init__(self, seat: Seat, profile: Profile, port: Port) -> None:
+    def __init__(self, seat: Seat, profile: FirmwareProfile, port: Port) -> None:
         context, params = seat.context, seat.params
         contact = self.contact = Contact(seat, profile, port)
         resumes = params.after_failsafe == "resume"
-        self.helm = Helm(
-            profile, contact.heard, contact.requests, params.arming_time, params.rate, resumes,
+        self.offboard = OffboardControl(
+            profile, contact.status, contact.requests, params.arming_time, params.rate, resumes,
             self._holding,
         )  # fmt: skip
-        self._watch = Watch(contact, self.helm.modes, params)
-        self._drift = Drift()
-        self._lead = profile.lag if params.lead is None else Lag(params.lead, params.lead)
-        self._hover = Hover(profile.hover_parameter, context.airframe.hover_thrust, profile.raises)
-        self._vision = Vision(params.vision_rate, contact.target)
-        names = [*self._watch.names(), profile.hover_parameter]
-        self._grip: Grip | None = None
+        self._checks = PreflightChecks(contact, self.offboard.modes, params)
+        self._drift = FrameDrift()
+        self._latency = (
+            profile.latency if params.lead is None else Latency(params.lead, params.lead)
+        )
+        self._hover = HoverThrottle(
+            profile.hover_parameter, context.airframe.hover_thrust, profile.raises
+        )
+        self._vision = ExternalVision(params.vision_rate, contact.target)
+        names = [*self._checks.names(), profile.hover_parameter]
+        self._grip: PayloadGrip | None = None
         if context.payload is not None:
             output = profile.output(context.payload.channel, params.simulator)
             names.append(output.parameter)
-            self._grip = Grip(contact, output)
+            self._grip = PayloadGrip(contact, output)
         rates = {**profile.streams, **(profile.simulator_streams if params.simulator else {})}
-        self._capacity, self._rates = Capacity(params), rates
+        self._capacity, self._rates = LineCapacity(params), rates
         idle = {name: min(rates[name], IDLE) for name in INERTIAL if name in rates}
-        self._chores = Chores(contact, self._capacity.fitting(rates | idle), names)
+        self._upkeep = Upkeep(contact, self._capacity.fitting(rates | idle), names)
         self._now: Time = 0
         self._due: Time = 0
         self._opened: Time | None = None
@@ -86,21 +88,22 @@ class AutopilotLink(Link):
     def look(self, now: Time) -> None:
         """Hear what came, see to what is wanted of it, send what is due. Raises DriverError."""
         self._now = now
-        self.contact.listen(self._chores, now)
-        self.helm.taking.silence = self.contact.silence
-        self.helm.look(self.contact.age(now), now)
+        if self.contact.listen(now):
+            self._upkeep.begin_anew()
+        self.offboard.override.silence = self.contact.silence
+        self.offboard.look(self.contact.age(now), now)
         self._flow(now)
         if now >= self._due:
             self._due = now + OFTEN
             self._learn(now)
-            self._chores.step(now)
+            self._upkeep.step(now)
         self._note()
 
     def read(self, now: Time) -> Sequence[Measurement]:
         if self._opened is None:
             self._opened = now
         port = self.contact.port
-        if port.heard is None and now - self._opened > PATIENCE:
+        if port.last_heard is None and now - self._opened > PATIENCE:
             why = port.trouble() or "no autopilot was heard"
             way_out = "start it, or set the driver's `address` and `system`"
             raise DriverError(f"system {port.system} was not heard for 10 s: {why}; {way_out}")
@@ -108,21 +111,21 @@ class AutopilotLink(Link):
 
     def send(self, command: Command, now: Time) -> None:
         self._command = command
-        self.helm.send(command, now)
+        self.offboard.send(command, now)
         self._flow(now)
 
     def arm(self, command: Command, now: Time) -> bool:
         self._command = command
         try:
-            return self.helm.arm(command, now)
+            return self.offboard.arm(command, now)
         finally:
             self._flow(now)
             self._note()
 
     def cut(self, now: Time) -> None:
-        self.helm.cut(now)
-        self.helm.look(self.contact.age(now), now)
-        self._chores.step(now)
+        self.offboard.cut(now)
+        self.offboard.look(self.contact.age(now), now)
+        self._upkeep.step(now)
         self._note()
 
     def tell(self, estimate: Estimate, now: Time) -> None:
@@ -130,33 +133,33 @@ class AutopilotLink(Link):
         stamp = contact.clock.to_boot(estimate.time) if contact.is_outside else None
         if stamp is None:
             return
-        heard = contact.heard
-        placed = heard.armed or "GPS_GLOBAL_ORIGIN" in heard.at
+        status = contact.status
+        placed = status.armed or "GPS_GLOBAL_ORIGIN" in status.at
         is_lost = contact.profile.needs_origin and not placed
         self._drift.learn(estimate, contact.telemetry.odometry, now)
         for message in self._vision.of(estimate, stamp // 1000, is_lost, now):
             contact.port.send(message)
 
     def checks(self, now: Time) -> Sequence[Check]:
-        misses = self.helm.prepare(now)
+        misses = self.offboard.prepare(now)
         self._flow(now)
-        return [*self._watch.checks(misses, self._vision.told, now), *self._capacity.check()]
+        return [*self._checks.checks(misses, self._vision.told, now), *self._capacity.check()]
 
     def said(self) -> Sequence[Said]:
-        return self.contact.said(is_disarming=self.helm.is_disarming)
+        return self.contact.said(is_disarming=self.offboard.is_disarming)
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
         if MeasurementKind.IMU in kinds:
             for name, rate in self._capacity.fitting(self._rates).items():
-                self._chores.stream(name, rate, self._now)
+                self._upkeep.stream(name, rate, self._now)
 
     def reclaim(self, now: Time) -> None:
-        self.helm.reclaim(now)
+        self.offboard.reclaim(now)
         self._note()
 
     def land(self, now: Time) -> bool:
         try:
-            return self.helm.land(now)
+            return self.offboard.land(now)
         finally:
             self._note()
 
@@ -182,9 +185,9 @@ class AutopilotLink(Link):
     def close(self) -> None:
         """Put the mode of a disarmed vehicle back to what it was before us, unless somebody else
         has it."""
-        contact, before = self.contact, self.helm.modes.before
-        is_ours = self.taken is None and not contact.heard.armed
-        if not is_ours or before is None or before == contact.heard.mode:
+        contact, before = self.contact, self.offboard.modes.before
+        is_ours = self.taken is None and not contact.status.armed
+        if not is_ours or before is None or before == contact.status.mode:
             return
         params = (*contact.profile.mode_params(before), 0.0, 0.0, 0.0, 0.0)
         contact.port.send(
@@ -193,13 +196,14 @@ class AutopilotLink(Link):
 
     def _flow(self, now: Time) -> None:
         """Send the set-point that is due."""
-        command = self.helm.stream.due(now)
+        command = self.offboard.stream.due(now)
         if command is None or (anchor := self._anchor) is None:
             return
         contact = self.contact
         boot = contact.clock.to_boot(now) or now
         message = codec.encode(
-            led(command, self._lead), target=contact.target, boot_ms=boot // MS, anchor=anchor,
+            compensated(command, self._latency), target=contact.target, boot_ms=boot // MS,
+            anchor=anchor,
             throttle=self._hover.throttle(contact.parameters.values),
             own_heading=contact.telemetry.heading,
         )  # fmt: skip
@@ -213,10 +217,10 @@ class AutopilotLink(Link):
 
     def _learn(self, now: Time) -> None:
         """How much throttle holds it in the air."""
-        heard, contact = self.contact.heard, self.contact
-        flies = self.helm.goal is Goal.FOLLOW and heard.landed is Landed.AIR
+        status, contact = self.contact.status, self.contact
+        flies = self.offboard.goal is OffboardGoal.FOLLOW and status.landed is LandedState.AIR
         if self._command is not None:
-            asked = heard.throttle if flies else None
+            asked = status.throttle if flies else None
             values, own = contact.parameters.values, contact.telemetry.odometry
             self._hover.learn(asked, self._command, own, values, now)
 
@@ -233,6 +237,6 @@ class AutopilotLink(Link):
         return Command(LEVEL, 0.0, ZERO, heading, True, CommandKind.POSITION, setpoint)
 
     def _note(self) -> None:
-        heard = self.contact.heard
-        self.taken = self.helm.taken
-        self.armed = None if heard.heartbeat is None else heard.armed
+        status = self.contact.status
+        self.taken = self.offboard.taken
+        self.armed = None if status.heartbeat is None else status.armed

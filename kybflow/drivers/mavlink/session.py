@@ -7,10 +7,11 @@ from pathlib import Path
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import Time
-from kybflow.drivers.mavlink.firmware.profile import Profile, profile_of
+from kybflow.drivers.mavlink.firmware import FirmwareProfile, profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
-from kybflow.drivers.mavlink.transport.router import Hub
-from kybflow.drivers.mavlink.transport.wire import Wire, open_wire
+from kybflow.drivers.mavlink.transport import open_wire
+from kybflow.drivers.mavlink.transport.router import Router
+from kybflow.drivers.mavlink.transport.wire import Wire
 from kybflow.parts import Link, Seat, Session
 
 Group = tuple[int, str | None]
@@ -35,10 +36,12 @@ def open_session(
             wires = groups.setdefault(group, {})
             if address not in wires:
                 wires[address] = session.opened(opener(address))
-        hubs = {group: Hub(wires, group[0], _key(group[1])) for group, wires in groups.items()}
-        session.hubs = tuple(hubs.values())
+        routers = {
+            group: Router(wires, group[0], _key(group[1])) for group, wires in groups.items()
+        }
+        session.routers = tuple(routers.values())
         for (profile, address, system), seat in zip(places, seats, strict=True):
-            port = hubs[owners[address]].port(address, system)
+            port = routers[owners[address]].port(address, system)
             session.links[seat.context.vehicle] = AutopilotLink(seat, profile, port)
     except BaseException:
         session.close()
@@ -47,11 +50,11 @@ def open_session(
 
 
 class MavlinkSession(Session):
-    """`hubs` are polled, then every link looks at what came for it."""
+    """`routers` are polled, then every link looks at what came for it."""
 
     def __init__(self) -> None:
         self.links: dict[str, Link] = {}
-        self.hubs: tuple[Hub, ...] = ()
+        self.routers: tuple[Router, ...] = ()
         self._wires: list[Wire] = []
 
     def opened(self, wire: Wire) -> Wire:
@@ -60,8 +63,8 @@ class MavlinkSession(Session):
         return wire
 
     def advance(self, now: Time) -> None:
-        for hub in self.hubs:
-            hub.poll(now)
+        for router in self.routers:
+            router.poll(now)
         for link in self.links.values():
             if isinstance(link, AutopilotLink):
                 link.look(now)
@@ -76,7 +79,7 @@ class MavlinkSession(Session):
                 wire.close()
 
 
-def _place(seat: Seat, number: int) -> tuple[Profile, str, int]:
+def _place(seat: Seat, number: int) -> tuple[FirmwareProfile, str, int]:
     """The profile of a vehicle, its address, its system id. number: its place in the mission."""
     profile = profile_of(seat.params.autopilot)
     system = seat.params.system or number

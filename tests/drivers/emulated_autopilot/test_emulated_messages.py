@@ -15,7 +15,7 @@ from sims import QUIET, seat  # noqa: E402
 from kybflow.core.errors import DriverError  # noqa: E402
 from kybflow.drivers.emulated_autopilot.breaking import read_break  # noqa: E402
 from kybflow.drivers.emulated_autopilot.firmware.preparing import FIRMWARES  # noqa: E402
-from kybflow.drivers.mavlink.firmware.profile import profile_of  # noqa: E402
+from kybflow.drivers.mavlink.firmware import profile_of  # noqa: E402
 from kybflow.world.vehicle_context import Parcel  # noqa: E402
 
 BOTH = pytest.mark.parametrize("name", ["px4", "ardupilot"])

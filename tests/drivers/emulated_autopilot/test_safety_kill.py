@@ -15,7 +15,7 @@ pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 from served_autopilots import TCP, UDP, emulated, free_port
 
 from kybflow.drivers.mavlink.protocol.framing import Framing
-from kybflow.drivers.mavlink.transport.wire import open_wire
+from kybflow.drivers.mavlink.transport import open_wire
 
 pytestmark = pytest.mark.slow
 ARMED, IN_AIR, ON_GROUND = 128, 2, 1

@@ -15,7 +15,7 @@ from rehearsals import AUTOPILOTS, DRIVER, UP, Rehearsal
 from typer.testing import CliRunner
 
 from kybflow.cli.app import app
-from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.dsl.plan import TransitionPlan
 from kybflow.world.vehicle_context import Parcel
 

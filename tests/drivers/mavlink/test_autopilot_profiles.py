@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from kybflow.core.errors import DriverError
-from kybflow.drivers.mavlink.firmware.profile import Ask, Danger, Setting, profile_of
+from kybflow.drivers.mavlink.firmware import Danger, Needed, PayloadCommand, profile_of
 
 PX4, ARDUPILOT = profile_of("px4"), profile_of("ardupilot")
 BOTH = pytest.mark.parametrize("profile", [PX4, ARDUPILOT], ids=lambda profile: profile.name)
@@ -78,18 +78,18 @@ def test_names_of_parameters_are_short_enough_to_travel(profile):
 
 
 def test_a_setting_accepts_what_its_rule_says():
-    bits = Setting("GUID_OPTIONS", 8, "so", rule="bits")
+    bits = Needed("GUID_OPTIONS", 8, "so", rule="bits")
     assert (
         bits.accepts(12.0, OWN),
         bits.accepts(4.0, OWN),
         bits.wanted(OWN, 4.0),
     ) == (True, False, 12.0)
-    bound = Setting("COM_OF_LOSS_T", 1.0, "so", rule="at_most")
+    bound = Needed("COM_OF_LOSS_T", 1.0, "so", rule="at_most")
     assert [bound.accepts(x, OWN) for x in (0.0, 0.5, 1.0, 2.0)] == [False, True, True, False]
-    equal = Setting("COM_OBL_RC_ACT", 4, "so", {5: "or so"})
+    equal = Needed("COM_OBL_RC_ACT", 4, "so", {5: "or so"})
     assert [equal.accepts(x, OWN) for x in (4.0, 5.0, 0.0)] == [True, True, False]
     assert [equal.does(x) for x in (4.0, 5.0, 0.0, float("nan"))] == ["so", "or so", "so", "so"]
-    own = Setting("SYSID_MYGCS", "own", "so")
+    own = Needed("SYSID_MYGCS", "own", "so")
     assert (
         own.wanted(OWN),
         own.accepts(245.0, OWN),
@@ -199,7 +199,7 @@ def test_an_output_that_a_motor_is_on_is_not_moved_and_an_unknown_one_is_tried()
     assert PX4.grip(1, True, 101.0) == ()
     assert [ask.command for ask in ARDUPILOT.grip(9, True, None)] == [183, 211]
     assert [ask.command for ask in PX4.grip(9, True, None)] == [211, 187]
-    assert Ask(211, (1.0, 1.0)) in PX4.grip(6, False, None)
+    assert PayloadCommand(211, (1.0, 1.0)) in PX4.grip(6, False, None)
 
 
 @BOTH

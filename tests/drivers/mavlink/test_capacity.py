@@ -7,16 +7,16 @@ from fake import Bench
 
 from kybflow.core.signals import MeasurementKind
 from kybflow.drivers.mavlink import MavlinkParams
-from kybflow.drivers.mavlink.firmware.profile import profile_of
-from kybflow.drivers.mavlink.transport.capacity import Capacity
+from kybflow.drivers.mavlink.firmware import profile_of
+from kybflow.drivers.mavlink.preflight.checks import LineCapacity
 
 SLOW, QUICK = "serial:/dev/ttyUSB0:57600", "serial:/dev/ttyUSB0:921600"
 SIZES = {"ATTITUDE_QUATERNION": 60, "HEARTBEAT": 21}
 """Bytes of their frames, unsigned: 48 and 9 of fields (MAVLink's common dialect)."""
 
 
-def capacity(address: str | None, **params) -> Capacity:
-    return Capacity(MavlinkParams(autopilot="ardupilot", address=address, **params))
+def capacity(address: str | None, **params) -> LineCapacity:
+    return LineCapacity(MavlinkParams(autopilot="ardupilot", address=address, **params))
 
 
 def taken(rates: dict[str, float]) -> float:

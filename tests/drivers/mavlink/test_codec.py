@@ -26,7 +26,7 @@ from kybflow.core.signals import (
     SetpointKind,
     Sticks,
 )
-from kybflow.drivers.mavlink.protocol import decode
+from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.codec import Throttle, encode, position_estimate, vision
 from kybflow.drivers.mavlink.protocol.frames import (
     IDENTITY,
@@ -192,13 +192,13 @@ def test_odometry_is_what_the_autopilot_knows_of_itself(place, speed, heading, a
     q = g.from_euler(0.1, -0.2, heading)
     local = mavlink.MAVLink_local_position_ned_message(0, *to_ned(place), *to_ned(speed))
     attitude = mavlink.MAVLink_attitude_quaternion_message(0, *attitude_to_ned(q), 0.1, -0.2, -0.3)
-    known = decode.odometry(local, attitude, 9, spread=0.1, anchor=anchor)
+    known = codec.odometry(local, attitude, 9, spread=0.1, anchor=anchor)
     assert (known.time, known.spread) == (9, 0.1)
     assert pytest.approx(anchor.to_world(place), abs=1e-9) == known.position
     assert pytest.approx(anchor.turned(speed), abs=1e-9) == known.velocity
     assert pytest.approx(anchor.attitude_to_world(q), abs=1e-9) == known.attitude
     assert known.angular_velocity == (0.1, 0.2, 0.3)
-    assert abs(g.wrap(heading - decode.own_heading(attitude))) < 1e-9
+    assert abs(g.wrap(heading - codec.own_heading(attitude))) < 1e-9
 
 
 def test_at_rest_the_specific_force_points_up():
@@ -208,12 +208,12 @@ def test_at_rest_the_specific_force_points_up():
     )  # fmt: skip
     coarse = mavlink.MAVLink_raw_imu_message(0, 0, 0, -1000, 100, 200, 300, 0, 0, 0)
     for message in (fine, coarse):
-        felt = decode.imu(message, NS, NS // 2)
+        felt = codec.imu(message, NS, NS // 2)
         assert (rest.time, rest.dt) == (felt.time, felt.dt)
         assert pytest.approx(rest.specific_force) == felt.specific_force
         assert pytest.approx(rest.angular_velocity) == felt.angular_velocity
-        assert decode.imu(message, NS, None) is None
-        assert decode.imu(message, NS, NS) is None
+        assert codec.imu(message, NS, None) is None
+        assert codec.imu(message, NS, NS) is None
 
 
 def pack(remaining=80, cells=(4000, 4100), number=0):
@@ -240,7 +240,7 @@ BATTERIES = [
 
 @pytest.mark.parametrize(("message", "battery"), BATTERIES)
 def test_a_battery_is_told_where_it_is_known(message, battery):
-    assert battery == decode.battery(message, 5)
+    assert battery == codec.battery(message, 5)
 
 
 def fix(kind=3, accuracy=(400, 600)):
@@ -250,15 +250,15 @@ def fix(kind=3, accuracy=(400, 600)):
 
 
 def test_a_fix_of_gps_is_a_position_in_the_world():
-    origin = decode.tangent(mavlink.MAVLink_gps_global_origin_message(474000000, 85000000, 500000))
+    origin = codec.tangent(mavlink.MAVLink_gps_global_origin_message(474000000, 85000000, 500000))
     assert Tangent.on_ellipsoid(47.4, 8.5, 500.0) == pytest.approx(origin)
     anchor = Anchor((10.0, 0.0, 0.0), 0.0)
-    position = decode.gps(fix(), 3, origin=origin, anchor=anchor)
+    position = codec.gps(fix(), 3, origin=origin, anchor=anchor)
     assert pytest.approx((10.0, 1.112, 1.0), abs=1e-3) == position.position
     assert pytest.approx((0.4, 0.4, 0.6)) == position.spread
-    vague = decode.gps(fix(accuracy=(0, 0)), 3, origin=origin, anchor=anchor)
+    vague = codec.gps(fix(accuracy=(0, 0)), 3, origin=origin, anchor=anchor)
     assert pytest.approx((3.0, 3.0, 5.0)) == vague.spread
-    assert decode.gps(fix(kind=2), 3, origin=origin, anchor=anchor) is None
+    assert codec.gps(fix(kind=2), 3, origin=origin, anchor=anchor) is None
 
 
 def transmitter(*pulses):
@@ -268,23 +268,23 @@ def transmitter(*pulses):
 
 def test_sticks_of_a_transmitter():
     message = transmitter(1750, 1250, 2000, 1250, 1000, 2000)
-    assert Sticks(4, 0.5, 0.5, 0.5, 1.0, (-1.0, 1.0)) == decode.sticks(message, 4)
-    assert decode.sticks(transmitter(), 4) is None
-    assert decode.sticks(transmitter(1500, 1500, 0, 1500), 4) is None
+    assert Sticks(4, 0.5, 0.5, 0.5, 1.0, (-1.0, 1.0)) == codec.sticks(message, 4)
+    assert codec.sticks(transmitter(), 4) is None
+    assert codec.sticks(transmitter(1500, 1500, 0, 1500), 4) is None
 
 
 def test_sticks_of_a_ground_station():
     message = mavlink.MAVLink_manual_control_message(1, 500, -250, 750, 100, 0b10)
-    heard = decode.sticks(message, 4)
+    heard = codec.sticks(message, 4)
     assert (heard.roll, heard.pitch, heard.yaw, heard.throttle) == (-0.25, 0.5, -0.1, 0.75)
     assert heard.switches[:3] == (-1.0, 1.0, -1.0)
     unheard = mavlink.MAVLink_manual_control_message(1, 500, 32767, 750, 100, 0)
-    assert decode.sticks(unheard, 4) is None
+    assert codec.sticks(unheard, 4) is None
 
 
 def test_a_servo_is_open_where_its_pulses_are_short():
     pulses = (1500, 1100, 1900, 0)
-    assert Payload(6, True, None) == decode.payload(pulses, 2, 6)
-    assert Payload(6, False, None) == decode.payload(pulses, 3, 6)
-    assert decode.payload(pulses, 4, 6) is None
-    assert decode.payload(pulses, 5, 6) is None
+    assert Payload(6, True, None) == codec.payload(pulses, 2, 6)
+    assert Payload(6, False, None) == codec.payload(pulses, 3, 6)
+    assert codec.payload(pulses, 4, 6) is None
+    assert codec.payload(pulses, 5, 6) is None

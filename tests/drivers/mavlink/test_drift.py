@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from kybflow.core.geometry import LEVEL, ZERO, add, norm, scale
 from kybflow.core.signals import NS, Odometry
-from kybflow.drivers.mavlink.telemetry.drift import SLOW, Drift
+from kybflow.drivers.mavlink.telemetry.vision import SLOW, FrameDrift
 
 OFF = (0.06, -0.04, 0.03)
 RATE = 50
@@ -33,7 +33,7 @@ def learn(drift, seconds, off=OFF, begin=0):
 
 
 def test_it_is_learnt_with_its_time_constant():
-    drift = Drift()
+    drift = FrameDrift()
     learn(drift, SLOW)
     assert drift.anchor.offset == pytest.approx(scale(OFF, 1.0 - exp(-1.0)), rel=0.02)
     learn(drift, 10.0 * SLOW)
@@ -42,14 +42,14 @@ def test_it_is_learnt_with_its_time_constant():
 
 
 def test_a_set_point_for_the_world_is_sent_where_its_own_frame_has_it():
-    drift = Drift()
+    drift = FrameDrift()
     learn(drift, 10.0)
     assert drift.anchor.from_world(OFF) == pytest.approx(ZERO, abs=1e-4)
 
 
 @given(st.floats(-2.0, 2.0), st.integers(-20, 20))
 def test_what_was_true_at_another_time_is_compared_at_that_time(speed, ms):
-    drift, velocity = Drift(), (speed, 0.0, 0.0)
+    drift, velocity = FrameDrift(), (speed, 0.0, 0.0)
     for tick in range(20):
         now = tick * NS // RATE
         then = now - ms * NS // 1000
@@ -59,7 +59,7 @@ def test_what_was_true_at_another_time_is_compared_at_that_time(speed, ms):
 
 
 def test_what_is_far_off_is_no_drift():
-    drift = Drift()
+    drift = FrameDrift()
     learn(drift, 5.0, (0.8, 0.0, 0.0))
     assert drift.anchor.offset == ZERO
     learn(drift, 5.0, (0.4, 0.0, 0.0), begin=5 * NS)
@@ -67,7 +67,7 @@ def test_what_is_far_off_is_no_drift():
 
 
 def test_an_old_or_unheard_position_teaches_nothing():
-    drift = Drift()
+    drift = FrameDrift()
     now = learn(drift, 10.0)
     known = drift.anchor
     for tick in range(RATE):
@@ -78,7 +78,7 @@ def test_an_old_or_unheard_position_teaches_nothing():
 
 @given(st.floats(0.02, 60.0))
 def test_after_a_gap_it_does_not_leap(gap):
-    drift = Drift()
+    drift = FrameDrift()
     drift.learn(estimate(0, OFF), own(0), 0)
     now = round(gap * NS)
     drift.learn(estimate(now, OFF), own(now), now)
@@ -87,7 +87,7 @@ def test_after_a_gap_it_does_not_leap(gap):
 
 @given(st.lists(st.tuples(*(st.floats(-0.28, 0.28),) * 3), min_size=1, max_size=100))
 def test_it_is_never_more_than_what_was_seen(offs):
-    drift = Drift()
+    drift = FrameDrift()
     for tick, off in enumerate(offs):
         now = tick * NS // RATE
         drift.learn(estimate(now, add(off, (1.0, 0.0, 0.0))), own(now, (1.0, 0.0, 0.0)), now)

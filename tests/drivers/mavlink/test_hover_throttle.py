@@ -10,7 +10,7 @@ from fake import RESTING, at
 
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NS, CommandKind, Odometry
-from kybflow.drivers.mavlink.control.hover import Hover
+from kybflow.drivers.mavlink.control.setpoints import HoverThrottle
 
 TOLD = {"MPC_THR_HOVER": 0.4}
 STILL = Odometry(0, ZERO, ZERO, LEVEL, ZERO, 0.1)
@@ -18,15 +18,15 @@ FAST = STILL._replace(velocity=(1.0, 0.0, 0.0))
 
 
 def learned(asked=0.6, command=None, odometry=STILL, seconds=30):
-    hover = Hover("MPC_THR_HOVER", 10.0, False)
+    hover = HoverThrottle("MPC_THR_HOVER", 10.0, False)
     for tick in range(seconds * 50):
         hover.learn(asked, command or at(ZERO), odometry, TOLD, tick * NS // 50)
     return hover.throttle(TOLD).hover
 
 
 def test_first_its_own_parameter_counts_then_a_half():
-    assert Hover("MPC_THR_HOVER", 10.0, False).throttle(TOLD).share(10.0) == 0.4
-    assert Hover("MPC_THR_HOVER", 10.0, False).throttle({}).share(5.0) == 0.25
+    assert HoverThrottle("MPC_THR_HOVER", 10.0, False).throttle(TOLD).share(10.0) == 0.4
+    assert HoverThrottle("MPC_THR_HOVER", 10.0, False).throttle({}).share(5.0) == 0.25
 
 
 def test_what_its_controller_asks_for_in_hover_is_learned_slowly():

@@ -12,7 +12,7 @@ from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS
 from kybflow.drivers.mavlink.protocol.framing import Packer, Parser
 from kybflow.drivers.mavlink.protocol.signing import Signing
-from kybflow.drivers.mavlink.transport.router import Hub, Port
+from kybflow.drivers.mavlink.transport.router import Port, Router
 from kybflow.drivers.mavlink.transport.wire import (
     MOST_HELD,
     MemoryWire,
@@ -65,8 +65,8 @@ def systems(port: Port) -> list[int]:
     return [message.get_srcSystem() for message in port.take()]
 
 
-def opened(wire: Wire, *ids: int, key: bytes | None = None) -> tuple[Hub, list[Port]]:
-    hub = Hub({wire.address: wire}, 245, key)
+def opened(wire: Wire, *ids: int, key: bytes | None = None) -> tuple[Router, list[Port]]:
+    hub = Router({wire.address: wire}, 245, key)
     return hub, [hub.port(wire.address, system) for system in ids]
 
 
@@ -76,7 +76,7 @@ def test_vehicles_on_one_wire_are_told_apart_and_answered_where_they_are() -> No
     wire.coming = [(frame(2), OTHER), (frame(1), ONE), (frame(2), OTHER)]
     hub.poll(7)
     assert (systems(first), systems(second)) == ([1], [2, 2])
-    assert (first.heard, second.heard) == (7, 7)
+    assert (first.last_heard, second.last_heard) == (7, 7)
     first.send(HEARTBEAT)
     second.send(HEARTBEAT, 190)
     assert [to for to, _ in wire.sent] == [ONE, OTHER]
@@ -97,7 +97,7 @@ def test_each_vehicle_hears_a_sequence_without_gaps() -> None:
 
 def test_vehicles_have_wires_of_their_own_with_the_same_id() -> None:
     (first, there), (second, elsewhere) = memory_wires("a"), memory_wires("b")
-    hub = Hub({"a": first, "b": second}, 245)
+    hub = Router({"a": first, "b": second}, 245)
     one, other = hub.port("a", 1), hub.port("b", 1)
     there.send(frame(1))
     hub.poll(0)
@@ -245,7 +245,7 @@ def test_what_nobody_takes_is_bounded() -> None:
 
 def test_two_wires_are_signed_as_two_links() -> None:
     ends = [memory_wires(name) for name in "ab"]
-    hub = Hub({wire.address: wire for wire, _ in ends}, 245, KEY)
+    hub = Router({wire.address: wire for wire, _ in ends}, 245, KEY)
     for wire, _ in ends:
         hub.port(wire.address, 1).send(HEARTBEAT)
     sent: Sequence[bytes] = [there.receive(0)[0][0] for _, there in ends]

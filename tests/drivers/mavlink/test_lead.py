@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import CommandKind, Setpoint, SetpointKind
-from kybflow.drivers.mavlink.control.latency import Lag, led
+from kybflow.drivers.mavlink.control.setpoints import Latency, compensated
 
 vectors = st.tuples(*(st.floats(-3.0, 3.0),) * 3)
 times = st.floats(0.0, 1.0)
@@ -20,7 +20,7 @@ STOPPED = Setpoint(SetpointKind.POSITION, (1.0, 2.0, 3.0), ZERO, ZERO, ZERO, 0.5
 
 
 def sent(setpoint, time, kind=CommandKind.POSITION):
-    return led(at(ZERO)._replace(setpoint=setpoint, kind=kind), Lag(time, 0.3)).setpoint
+    return compensated(at(ZERO)._replace(setpoint=setpoint, kind=kind), Latency(time, 0.3)).setpoint
 
 
 def on_cubic(p, v, a, j, t):
@@ -65,7 +65,7 @@ def test_one_of_velocity_has_no_place_to_move():
 
 def test_what_says_not_how_it_moves_is_sent_as_it_is():
     for command in (RESTING, at((1.0, 2.0, 3.0))):
-        assert led(command, Lag(0.3, 0.3)) is command
+        assert compensated(command, Latency(0.3, 0.3)) is command
 
 
 def test_an_acceleration_alone_comes_later_by_a_time_of_its_own():

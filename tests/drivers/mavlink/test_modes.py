@@ -11,9 +11,9 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NS
 from kybflow.drivers.mavlink.control.modes import Modes
-from kybflow.drivers.mavlink.control.requests import Requests
-from kybflow.drivers.mavlink.firmware.profile import profile_of
-from kybflow.drivers.mavlink.telemetry.heard import Heard
+from kybflow.drivers.mavlink.control.requests import CommandRequests
+from kybflow.drivers.mavlink.firmware import profile_of
+from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 TICK = NS // 50
 
@@ -21,8 +21,8 @@ TICK = NS // 50
 class Talk:
     def __init__(self, name="ardupilot"):
         self.profile = profile_of(name)
-        self.heard = Heard()
-        self.requests = Requests(self.heard, target=(1, 1))
+        self.heard = ReceivedStatus()
+        self.requests = CommandRequests(self.heard, target=(1, 1))
         self.modes = Modes(self.profile, self.heard, self.requests)
         self.now = 0
         self.result = 0

@@ -11,7 +11,7 @@ pytest.importorskip("pymavlink")
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NS
-from kybflow.drivers.mavlink.telemetry.parameters import AT_ONCE, Parameters, rounded
+from kybflow.drivers.mavlink.telemetry.parameters import AT_ONCE, AutopilotParameters, rounded
 
 INT32, REAL32 = 6, 9
 
@@ -28,21 +28,21 @@ def told(name: str, value: float, sort: int = REAL32):
     return mavlink.MAVLink(None).parse_buffer(message.pack(sender))[0]
 
 
-def sent(parameters: Parameters, now: int) -> list[tuple[str, str]]:
+def sent(parameters: AutopilotParameters, now: int) -> list[tuple[str, str]]:
     return [(m.get_type(), m.param_id) for m in parameters.due(now)]
 
 
 @pytest.fixture
-def px4() -> Parameters:
-    return Parameters(True, target=(1, 1))
+def px4() -> AutopilotParameters:
+    return AutopilotParameters(True, target=(1, 1))
 
 
 @pytest.fixture
-def plain() -> Parameters:
-    return Parameters(False, target=(1, 1))
+def plain() -> AutopilotParameters:
+    return AutopilotParameters(False, target=(1, 1))
 
 
-def test_a_name_is_asked_for_and_told(plain: Parameters) -> None:
+def test_a_name_is_asked_for_and_told(plain: AutopilotParameters) -> None:
     plain.read(["VISO_TYPE"], 0)
     assert not plain.is_complete(["VISO_TYPE"])
     assert sent(plain, 0) == [("PARAM_REQUEST_READ", "VISO_TYPE")]
@@ -53,14 +53,14 @@ def test_a_name_is_asked_for_and_told(plain: Parameters) -> None:
 
 
 @pytest.mark.parametrize("number", [0, 1, -1, 3, 123_456, -(2**31), 2**31 - 1])
-def test_whole_numbers_travel_bytewise_on_px4(px4: Parameters, number: int) -> None:
+def test_whole_numbers_travel_bytewise_on_px4(px4: AutopilotParameters, number: int) -> None:
     px4.read(["EKF2_EV_CTRL"], 0)
     px4.due(0)
     px4.hear(told("EKF2_EV_CTRL", bits(number), INT32), 1)
     assert px4.values == {"EKF2_EV_CTRL": number}
 
 
-def test_what_is_known_is_read_again_only_when_that_is_asked(plain: Parameters) -> None:
+def test_what_is_known_is_read_again_only_when_that_is_asked(plain: AutopilotParameters) -> None:
     plain.read(["A"], 0)
     plain.due(0)
     plain.hear(told("A", 1.5), 0)
@@ -70,7 +70,7 @@ def test_what_is_known_is_read_again_only_when_that_is_asked(plain: Parameters) 
     assert sent(plain, 1) == [("PARAM_REQUEST_READ", "A")]
 
 
-def test_what_is_never_told_is_missing_after_three_tries(px4: Parameters) -> None:
+def test_what_is_never_told_is_missing_after_three_tries(px4: AutopilotParameters) -> None:
     px4.read(["NONE"], 0)
     when = [now for now in range(0, 9 * NS, NS // 10) if px4.due(now)]
     assert when == [0, NS // 2, 3 * NS // 2]
@@ -80,14 +80,16 @@ def test_what_is_never_told_is_missing_after_three_tries(px4: Parameters) -> Non
     assert px4.due(9 * NS) == []
 
 
-def test_an_autopilot_that_says_what_does_not_exist_is_believed_at_once(plain: Parameters) -> None:
+def test_an_autopilot_that_says_what_does_not_exist_is_believed_at_once(
+    plain: AutopilotParameters,
+) -> None:
     plain.read(["NONE"], 0)
     plain.due(0)
     plain.hear(mavlink.MAVLink_param_error_message(245, 191, b"NONE", -1, 1), 1)
     assert (plain.missing, plain.due(NS)) == ({"NONE"}, [])
 
 
-def test_few_are_under_way_at_a_time(plain: Parameters) -> None:
+def test_few_are_under_way_at_a_time(plain: AutopilotParameters) -> None:
     names = [f"P{i}" for i in range(100)]
     plain.read(names, 0)
     assert len(plain.due(0)) == AT_ONCE
@@ -96,7 +98,9 @@ def test_few_are_under_way_at_a_time(plain: Parameters) -> None:
     assert sent(plain, 2) == [("PARAM_REQUEST_READ", "P5")]
 
 
-def test_a_parameter_is_written_once_its_type_is_known_and_told_back(px4: Parameters) -> None:
+def test_a_parameter_is_written_once_its_type_is_known_and_told_back(
+    px4: AutopilotParameters,
+) -> None:
     px4.write("COM_OBL_RC_ACT", 4, 0)
     assert sent(px4, 0) == [("PARAM_REQUEST_READ", "COM_OBL_RC_ACT")]
     px4.hear(told("COM_OBL_RC_ACT", bits(0), INT32), 1)
@@ -110,7 +114,7 @@ def test_a_parameter_is_written_once_its_type_is_known_and_told_back(px4: Parame
     assert (px4.values, px4.refused) == ({"COM_OBL_RC_ACT": 4.0}, {})
 
 
-def test_a_float_is_compared_as_it_is_on_the_wire(plain: Parameters) -> None:
+def test_a_float_is_compared_as_it_is_on_the_wire(plain: AutopilotParameters) -> None:
     plain.write("GUID_TIMEOUT", 0.1, 0)
     plain.due(0)
     plain.hear(told("GUID_TIMEOUT", 3.0), 0)
@@ -120,14 +124,14 @@ def test_a_float_is_compared_as_it_is_on_the_wire(plain: Parameters) -> None:
     assert plain.values["GUID_TIMEOUT"] == rounded(0.1) != 0.1
 
 
-def test_what_it_has_already_is_not_written(plain: Parameters) -> None:
+def test_what_it_has_already_is_not_written(plain: AutopilotParameters) -> None:
     plain.write("A", 2.0, 0)
     plain.due(0)
     plain.hear(told("A", 2.0), 1)
     assert (plain.is_complete(["A"]), plain.due(NS)) == (True, [])
 
 
-def test_an_autopilot_that_keeps_its_value_has_refused(plain: Parameters) -> None:
+def test_an_autopilot_that_keeps_its_value_has_refused(plain: AutopilotParameters) -> None:
     plain.write("A", 2.0, 0)
     plain.due(0)
     for now in range(0, 9 * NS, NS // 10):
@@ -137,7 +141,7 @@ def test_an_autopilot_that_keeps_its_value_has_refused(plain: Parameters) -> Non
     assert plain.values == {"A": 1.0}
 
 
-def test_an_error_says_why_it_was_not_written(plain: Parameters) -> None:
+def test_an_error_says_why_it_was_not_written(plain: AutopilotParameters) -> None:
     plain.write("A", 2.0, 0)
     plain.due(0)
     plain.hear(told("A", 1.0), 1)
@@ -146,13 +150,13 @@ def test_an_error_says_why_it_was_not_written(plain: Parameters) -> None:
     assert plain.refused == {"A": "read-only"}
 
 
-def test_writing_what_does_not_exist_makes_it_missing(plain: Parameters) -> None:
+def test_writing_what_does_not_exist_makes_it_missing(plain: AutopilotParameters) -> None:
     plain.write("NONE", 2.0, 0)
     for now in range(0, 9 * NS, NS // 10):
         plain.due(now)
     assert (plain.missing, plain.refused) == ({"NONE"}, {})
 
 
-def test_what_nobody_asked_for_is_not_kept(plain: Parameters) -> None:
+def test_what_nobody_asked_for_is_not_kept(plain: AutopilotParameters) -> None:
     plain.hear(told("STAT_RUNTIME", 5.0), 0)
     assert plain.values == {}

@@ -11,8 +11,8 @@ pytest.importorskip("pymavlink")
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NS
-from kybflow.drivers.mavlink.control.requests import Request, Requests
-from kybflow.drivers.mavlink.telemetry.heard import Heard
+from kybflow.drivers.mavlink.control.requests import CommandRequest, CommandRequests
+from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 MODE, ARM, INTERVAL = 176, 400, 511
 MS = NS // 1000
@@ -22,10 +22,10 @@ class Peer:
     """An autopilot that hears a request's messages and answers as it is told."""
 
     def __init__(self, own_system: int = 0) -> None:
-        self.heard = Heard()
-        self.requests = Requests(self.heard, target=(3, 1), own_system=own_system)
+        self.heard = ReceivedStatus()
+        self.requests = CommandRequests(self.heard, target=(3, 1), own_system=own_system)
 
-    def ask(self, command: int, *params: float, now: int = 0, **more: Any) -> Request:
+    def ask(self, command: int, *params: float, now: int = 0, **more: Any) -> CommandRequest:
         return self.requests.ask(command, *params, now=now, **more)
 
     def sent(self, now: int) -> list[tuple[int, float, int]]:

@@ -10,7 +10,7 @@ from fake import Bench, at, estimate, mavlink
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Imu, Odometry
-from kybflow.drivers.mavlink.control.hover import USUAL, Hover
+from kybflow.drivers.mavlink.control.setpoints import USUAL, HoverThrottle
 
 MS = 1_000_000
 FLOATS = ("float", "double")
@@ -106,7 +106,7 @@ def test_what_is_not_finite_goes_no_further(name):
 
 
 def test_a_throttle_that_is_no_number_is_not_flown_with():
-    throttle = Hover("MPC_THR_HOVER", 10.0, False).throttle({"MPC_THR_HOVER": nan})
+    throttle = HoverThrottle("MPC_THR_HOVER", 10.0, False).throttle({"MPC_THR_HOVER": nan})
     assert throttle.hover == USUAL
 
 

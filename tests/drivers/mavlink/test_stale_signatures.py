@@ -13,10 +13,10 @@ from test_signing import KEY, OTHER, Wall, signing
 from test_watch import looked
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.discovery import Scout
+from kybflow.drivers.mavlink.discovery import Discovery
 from kybflow.drivers.mavlink.protocol.framing import Packer, Parser
 from kybflow.drivers.mavlink.protocol.signing import Signing
-from kybflow.drivers.mavlink.transport.router import GONE, Hub
+from kybflow.drivers.mavlink.transport.router import GONE, Router
 from kybflow.drivers.mavlink.transport.wire import Received, Wire
 
 HOUR = 3600.0
@@ -65,8 +65,8 @@ def wire() -> Answering:
     return Answering()
 
 
-def hub(wire: Answering) -> Hub:
-    return Hub({wire.address: wire}, 245, signing=signing(wall=Wall(TODAY)))
+def hub(wire: Answering) -> Router:
+    return Router({wire.address: wire}, 245, signing=signing(wall=Wall(TODAY)))
 
 
 def test_one_whose_time_is_behind_is_told_ours_and_then_heard(wire: Answering):
@@ -74,7 +74,7 @@ def test_one_whose_time_is_behind_is_told_ours_and_then_heard(wire: Answering):
     port = ours.port(wire.address, 1)
     wire.coming.append((theirs.says(), HERE))
     ours.poll(NS)
-    assert (port.take(), port.heard) == ([], None)
+    assert (port.take(), port.last_heard) == ([], None)
     assert "is signed with an old time" in (port.trouble() or "")
     [(data, to)] = wire.sent
     assert to == HERE
@@ -146,13 +146,13 @@ def test_who_signs_with_an_old_time_is_not_heard(wire: Answering):
 
 
 def test_a_scout_hears_one_whose_time_is_behind_though_it_knows_no_id(wire: Answering):
-    theirs, scout = Restarted(system=2, at=0.0), Scout(wire, None, 245, KEY)
+    theirs, discovery = Restarted(system=2, at=0.0), Discovery(wire, None, 245, KEY)
     for now in range(3):
         wire.coming.append((theirs.says(), HERE))
-        scout.step(now)
+        discovery.step(now)
         for data, _ in wire.sent:
             theirs.parser.parse(data)
-    assert set(scout.heard) == {2}
+    assert set(discovery.statuses) == {2}
 
 
 def test_without_a_key_one_that_signs_and_heeds_nothing_is_told_as_such():

@@ -72,7 +72,7 @@ def test_a_person_ends_an_attempt_that_is_under_way(name):
     bench.fake.refuses = {}
     bench.run(15.0, UP)
     assert bench.fake.commands(SET_MODE) == bench.fake.took(STREAM) == []
-    assert bench.link.helm.modes.reported == HAND[name]
+    assert bench.link.offboard.modes.reported == HAND[name]
     assert bench.link.taken.refused == ""
     bench.link.reclaim(bench.now)
     bench.run(3.0, UP)

@@ -13,11 +13,10 @@ import pytest
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS
+from kybflow.drivers.mavlink.transport import open_wire
 from kybflow.drivers.mavlink.transport.address import Address
-from kybflow.drivers.mavlink.transport.pipe import Pipe
-from kybflow.drivers.mavlink.transport.tcp import TcpServer
-from kybflow.drivers.mavlink.transport.udp import MOST_AT_ONCE, UdpIn
-from kybflow.drivers.mavlink.transport.wire import Wire, memory_wires, open_wire
+from kybflow.drivers.mavlink.transport.sockets import MOST_AT_ONCE, TcpServer, UdpIn
+from kybflow.drivers.mavlink.transport.wire import Pipe, Wire, memory_wires
 
 PATIENCE = 60.0
 """Seconds after which what does not come never will; never waited for in full."""

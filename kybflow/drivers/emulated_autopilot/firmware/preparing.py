@@ -11,7 +11,7 @@ from kybflow.drivers.emulated_autopilot.control.payload import GRIPPER
 from kybflow.drivers.emulated_autopilot.firmware.ardupilot import ARDUPILOT
 from kybflow.drivers.emulated_autopilot.firmware.firmware import Firmware
 from kybflow.drivers.emulated_autopilot.firmware.px4 import PX4
-from kybflow.drivers.mavlink.firmware.profile import profile_of
+from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.dsl.diagnostics.diagnostic import did_you_mean
 from kybflow.world.vehicle_context import VehicleContext
 

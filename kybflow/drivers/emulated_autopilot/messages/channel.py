@@ -12,7 +12,7 @@ from kybflow.core.signals import NEVER, NS, Time
 from kybflow.drivers.emulated_autopilot.state import Failures
 from kybflow.drivers.mavlink.protocol.framing import Counts, Packer, Parser
 from kybflow.drivers.mavlink.protocol.signing import Signing
-from kybflow.drivers.mavlink.transport.udp import UdpIn
+from kybflow.drivers.mavlink.transport.sockets import UdpIn
 from kybflow.drivers.mavlink.transport.wire import Wire
 
 AUTOPILOT = 1

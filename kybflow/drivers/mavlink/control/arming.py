@@ -1,21 +1,24 @@
-"""Getting ready to obey, and resting again.
+"""Arming and disarming.
 
-Arming waits, in this order and anew in every tick, for set-points that flow (where the autopilot
-wants them before the mode), the mode in which it follows them, its own readiness, armed rotors, and
-the lift from the ground, by its own take-off or by set-points above it. So what is lost on the way
-is asked for again, until `patience` is over.
-"""
+Arming waits in this order, checked anew in every tick: setpoints that flow (where the autopilot
+wants them before the mode), the mode in which it follows setpoints, its readiness, armed rotors,
+and the lift-off, by its own take-off or by setpoints above the ground. What gets lost on the way is
+requested again until the arming timeout.
+
+An autopilot reports its readiness for its current mode only; so the preflight too puts a disarmed
+vehicle into the mode in which it will fly (`PreflightMode`)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from kybflow.core.errors import Refused
-from kybflow.core.signals import NS, Time
+from kybflow.core.signals import NS, Command, Time
 from kybflow.drivers.mavlink.control.modes import Modes
-from kybflow.drivers.mavlink.control.requests import Requests
-from kybflow.drivers.mavlink.control.retries import Insisting
-from kybflow.drivers.mavlink.control.stream import Stream
-from kybflow.drivers.mavlink.firmware.profile import Profile
-from kybflow.drivers.mavlink.telemetry.heard import Heard, Landed
+from kybflow.drivers.mavlink.control.requests import CommandRequests, Retries
+from kybflow.drivers.mavlink.control.setpoints import SetpointStream
+from kybflow.drivers.mavlink.firmware import FirmwareProfile
+from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
 
 ARM_DISARM, TAKEOFF = 400, 22
 FORCED = 21196.0
@@ -41,13 +44,13 @@ class Arming:
     """One attempt. `height`: the autopilot's own, metres, None while unknown."""
 
     def __init__(
-        self, profile: Profile, heard: Heard, requests: Requests, modes: Modes, patience: float,
-        now: Time,
+        self, profile: FirmwareProfile, status: ReceivedStatus, requests: CommandRequests,
+        modes: Modes, timeout: float, now: Time,
     ) -> None:  # fmt: skip
-        self._profile, self._heard, self._modes = profile, heard, modes
-        self._begun, self._patience = now, patience
-        self._arm = Insisting(requests, ARM_DISARM, (1.0,))
-        self._lift = Insisting(
+        self._profile, self._status, self._modes = profile, status, modes
+        self._begun, self._timeout = now, timeout
+        self._arm = Retries(requests, ARM_DISARM, (1.0,))
+        self._lift = Retries(
             requests, TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, profile.takeoff_height)
         )
         self._floor: float | None = None
@@ -55,11 +58,11 @@ class Arming:
         if modes.has_left:
             modes.again()
 
-    def step(self, stream: Stream, height: float | None, rises: bool, now: Time) -> bool:
+    def step(self, stream: SetpointStream, height: float | None, rises: bool, now: Time) -> bool:
         """Whether it is armed and follows. rises: set-points that are raised lift it. Raises
         Refused after its patience, in its words."""
         waits = self._waits(stream, height, rises, now)
-        if waits and now - self._begun > self._patience * NS:
+        if waits and now - self._begun > self._timeout * NS:
             raise Refused(f"{self._profile.name} won't arm: {self._words(waits)}")
         return not waits
 
@@ -68,13 +71,13 @@ class Arming:
         self._arm.drop()
         self._lift.drop()
 
-    def _waits(self, stream: Stream, height: float | None, rises: bool, now: Time) -> str:
+    def _waits(self, stream: SetpointStream, height: float | None, rises: bool, now: Time) -> str:
         """What it waits for, in words; empty when it does not wait any more."""
         if self._profile.streams_first and stream.flows(now) < LEAD:
             return "no set-points flow"
         if not self._modes.step(now):
             return self._modes.trouble
-        if not self._heard.armed:
+        if not self._status.armed:
             self._floor = height
             return self._to_arm(now)
         if self._profile.climbs:
@@ -82,18 +85,18 @@ class Arming:
         return self._to_rise(height) if rises else ""
 
     def _to_arm(self, now: Time) -> str:
-        unready = self._profile.ready(self._heard)
-        if unready and now - self._begun < DOUBT * self._patience * NS:
+        unready = self._profile.ready(self._status)
+        if unready and now - self._begun < DOUBT * self._timeout * NS:
             return unready
         self._arm.step(now)
         said = self._arm.refusal or unready
         return said or "it has been asked to, and its heartbeat says that it is not armed"
 
     def _to_lift(self, height: float | None, now: Time) -> str:
-        landed = self._heard.landed
-        if landed in (Landed.AIR, Landed.LANDING):
+        landed = self._status.landed
+        if landed in (LandedState.AIR, LandedState.LANDING):
             return ""
-        if landed is Landed.TAKING_OFF:
+        if landed is LandedState.TAKING_OFF:
             enough = min(LIFTED, 0.5 * self._profile.takeoff_height)
             if height is None or self._floor is None or height - self._floor >= enough:
                 return ""
@@ -109,22 +112,22 @@ class Arming:
 
     def _words(self, waits: str) -> str:
         """`waits`, with what it said itself meanwhile where that is not in it."""
-        said = [part for part in self._heard.words(self._begun).split("; ") if part]
-        if not self._heard.armed and self._heard.ill:
-            said.append(self._heard.ill)
+        said = [part for part in self._status.words(self._begun).split("; ") if part]
+        if not self._status.armed and self._status.ill:
+            said.append(self._status.ill)
         return "; ".join([waits, *(part for part in said if part not in waits)])
 
 
-class Resting:
+class Disarming:
     """A vehicle that is to be disarmed, asked for but never forced. One that does not know that it
     is on the ground, or that does not disarm there within a second, is put into its own land mode,
     which brings it down and notices. `insists`: whether it is too early to say that it won't."""
 
-    def __init__(self, heard: Heard, requests: Requests, modes: Modes) -> None:
-        self._heard, self._modes = heard, modes
-        self._disarm = Insisting(requests, ARM_DISARM, (0.0,))
+    def __init__(self, status: ReceivedStatus, requests: CommandRequests, modes: Modes) -> None:
+        self._status, self._modes = status, modes
+        self._disarm = Retries(requests, ARM_DISARM, (0.0,))
         self._begun: Time | None = None
-        self.insists = heard.armed
+        self.insists = status.armed
 
     def drop(self) -> None:
         """Ask no more."""
@@ -137,13 +140,13 @@ class Resting:
 
     def step(self, now: Time) -> None:
         """Once a tick."""
-        self.insists = self._heard.armed and (self._begun is None or now - self._begun <= PATIENT)
-        if not self._heard.armed:
+        self.insists = self._status.armed and (self._begun is None or now - self._begun <= PATIENT)
+        if not self._status.armed:
             self._begun = None
             return
         if self._begun is None:
             self._begun = now
-        grounded = self._heard.landed in (Landed.GROUND, Landed.UNKNOWN)
+        grounded = self._status.landed in (LandedState.GROUND, LandedState.UNKNOWN)
         if grounded or now - self._begun > UNSURE:
             self._disarm.step(now)
         if not grounded or now - self._begun > SOON:
@@ -151,17 +154,53 @@ class Resting:
         self._modes.step(now)
 
 
-class Cutting:
+class MotorStop:
     """Rotors that are to stop at once, in the air too: asked every fifth of a second until the
     heartbeat says that they rest."""
 
-    def __init__(self, heard: Heard, requests: Requests) -> None:
-        self._heard = heard
-        self._cut = Insisting(requests, ARM_DISARM, (0.0, FORCED), first=0.2, most=0.2, shown=0.2)
+    def __init__(self, status: ReceivedStatus, requests: CommandRequests) -> None:
+        self._status = status
+        self._cut = Retries(requests, ARM_DISARM, (0.0, FORCED), first=0.2, most=0.2, shown=0.2)
 
     def step(self, now: Time) -> bool:
         """Whether they rest."""
-        if not self._heard.armed:
+        if not self._status.armed:
             return True
         self._cut.step(now)
         return False
+
+
+AGAIN: Time = 2 * NS
+"""After this it is asked anew for a mode that it has left."""
+
+
+class PreflightMode:
+    """Of one autopilot. stream: where set-points must flow before the mode. hold: what makes it
+    hold still where it is, None where that is not known. follows: asks for the mode in which it
+    follows; whether it is in it."""
+
+    def __init__(
+        self, modes: Modes, stream: SetpointStream | None, hold: Callable[[], Command | None],
+        follows: Callable[[Time], bool],
+    ) -> None:  # fmt: skip
+        self._modes, self._stream, self._hold, self._follows = modes, stream, hold, follows
+        self._left: Time | None = None
+
+    def step(self, now: Time) -> str:
+        """Why it is not in it, empty when it is; once a tick, disarmed."""
+        self._modes.want("offboard")
+        if self._stream is not None:
+            if (holding := self._hold()) is None:
+                return "it has no position to hold, which it must be sent first"
+            self._stream.feed(holding, now)
+        self._come_back(now)
+        return "" if self._follows(now) else self._modes.trouble
+
+    def _come_back(self, now: Time) -> None:
+        if not self._modes.has_left:
+            self._left = None
+        elif self._left is None:
+            self._left = now
+        elif now - self._left > AGAIN:
+            self._left = None
+            self._modes.again()

@@ -7,10 +7,9 @@ and only they count.
 from __future__ import annotations
 
 from kybflow.core.signals import Time
-from kybflow.drivers.mavlink.control.requests import Requests
-from kybflow.drivers.mavlink.control.retries import Insisting
-from kybflow.drivers.mavlink.firmware.profile import Profile
-from kybflow.drivers.mavlink.telemetry.heard import Heard
+from kybflow.drivers.mavlink.control.requests import CommandRequests, Retries
+from kybflow.drivers.mavlink.firmware import FirmwareProfile
+from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 DO_SET_MODE = 176
 
@@ -20,22 +19,29 @@ class Modes:
     autopilot has been in it since it was wanted. `before`: its mode, as a number, when one was
     first wanted."""
 
-    def __init__(self, profile: Profile, heard: Heard, requests: Requests) -> None:
+    def __init__(
+        self, profile: FirmwareProfile, status: ReceivedStatus, requests: CommandRequests
+    ) -> None:
         self.wanted: str | None = None
         self.was_in_force = False
         self.before: int | None = None
-        self._profile, self._heard, self._requests = profile, heard, requests
-        self._asking: Insisting | None = None
+        self._profile, self._status, self._requests = profile, status, requests
+        self._asking: Retries | None = None
 
     @property
     def reported(self) -> str:
         """The mode that the autopilot says it is in, by its own name."""
-        mode = self._heard.mode
+        mode = self._status.mode
         return "no known mode" if mode is None else self._profile.mode_name(mode)
 
     def is_in(self, name: str) -> bool:
         """Whether the autopilot says that it is in this mode of the profile."""
-        return self._heard.mode == self._profile.modes[name]
+        return self._status.mode == self._profile.modes[name]
+
+    @property
+    def is_manual(self) -> bool:
+        """Whether a person flies the mode that the autopilot reports."""
+        return self.reported in self._profile.manual_modes
 
     @property
     def in_force(self) -> bool:
@@ -62,7 +68,7 @@ class Modes:
         if self.wanted is None:
             return False
         if self.before is None:
-            self.before = self._heard.mode
+            self.before = self._status.mode
         if self.in_force:
             self.was_in_force = True
             self._drop()
@@ -70,7 +76,7 @@ class Modes:
         if not self.was_in_force:
             if self._asking is None:
                 params = self._profile.mode_params(self._profile.modes[self.wanted])
-                self._asking = Insisting(self._requests, DO_SET_MODE, params)
+                self._asking = Retries(self._requests, DO_SET_MODE, params)
             self._asking.step(now)
         return False
 

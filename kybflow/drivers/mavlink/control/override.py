@@ -1,26 +1,24 @@
-"""Why an autopilot has left the mode in which it followed: a person, its own failsafe, or nobody
-says.
+"""Manual override and failsafes: who took an autopilot out of offboard control, and how it is taken
+back.
 
-A mode that is flown by hand is a pilot's, unless its own words say failsafe. Any other is its own
-failsafe where a cut link or its words say so; words may come a moment later than the mode. Where
-nothing says so, that is said.
-"""
+A mode that is flown by hand is a pilot's, unless the autopilot's texts say failsafe. Any other mode
+is its own failsafe where a cut link or its texts say so; texts may arrive a moment after the mode.
+Where nothing says so, the reason says that.
+
+A vehicle is asked back for 10 s at most; with no limit it would leave its pilot when nobody expects
+it any more. One that its own failsafe has may come back unasked. That ends with the first mode that
+is flown by hand, or that differs from the failsafe's: a person may have chosen it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
-from kybflow.core.signals import NS, Time
+from kybflow.core.signals import NS, Command, Time
 from kybflow.drivers.mavlink.control.modes import Modes
-from kybflow.drivers.mavlink.telemetry.heard import Heard, Landed
+from kybflow.drivers.mavlink.control.setpoints import SetpointStream
+from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
 
-BY_HAND = frozenset(
-    {
-        "MANUAL", "ALTITUDE", "POSITION", "ACRO", "STABILIZED",
-        "STABILIZE", "ALT_HOLD", "LOITER", "POSHOLD", "SPORT", "DRIFT", "FLIP", "AUTOTUNE",
-    }
-)  # fmt: skip
-"""The modes that a person flies, as the autopilots call them."""
 TELLING = ("lost", "variance", "emergency", "critical", "timeout", "low battery")
 """What of an autopilot's words says that it acted by itself."""
 BEFORE: Time = 2 * NS
@@ -41,20 +39,20 @@ class Silence(NamedTuple):
     seconds: float
 
 
-class Verdict(NamedTuple):
+class OverrideCause(NamedTuple):
     """reason: in words. by_itself: its own failsafe has it."""
 
     reason: str
     by_itself: bool = False
 
 
-class Taking:
+class OverrideDetector:
     """Of one autopilot that is armed and in the wanted mode: does it stay there? `silence`: the
     newest one of the link. `is_in_doubt`: whether it does not, and it is not yet known why."""
 
-    def __init__(self, heard: Heard, modes: Modes) -> None:
+    def __init__(self, status: ReceivedStatus, modes: Modes) -> None:
         self.silence: Silence | None = None
-        self._heard, self._modes = heard, modes
+        self._status, self._modes = status, modes
         self._since: Time | None = None
 
     @property
@@ -65,38 +63,113 @@ class Taking:
         """It is asked for something else now."""
         self._since = None
 
-    def found(self, now: Time) -> Verdict | None:
+    def found(self, now: Time) -> OverrideCause | None:
         """Who has it, asked once a tick; None while it obeys, and while its words are waited
         for."""
-        if self._heard.armed and not self._modes.has_left:
+        if self._status.armed and not self._modes.has_left:
             self._since = None
             return None
         if self._since is None:
             self._since = now
-        return self._mode(self._since, now) if self._heard.armed else self._rotors(self._since, now)
+        return (
+            self._mode(self._since, now) if self._status.armed else self._rotors(self._since, now)
+        )
 
-    def _mode(self, since: Time, now: Time) -> Verdict | None:
-        mode, words, silence = self._modes.reported, self._heard.words(since - BEFORE), self.silence
+    def _mode(self, since: Time, now: Time) -> OverrideCause | None:
+        mode, words, silence = (
+            self._modes.reported,
+            self._status.words(since - BEFORE),
+            self.silence,
+        )
         said = f" ('{words}')" if words else ""
         if "failsafe" in words.lower():
-            return Verdict(f"its own failsafe: {mode}{said}", True)
-        if mode in BY_HAND:
-            return Verdict(f"a pilot took over: {mode}{said}")
+            return OverrideCause(f"its own failsafe: {mode}{said}", True)
+        if self._modes.is_manual:
+            return OverrideCause(f"a pilot took over: {mode}{said}")
         if silence is not None and since - silence.ended <= CUT_BEFORE:
             cut = f"after {silence.seconds:.1f} s without a link"
-            return Verdict(f"its own failsafe: {mode}, {cut}{said}", True)
+            return OverrideCause(f"its own failsafe: {mode}, {cut}{said}", True)
         if any(telling in words.lower() for telling in TELLING):
-            return Verdict(f"its own failsafe: {mode}{said}", True)
-        on_ground = self._heard.landed is Landed.GROUND
+            return OverrideCause(f"its own failsafe: {mode}{said}", True)
+        on_ground = self._status.landed is LandedState.GROUND
         if now - since < (LANDS_ITSELF if on_ground else AFTER):
             return None
-        return Verdict(f"a person or itself put it into {mode}, and it does not say why{said}")
+        return OverrideCause(
+            f"a person or itself put it into {mode}, and it does not say why{said}"
+        )
 
-    def _rotors(self, since: Time, now: Time) -> Verdict | None:
+    def _rotors(self, since: Time, now: Time) -> OverrideCause | None:
         """It is disarmed, which nobody here asked for."""
-        in_air = self._heard.landed in (Landed.AIR, Landed.TAKING_OFF)
+        in_air = self._status.landed in (LandedState.AIR, LandedState.TAKING_OFF)
         if not in_air and now - since <= LANDS_ITSELF:
             return None
-        words = self._heard.words(since - BEFORE)
+        words = self._status.words(since - BEFORE)
         where = "in the air" if in_air else "on the ground"
-        return Verdict(f"it disarmed {where}" + (f" ('{words}')" if words else ""))
+        return OverrideCause(f"it disarmed {where}" + (f" ('{words}')" if words else ""))
+
+
+INSISTENT: Time = 10 * NS
+"""How long it is asked for."""
+NOWHERE = "it is not known where it is, and so not where it is to hold"
+
+
+class ControlRecovery:
+    """Of one vehicle. stream: what it is sent meanwhile. hold: what makes it hold still where it
+    is, None where that is not known. follows: asks for the mode in which it follows; whether it is
+    in it. `is_unasked`: whether it is to come back though nobody asks."""
+
+    def __init__(
+        self, modes: Modes, stream: SetpointStream, hold: Callable[[], Command | None],
+        follows: Callable[[Time], bool],
+    ) -> None:  # fmt: skip
+        self._modes, self._stream, self._hold, self._follows = modes, stream, hold, follows
+        self._holding: Command | None = None
+        self._asked: Time = 0
+        self.is_unasked = False
+        self._left_for = ""
+
+    @property
+    def is_under_way(self) -> bool:
+        return self._holding is not None
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """Whether a person may have one that is to come back unasked: it is flown by hand, or
+        neither in the mode of its failsafe nor in the one in which it follows."""
+        mode = self._modes.reported
+        is_other = mode != self._left_for and not self._modes.is_in("offboard")
+        return self._modes.is_manual or is_other
+
+    def expect(self) -> None:
+        """It is to come back unasked, from the mode in which it is now."""
+        self.is_unasked, self._left_for = True, self._modes.reported
+
+    def begin(self, now: Time) -> str:
+        """Ask for it from now on; why that can't be, empty where it can."""
+        self._holding, self._asked = self._hold(), now
+        if self._holding is None:
+            return NOWHERE
+        self._modes.want("offboard")
+        return ""
+
+    def forget(self) -> None:
+        """It is asked for something else now."""
+        self._holding, self.is_unasked = None, False
+
+    def end(self) -> None:
+        """It is not asked for any more, and not to come unasked."""
+        self.forget()
+        self._stream.stop()
+        self._modes.want(None)
+
+    def lasts(self, now: Time) -> str:
+        """Why it does not come, once it was asked for long enough; empty before."""
+        if now - self._asked <= INSISTENT:
+            return ""
+        return f"{self._modes.trouble}, asked for {INSISTENT / NS:.0f} s"
+
+    def step(self, now: Time) -> bool:
+        """Whether it is back; once a tick while it is under way."""
+        if self._holding is not None:
+            self._stream.feed(self._holding, now)
+        return self._follows(now)

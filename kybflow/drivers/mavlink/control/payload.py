@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from kybflow.core.errors import Refused
 from kybflow.core.signals import NS, Payload, Time
-from kybflow.drivers.mavlink.control.requests import Request, name_of
-from kybflow.drivers.mavlink.firmware.profile import Ask, Output
-from kybflow.drivers.mavlink.protocol import decode
+from kybflow.drivers.mavlink.control.requests import CommandRequest, name_of
+from kybflow.drivers.mavlink.firmware import Output, PayloadCommand
+from kybflow.drivers.mavlink.protocol import codec
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.contact import Contact
@@ -22,17 +22,17 @@ SEEN = 2.0
 outputs may have been told."""
 
 
-class Grip:
+class PayloadGrip:
     """output: what the payload hangs on."""
 
     def __init__(self, contact: Contact, output: Output) -> None:
-        self._profile, self._heard = contact.profile, contact.heard
+        self._profile, self._status = contact.profile, contact.status
         self._requests, self._parameters = contact.requests, contact.parameters
         self._output = output
         self._is_open: bool | None = None
-        self._left: list[Ask] = []
+        self._left: list[PayloadCommand] = []
         self._said: list[str] = []
-        self._request: Request | None = None
+        self._request: CommandRequest | None = None
         self._accepted: Time | None = None
 
     def ask(self, is_open: bool, now: Time) -> Payload | None:
@@ -69,16 +69,16 @@ class Grip:
         """Whether what was acknowledged has been seen, where it can be."""
         if self._accepted is None:
             self._accepted = now
-        told = self._heard.at.get("SERVO_OUTPUT_RAW")
+        told = self._status.at.get("SERVO_OUTPUT_RAW")
         shown = self._left[0].seen and self._output.shown
         if not shown or told is None or now - told > SEEN * NS:
             return True
         if told >= self._accepted:
-            pulses = decode.payload(self._heard.servos, self._output.number, now)
+            pulses = codec.payload(self._status.servos, self._output.number, now)
             if pulses is not None and pulses.is_open is is_open:
                 return True
         if now - self._accepted > SEEN * NS:
-            rests = "" if self._heard.armed else " (it is disarmed)"
+            rests = "" if self._status.armed else " (it is disarmed)"
             name, (number, parameter, _) = name_of(self._left[0].command), self._output
             self._next(f"it took {name}, but output {number} does not move{rests}: see {parameter}")
         return False

@@ -1,13 +1,14 @@
-"""Commands that an autopilot is asked to carry out: acknowledged, sent again, refused in its words.
+"""Commands to an autopilot: sent, acknowledged, sent again, refused in the autopilot's words.
 
-COMMAND_ACK names the command and nothing more. So of each command one request at a time is on its
-way, and the next one waits for its turn. A newer request on the same matter takes the place of the
-older one, which is not sent again: who disarms does not want to be armed by a late retry. The first
-answer after that counts for the older one.
+COMMAND_ACK names the command and nothing more, so one request of each command is under way at a
+time and the next waits for its turn. A newer request on the same matter replaces the older one,
+which is not sent again: whoever disarms does not want to be armed by a late retry. The first answer
+after that counts for the older one.
 
-Sent again after `patience`, then after twice as long each time, up to 2 s. That a command was
-accepted does not say that it was carried out: look at what the autopilot reports.
-"""
+A request is sent again after its `timeout`, then after twice as long each time, up to 2 s. An
+acknowledgement does not mean that the command was carried out, and an autopilot that refuses now
+may accept in a second; so `Retries` asks, with pauses that double, until the caller has seen the
+effect in what the autopilot reports."""
 
 from __future__ import annotations
 
@@ -20,11 +21,11 @@ from kybflow.core.signals import NS, Time
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
-    from kybflow.drivers.mavlink.telemetry.heard import Heard
+    from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 Outcome = Literal["waiting", "accepted", "refused", "silent"]
 
-PATIENCE = 0.3
+TIMEOUT = 0.3
 ATTEMPTS = 5
 LONGEST: Time = 2 * NS
 WORDS_LATE: Time = 3 * NS // 10
@@ -50,12 +51,12 @@ NUMBERED = frozenset(
 """Commands whose first parameter says what they are about."""
 
 
-class Request:
+class CommandRequest:
     """One command, from when it was asked until it ended. `words`: empty while it waits and when
     it was accepted, else why not, as far as the autopilot says it."""
 
     def __init__(
-        self, command: int, params: tuple[float, ...], asked: Time, patience: float, attempts: int
+        self, command: int, params: tuple[float, ...], asked: Time, timeout: float, attempts: int
     ) -> None:
         self.command, self.params, self.asked = command, params, asked
         self.outcome: Outcome = "waiting"
@@ -65,7 +66,7 @@ class Request:
         self.refusal = ""
         self.is_going_on = False
         self.next: Time = asked
-        self.wait: Time = round(patience * NS)
+        self.wait: Time = round(timeout * NS)
 
     @property
     def matter(self) -> tuple[float, ...]:
@@ -76,28 +77,30 @@ class Request:
         self.outcome, self.words = outcome, words
 
 
-class Requests:
+class CommandRequests:
     """The requests to one autopilot. target: its system and component. own_system: who asks; an
-    answer to somebody else is not ours (0 takes every answer). heard: where its words are."""
+    answer to somebody else is not ours (0 takes every answer). status: where its words are."""
 
-    def __init__(self, heard: Heard, *, target: tuple[int, int], own_system: int = 0) -> None:
-        self._heard, self._target, self._own = heard, target, own_system
-        self._waiting: list[Request] = []
-        self._replaced: list[Request] = []
+    def __init__(
+        self, status: ReceivedStatus, *, target: tuple[int, int], own_system: int = 0
+    ) -> None:
+        self._status, self._target, self._own = status, target, own_system
+        self._waiting: list[CommandRequest] = []
+        self._replaced: list[CommandRequest] = []
 
     def ask(
         self,
         command: int,
         *params: float,
         now: Time,
-        patience: float = PATIENCE,
+        timeout: float = TIMEOUT,
         attempts: int = ATTEMPTS,
-    ) -> Request:
+    ) -> CommandRequest:
         """Ask for a command (MAV_CMD) with up to seven parameters, the rest being 0. The very one
-        that already waits is given back. patience: seconds until it is sent again. attempts: how
+        that already waits is given back. timeout: seconds until it is sent again. attempts: how
         often it is sent at most."""
         filled = (*map(float, params), *(0.0,) * (7 - len(params)))
-        request = Request(command, filled, now, patience, attempts)
+        request = CommandRequest(command, filled, now, timeout, attempts)
         for other in self._waiting:
             if other.matter != request.matter or other.refusal:
                 continue
@@ -136,10 +139,10 @@ class Requests:
         self._tidy()
         return [self._send(request, now) for request in self._turns() if now >= request.next]
 
-    def _expire(self, request: Request) -> None:
+    def _expire(self, request: CommandRequest) -> None:
         """End it if its time is over."""
         if request.refusal:
-            said = self._heard.words(request.asked)
+            said = self._status.words(request.asked)
             why = f": {said}" if said else ", and it does not say why"
             request.end("refused", f"refused ({request.refusal}){why}")
         elif request.is_going_on:
@@ -148,7 +151,7 @@ class Requests:
             tries = "once" if request.sent == 1 else f"{request.sent} times"
             request.end("silent", f"no answer to {name_of(request.command)}, sent {tries}")
 
-    def _turns(self) -> Iterator[Request]:
+    def _turns(self) -> Iterator[CommandRequest]:
         """The first request of each command; one that was refused waits for words alone."""
         seen: set[int] = set()
         for request in self._waiting:
@@ -156,7 +159,7 @@ class Requests:
                 seen.add(request.command)
                 yield request
 
-    def _send(self, request: Request, now: Time) -> Message:
+    def _send(self, request: CommandRequest, now: Time) -> Message:
         request.next = now + request.wait
         request.wait = min(2 * request.wait, LONGEST)
         confirmation = min(request.sent, 255)
@@ -175,7 +178,7 @@ def name_of(command: int) -> str:
     return entry.name.removeprefix("MAV_CMD_") if entry else f"command {command}"
 
 
-def _answer(request: Request, result: int, now: Time) -> None:
+def _answer(request: CommandRequest, result: int, now: Time) -> None:
     if result == ACCEPTED:
         request.end("accepted")
     elif result == IN_PROGRESS:
@@ -184,3 +187,50 @@ def _answer(request: Request, result: int, now: Time) -> None:
     else:
         request.refusal = RESULTS[result] if result < len(RESULTS) else f"result {result}"
         request.next = now + WORDS_LATE
+
+
+SHOWN = 1.5
+"""Seconds in which what was accepted must have shown: heartbeats come once a second."""
+
+
+class Retries:
+    """One command. first, most: the shortest and the longest pause between two times, seconds.
+    shown: the shortest one after it was accepted. `refusal`: what the autopilot said to it last, in
+    words; empty while it has said nothing against it."""
+
+    def __init__(
+        self, requests: CommandRequests, command: int, params: tuple[float, ...],
+        first: float = 0.5, most: float = 4.0, shown: float = SHOWN,
+    ) -> None:  # fmt: skip
+        self.refusal = ""
+        self._requests, self._command, self._params = requests, command, params
+        self._pause, self._most, self._shown = first, most, shown
+        self._request: CommandRequest | None = None
+        self._due: Time | None = None
+
+    def step(self, now: Time) -> None:
+        """Ask where it is time to; called once a tick until it is so."""
+        request = self._request
+        if request is not None and request.outcome != "waiting":
+            self._answered(request, now)
+        if self._request is None and (self._due is None or now >= self._due):
+            self._request = self._requests.ask(
+                self._command,
+                *self._params,
+                now=now,
+                timeout=min(self._pause, TIMEOUT),
+                attempts=2,
+            )
+
+    def drop(self) -> None:
+        """Ask no more: what has not been answered is not sent again."""
+        if self._request is not None and self._request.outcome == "waiting":
+            self._request.end("silent", "nobody wants it any more")
+
+    def _answered(self, request: CommandRequest, now: Time) -> None:
+        self._request = None
+        accepted = request.outcome == "accepted"
+        self.refusal = "" if accepted else request.words
+        pause = max(self._pause, self._shown) if accepted else self._pause
+        self._due = now + round(pause * NS)
+        self._pause = min(2.0 * self._pause, self._most)

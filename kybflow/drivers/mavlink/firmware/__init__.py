@@ -1,1 +1,218 @@
-"""One file a firmware: what differs between PX4 and ArduPilot, as data and small functions."""
+"""Autopilot firmware: what differs between kinds of autopilot, as data and small functions.
+
+Each module of this folder is one firmware; its file name is the name in YAML and on the command
+line, and its `PROFILE` is a `FirmwareProfile`. Adding a file adds the firmware: its targets, the
+choices of commands, the schema and the reference follow. pymavlink is not needed here, so that the
+compiler may ask what an autopilot can do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib import import_module
+from math import isfinite
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+
+from kybflow.core.errors import DriverError
+from kybflow.drivers import firmware_names
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink.protocol.framing import Message
+    from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
+
+OWN: Final = "own"
+"""In place of a parameter's value: the system id of this program."""
+DO_SET_RELAY, DO_SET_SERVO, DO_SET_ACTUATOR, DO_GRIPPER = 181, 183, 187, 211
+RELEASE, GRAB = 0.0, 1.0
+"""What DO_GRIPPER is to do."""
+
+
+class Needed(NamedTuple):
+    """A parameter of the autopilot as flight indoors needs it, and why, in one plain line.
+
+    value: what is written where it is not so; `OWN` stands for this program's system id. why: what
+    it does with that value. allowed: other values that will do, and what it does with those. rule:
+    of what is found, `equal` accepts the value and the allowed ones, `at_most` what is above zero
+    and not more, `bits` whatever has these bits. simulator_only: only the firmware's own simulator
+    has it. restart: it counts only after the autopilot has started anew.
+    """
+
+    name: str
+    value: float | Literal["own"]
+    why: str
+    allowed: Mapping[int, str] = MappingProxyType({})
+    rule: Literal["equal", "at_most", "bits"] = "equal"
+    simulator_only: bool = False
+    restart: bool = False
+
+    def wanted(self, own: int, found: float = 0.0) -> float:
+        """The value to write. own: this program's system id."""
+        if self.value == OWN:
+            return float(own)
+        if self.rule == "bits" and isfinite(found):
+            return float(int(found) | int(self.value))
+        return float(self.value)
+
+    def does(self, found: float) -> str:
+        """What it does with what was found, where that will do; else what it should do."""
+        return self.allowed.get(round(found), self.why) if isfinite(found) else self.why
+
+    def accepts(self, found: float, own: int) -> bool:
+        """Whether what the autopilot has will do; it keeps no more digits than a float of 32
+        bits."""
+        wanted = self.wanted(own, found)
+        if self.rule == "at_most":
+            return 0.0 < found <= wanted + 1e-6
+        return any(abs(found - good) <= 1e-6 * max(1.0, good) for good in (wanted, *self.allowed))
+
+
+class Latency(NamedTuple):
+    """Seconds by which a vehicle comes after set-points of position and velocity, and after those
+    of acceleration alone."""
+
+    position: float
+    acceleration: float
+
+
+class Danger(NamedTuple):
+    """A parameter with which a vehicle is dangerous once this program is dead or the link is gone.
+
+    values: which ones, and what would happen; where `above` is given, more than that is dangerous
+    too, and `excess` says why. others: what would happen with any but this program's system id,
+    where that is dangerous. cure: what to set, but for `others`. indoors: whether it is dangerous
+    only where the position comes from outside.
+    """
+
+    name: str
+    values: Mapping[int, str] = MappingProxyType({})
+    cure: str = ""
+    above: float | None = None
+    excess: str = ""
+    others: str = ""
+    indoors: bool = False
+
+    def of(self, found: float, own: int) -> str | None:
+        """What the preflight shows of the value found; None where it is not dangerous."""
+        if not isfinite(found):
+            return f"{self.name} is {found:g}, which is no value; set {self.cure or own}"
+        said, cure = self.values.get(round(found)), self.cure
+        if self.above is not None and found > self.above + 1e-6:
+            said = self.excess
+        if self.others and round(found) != own:
+            said, cure = self.others, f"{own} (this program)"
+        return None if said is None else f"{self.name} is {found:g}: {said}; set {cure}"
+
+
+class PayloadCommand(NamedTuple):
+    """A COMMAND_LONG: its number and its parameters from the first on. seen: whether its outcome
+    shows in SERVO_OUTPUT_RAW; else its acknowledgement is all there is."""
+
+    command: int
+    params: tuple[float, ...]
+    seen: bool = True
+
+
+class Output(NamedTuple):
+    """An auxiliary output. number: as the autopilot counts all of its outputs. parameter: says what
+    it is for. shown: whether SERVO_OUTPUT_RAW tells what it does."""
+
+    number: int
+    parameter: str
+    shown: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirmwareProfile:
+    """One kind of autopilot.
+
+    names: its modes, by custom_mode. modes: custom_mode by our names, `offboard` in which it
+    follows set-points, `land` and `hold`, and by its own. lag: by how much it comes after its
+    set-points, seconds. streams: messages to ask for, Hz, and those of its own simulator.
+    streams_first: set-points must flow before it takes the mode. climbs: it leaves the ground only
+    when asked to take off, to `takeoff_height`, metres. needs_origin: it must be told a place on
+    earth before it has a position. raises: it raises the thrust by the tilt itself.
+    hover_parameter: its throttle in hover. reaction: the parameter that says what it does once this
+    program is dead. feeds, feeds_own: the parameters that say what its position is made of, where
+    it is told one and where it finds its own. sphere: the radius of the earth in its simulator,
+    metres, None for the ellipsoid. integer_parameters_bytewise: integers travel as their bytes in
+    the field of a float.
+
+    mode_params: the first three of DO_SET_MODE. default_address: of its simulator. output: the
+    n-th auxiliary output, from 1; its second argument says whether it is that of the simulator.
+    grip: the commands that open or close what hangs on an output, by its number, the likeliest
+    first; its third argument is the value of the output's parameter, None while unknown; where
+    nothing there can be moved there are none. ready: why it can't be armed yet in
+    the mode in which it is, None where it can. spread: the standard deviation of its position,
+    metres, by its estimator's status; None while it has no position.
+    """
+
+    mav_autopilot: int
+    names: Mapping[int, str]
+    modes: Mapping[str, int]
+    manual_modes: frozenset[str]
+    streams: Mapping[str, float]
+    simulator_streams: Mapping[str, float]
+    indoors: tuple[Needed, ...]
+    dangers: tuple[Danger, ...]
+    streams_first: bool
+    climbs: bool
+    needs_origin: bool
+    raises: bool
+    integer_parameters_bytewise: bool
+    hover_parameter: str
+    reaction: str
+    feeds: tuple[str, ...]
+    feeds_own: tuple[str, ...]
+    takeoff_height: float
+    latency: Latency
+    sphere: float | None
+    mode_params: Callable[[int], tuple[float, float, float]]
+    default_address: Callable[[int], str]
+    output: Callable[[int, bool], Output]
+    grip: Callable[[int, bool, float | None], tuple[PayloadCommand, ...]]
+    ready: Callable[[ReceivedStatus], str | None]
+    spread: Callable[[Message], float | None]
+    name: str = ""
+
+    def mode_name(self, custom_mode: int) -> str:
+        """A mode by its own name."""
+        return self.names.get(custom_mode, f"mode {custom_mode}")
+
+    def dangerous(self, values: Mapping[str, float], own: int, *, indoors: bool) -> list[str]:
+        """What is dangerous of these parameters, in the preflight's words. own: this program's
+        system id."""
+        return list(self.dangers_in(values, own, indoors=indoors).values())
+
+    def dangers_in(self, values: Mapping[str, float], own: int, *, indoors: bool) -> dict[str, str]:
+        """The same, by the parameter's name."""
+        said = (
+            (danger.name, danger.of(values[danger.name], own))
+            for danger in self.dangers
+            if danger.name in values and (indoors or not danger.indoors)
+        )
+        return {name: words for name, words in said if words is not None}
+
+
+@cache
+def profile_of(name: str) -> FirmwareProfile:
+    """The profile of a firmware. Raises DriverError for a name that none has."""
+    names = firmware_names("mavlink")
+    if name not in names:
+        raise DriverError(f"no autopilot {name!r}: there are {' and '.join(names)}")
+    profile: FirmwareProfile = import_module(f"{__name__}.{name}").PROFILE
+    return replace(profile, name=name)
+
+
+def firmware_by(mav_autopilot: int | None) -> str | None:
+    """The name of the firmware that says it is this MAV_AUTOPILOT; None for one that kybflow does
+    not fly."""
+    profiles = map(profile_of, firmware_names("mavlink"))
+    return next((p.name for p in profiles if p.mav_autopilot == mav_autopilot), None)
+
+
+def named(names: Mapping[int, str], **ours: str) -> Mapping[str, int]:
+    """Numbers by a firmware's own names, and by ours, each of which stands for one of those."""
+    own = {name: number for number, name in names.items()}
+    return MappingProxyType(own | {our: own[name] for our, name in ours.items()})

@@ -5,25 +5,25 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from kybflow.drivers.mavlink.control.latency import Lag
-from kybflow.drivers.mavlink.firmware.profile import (
+from kybflow.drivers.mavlink.firmware import (
     DO_GRIPPER,
     DO_SET_RELAY,
     DO_SET_SERVO,
     GRAB,
     OWN,
     RELEASE,
-    Ask,
     Danger,
+    FirmwareProfile,
+    Latency,
+    Needed,
     Output,
-    Profile,
-    Setting,
+    PayloadCommand,
     named,
 )
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
-    from kybflow.drivers.mavlink.telemetry.heard import Heard
+    from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 NAMES = MappingProxyType(
     {
@@ -49,25 +49,25 @@ FINEST = 0.02
 
 _CLIMBS = "it would climb and return"
 INDOORS = (
-    Setting("VISO_TYPE", 1, "takes poses from kybflow", restart=True),
-    Setting("EK3_SRC1_POSXY", 6, "its position is the one from kybflow"),
-    Setting("EK3_SRC1_VELXY", 0, "no velocity of GPS"),
-    Setting("EK3_SRC1_POSZ", 6, "heights are those of kybflow's world"),
-    Setting("EK3_SRC1_VELZ", 0, "no velocity of GPS"),
-    Setting("EK3_SRC1_YAW", 6, "its heading is the one from kybflow"),
-    Setting("GPS_TYPE", 0, "no GPS indoors", restart=True),
-    Setting("COMPASS_ENABLE", 0, "no compass among steel and currents", restart=True),
-    Setting("FS_THR_ENABLE", 0, "it flies without a transmitter; with one, 3 (land) is as good",
+    Needed("VISO_TYPE", 1, "takes poses from kybflow", restart=True),
+    Needed("EK3_SRC1_POSXY", 6, "its position is the one from kybflow"),
+    Needed("EK3_SRC1_VELXY", 0, "no velocity of GPS"),
+    Needed("EK3_SRC1_POSZ", 6, "heights are those of kybflow's world"),
+    Needed("EK3_SRC1_VELZ", 0, "no velocity of GPS"),
+    Needed("EK3_SRC1_YAW", 6, "its heading is the one from kybflow"),
+    Needed("GPS_TYPE", 0, "no GPS indoors", restart=True),
+    Needed("COMPASS_ENABLE", 0, "no compass among steel and currents", restart=True),
+    Needed("FS_THR_ENABLE", 0, "it flies without a transmitter; with one, 3 (land) is as good",
             {3: "it lands when its transmitter is lost"}),
-    Setting("FS_GCS_ENABLE", 5, "it lands when our heartbeat stops"),
-    Setting("FS_GCS_TIMEOUT", 2.0, "it notices within two seconds that our heartbeat stopped",
+    Needed("FS_GCS_ENABLE", 5, "it lands when our heartbeat stops"),
+    Needed("FS_GCS_TIMEOUT", 2.0, "it notices within two seconds that our heartbeat stopped",
             rule="at_most"),
-    Setting("SYSID_MYGCS", OWN, "the heartbeat that it waits for is ours"),
-    Setting("FS_EKF_ACTION", 1, "it lands when it has lost its position in a mode that needs one",
+    Needed("SYSID_MYGCS", OWN, "the heartbeat that it waits for is ours"),
+    Needed("FS_EKF_ACTION", 1, "it lands when it has lost its position in a mode that needs one",
             {3: "it lands when it has lost its position, in every mode"}),
-    Setting("GUID_TIMEOUT", 0.5, "it stops within half a second when accelerations, velocities or"
+    Needed("GUID_TIMEOUT", 0.5, "it stops within half a second when accelerations, velocities or"
             " attitudes stop; a position alone it holds", rule="at_most"),
-    Setting("GUID_OPTIONS", 8, "thrust is thrust, not a climb rate", rule="bits"),
+    Needed("GUID_OPTIONS", 8, "thrust is thrust, not a climb rate", rule="bits"),
 )  # fmt: skip
 
 _RETRACES, _FALLS = "it would fly back the way it came", "its rotors would stop in the air"
@@ -126,21 +126,21 @@ def output(channel: int, _simulator: bool) -> Output:
     return Output(number, f"SERVO{number}_FUNCTION")
 
 
-def grip(channel: int, is_open: bool, function: float | None) -> tuple[Ask, ...]:
+def grip(channel: int, is_open: bool, function: float | None) -> tuple[PayloadCommand, ...]:
     """An open relay is off. Its gripper is the first one."""
-    servo = Ask(DO_SET_SERVO, (float(channel), OPEN if is_open else CLOSED))
-    gripper = Ask(DO_GRIPPER, (1.0, RELEASE if is_open else GRAB))
+    servo = PayloadCommand(DO_SET_SERVO, (float(channel), OPEN if is_open else CLOSED))
+    gripper = PayloadCommand(DO_GRIPPER, (1.0, RELEASE if is_open else GRAB))
     if function is None:
         return (servo, gripper)
     if function == RELAY:
         number = float(max(channel - FIRST_AUXILIARY, 0))
-        return (Ask(DO_SET_RELAY, (number, 0.0 if is_open else 1.0), seen=False),)
+        return (PayloadCommand(DO_SET_RELAY, (number, 0.0 if is_open else 1.0), seen=False),)
     if function == GRIPPER:
         return (gripper,)
     return (servo,) if function == FREE else ()
 
 
-def ready(heard: Heard) -> str | None:
+def ready(heard: ReceivedStatus) -> str | None:
     """It calls itself ready in STABILIZE without a position, with which GUIDED then won't arm."""
     if heard.mode is None or NAMES.get(heard.mode) != "GUIDED":
         return "it says whether it can be armed only of the mode in which it is: not GUIDED yet"
@@ -161,10 +161,16 @@ def spread(status: Message) -> float | None:
     return max(GATE * float(status.pos_horiz_variance), FINEST)
 
 
-ARDUPILOT = Profile(
-    name="ardupilot",
+PROFILE = FirmwareProfile(
+    mav_autopilot=3,
     names=NAMES,
     modes=named(NAMES, offboard="GUIDED", land="LAND", hold="BRAKE"),
+    manual_modes=frozenset(
+        {
+            "STABILIZE", "ACRO", "ALT_HOLD", "LOITER", "POSHOLD", "SPORT", "DRIFT", "FLIP",
+            "AUTOTUNE",
+        }
+    ),
     streams=MappingProxyType(
         {
             "HEARTBEAT": 5.0, "SYS_STATUS": 5.0, "EXTENDED_SYS_STATE": 10.0,
@@ -186,7 +192,7 @@ ARDUPILOT = Profile(
     reaction="FS_GCS_ENABLE",
     feeds=("VISO_TYPE", "EK3_SRC1_POSXY", "EK3_SRC1_POSZ", "EK3_SRC1_YAW"),
     feeds_own=("GPS_TYPE", "EK3_SRC1_POSXY"),
-    lag=Lag(position=0.1, acceleration=0.2),
+    latency=Latency(position=0.1, acceleration=0.2),
     takeoff_height=0.5,
     sphere=6_378_100.0,
     mode_params=mode_params,

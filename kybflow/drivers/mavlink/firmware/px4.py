@@ -6,23 +6,23 @@ from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from kybflow.drivers.mavlink.control.latency import Lag
-from kybflow.drivers.mavlink.firmware.profile import (
+from kybflow.drivers.mavlink.firmware import (
     DO_GRIPPER,
     DO_SET_ACTUATOR,
     GRAB,
     RELEASE,
-    Ask,
     Danger,
+    FirmwareProfile,
+    Latency,
+    Needed,
     Output,
-    Profile,
-    Setting,
+    PayloadCommand,
     named,
 )
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
-    from kybflow.drivers.mavlink.telemetry.heard import Heard
+    from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 AUTO = 4
 NAMES = MappingProxyType(
@@ -43,37 +43,37 @@ GRIPPER, FIRST_SET, SETS = 430, 301, 6
 """What an output may be for: the gripper, or one of the six actuator sets."""
 
 INDOORS = (
-    Setting("EKF2_EV_CTRL", 15, "takes position, height, velocity and heading from kybflow"),
-    Setting("EKF2_EVP_NOISE", 0.01, "believes a position to a centimetre", rule="at_most"),
-    Setting("EKF2_EVV_NOISE", 0.05, "believes a velocity to 5 cm/s", rule="at_most"),
-    Setting("EKF2_EVA_NOISE", 0.03, "believes a heading to 2 degrees", rule="at_most"),
-    Setting("EKF2_HGT_REF", 3, "heights are those of kybflow's world", restart=True),
-    Setting("EKF2_GPS_CTRL", 0, "no GPS indoors"),
-    Setting("EKF2_MAG_TYPE", 5, "no compass among steel and currents", restart=True),
-    Setting("EKF2_RNG_CTRL", 0, "a range finder would take the height over, 0.3 m off"),
-    Setting("EKF2_BARO_CTRL", 1, "without vision the barometer must still tell that it landed"),
-    Setting("SYS_HAS_GPS", 0, "it would not arm without one", restart=True),
-    Setting("SYS_HAS_MAG", 0, "it would not arm without one", restart=True),
-    Setting("COM_ARM_WO_GPS", 1, "it may be armed without GPS, and warns",
+    Needed("EKF2_EV_CTRL", 15, "takes position, height, velocity and heading from kybflow"),
+    Needed("EKF2_EVP_NOISE", 0.01, "believes a position to a centimetre", rule="at_most"),
+    Needed("EKF2_EVV_NOISE", 0.05, "believes a velocity to 5 cm/s", rule="at_most"),
+    Needed("EKF2_EVA_NOISE", 0.03, "believes a heading to 2 degrees", rule="at_most"),
+    Needed("EKF2_HGT_REF", 3, "heights are those of kybflow's world", restart=True),
+    Needed("EKF2_GPS_CTRL", 0, "no GPS indoors"),
+    Needed("EKF2_MAG_TYPE", 5, "no compass among steel and currents", restart=True),
+    Needed("EKF2_RNG_CTRL", 0, "a range finder would take the height over, 0.3 m off"),
+    Needed("EKF2_BARO_CTRL", 1, "without vision the barometer must still tell that it landed"),
+    Needed("SYS_HAS_GPS", 0, "it would not arm without one", restart=True),
+    Needed("SYS_HAS_MAG", 0, "it would not arm without one", restart=True),
+    Needed("COM_ARM_WO_GPS", 1, "it may be armed without GPS, and warns",
             {2: "it may be armed without GPS, without a warning"}),
-    Setting("COM_OBL_RC_ACT", 4, "it lands when set-points stop",
+    Needed("COM_OBL_RC_ACT", 4, "it lands when set-points stop",
             {5: "it holds where it is when set-points stop, and lands when it has no position"}),
-    Setting("COM_OF_LOSS_T", 0.5, "it notices within half a second that they stopped, and goes on"
+    Needed("COM_OF_LOSS_T", 0.5, "it notices within half a second that they stopped, and goes on"
             " with the last one no longer", rule="at_most"),
-    Setting("COM_RCL_EXCEPT", 4, "it follows set-points without a transmitter", rule="bits"),
-    Setting("NAV_RCL_ACT", 3, "it lands when a transmitter is lost in another mode",
+    Needed("COM_RCL_EXCEPT", 4, "it follows set-points without a transmitter", rule="bits"),
+    Needed("NAV_RCL_ACT", 3, "it lands when a transmitter is lost in another mode",
             {1: "it holds where it is when a transmitter is lost in another mode"}),
-    Setting("COM_LOW_BAT_ACT", 2, "it lands where it is on a critical battery",
+    Needed("COM_LOW_BAT_ACT", 2, "it lands where it is on a critical battery",
             {0: "it only warns of a critical battery: kybflow lands it, or nobody does"}),
-    Setting("EKF2_ACC_NOISE", 1.0, "the simulated accelerometer is as noisy", simulator_only=True),
-    Setting("EKF2_GYR_NOISE", 0.03, "the simulated gyroscope is noisy too", simulator_only=True),
-    Setting("SIH_KDV", 0.25, "a drag as airframes of kybflow's library have it, not four times as "
+    Needed("EKF2_ACC_NOISE", 1.0, "the simulated accelerometer is as noisy", simulator_only=True),
+    Needed("EKF2_GYR_NOISE", 0.03, "the simulated gyroscope is noisy too", simulator_only=True),
+    Needed("SIH_KDV", 0.25, "a drag as airframes of kybflow's library have it, not four times as "
             "much", simulator_only=True),
-    Setting("EKF2_TAU_POS", 0.1, "so its output follows the poses sooner", simulator_only=True),
-    Setting("EKF2_TAU_VEL", 0.1, "and its velocity too", simulator_only=True),
-    Setting("SENS_EN_GPSSIM", 0, "no GPS in the simulator either",
+    Needed("EKF2_TAU_POS", 0.1, "so its output follows the poses sooner", simulator_only=True),
+    Needed("EKF2_TAU_VEL", 0.1, "and its velocity too", simulator_only=True),
+    Needed("SENS_EN_GPSSIM", 0, "no GPS in the simulator either",
             simulator_only=True, restart=True),
-    Setting("SENS_EN_MAGSIM", 0, "no compass in the simulator either",
+    Needed("SENS_EN_MAGSIM", 0, "no compass in the simulator either",
             simulator_only=True, restart=True),
 )  # fmt: skip
 
@@ -119,9 +119,9 @@ def output(channel: int, simulator: bool) -> Output:
     return Output(channel, f"PWM_AUX_FUNC{channel}", shown=False)
 
 
-def grip(_channel: int, is_open: bool, function: float | None) -> tuple[Ask, ...]:
+def grip(_channel: int, is_open: bool, function: float | None) -> tuple[PayloadCommand, ...]:
     """Its acknowledgement of either is no proof: only the pulses are."""
-    gripper = Ask(DO_GRIPPER, (1.0, RELEASE if is_open else GRAB))
+    gripper = PayloadCommand(DO_GRIPPER, (1.0, RELEASE if is_open else GRAB))
     if function == GRIPPER:
         return (gripper,)
     if function is None:
@@ -130,7 +130,7 @@ def grip(_channel: int, is_open: bool, function: float | None) -> tuple[Ask, ...
     return (_actuator(number, is_open),) if 1 <= number <= SETS else ()
 
 
-def ready(heard: Heard) -> str | None:
+def ready(heard: ReceivedStatus) -> str | None:
     if heard.mode is None or NAMES.get(heard.mode) != "OFFBOARD":
         return "it says whether it can be armed only of the mode in which it is: not OFFBOARD yet"
     if heard.ready:
@@ -147,17 +147,18 @@ def spread(status: Message) -> float | None:
     return float(status.pos_horiz_accuracy) if status.flags & HAS_POSITION else None
 
 
-def _actuator(number: int, is_open: bool) -> Ask:
+def _actuator(number: int, is_open: bool) -> PayloadCommand:
     """One of six, -1 open, 1 closed. The others' NaN leaves them as they are."""
     values = [float("nan")] * SETS
     values[number - 1] = -1.0 if is_open else 1.0
-    return Ask(DO_SET_ACTUATOR, (*values, 0.0))
+    return PayloadCommand(DO_SET_ACTUATOR, (*values, 0.0))
 
 
-PX4 = Profile(
-    name="px4",
+PROFILE = FirmwareProfile(
+    mav_autopilot=12,
     names=NAMES,
     modes=named(NAMES, offboard="OFFBOARD", land="LAND", hold="HOLD"),
+    manual_modes=frozenset({"MANUAL", "ALTITUDE", "POSITION", "ACRO", "STABILIZED"}),
     streams=MappingProxyType(
         {
             "HEARTBEAT": 5.0, "CURRENT_MODE": 5.0, "SYS_STATUS": 5.0, "EXTENDED_SYS_STATE": 10.0,
@@ -179,7 +180,7 @@ PX4 = Profile(
     reaction="COM_OBL_RC_ACT",
     feeds=("EKF2_EV_CTRL", "EKF2_HGT_REF"),
     feeds_own=("EKF2_GPS_CTRL",),
-    lag=Lag(position=0.12, acceleration=0.2),
+    latency=Latency(position=0.12, acceleration=0.2),
     takeoff_height=0.5,
     sphere=None,
     mode_params=mode_params,

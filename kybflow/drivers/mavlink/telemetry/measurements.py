@@ -13,11 +13,10 @@ from collections.abc import Callable, Set
 from typing import TYPE_CHECKING
 
 from kybflow.core.signals import NS, Imu, Measurement, Odometry, Payload, Time
-from kybflow.drivers.mavlink.firmware.profile import Profile
-from kybflow.drivers.mavlink.protocol import decode
+from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.frames import IDENTITY, Anchor, Tangent, from_ned
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, boot_time
-from kybflow.drivers.mavlink.telemetry.heard import Heard, Landed
+from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -34,15 +33,20 @@ SILENT: Time = 5 * NS
 
 
 class Telemetry:
-    """`anchor`: where its own frame lies, None while that is not known. `odometry`: its newest own
-    estimate. `spread`: of its position, metres, None while it has none. `heading`: in its own
-    frame, as ENU."""
+    """The measurements of one autopilot, collected until they are read.
+
+    `anchor`: where the autopilot's own frame lies in the world, None while unknown. `odometry`: its
+    newest own estimate. `spread`: the standard deviation of its position, metres, None while it has
+    no position. `heading`: its heading in its own frame, as ENU, radians. spread_of: reads `spread`
+    from its estimator's status. streams: the messages that are requested from it.
+    """
 
     def __init__(
         self,
         context: VehicleContext,
-        profile: Profile,
-        heard: Heard,
+        spread_of: Callable[[Message], float | None],
+        streams: Set[str],
+        status: ReceivedStatus,
         clock: BootClock,
         is_outside: bool,
     ) -> None:
@@ -50,8 +54,8 @@ class Telemetry:
         self.odometry: Odometry | None = None
         self.spread: float | None = None
         self.heading: float | None = None
-        self._context, self._profile, self._heard, self._clock = context, profile, heard, clock
-        self._is_outside = is_outside
+        self._context, self._spread_of = context, spread_of
+        self._status, self._clock, self._is_outside = status, clock, is_outside
         self._attitude: Message | None = None
         self._reboots, self._has_flown = clock.reboots, False
         self._inertial = 0
@@ -61,13 +65,13 @@ class Telemetry:
         self._hear: dict[str, Callable[[Message, Time], Measurement | None]] = {
             "ATTITUDE_QUATERNION": self._turned,
             "LOCAL_POSITION_NED": self._moved,
-            **dict.fromkeys(STATUS & profile.streams.keys(), self._status),
+            **dict.fromkeys(STATUS & streams, self._estimator_status),
             "BATTERY_STATUS": self._battery,
             "SYS_STATUS": self._battery,
             "GPS_GLOBAL_ORIGIN": self._placed,
             "GPS_RAW_INT": self._gps,
-            "RC_CHANNELS": decode.sticks,
-            "MANUAL_CONTROL": decode.sticks,
+            "RC_CHANNELS": codec.sticks,
+            "MANUAL_CONTROL": codec.sticks,
             **dict.fromkeys(INERTIAL, self._felt),
         }
         if context.payload is not None:
@@ -79,7 +83,7 @@ class Telemetry:
         return self._hear.keys()
 
     def hear(self, message: Message, now: Time) -> None:
-        """Take in one message, after `Heard` did."""
+        """Take in one message, after `ReceivedStatus` did."""
         hear = self._hear.get(message.get_type())
         measurement = None if hear is None else hear(message, now)
         if measurement is not None:
@@ -94,29 +98,29 @@ class Telemetry:
         return taken
 
     def _turned(self, message: Message, now: Time) -> None:
-        if not decode.is_attitude(message):
+        if not codec.is_attitude(message):
             self._attitude = None
             return
-        self._attitude, self.heading = message, decode.own_heading(message)
+        self._attitude, self.heading = message, codec.own_heading(message)
         if self._clock.to_boot(now) is None:
             self._time(message, now)
 
     def _moved(self, message: Message, now: Time) -> Odometry | None:
         if self._clock.reboots != self._reboots:
             self._begin_anew()
-        self._has_flown = self._has_flown or self._heard.armed
+        self._has_flown = self._has_flown or self._status.armed
         attitude = self._attitude
-        if attitude is None or now - self._heard.at.get("ATTITUDE_QUATERNION", now) > OLDEST:
+        if attitude is None or now - self._status.at.get("ATTITUDE_QUATERNION", now) > OLDEST:
             return None
         m = message
-        if not decode.is_finite(m.x, m.y, m.z, m.vx, m.vy, m.vz):
+        if not codec.is_finite(m.x, m.y, m.z, m.vx, m.vy, m.vz):
             return None
         if self.anchor is None:
             self.anchor = self._standing(message)
         if self.anchor is None or self.spread is None:
             return None
         time = self._time(message, now)
-        self.odometry = decode.odometry(
+        self.odometry = codec.odometry(
             message, attitude, time, spread=self.spread, anchor=self.anchor
         )
         return self.odometry
@@ -128,7 +132,11 @@ class Telemetry:
     def _standing(self, message: Message) -> Anchor | None:
         """The anchor by which it stands where the mission says; None while it does not stand, or
         has no sound position."""
-        if self.heading is None or self.spread is None or self._heard.landed is not Landed.GROUND:
+        if (
+            self.heading is None
+            or self.spread is None
+            or self._status.landed is not LandedState.GROUND
+        ):
             return None
         if self._has_flown and self._reboots:
             return None
@@ -140,15 +148,15 @@ class Telemetry:
         self._attitude = self._origin = self.odometry = self.spread = None
         self.anchor = self.anchor if self._is_outside else None
 
-    def _status(self, message: Message, now: Time) -> None:
-        spread = self._profile.spread(message)
-        self.spread = spread if spread is not None and decode.is_finite(spread) else None
+    def _estimator_status(self, message: Message, now: Time) -> None:
+        spread = self._spread_of(message)
+        self.spread = spread if spread is not None and codec.is_finite(spread) else None
         if self.spread is None:
             self.odometry = None
 
     def _felt(self, message: Message, now: Time) -> Imu | None:
         m = message
-        if not decode.is_finite(m.xacc, m.yacc, m.zacc, m.xgyro, m.ygyro, m.zgyro):
+        if not codec.is_finite(m.xacc, m.yacc, m.zacc, m.xgyro, m.ygyro, m.zgyro):
             return None
         rank = INERTIAL.index(message.get_type())
         if rank < self._inertial:
@@ -156,21 +164,21 @@ class Telemetry:
         if rank > self._inertial:
             self._inertial, self._imu = rank, None
         time = self._time(message, now)
-        felt = decode.imu(message, time, self._imu)
+        felt = codec.imu(message, time, self._imu)
         self._imu = time
         return felt
 
     def _battery(self, message: Message, now: Time) -> Measurement | None:
-        told = self._heard.at.get("BATTERY_STATUS")
+        told = self._status.at.get("BATTERY_STATUS")
         better = told is not None and now - told < SILENT
         if better and message.get_type() == "SYS_STATUS":
             return None
-        return decode.battery(message, now)
+        return codec.battery(message, now)
 
     def _placed(self, message: Message, now: Time) -> None:
-        self._origin = decode.tangent(message)
+        self._origin = codec.tangent(message)
 
     def _gps(self, message: Message, now: Time) -> Measurement | None:
         if self._is_outside or self._origin is None or self.anchor is None:
             return None
-        return decode.gps(message, now, origin=self._origin, anchor=self.anchor)
+        return codec.gps(message, now, origin=self._origin, anchor=self.anchor)

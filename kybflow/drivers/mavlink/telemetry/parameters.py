@@ -43,7 +43,7 @@ class _Errand:
         self.tries, self.next = 0, 0
 
 
-class Parameters:
+class AutopilotParameters:
     """The parameters of one autopilot, those that were asked for.
 
     bytewise: how whole numbers travel. target: its system and component. values: what it told last.

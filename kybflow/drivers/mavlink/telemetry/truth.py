@@ -29,7 +29,7 @@ from kybflow.core.geometry import (
     scale,
 )
 from kybflow.core.signals import NS, Time, Truth
-from kybflow.drivers.mavlink.protocol.decode import is_finite
+from kybflow.drivers.mavlink.protocol.codec import is_finite
 from kybflow.drivers.mavlink.protocol.frames import (
     Anchor,
     Tangent,

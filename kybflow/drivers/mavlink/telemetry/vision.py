@@ -1,9 +1,13 @@
-"""What an autopilot is told of where it is: kybflow's estimate, as external vision.
+"""External vision: the estimate that is sent to an autopilot, and how far its frame drifts.
 
-An autopilot that must know where on earth it is before it flies is told a place once, which nothing
-depends on. The reset counter rises where the estimate has another source or jumps, so that the
-autopilot follows at once in place of taking it for speed.
-"""
+An autopilot that must know its place on earth before it flies is sent one once; nothing depends on
+it. The reset counter rises when the estimate changes its source or jumps, so that the autopilot
+follows at once and does not take the jump for speed.
+
+An autopilot's filter trusts the poses only so far, so its frame wanders by centimetres against the
+world. Setpoints are moved by that drift, which is learnt with the time constant `SLOW`: the vehicle
+then rests where the mission's estimate has it, and what the filter knows better, the fast part of
+the motion, stays its own."""
 
 from __future__ import annotations
 
@@ -11,9 +15,10 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.core.geometry import add, distance, scale
-from kybflow.core.signals import NS, Estimate, Time
+from kybflow.core.geometry import Vec3, add, distance, norm, scale, sub
+from kybflow.core.signals import NS, Estimate, Odometry, Time
 from kybflow.drivers.mavlink.protocol import codec
+from kybflow.drivers.mavlink.protocol.frames import Anchor
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
@@ -29,7 +34,7 @@ LATITUDE, LONGITUDE, HEIGHT = 473_977_418, 85_455_939, 488_000
 """Where on earth a vehicle without GPS is told to be: 1e-7 degrees and millimetres."""
 
 
-class Vision:
+class ExternalVision:
     """To one autopilot. rate: poses a second. `told`: what it was told last, and when."""
 
     def __init__(self, rate: float, target: tuple[int, int]) -> None:
@@ -75,3 +80,41 @@ def _jumped(last: Estimate, estimate: Estimate) -> bool:
         return True
     foreseen = add(last.position, scale(last.velocity, (estimate.time - last.time) / NS))
     return distance(foreseen, estimate.position) > JUMP
+
+
+SLOW = 1.0
+"""Seconds."""
+FAR = 0.5
+"""Metres beyond which it is no drift: the preflight, or a supervisor, has a word to say."""
+OLDEST_OWN: Time = NS // 2
+"""An own position that is older teaches nothing, and after a longer gap no more is learnt at once
+than after this, so that set-points do not leap."""
+
+
+class FrameDrift:
+    """`anchor`: where the autopilot's frame lies in the world."""
+
+    def __init__(self) -> None:
+        self.anchor = Anchor()
+        self._learnt: Time | None = None
+        self._own: Odometry | None = None
+
+    def learn(self, estimate: Estimate, own: Odometry | None, now: Time) -> None:
+        """Take both into account, once a tick; each own position counts once."""
+        if own is None or now - own.time > OLDEST_OWN:
+            self._learnt = None
+            return
+        if own is self._own:
+            return
+        self._own = own
+        last, self._learnt = self._learnt, now
+        off = sub(estimate.position, _at(own, estimate.time))
+        if last is None or norm(off) > FAR:
+            return
+        share = min(now - last, OLDEST_OWN) / NS / SLOW
+        offset = add(self.anchor.offset, scale(sub(off, self.anchor.offset), share))
+        self.anchor = Anchor(offset)
+
+
+def _at(own: Odometry, time: Time) -> Vec3:
+    return add(own.position, scale(own.velocity, (time - own.time) / NS))

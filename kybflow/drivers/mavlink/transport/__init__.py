@@ -1,1 +1,28 @@
-"""Bytes to and from autopilots: datagrams, TCP, serial lines, and the router between them."""
+"""Bytes to and from autopilots: UDP, TCP and serial wires, and the router that gives each
+autopilot its port. Knows MAVLink frames (`protocol`) and nothing of what is flown; the session,
+discovery and the emulator open wires here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from kybflow.drivers.mavlink.transport.address import Address, read_address
+from kybflow.drivers.mavlink.transport.sockets import TcpClient, TcpServer, UdpIn, UdpOut
+from kybflow.drivers.mavlink.transport.wire import Wire
+
+
+def open_wire(address: str | Address) -> Wire:
+    """The wire to an address. Raises DriverError where it cannot work: a port in use, an unknown
+    host, no pyserial. What may still appear, such as a device or a simulator, is its `trouble`."""
+    place = read_address(address) if isinstance(address, str) else address
+    if place.kind == "serial":
+        from kybflow.drivers.mavlink.transport.serial_line import SerialLine
+
+        return SerialLine(place)
+    kinds: dict[str, Callable[[Address], Wire]] = {
+        "tcp": TcpClient,
+        "tcpin": TcpServer,
+        "udpin": UdpIn,
+        "udpout": UdpOut,
+    }
+    return kinds[place.kind](place)

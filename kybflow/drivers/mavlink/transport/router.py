@@ -18,8 +18,14 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.protocol.framing import ONBOARD, Counts, Message, Packer, Parser
-from kybflow.drivers.mavlink.protocol.layout import NUMBERS
+from kybflow.drivers.mavlink.protocol.framing import (
+    NUMBERS,
+    ONBOARD,
+    Counts,
+    Message,
+    Packer,
+    Parser,
+)
 from kybflow.drivers.mavlink.protocol.signing import Signing
 from kybflow.drivers.mavlink.transport.wire import MOST_HELD, Wire
 
@@ -43,12 +49,12 @@ HEARTBEAT = heartbeat(mavlink.MAV_TYPE_GCS)
 
 
 class Port:
-    """One autopilot. `heard`: when it was heard last, None before it was; `counts`: what came on
-    its wire, from everyone."""
+    """One autopilot's messages. `last_heard`: when its last message came, None before the first.
+    `counts`: what came on its wire, from everyone."""
 
     def __init__(self, line: _Line, system: int, packer: Packer) -> None:
         self.system = system
-        self.heard: Time | None = None
+        self.last_heard: Time | None = None
         self._line, self._packer = line, packer
         self._place: Any = None
         self._clash: tuple[Time, Any] | None = None
@@ -92,30 +98,30 @@ class Port:
                 f" {_words(self._place)} and from {_words(self._clash[1])}: give one of the two"
                 " vehicles another system id"
             )
-        return self._line.silence(self.system) if self.heard is None else None
+        return self._line.silence(self.system) if self.last_heard is None else None
 
     def hear(self, message: Message, place: Any, now: Time) -> None:
         """Called by the hub."""
         if place != self._place and self._place is not None and self._holds(now):
             self._clash = now, place
             return
-        self._place, self.heard = place, now
+        self._place, self.last_heard = place, now
         self._messages.append(message)
 
     def answer(self, place: Any) -> None:
-        """Called by the hub: one heartbeat to a place where nothing else is sent."""
+        """Called by the router: one heartbeat to a place where nothing else is sent."""
         if place != self._place:
             self._line.wire.send(self._packer.pack(HEARTBEAT), place)
 
     def _holds(self, now: Time) -> bool:
         return (
-            self.heard is not None
-            and now - self.heard < GONE
+            self.last_heard is not None
+            and now - self.last_heard < GONE
             and self._line.wire.is_open(self._place)
         )
 
 
-class Hub:
+class Router:
     """wires: by address; system: our own id; key: the secret of signed messages."""
 
     def __init__(

@@ -8,7 +8,7 @@ from typing import Any
 
 from kybflow.core.errors import DriverError
 from kybflow.drivers.mavlink.transport.address import Address
-from kybflow.drivers.mavlink.transport.pipe import Pipe, Reopening, said
+from kybflow.drivers.mavlink.transport.wire import Pipe, ReopeningWire, os_error
 
 _WAYS_OUT = {
     ENOENT: "there is no such device: is it plugged in?",
@@ -18,7 +18,7 @@ _WAYS_OUT = {
 }
 
 
-class SerialLine(Reopening):
+class SerialLine(ReopeningWire):
     """Opened again when it was unplugged."""
 
     def __init__(self, address: Address) -> None:
@@ -54,4 +54,4 @@ class SerialLine(Reopening):
         self._line.close()
 
     def _words(self, error: OSError) -> str:
-        return _WAYS_OUT.get(error.errno or 0, said(error))
+        return _WAYS_OUT.get(error.errno or 0, os_error(error))

@@ -1,14 +1,20 @@
-"""Wires: bytes to and from autopilots, polled, never waiting."""
+"""Wires: bytes to and from autopilots, polled, never waiting.
+
+`Wire` is what the router reads and writes, `MemoryWire` one in this process, and `ReopeningWire`
+what a TCP client and a serial line share: a connection that is opened again after it was lost."""
 
 from __future__ import annotations
 
+import os
+import socket
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
-from kybflow.core.signals import Time
-from kybflow.drivers.mavlink.transport.address import Address, read_address
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.transport.address import Address
 
 MOST_HELD = 10_000
 """What is kept for a reader that does not come."""
@@ -91,18 +97,166 @@ def memory_wires(address: str = "memory") -> tuple[MemoryWire, MemoryWire]:
     return one, other
 
 
-def open_wire(address: str | Address) -> Wire:
-    """Raises DriverError where that can't work: a port that is taken, a host that nobody knows, no
-    pyserial. What may yet come, as a device or a simulator that is not there, is `trouble`."""
-    place = read_address(address) if isinstance(address, str) else address
-    if place.kind == "serial":
-        from kybflow.drivers.mavlink.transport.serial_line import SerialLine
+CHUNK = 1 << 16
+"""Bytes that are taken in one poll, so that a flood can't hold up a tick."""
+SOON: Time = NS // 4
+LATE: Time = 2 * NS
+"""An attempt to open comes so long after the one before, twice as long each time."""
+PATIENCE: Time = 3 * NS
+"""How long an attempt may last."""
 
-        return SerialLine(place)
-    if place.kind in {"tcp", "tcpin"}:
-        from kybflow.drivers.mavlink.transport.tcp import TcpClient, TcpServer
 
-        return TcpClient(place) if place.kind == "tcp" else TcpServer(place)
-    from kybflow.drivers.mavlink.transport.udp import UdpIn, UdpOut
+def os_error(error: OSError) -> str:
+    """An error of the system in a few words."""
+    return os.strerror(error.errno).lower() if error.errno else str(error).lower()
 
-    return UdpIn(place) if place.kind == "udpin" else UdpOut(place)
+
+def resolved(address: Address) -> tuple[str, int]:
+    """Where a host is. Raises DriverError."""
+    try:
+        found = socket.getaddrinfo(address.place, address.number, socket.AF_INET)
+    except OSError as error:
+        raise DriverError(f"`{address}`: no host `{address.place}`: {error.strerror}") from error
+    host, port = found[0][4][:2]
+    return str(host), int(port)
+
+
+def listener(address: Address, kind: socket.SocketKind) -> socket.socket:
+    """A socket that is bound and does not wait. Raises DriverError."""
+    place = resolved(address)
+    opened = socket.socket(socket.AF_INET, kind)
+    opened.setblocking(False)
+    if kind == socket.SOCK_STREAM:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        opened.bind(place)
+    except OSError as error:
+        opened.close()
+        raise DriverError(
+            f"can't listen at `{address}`: {os_error(error)}; is a ground station or another run"
+            " there? Close it, or take another port"
+        ) from error
+    return opened
+
+
+class Pipe:
+    """Bytes in and out of what does not wait. read(most): b"" where nothing has come; write: how
+    many bytes it took. Both raise OSError when it is lost.
+
+    A frame that went out in part is finished first; what is sent meanwhile is lost, since a
+    set-point that comes late is worse than none.
+    """
+
+    def __init__(self, read: Callable[[int], bytes], write: Callable[[bytes], int]) -> None:
+        self._read, self._write = read, write
+        self._rest = b""
+
+    def read(self) -> bytes:
+        self._flush()
+        return self._read(CHUNK)
+
+    def write(self, data: bytes) -> None:
+        self._flush()
+        if not self._rest:
+            taken = self._write(data)
+            self._rest = data[taken:] if taken else b""
+
+    def _flush(self) -> None:
+        if self._rest:
+            self._rest = self._rest[self._write(self._rest) :]
+
+
+def socket_pipe(opened: socket.socket) -> Pipe:
+    """Over a connected socket."""
+
+    def read(most: int) -> bytes:
+        try:
+            data = opened.recv(most)
+        except BlockingIOError:
+            return b""
+        if not data:
+            raise ConnectionResetError("the other end closed it")
+        return data
+
+    def write(data: bytes) -> int:
+        try:
+            return opened.send(data)
+        except BlockingIOError:
+            return 0
+
+    return Pipe(read, write)
+
+
+class ReopeningWire(Wire):
+    """A wire to one other end that is opened again, later each time, until something comes."""
+
+    def __init__(self, address: Address) -> None:
+        super().__init__(str(address))
+        self._pipe: Pipe | None = None
+        self._trouble: str | None = f"{address}: not open yet"
+        self._began: Time | None = None
+        self._next: Time | None = None
+        self._pause: Time = SOON
+        self._now: Time = 0
+
+    def trouble(self) -> str | None:
+        return self._trouble
+
+    def close(self) -> None:
+        self._pipe = None
+        self._end()
+
+    def _receive(self, now: Time) -> Received:
+        self._now = now
+        try:
+            pipe = self._pipe or self._open(now)
+            data = pipe.read() if pipe is not None else b""
+        except OSError as error:
+            self._lost(error)
+            return ()
+        if data:
+            self._pause = SOON
+        return ((data, None),) if data else ()
+
+    def _send(self, data: bytes, to: Any) -> None:
+        if self._pipe is None:
+            return
+        try:
+            self._pipe.write(data)
+        except OSError as error:
+            self._lost(error)
+
+    def _open(self, now: Time) -> Pipe | None:
+        if self._began is None:
+            if self._next is not None and now < self._next:
+                return None
+            self._began = now
+            self._begin()
+        self._pipe = self._opened()
+        if self._pipe is not None:
+            self._trouble = None
+        elif now > self._began + PATIENCE:
+            raise TimeoutError("nobody answers")
+        return self._pipe
+
+    def _lost(self, error: OSError) -> None:
+        self._trouble = f"{self.address}: {self._words(error)}"
+        self._pipe = self._began = None
+        self._next = self._now + self._pause
+        self._pause = min(2 * self._pause, LATE)
+        self._end()
+
+    def _words(self, error: OSError) -> str:
+        return os_error(error)
+
+    @abstractmethod
+    def _begin(self) -> None:
+        """Begin to open. Raises OSError."""
+
+    @abstractmethod
+    def _opened(self) -> Pipe | None:
+        """What was opened, None while it is under way. Raises OSError."""
+
+    @abstractmethod
+    def _end(self) -> None:
+        """Close what is open, if anything is."""

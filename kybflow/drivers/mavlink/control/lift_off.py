@@ -24,7 +24,7 @@ PUSH, GROWTH, HARDEST = 1.5, 0.5, 4.0
 """Of a push up: m/s^2 at first, how much more in each second, and at most."""
 
 
-class Lifting:
+class LiftOff:
     """hold: what makes it hold still where it is, None where that is not known."""
 
     def __init__(self, hold: Callable[[], Command | None]) -> None:

@@ -1,25 +1,26 @@
-"""What is demanded of an autopilot's parameters before it flies.
+"""The parameters that an autopilot must have before it flies: the preflight's lines about them, and
+their setup with `kybflow mavlink setup`.
 
-Those with which it would be dangerous once this program or the link dies are its `watchdog`. What
-flight without GPS needs beside them is `parameters`: a line for each that is wrong, and the command
-that sets them. Each is told once.
-"""
+Values that make the vehicle dangerous once this program or the link dies turn the line `watchdog`
+red. What flight without GPS needs besides is the line `parameters`: one row for each wrong value,
+and the command that sets them. Each wrong value is shown once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from kybflow.core.details import detailed
-from kybflow.drivers.mavlink.firmware.profile import Setting
+from kybflow.drivers.mavlink.firmware import OWN, FirmwareProfile, Needed
 from kybflow.parts import Check
 
 if TYPE_CHECKING:
-    from kybflow.drivers.mavlink import MavlinkParams
     from kybflow.drivers.mavlink.contact import Contact
+    from kybflow.drivers.mavlink.params import MavlinkParams
+    from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
 
 
-class Demands:
+class RequiredParameters:
     """Of one autopilot. params: how the mission has it."""
 
     def __init__(self, contact: Contact, params: MavlinkParams) -> None:
@@ -46,7 +47,7 @@ class Demands:
             return Check("watchdog", False, detailed(said, dangers.values()), waits=False)
         if (reaction := self._profile.reaction) not in self._parameters.values:
             reason = f"it does not tell {reaction}, what it does once this program is dead"
-            reason += self._contact.unheeded or ": does it hear us?"
+            reason += self._contact.ignored_because or ": does it hear us?"
             return Check("watchdog", False, reason, waits=False)
         return Check("watchdog", True, self._reaction() + self._missing(names))
 
@@ -81,7 +82,7 @@ class Demands:
             " may count only after it has started anew"
         )
 
-    def _settings(self) -> Iterator[Setting]:
+    def _settings(self) -> Iterator[Needed]:
         """What must be set for flight without GPS, where it flies without."""
         if self._is_outside:
             for setting in self._profile.indoors:
@@ -101,7 +102,7 @@ class Demands:
             return setting.does(values[name])
         return f"{name} is {values[name]:g}, which is not dangerous here"
 
-    def _table(self, wrong: Sequence[Setting]) -> Iterator[str]:
+    def _table(self, wrong: Sequence[Needed]) -> Iterator[str]:
         """A line for each: name, what it is, what it should be, why."""
         values, own = self._parameters.values, self._own
         cells = [
@@ -124,7 +125,7 @@ class Demands:
             words += f" --key {params.key}"
         return words + (" --simulator" if params.simulator else "")
 
-    def _is_wrong(self, setting: Setting) -> bool:
+    def _is_wrong(self, setting: Needed) -> bool:
         """Whether it is known, and will not do."""
         found = self._parameters.values.get(setting.name)
         return found is not None and not setting.accepts(found, self._own)
@@ -132,3 +133,75 @@ class Demands:
     def _missing(self, names: list[str]) -> str:
         missing = [name for name in dict.fromkeys(names) if name in self._parameters.missing]
         return f"; it does not know {', '.join(missing)}" if missing else ""
+
+
+RowState = Literal["right", "written", "WRONG", "MISSING", "REFUSED"]
+
+
+class ParameterRow(NamedTuple):
+    """One setting as it was found: what the autopilot has, None where it has none; what it needs,
+    in words; the reason where it refused what was written."""
+
+    setting: Needed
+    found: float | None
+    needs: str
+    state: RowState
+    reason: str = ""
+
+    @property
+    def is_right(self) -> bool:
+        return self.state in ("right", "written")
+
+
+class ParameterSetup:
+    """What a kind of autopilot needs. own: our system id. simulator: whether it is the firmware's
+    own simulator, which has a few parameters more. names: all that must be read, those that may be
+    dangerous too."""
+
+    def __init__(self, profile: FirmwareProfile, own: int, *, simulator: bool) -> None:
+        self.profile, self._own = profile, own
+        self.settings = [s for s in profile.indoors if simulator or not s.simulator_only]
+        dangers = (danger.name for danger in profile.dangers)
+        self.names = tuple(dict.fromkeys((*(s.name for s in self.settings), *dangers)))
+
+    def wrong(self, values: Mapping[str, float]) -> dict[str, float]:
+        """What is to be written, by name, of what the autopilot has."""
+        return {
+            s.name: s.wanted(self._own, values[s.name])
+            for s in self.settings
+            if s.name in values and not s.accepts(values[s.name], self._own)
+        }
+
+    def rows(
+        self, parameters: AutopilotParameters, written: Mapping[str, float]
+    ) -> list[ParameterRow]:
+        """A row a setting. written: what was written, by name."""
+        return [
+            self._row(setting, parameters, setting.name in written) for setting in self.settings
+        ]
+
+    def dangers(self, values: Mapping[str, float]) -> list[str]:
+        """What is dangerous and none of the settings mends."""
+        mended = {setting.name for setting in self.settings}
+        rest = {name: value for name, value in values.items() if name not in mended}
+        return self.profile.dangerous(rest, self._own, indoors=True)
+
+    def _row(
+        self, setting: Needed, parameters: AutopilotParameters, was_written: bool
+    ) -> ParameterRow:
+        found = parameters.values.get(setting.name)
+        needs = self._needs(setting)
+        reason = parameters.refused.get(setting.name, "")
+        if found is None:
+            return ParameterRow(setting, None, needs, "REFUSED" if reason else "MISSING", reason)
+        if setting.accepts(found, self._own):
+            return ParameterRow(setting, found, needs, "written" if was_written else "right")
+        return ParameterRow(setting, found, needs, "REFUSED" if was_written else "WRONG", reason)
+
+    def _needs(self, setting: Needed) -> str:
+        value = f"{self._own if setting.value == OWN else setting.value:g}"
+        if setting.rule == "at_most":
+            return f"at most {value}"
+        if setting.rule == "bits":
+            return f"with bits {value}"
+        return " or ".join((value, *(f"{other:g}" for other in setting.allowed)))

@@ -1,9 +1,10 @@
-"""What an autopilot has said last: its mode, whether it is armed, its health, its words.
+"""The newest status that an autopilot reported: its mode, whether it is armed, its sensors' health,
+its texts.
 
-Nothing of it is asked for here. A text that is longer than one message comes in chunks of 50 bytes
-which share a number; what is lost of it is an ellipsis. HEARTBEAT counts where an autopilot sends
-it: a camera or a ground station may have the same system id.
-"""
+Nothing is requested here. A STATUSTEXT longer than one message arrives in chunks of 50 bytes that
+share a number; a lost chunk becomes an ellipsis. Only an autopilot's HEARTBEAT counts: a camera or
+a ground station may have the same system id. PX4 sends no text where it is merely not ready; then
+the sensors' health is all that it says."""
 
 from __future__ import annotations
 
@@ -11,10 +12,10 @@ from collections import deque
 from collections.abc import Callable, Iterator, Set
 from enum import Enum
 from math import isfinite
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.preflight.ailments import Sensors
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
@@ -32,7 +33,7 @@ MOST_CHUNKS = 20
 LOST = "…"
 
 
-class Landed(Enum):
+class LandedState(Enum):
     """Where the vehicle itself thinks that it is (MAV_LANDED_STATE)."""
 
     UNKNOWN = 0
@@ -42,7 +43,7 @@ class Landed(Enum):
     LANDING = 4
 
 
-class Said(NamedTuple):
+class StatusText(NamedTuple):
     """A text of the autopilot: when it came, its MAV_SEVERITY (0 the worst, 7 the least), and the
     words."""
 
@@ -72,7 +73,7 @@ class _Chunks:
         return "".join(w for i, w in enumerate(words) if w != LOST or words[i - 1 : i] != [LOST])
 
 
-class Heard:
+class ReceivedStatus:
     """What one autopilot has said last.
 
     heartbeat: when its newest HEARTBEAT came; None before the first, as in all others. autopilot:
@@ -90,13 +91,13 @@ class Heard:
         self.mode: int | None = None
         self.armed = False
         self.ready: bool | None = None
-        self.sensors: Sensors | None = None
-        self.landed = Landed.UNKNOWN
+        self.sensors: SensorHealth | None = None
+        self.landed = LandedState.UNKNOWN
         self.ekf: int | None = None
         self.servos: tuple[int, ...] = ()
         self.throttle: float | None = None
         self.at: dict[str, Time] = {}
-        self.texts: deque[Said] = deque(maxlen=MOST_TEXTS)
+        self.texts: deque[StatusText] = deque(maxlen=MOST_TEXTS)
         self._chunks: dict[tuple[int, int], _Chunks] = {}
         self._hear: dict[str, Callable[[Message, Time], None]] = {
             "HEARTBEAT": self._heartbeat,
@@ -151,7 +152,7 @@ class Heard:
 
     def _sys_status(self, message: Message, now: Time) -> None:
         health = message.onboard_control_sensors_health
-        self.sensors = Sensors(
+        self.sensors = SensorHealth(
             message.onboard_control_sensors_present,
             message.onboard_control_sensors_enabled,
             health,
@@ -159,9 +160,9 @@ class Heard:
         self.ready = bool(health & READY)
 
     def _extended_sys_state(self, message: Message, now: Time) -> None:
-        known = {landed.value for landed in Landed}
+        known = {landed.value for landed in LandedState}
         state = message.landed_state
-        self.landed = Landed(state) if state in known else Landed.UNKNOWN
+        self.landed = LandedState(state) if state in known else LandedState.UNKNOWN
 
     def _flags(self, message: Message, now: Time) -> None:
         self.ekf = message.flags
@@ -203,9 +204,62 @@ class Heard:
     def _say(self, time: Time, severity: int, text: str) -> None:
         clean = " ".join("".join(_printable(text)).split())
         if clean:
-            self.texts.append(Said(time, severity, clean))
+            self.texts.append(StatusText(time, severity, clean))
 
 
 def _printable(text: str) -> Iterator[str]:
     """The characters of `text`; a space for each that a terminal would obey."""
     return (character if character.isprintable() else " " for character in text)
+
+
+SENSORS = MappingProxyType(
+    {
+        1 << bit: name
+        for bit, name in enumerate(
+            (
+                "gyroscope", "accelerometer", "compass", "barometer", "airspeed sensor",
+                "GPS receiver", "optical flow", "position from outside", "range finder",
+                "ground truth from outside", "control of turn rates", "control of attitude",
+                "control of heading", "control of height", "control of position", "motors",
+                "receiver of the transmitter", "second gyroscope", "second accelerometer",
+                "second compass", "fence", "estimate of attitude and position", "terrain data",
+                "reversed motors", "log", "battery", "proximity sensor", "satellite link", "",
+                "obstacle avoidance", "propulsion",
+            )
+        )
+        if name
+    }
+)  # fmt: skip
+"""MAV_SYS_STATUS_SENSOR. Bit 28 says whether it is ready, bit 31 that there are more bits."""
+WAYS_OUT = MappingProxyType(
+    {
+        1 << 7: "is it told poses, and set up to take them?",
+        1 << 16: "is the transmitter on?",
+        1 << 24: "is its memory card missing, or full?",
+        1 << 25: "is it charged, and its monitor set up?",
+    }
+)
+
+
+class SensorHealth(NamedTuple):
+    """The sensors of SYS_STATUS, a bit each (MAV_SYS_STATUS_SENSOR)."""
+
+    present: int
+    enabled: int
+    health: int
+
+    @property
+    def ill(self) -> int:
+        """Those that are there and in use, and not well."""
+        return self.present & self.enabled & ~self.health
+
+    @property
+    def words(self) -> str:
+        """Those that are ill, by name, with what to look at where that is known; empty where all
+        are well."""
+        return ", ".join(_sensor(bit) for bit in SENSORS if bit & self.ill)
+
+
+def _sensor(bit: int) -> str:
+    way_out = WAYS_OUT.get(bit)
+    return SENSORS[bit] if way_out is None else f"{SENSORS[bit]} ({way_out})"

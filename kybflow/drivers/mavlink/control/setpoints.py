@@ -1,0 +1,129 @@
+"""The setpoints that are sent: how often, how far ahead of time, and with which throttle.
+
+`SetpointStream` sends the newest command at its own rate and repeats it until it is 250 ms old.
+Then it stops, and the vehicle's own watchdog acts: a program that hangs flies nothing.
+
+`compensated` sends setpoints ahead by the vehicle's `Latency`: its attitude loop and its rotors
+take a moment. What is sent is the setpoint of that much later, extrapolated with its own velocity,
+acceleration and jerk; one that rests stays where it is.
+
+`HoverThrottle` learns which share of the throttle holds the vehicle in the air, for commands in
+newtons: first from the autopilot's own parameter; then, while it hovers under setpoints of position
+or acceleration, from the throttle that its attitude controller really asks for, averaged slowly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+
+from kybflow.core.geometry import ZERO, add, norm, scale
+from kybflow.core.signals import NS, Command, CommandKind, Odometry, SetpointKind, Time
+from kybflow.drivers.mavlink.firmware import Latency
+from kybflow.drivers.mavlink.protocol.codec import Throttle
+
+OLDEST: Time = NS // 4
+"""Nanoseconds for which a command counts."""
+
+
+class SetpointStream:
+    """rate: set-points a second."""
+
+    def __init__(self, rate: float) -> None:
+        self._period: Time = round(NS / rate)
+        self._command: Command | None = None
+        self._fed: Time = 0
+        self._begun: Time | None = None
+        self._due: Time = 0
+
+    def feed(self, command: Command, now: Time) -> None:
+        """The newest command; the first one begins the stream."""
+        if self._begun is None:
+            self._begun = self._due = now
+        self._command, self._fed = command, now
+
+    def stop(self) -> None:
+        self._command = self._begun = None
+
+    def due(self, now: Time) -> Command | None:
+        """What is to be sent now, None while nothing is. A late one is not caught up by a burst."""
+        command = self._command
+        if command is None or now < self._due:
+            return None
+        if now - self._fed > OLDEST:
+            self.stop()
+            return None
+        self._due += self._period
+        if self._due <= now:
+            self._due = now + self._period
+        return command
+
+    def flows(self, now: Time) -> float:
+        """For how many seconds it has flowed without a gap; zero while it does not."""
+        return 0.0 if self._begun is None else (now - self._begun) / NS
+
+
+def compensated(command: Command, latency: Latency) -> Command:
+    """A command so far ahead as the vehicle comes after it; as it is where it says not how it
+    moves."""
+    setpoint = command.setpoint
+    if setpoint is None or (acceleration := setpoint.acceleration) is None:
+        return command
+    position, velocity = setpoint.position, setpoint.velocity
+    jerk, time = setpoint.jerk or ZERO, latency.position
+    if setpoint.kind is SetpointKind.ACCELERATION:
+        pushed = setpoint._replace(
+            acceleration=add(acceleration, scale(jerk, latency.acceleration))
+        )
+        return command._replace(setpoint=pushed)
+    if velocity is None:
+        return command
+    if position is not None:
+        position = add(position, scale(velocity, time))
+        position = add(position, scale(acceleration, 0.5 * time * time))
+        position = add(position, scale(jerk, time**3 / 6.0))
+    velocity = add(velocity, add(scale(acceleration, time), scale(jerk, 0.5 * time * time)))
+    acceleration = add(acceleration, scale(jerk, time))
+    ahead = setpoint._replace(position=position, velocity=velocity, acceleration=acceleration)
+    return command._replace(setpoint=ahead)
+
+
+USUAL = 0.5
+LEAST, MOST = 0.1, 0.9
+SLOW = 5.0
+"""Seconds over which it is averaged."""
+STILL = 0.3
+"""Metres a second below which it hovers."""
+
+FLIES_ITSELF = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
+"""Commands under which the thrust is its own."""
+
+
+class HoverThrottle:
+    """parameter: the autopilot's name for it. newtons: what the vehicle weighs. raised: whether the
+    autopilot itself asks for more where it leans."""
+
+    def __init__(self, parameter: str, newtons: float, raised: bool) -> None:
+        self._parameter, self._newtons, self._raised = parameter, newtons, raised
+        self._share: float | None = None
+        self._last: Time | None = None
+
+    def throttle(self, values: Mapping[str, float]) -> Throttle:
+        """values: the parameters that the autopilot has told."""
+        share = self._share or values.get(self._parameter, USUAL)
+        share = share if isfinite(share) else USUAL
+        return Throttle(min(max(share, LEAST), MOST), self._newtons, self._raised)
+
+    def learn(
+        self, asked: float | None, command: Command, odometry: Odometry | None,
+        values: Mapping[str, float], now: Time,
+    ) -> None:  # fmt: skip
+        """asked: the throttle that its controller asks for, 0 to 1, in the air."""
+        still = odometry is not None and norm(odometry.velocity) < STILL
+        if asked is None or not still or command.kind not in FLIES_ITSELF:
+            self._last = None
+            return
+        if self._last is not None:
+            dt = (now - self._last) / NS
+            share = self.throttle(values).hover
+            self._share = share + (asked - share) * dt / (SLOW + dt)
+        self._last = now

@@ -1,0 +1,171 @@
+"""What the preflight asks of an autopilot and of the line it is on, answered in the autopilot's
+own words where it has any.
+
+An autopilot reports its readiness for its current mode only, so a disarmed vehicle is first put
+into the mode in which it follows setpoints. One that stays unready is asked to run its checks, for
+not every autopilot says unasked what is wrong; the sensors that it reports as unhealthy are named
+beside its texts.
+
+A serial line of B baud carries B / 10 bytes a second each way. The streams of the autopilot get
+half of that: all of them are slowed by the same factor, but not below once a second. The other half
+is for parameters, answers and texts, and for radios that send one way at a time. Setpoints and
+poses are not slowed; where they don't fit, the preflight says so. Other wires count as fast
+enough."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from kybflow.core.geometry import distance
+from kybflow.core.signals import NS, Estimate, Time
+from kybflow.drivers.mavlink.control.modes import Modes
+from kybflow.drivers.mavlink.firmware import firmware_by
+from kybflow.drivers.mavlink.preflight.required_parameters import RequiredParameters
+from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, NUMBERS
+from kybflow.drivers.mavlink.protocol.signing import SIGNATURE
+from kybflow.drivers.mavlink.transport.address import read_address
+from kybflow.parts import Check
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink.contact import Contact
+    from kybflow.drivers.mavlink.params import MavlinkParams
+
+ALIVE: Time = 3 * NS
+REPEATED: Time = 35 * NS
+"""How long what keeps it from arming counts: it is repeated every 30 s."""
+RUN_PREARM_CHECKS = 401
+UNREADY: Time = 3 * NS
+"""How long it is unready before it is asked why."""
+AGAIN: Time = 10 * NS
+"""After this it is asked anew."""
+APART = 0.5
+"""Metres that it may be from where it is told to be."""
+
+
+class PreflightChecks:
+    """params: how the mission has it."""
+
+    def __init__(self, contact: Contact, modes: Modes, params: MavlinkParams) -> None:
+        self._profile, self._status, self._modes = contact.profile, contact.status, modes
+        self._contact = contact
+        self._telemetry, self._requests = contact.telemetry, contact.requests
+        self._is_outside = contact.is_outside
+        self._required = RequiredParameters(contact, params)
+        self._asks: Time | None = None
+
+    def names(self) -> list[str]:
+        """The parameters that are looked at."""
+        return self._required.names()
+
+    def checks(self, misses: str, told: tuple[Estimate, Time] | None, now: Time) -> list[Check]:
+        """misses: why it is not in the mode in which it follows, empty where it is. told: where it
+        was told to be, and when, last."""
+        heartbeat = self._heartbeat(now)
+        if not heartbeat.green:
+            unknown = "not known: its parameters are asked for once its heartbeat is right"
+            return [heartbeat, Check("watchdog", False, unknown)]
+        lines = [heartbeat, self._required.watchdog()]
+        if self._is_outside:
+            lines.append(self._required.set_up())
+        misses = misses and misses + self._contact.ignored_because
+        lines.append(Check("command mode", not misses, misses or self._modes.reported))
+        return [*lines, self._position(told, now), self._autopilot(now)]
+
+    def _heartbeat(self, now: Time) -> Check:
+        status, wanted = self._status, self._profile.name
+        if status.heartbeat is None:
+            return Check("heartbeat", False, "none was heard")
+        age = (now - status.heartbeat) / NS
+        if now - status.heartbeat > ALIVE:
+            return Check("heartbeat", False, f"the last one {age:.1f} s ago")
+        maker = firmware_by(status.autopilot) or f"autopilot {status.autopilot}"
+        if maker != wanted:
+            way_out = "set the driver's `autopilot`, or `system`"
+            reason = f"it is {maker}, {wanted} is expected: {way_out}"
+            return Check("heartbeat", False, reason, waits=False)
+        return Check("heartbeat", True, f"{maker} in {self._modes.reported}, {age:.1f} s ago")
+
+    def _position(self, told: tuple[Estimate, Time] | None, now: Time) -> Check:
+        own, spread = self._telemetry.odometry, self._telemetry.spread
+        if self._is_outside and (told is None or now - told[1] > NS):
+            return Check("position", False, "it is told none: kybflow has no estimate to send")
+        if spread is None:
+            flags = f"it has none (estimator flags {self._status.ekf})"
+            return Check("position", False, f"{flags}; {self._required.fed()}")
+        if own is None:
+            return Check("position", False, "it tells none yet")
+        if self._is_outside and told is not None:
+            apart = distance(own.position, told[0].position)
+            reason = f"{apart:.2f} m from where it is told to be ({APART:.2f} m allowed)"
+            return Check("position", apart <= APART, reason)
+        return Check("position", True, f"spread {spread:.2f} m")
+
+    def _autopilot(self, now: Time) -> Check:
+        status = self._status
+        if status.armed:
+            reason = f"it is armed already, in {self._modes.reported}"
+            return Check("autopilot", False, reason, waits=False)
+        unready = self._profile.ready(status)
+        if unready is None:
+            self._asks = None
+            return Check("autopilot", True, "ready to arm")
+        self._ask(now)
+        words = status.words(max(now - REPEATED, 0))
+        reason = f"{unready}: {words}" if words else unready
+        return Check("autopilot", False, f"{reason}; {status.ill}" if status.ill else reason)
+
+    def _ask(self, now: Time) -> None:
+        """Have it say why it is unready."""
+        if self._asks is None:
+            self._asks = now + UNREADY
+        elif now >= self._asks:
+            self._asks = now + AGAIN
+            self._requests.ask(RUN_PREARM_CHECKS, now=now)
+
+
+BITS = 10
+HEAD = 12
+"""Bytes of a frame beside its fields, but for its signature."""
+STREAMS, OURS = 0.5, 0.8
+"""What share of a line streams are given, and how much of it may be what we send."""
+SLOWEST = 1.0
+
+
+class LineCapacity:
+    """Of the line to one vehicle. params: how the mission has it. `line`: bytes a second each way,
+    None where that is no matter."""
+
+    def __init__(self, params: MavlinkParams) -> None:
+        place = None if params.address is None else read_address(params.address)
+        is_serial = place is not None and place.kind == "serial"
+        self.line = place.number / BITS if place is not None and is_serial else None
+        self._params = params
+        self._head = HEAD + (0 if params.key is None else SIGNATURE)
+
+    def fitting(self, rates: Mapping[str, float]) -> dict[str, float]:
+        """These streams, Hz, as often as the line carries them."""
+        if self.line is None:
+            return dict(rates)
+        factor = min(1.0, STREAMS * self.line / self._load(rates))
+        return {name: min(rate, max(factor * rate, SLOWEST)) for name, rate in rates.items()}
+
+    def check(self) -> list[Check]:
+        """The preflight's line about it, where there is one."""
+        if self.line is None:
+            return []
+        params = self._params
+        sent, way_out = {"SET_POSITION_TARGET_LOCAL_NED": params.rate}, "a lower `rate`"
+        if params.position == "outside":
+            sent["ODOMETRY"], way_out = params.vision_rate, "a lower `rate` and `vision_rate`"
+        load = self._load(sent)
+        found = f"{load:.0f} bytes a second are sent to it, the line carries {self.line:.0f}"
+        if load <= OURS * self.line:
+            return [Check("serial line", True, found)]
+        way_out = f"set {way_out}, or a higher baud rate on both sides"
+        return [Check("serial line", False, f"{found}: {way_out}", waits=False)]
+
+    def _load(self, rates: Mapping[str, float]) -> float:
+        """Bytes a second."""
+        sizes = {name: int(LAYOUTS[NUMBERS[name]].size) for name in rates if name in NUMBERS}
+        return sum(rates[name] * (self._head + size) for name, size in sizes.items())
