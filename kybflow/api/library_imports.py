@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from kybflow.api.library import Shipped, contents, entry_text, libraries, missions, read_file
 from kybflow.core.errors import KybflowError
+from kybflow.dsl.diagnostics.diagnostic import collect
 from kybflow.dsl.diagnostics.render import render
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of
 from kybflow.dsl.resolving.imports import Place, find
@@ -56,7 +57,7 @@ def imports_of(one: Shipped) -> Iterator[Import]:
     for name, entry in entries_of(one.root.get("import") if one.root else None).items():
         text = _from(entry.value)
         if text is not None:
-            place = find(text, Place(one.path, str(one.path)), root, [])
+            place = collect(find(text, Place(one.path, str(one.path)), root)).value
             yield Import(name, text.text, _library(text.text, place) if place else None)
 
 

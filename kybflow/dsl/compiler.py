@@ -1,4 +1,12 @@
-"""Text to plan: the passes, in order. One that follows errors is skipped."""
+"""Text to plan: the passes, in order. One that follows errors is skipped.
+
+read      text and `--set` to a tree in which every node has its place
+judge     the tree by the language's schema
+resolve   imports, `like`, stacks, chains and parameters away
+shape     the tree to a typed document, in SI
+check     what can be proven of the document before take-off
+lower     the document to the plan, from which `kybflow.dsl.machine` assembles state machines
+"""
 
 from __future__ import annotations
 
@@ -7,25 +15,33 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kybflow.dsl.checks import run_checks
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, has_errors, in_order
+from kybflow.dsl.checks import check
+from kybflow.dsl.diagnostics.diagnostic import (
+    Diagnosed,
+    Diagnostic,
+    Stopped,
+    has_errors,
+    in_order,
+    passed,
+)
 from kybflow.dsl.document import Document, Parameter
 from kybflow.dsl.lowering.lower import lower
 from kybflow.dsl.plan import Plan, SourceFile
-from kybflow.dsl.reading.attachments import attachments_of
-from kybflow.dsl.reading.reader import read
-from kybflow.dsl.reading.source import SET, Span
+from kybflow.dsl.reading.reader import Source, read
+from kybflow.dsl.reading.source import SET
 from kybflow.dsl.resolving.loading import Files
+from kybflow.dsl.resolving.parameters import parse_settings
 from kybflow.dsl.resolving.resolve import resolve, resolve_library
-from kybflow.dsl.resolving.settings import parse_settings
-from kybflow.dsl.resolving.unused_names import unused_names
+from kybflow.dsl.resolving.unused import unused_names
 from kybflow.dsl.schema.judge import is_library, judge_mission
 from kybflow.dsl.shaping import targets
-from kybflow.dsl.shaping.library_parts import judge_parts
+from kybflow.dsl.shaping.library_parts import judge_library
 from kybflow.dsl.shaping.shape import shape
 from kybflow.dsl.writing.written import written
 
 if TYPE_CHECKING:
+    from kybflow.dsl.reading.nodes import Node
+    from kybflow.dsl.resolving.parameters import Setting
     from kybflow.parts.catalog import Catalog
 
 
@@ -49,14 +65,12 @@ def compile_mission(
 ) -> Result:
     """What the mission in `path` means on `target`, with its parameters set by `sets`
     (`name=value`). Never raises for what a file or a setting says."""
-    document, files, found = _document(Path(path), str(path), catalog, target, sets)
-    plan = None
-    if document is not None:
-        read = (SourceFile(s.file, s.sha256) for s in files.sources.values())
-        sources = (*read, *attachments_of(document))
-        plan = lower(document, catalog, sources, written(document))
-    result = _result(plan, files, target, sets, found)
-    return result if document is None else replace(result, parameters=document.parameters)
+    document, files, result = _compiled(Path(path), str(path), catalog, target, sets)
+    if document is None:
+        return result
+    sources = tuple(SourceFile(s.file, s.sha256) for s in files.sources.values())
+    plan = lower(document, catalog, sources, written(document))
+    return replace(result, plan=plan, parameters=document.parameters)
 
 
 def check_mission(
@@ -64,45 +78,60 @@ def check_mission(
 ) -> Result:
     """What `compile_mission` finds, without the plan: `lower` finds nothing. A library is judged
     too."""
-    _, files, found = _document(Path(path), str(path), catalog, target, sets)
-    return _result(None, files, target, sets, found)
+    return _compiled(Path(path), str(path), catalog, target, sets)[2]
 
 
-def _document(
+def _compiled(
     path: Path, file: str, catalog: Catalog, target: str | None, sets: Sequence[str]
-) -> tuple[Document | None, Files, list[Diagnostic]]:
+) -> tuple[Document | None, Files, Result]:
     source = read(path, file)
-    files = Files(source, path)
-    found = list(source.found)
-    settings = parse_settings(sets, found)
-    if source.root is None or has_errors(found):
-        return None, files, found
-    if is_library(source.root):
-        judge_parts(resolve_library(source, files, found), catalog, found)
-        return None, files, found
-    mission = judge_mission(source.root, found)
-    resolved = None if mission is None else resolve(mission, files, settings, found)
-    document = None if resolved is None else shape(resolved, catalog, target, found)
-    if document is not None:
-        found += run_checks(document, catalog)
-    if mission is None or has_errors(found):
-        return None, files, found
-    found += unused_names(mission, files, (s.node for s in settings.values() if s.node))
-    return document, files, found
-
-
-def _result(
-    plan: Plan | None,
-    files: Files,
-    target: str | None,
-    sets: Sequence[str],
-    found: list[Diagnostic],
-) -> Result:
-    valued = (_at_value(d, files) for d in found)
-    located = (replace(d, span=_reached(d, files)) for d in valued)
+    files, document, found = Files(source, path), None, list[Diagnostic]()
+    passes = _passes(source, files, catalog, target, sets)
+    try:
+        while True:
+            found.append(next(passes))
+    except StopIteration as end:
+        document = end.value
+    except Stopped:
+        pass
+    located = (_located(finding, files) for finding in found)
     texts = {s.file: s.text for s in files.sources.values()}
     given = {SET: "\n".join(sets), targets.FILE: target or ""}
-    return Result(plan, in_order(located), texts | given)
+    return document, files, Result(None, in_order(located), texts | given)
+
+
+def _passes(
+    source: Source, files: Files, catalog: Catalog, target: str | None, sets: Sequence[str]
+) -> Diagnosed[Document | None]:
+    """The passes up to the checked document, a line each; None for a library."""
+    root, settings = yield from passed(_input(source, sets))
+    if is_library(root):
+        library = yield from resolve_library(source, files)
+        yield from judge_library(library, catalog)
+        return None
+    mission = yield from passed(judge_mission(root))
+    resolved = yield from passed(resolve(mission, files, settings))
+    document = yield from passed(shape(resolved, catalog, target))
+    yield from passed(check(document, catalog))
+    yield from unused_names(mission, files, settings)
+    return document
+
+
+def _input(source: Source, sets: Sequence[str]) -> Diagnosed[tuple[Node, dict[str, Setting]]]:
+    """The tree of the mission's file and the values of `--set`."""
+    yield from source.found
+    settings = yield from parse_settings(sets)
+    if source.root is None:
+        raise Stopped
+    return source.root, settings
+
+
+def _located(diagnostic: Diagnostic, files: Files) -> Diagnostic:
+    """The finding at the value that it is about, with the imports through which its file was
+    reached."""
+    moved = _at_value(diagnostic, files)
+    via = files.via.get(moved.span.file, ())
+    return replace(moved, span=replace(moved.span, via=via)) if via else moved
 
 
 def _at_value(diagnostic: Diagnostic, files: Files) -> Diagnostic:
@@ -115,10 +144,3 @@ def _at_value(diagnostic: Diagnostic, files: Files) -> Diagnostic:
     name = lines[span.line - 1][span.column - 1 : span.end_column - 1] if lines else "a parameter"
     notes = (f"it takes the place of `{name}` at {span.at}", *diagnostic.notes)
     return replace(diagnostic, span=value, notes=notes)
-
-
-def _reached(diagnostic: Diagnostic, files: Files) -> Span:
-    """The span with the imports through which its file was reached."""
-    span = diagnostic.span
-    via = files.via.get(span.file, ())
-    return replace(span, via=via) if via else span

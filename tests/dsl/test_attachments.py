@@ -10,7 +10,7 @@ import pytest
 from kybflow.core.errors import OptionRefused
 from kybflow.core.files import File
 from kybflow.dsl.compiler import Result, compile_mission
-from kybflow.dsl.reading.attachments import MAX_BYTES
+from kybflow.dsl.reading.values import MAX_FILE_BYTES
 from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.options import check_options
 
@@ -84,7 +84,7 @@ def test_nothing_outside_of_the_folder_is_read(mission: Path, name: str, tmp_pat
     ("data", "message"),
     [
         (b"t\xff\n", "`ways/bad.csv` is not UTF-8 text in line 1"),
-        (b"#" * (MAX_BYTES + 1), "`ways/bad.csv` is larger than 4 MB"),
+        (b"#" * (MAX_FILE_BYTES + 1), "`ways/bad.csv` is larger than 4 MB"),
         (b"", "`ways/bad.csv`: it has no header"),
     ],
 )

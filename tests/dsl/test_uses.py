@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import collect
 from kybflow.dsl.reading.nodes import Scalar
 from kybflow.dsl.reading.source import Span
 from kybflow.dsl.shaping.uses import Uses
@@ -26,9 +26,9 @@ def test_a_broken_part_is_kyb141(
     module = f"kyb_part_{abs(hash(body))}"
     (tmp_path / f"{module}.py").write_text(body)
     monkeypatch.syspath_prepend(tmp_path)
-    found: list[Diagnostic] = []
     catalog = Catalog({"behaviors": {"spiral": module}})
     place = Span("m.yaml", 1, 1, 1, 7)
-    assert Uses(catalog, found).one("behaviors", Scalar("spiral", place)) is None
+    part, found = collect(Uses(catalog).one("behaviors", Scalar("spiral", place)))
+    assert part is None
     assert [(d.code, d.span) for d in found] == [("KYB141", place)]
     assert reason in found[0].message

@@ -36,7 +36,7 @@ from kybflow.dsl.checks import (
     tags,
 )
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
 from kybflow.dsl.document import Document
 from kybflow.dsl.reading.source import Span
 
@@ -140,10 +140,11 @@ CHECKS: tuple[Callable[[Case], Iterator[Diagnostic]], ...] = (
 _NAMED = re.compile(r"`([^`]*)`")
 
 
-def run_checks(document: Document, catalog: Catalog) -> list[Diagnostic]:
+def check(document: Document, catalog: Catalog) -> Diagnosed[None]:
     """Everything that the checks find in `document`, in no order."""
     case = Case(document, catalog)
-    return _once((finding for check in CHECKS for finding in check(case)), document.vehicles)
+    findings = (finding for one in CHECKS for finding in one(case))
+    yield from _once(findings, document.vehicles)
 
 
 def _once(found: Iterable[Diagnostic], vehicles: Container[str]) -> list[Diagnostic]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.goals import wrong_goal
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect, did_you_mean
 from kybflow.dsl.document import ActionUse
 from kybflow.dsl.names.option_names import members, option_values, unknown_vehicle
 from kybflow.dsl.reading.source import Text
@@ -44,9 +44,7 @@ def options(case: Case) -> Iterator[Diagnostic]:
     """
     for action in _sets(case):
         assert action.target is not None
-        found: list[Diagnostic] = []
-        values = option_values(action, case.document, case.catalog, found)
-        yield from found
+        values = yield from option_values(action, case.document, case.catalog)
         fixed = next((o for o, _ in values if o.field.read_only or o.field.shape == "path"), None)
         if fixed is not None:
             yield Diagnostic(
@@ -66,7 +64,7 @@ def loosened(case: Case) -> Iterator[Diagnostic]:
     """
     for action in _sets(case):
         assert action.target is not None
-        for option, value in option_values(action, case.document, case.catalog, []):
+        for option, value in collect(option_values(action, case.document, case.catalog)).value:
             if option.field.loosens(option.declared, value):
                 declared = shown_value(option.declared, option.field)
                 yield Diagnostic(

@@ -4,13 +4,16 @@ lives elsewhere."""
 from __future__ import annotations
 
 from bisect import bisect
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
+from typing import Generic, NamedTuple, TypeVar
 
 from kybflow.dsl.reading.source import Span
 from kybflow.parts.observables import chains_of
+
+T = TypeVar("T")
 
 
 class Severity(Enum):
@@ -34,6 +37,55 @@ class Diagnostic:
     @property
     def order(self) -> tuple[str, int, int, str]:
         return (self.span.file, self.span.line, self.span.column, self.code)
+
+
+Diagnosed = Generator[Diagnostic, None, T]
+"""What a pass and each of its steps is: it yields every finding as soon as it is made, and returns
+its value. `value = yield from step(...)` hands the findings of a step on."""
+
+
+class Found(NamedTuple, Generic[T]):
+    """The value of a step that has run to its end, and what it found, in order."""
+
+    value: T
+    diagnostics: list[Diagnostic]
+
+
+class Stopped(Exception):
+    """Ends the compilation after a pass with errors, whose findings are yielded before."""
+
+
+def collect(step: Diagnosed[T]) -> Found[T]:
+    """Run a step to its end."""
+    found: list[Diagnostic] = []
+    try:
+        while True:
+            found.append(next(step))
+    except StopIteration as end:
+        return Found(end.value, found)
+
+
+def every(steps: Iterable[Diagnosed[T]]) -> Diagnosed[list[T]]:
+    """The values of several steps, one after the other."""
+    values: list[T] = []
+    for step in steps:
+        values.append((yield from step))
+    return values
+
+
+def passed(step: Diagnosed[T]) -> Diagnosed[T]:
+    """The value of a pass without errors. Raises Stopped behind the findings of one with errors."""
+    has_error = False
+    try:
+        while True:
+            finding = next(step)
+            has_error = has_error or finding.severity is Severity.ERROR
+            yield finding
+    except StopIteration as end:
+        if has_error:
+            raise Stopped from None
+        value: T = end.value
+        return value
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

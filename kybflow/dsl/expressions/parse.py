@@ -17,7 +17,7 @@ from difflib import get_close_matches
 from typing import cast, get_args
 
 from kybflow.core.units import DURATION
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Found
 from kybflow.dsl.expressions import errors
 from kybflow.dsl.expressions.cursor import Scope
 from kybflow.dsl.expressions.operands import Operands
@@ -58,23 +58,23 @@ FLIPPED: Mapping[Operator, Operator] = {
 }
 
 
-def parse(text: Text, scope: Scope) -> tuple[Expression | None, list[Diagnostic]]:
+def parse(text: Text, scope: Scope) -> Found[Expression | None]:
     """The expression that `text` says, or None and what is wrong with it. Never raises."""
     if text not in scope.read:
         scope.read[text] = _parsed(text, scope)
-    expression, found = scope.read[text]
-    return expression, list(found)
+    found: Found[Expression | None] = scope.read[text]
+    return found
 
 
-def _parsed(text: Text, scope: Scope) -> tuple[Expression | None, list[Diagnostic]]:
+def _parsed(text: Text, scope: Scope) -> Found[Expression | None]:
     try:
         if len(text.text) > MAX_LENGTH:
             raise errors.too_long(text, MAX_LENGTH)
         parser = _Parser(text, scope)
         expression = parser.whole()
     except errors.Unreadable as stop:
-        return None, [stop.finding]
-    return (None if parser.findings else expression), parser.findings
+        return Found(None, [stop.finding])
+    return Found(None if parser.findings else expression, parser.findings)
 
 
 class _Parser(Operands):

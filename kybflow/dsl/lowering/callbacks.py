@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from kybflow.dsl.diagnostics.diagnostic import collect
 from kybflow.dsl.document import ActionUse, Callback, Document
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.names.option_names import members, option_values
@@ -64,7 +65,7 @@ def _action(action: ActionUse, document: Document, catalog: Catalog) -> Iterator
         for vehicle in members(document, target.text):
             yield Switch(vehicle, document.vehicles[vehicle].goal(action.value.text))
     elif name == "set":
-        for option, value in option_values(action, document, catalog, []):
+        for option, value in collect(option_values(action, document, catalog)).value:
             yield SetOption(option.name, value)
     elif name in ("enable", "disable"):
         who, _, label = action.value.text.partition(".")

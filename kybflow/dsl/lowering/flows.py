@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from kybflow.dsl.diagnostics.diagnostic import collect
 from kybflow.dsl.document import Document, Flow, Phase, Transition
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.names.option_names import members, option_values
@@ -36,7 +37,7 @@ def _phase(phase: Phase, document: Document, scope: Scope, catalog: Catalog) -> 
     options = (
         SetOption(option.name, value)
         for action in phase.set
-        for option, value in option_values(action, document, catalog, [])
+        for option, value in collect(option_values(action, document, catalog)).value
     )
     named = _spread(phase.run, document)
     run = {name: document.vehicles[name].goal(state) for name, state in named.items()}

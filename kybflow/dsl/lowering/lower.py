@@ -16,6 +16,7 @@ from kybflow.dsl.document import (
     Vehicle,
 )
 from kybflow.dsl.expressions import Expression, Scope, parse
+from kybflow.dsl.lowering.attachments import attachments_of, files_of
 from kybflow.dsl.lowering.callbacks import callback_plans
 from kybflow.dsl.lowering.flows import flow_plans
 from kybflow.dsl.names.built_in import BUILT_IN, end_of, failure_of
@@ -32,7 +33,6 @@ from kybflow.dsl.plan import (
     TransitionPlan,
     VehiclePlan,
 )
-from kybflow.dsl.reading.attachments import files_of
 from kybflow.dsl.reading.source import Text
 from kybflow.world.cameras import Camera
 from kybflow.world.tags import TagMap
@@ -67,7 +67,7 @@ def lower(
             ExpectationPlan(text.as_written, _parsed(text, scopes.expectation()), text.span.at)
             for text in document.expect
         ),
-        sources=sources,
+        sources=(*sources, *attachments_of(document)),
         resolved=resolved,
         obstacles={use.name.text: use.shape for use in document.obstacles},
         points=document.points,

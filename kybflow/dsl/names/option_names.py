@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.params import Field
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, did_you_mean, every
 from kybflow.dsl.document import ActionUse, Document, Vehicle
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.reading.source import Text
@@ -55,17 +55,17 @@ def unknown_vehicle(
 
 
 def option_values(
-    action: ActionUse, document: Document, catalog: Catalog, found: list[Diagnostic]
-) -> tuple[tuple[Option, Any], ...]:
+    action: ActionUse, document: Document, catalog: Catalog
+) -> Diagnosed[tuple[tuple[Option, Any], ...]]:
     """What `{OPTION: VALUE}` sets: each option with its value (SI). None where it has errors."""
     assert action.target is not None
     named = options_named(action.target, document, catalog)
     if named.finding is not None:
-        found.append(named.finding)
-    findings: list[Diagnostic] = []
-    decoded = [(option, decode(action.value, option.field, findings)) for option in named.options]
-    found += dict.fromkeys(findings)
-    return () if findings else tuple(decoded)
+        yield named.finding
+    decoded = every(decode(action.value, option.field) for option in named.options)
+    values, findings = collect(decoded)
+    yield from dict.fromkeys(findings)
+    return () if findings else tuple(zip(named.options, values, strict=True))
 
 
 def options_named(name: Text, document: Document, catalog: Catalog) -> Named:

@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Found
 from kybflow.dsl.reading.broken_yaml import not_yaml
 from kybflow.dsl.reading.nodes import (
     NO_COMMAS,
@@ -53,15 +53,15 @@ class _Unreadable(Exception):
         self.diagnostic = diagnostic
 
 
-def compose(text: str, file: str) -> tuple[Node | None, list[Diagnostic]]:
-    """The tree of `text`, None when it can't be had, and what was found on the way."""
+def compose(text: str, file: str) -> Found[Node | None]:
+    """The tree of `text`; None, and a finding, when it can't be had."""
     composer = _Composer(file)
     try:
-        return composer.document(_Loader(text)), composer.found
+        return Found(composer.document(_Loader(text)), composer.found)
     except _Unreadable as stop:
-        return None, [*composer.found, stop.diagnostic]
+        return Found(None, [*composer.found, stop.diagnostic])
     except (yaml.YAMLError, UnicodeError) as error:
-        return None, [*composer.found, not_yaml(error, text, file)]
+        return Found(None, [*composer.found, not_yaml(error, text, file)])
 
 
 class _Composer:

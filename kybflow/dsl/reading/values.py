@@ -1,16 +1,21 @@
-"""A node to one typed value in SI: what a parameter's `Field` says it must be."""
+"""A node to one typed value in SI: what a parameter's `Field` says it must be. A value that names a
+file is what that file holds, read once and judged by the part that reads it."""
 
 from __future__ import annotations
 
+import hashlib
+import os
 import re
+import stat
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
-from kybflow.core.errors import UnitError
+from kybflow.core.errors import FileError, UnitError
+from kybflow.core.files import File, FilePath
 from kybflow.core.params import Field
 from kybflow.core.units import Dimension, article, format_quantity, parse_quantity
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
-from kybflow.dsl.reading.attachments import file_of
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe
 from kybflow.dsl.reading.source import PREFIX
 
@@ -18,8 +23,13 @@ CODES = {
     "KYB104": "A value of another type, a quantity of another dimension or without its unit.",
     "KYB105": "A value outside its bounds.",
     "KYB109": "A value that is none of the choices.",
+    "KYB370": "A file that a parameter names is missing, unreadable, too large, or elsewhere.",
+    "KYB371": "A file that its part can't use, and the line.",
 }
+N = TypeVar("N", int, float)
+MAX_FILE_BYTES = 4_000_000
 _LONGEST = 100
+_SHOWN = 60
 _POINT = re.compile(r"(?:world\.)?points?\.([A-Za-z_]\w*)\Z", re.ASCII)
 _BARE = re.compile(r"[-+.\deE]+\Z", re.ASCII)
 _INTEGER = re.compile(r"[+-]?\d+\Z", re.ASCII)
@@ -45,47 +55,44 @@ def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bou
     )  # fmt: skip
 
 
-def decode(node: Node, field: Field, found: list[Diagnostic]) -> Any:
+def decode(node: Node, field: Field) -> Diagnosed[Any]:
     """The value of `node`; None, and a finding, when it is none."""
     if field.shape == "vector":
-        return _vector(node, field, found)
+        return (yield from _vector(node, field))
     if field.shape == "path":
-        return _path(node, field, found)
+        return (yield from _path(node, field))
     if field.shape == "integers":
-        return _integers(node, field, found)
+        return (yield from _integers(node, field))
     if not isinstance(node, Scalar):
-        found.append(_wrong(node, field))
+        yield _wrong(node, field)
         return None
     if len(node.text) > _LONGEST and field.shape not in ("text", "file", "file path"):
-        found.append(
-            Diagnostic("KYB104", f"`{node.text[:20]}...` is too long to be a value", node.span)
-        )
+        yield Diagnostic("KYB104", f"`{node.text[:20]}...` is too long to be a value", node.span)
         return None
     if field.shape == "scalar":
-        return _quantity(node, field, found)
+        return (yield from _quantity(node, field))
     if field.shape in ("file", "file path"):
-        return file_of(node, field, found)
-    return _plain(node, field, found)
+        return (yield from file_of(node, field))
+    return (yield from _plain(node, field))
 
 
-def _quantity(node: Scalar, field: Field, found: list[Diagnostic]) -> float | None:
+def _quantity(node: Scalar, field: Field) -> Diagnosed[float | None]:
     assert field.dimension is not None
     try:
         value = parse_quantity(node.text, field.dimension)
     except UnitError as error:
-        found.append(
-            Diagnostic("KYB104", str(error), node.span, notes=origin(node), help=error.hint)
-        )
+        yield Diagnostic("KYB104", str(error), node.span, notes=origin(node), help=error.hint)
         return None
-    return value if _inside(value, node, field, found) else None
+    return (yield from _bounded(value, node, field))
 
 
-def _inside(value: float, node: Scalar, field: Field, found: list[Diagnostic]) -> bool:
+def _bounded(value: N, node: Scalar, field: Field) -> Diagnosed[N | None]:
+    """`value`; None, and a finding, where it is outside of the bounds."""
     if field.outside(value) is None:
-        return True
+        return value
     message, hint = f"`{field.name}` must be {bounds_of(field)}", _way_inside(value, node, field)
-    found.append(Diagnostic("KYB105", message, node.span, f"`{node.text}`", origin(node), hint))
-    return False
+    yield Diagnostic("KYB105", message, node.span, f"`{node.text}`", origin(node), hint)
+    return None
 
 
 def _way_inside(value: float, node: Scalar, field: Field) -> str:
@@ -126,63 +133,52 @@ def origin(node: Scalar) -> tuple[str, ...]:
     return (f"`${node.parameter}` is `{node.text}`",) if shown else ()
 
 
-def _vector(node: Node, field: Field, found: list[Diagnostic]) -> Any:
+def _vector(node: Node, field: Field) -> Diagnosed[Any]:
     if not isinstance(node, Sequence) or len(node.items) != 3:
-        found.append(_wrong(node, field))
+        yield _wrong(node, field)
         return None
-    numbers = [_number_of(item, field, found) for item in node.items]
+    numbers = yield from every(_number(item, field) for item in node.items)
     return None if None in numbers else tuple(numbers)
 
 
-def _number_of(item: Node, field: Field, found: list[Diagnostic]) -> float | None:
+def _number(item: Node, field: Field) -> Diagnosed[float | None]:
     if isinstance(item, Scalar) and len(item.text) <= _LONGEST:
-        return _quantity(item, field, found)
-    found.append(
-        Diagnostic("KYB104", f"a number is needed, but this is {describe(item)}", item.span)
-    )
+        return (yield from _quantity(item, field))
+    yield Diagnostic("KYB104", f"a number is needed, but this is {describe(item)}", item.span)
     return None
 
 
-def _path(node: Node, field: Field, found: list[Diagnostic]) -> Any:
+def _path(node: Node, field: Field) -> Diagnosed[Any]:
     if not isinstance(node, Sequence) or not node.items:
-        found.append(_wrong(node, field))
+        yield _wrong(node, field)
         return None
-    points = [_vector(item, field, found) for item in node.items]
+    points = yield from every(_vector(item, field) for item in node.items)
     return None if None in points else tuple(points)
 
 
-def _integers(node: Node, field: Field, found: list[Diagnostic]) -> Any:
+def _integers(node: Node, field: Field) -> Diagnosed[Any]:
     if not isinstance(node, Sequence):
-        found.append(_wrong(node, field))
+        yield _wrong(node, field)
         return None
     one = replace(field, shape="integer")
-    numbers = [decode(item, one, found) for item in node.items]
+    numbers = yield from every(decode(item, one) for item in node.items)
     return None if None in numbers else tuple(numbers)
 
 
-def _plain(node: Scalar, field: Field, found: list[Diagnostic]) -> Any:
+def _plain(node: Scalar, field: Field) -> Diagnosed[Any]:
     text = node.text
-    if field.shape == "text":
+    if field.shape == "text" or (field.shape == "choice" and text in field.choices):
         return text
     if field.shape == "choice":
-        if text in field.choices:
-            return text
-        found.append(
-            Diagnostic(
-                "KYB109",
-                f"`{text}` is no choice for `{field.name}`",
-                node.span,
-                notes=origin(node),
-                help=did_you_mean(text, field.choices),
-            )
-        )
+        message = f"`{text}` is no choice for `{field.name}`"
+        hint = did_you_mean(text, field.choices)
+        yield Diagnostic("KYB109", message, node.span, notes=origin(node), help=hint)
         return None
     if field.shape == "boolean" and text in _TRUTHS:
         return _TRUTHS[text]
     if field.shape == "integer" and _INTEGER.match(text):
-        value = int(text)
-        return value if _inside(value, node, field, found) else None
-    found.append(_wrong(node, field))
+        return (yield from _bounded(int(text), node, field))
+    yield _wrong(node, field)
     return None
 
 
@@ -213,3 +209,70 @@ def shown_value(value: Any, field: Field) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return _shown(value, field.dimension) if isinstance(value, float) else str(value)
+
+
+def file_of(node: Scalar, field: Field) -> Diagnosed[File | FilePath | None]:
+    """The file that `node` names; None, and a finding, where it can't be had."""
+    return (yield from (_attached(node, field) if field.shape == "file" else _path_of(node)))
+
+
+def _attached(node: Scalar, field: Field) -> Diagnosed[File | None]:
+    """The file that `node` names, beside or below the file in which it stands; None, and a finding,
+    when its part can't use it."""
+    try:
+        file = _read(node.text, Path(node.span.file).parent)
+    except FileError as error:
+        yield Diagnostic("KYB370", str(error), node.span, help=error.hint)
+        return None
+    try:
+        if field.reads is not None:
+            field.reads(file)
+    except FileError as error:
+        yield _unusable(node, file, error)
+        return None
+    return file
+
+
+def _path_of(node: Scalar) -> Diagnosed[FilePath | None]:
+    """Where the file is that `node` names, as seen from the file in which it stands; None, and a
+    finding, when there is none."""
+    path = os.path.abspath(os.path.join(os.path.dirname(node.span.file), node.text))
+    if "\0" not in path and os.path.isfile(path):
+        return FilePath(path)
+    hint = "name a file that is there, as seen from the folder of the one that names it"
+    yield Diagnostic("KYB370", f"`{node.text}` is no file", node.span, help=hint)
+    return None
+
+
+def _unusable(node: Scalar, file: File, error: FileError) -> Diagnostic:
+    notes: tuple[str, ...] = ()
+    if error.line:
+        text = file.text.splitlines()[error.line - 1].strip()
+        shown = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
+        notes = (f"{file.name}:{error.line}: {shown}",)
+    label = f"line {error.line}" if error.line else ""
+    return Diagnostic("KYB371", f"`{file.name}`: {error}", node.span, label, notes, error.hint)
+
+
+def _read(name: str, folder: Path) -> File:
+    hint = "name a file beside or below the one that names it"
+    try:
+        path = (folder / name).resolve()
+        if Path(name).is_absolute() or not path.is_relative_to(folder.resolve()):
+            raise FileError(f"`{name}` is outside of the mission's folder", hint=hint)
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise FileError(f"`{name}` is no file", hint=hint)
+        with path.open("rb") as stream:
+            data = stream.read(MAX_FILE_BYTES + 1)
+    except FileNotFoundError:
+        raise FileError(f"`{name}` is no file", hint=hint) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FileError(f"`{name}` can't be read: {reason.lower()}") from None
+    if len(data) > MAX_FILE_BYTES:
+        raise FileError(f"`{name}` is larger than {MAX_FILE_BYTES // 1_000_000} MB")
+    try:
+        return File(name, hashlib.sha256(data).hexdigest(), data.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise FileError(f"`{name}` is not UTF-8 text in line {line}") from None

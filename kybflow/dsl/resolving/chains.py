@@ -9,27 +9,28 @@ hold for the states that name none.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from kybflow.core.params import RESERVED
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, entries_of
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, did_you_mean, every
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.reading.source import Span
-from kybflow.dsl.resolving.chain_arrows import Arrows, unknown
-from kybflow.dsl.resolving.chain_nodes import chain_of, used_at
+from kybflow.dsl.resolving.offers import Offers, chain_of
 from kybflow.dsl.resolving.parameters import Parameters, Setting, declare
-from kybflow.dsl.resolving.substitution import Substitution, known, names_in
-
-if TYPE_CHECKING:
-    from kybflow.dsl.resolving.offers import Offers
+from kybflow.dsl.resolving.substitution import Substitution, known, names_in, unused_parameter
 
 CODES = {
+    "KYB158": "A chain whose arrow, or `begin`, names a state that it does not have.",
     "KYB159": "A name that is taken: of a chain's parameter, or of a state inside of a chain.",
     "KYB160": "Chains that use each other in a circle, or more uses than a mission may have.",
+    "KYB161": "An arrow to `end` in a chain whose use does not say what follows.",
 }
 MAX_USES = 2000
+END = "end"
+"""The goal that leaves a chain."""
 _ARROWS = frozenset({"then", "next", "failed", "within"})
 _KEYS = _ARROWS | {"do", "estimators"}
 
@@ -62,13 +63,13 @@ class Chains:
     """Expands chains in the vehicles of one mission. What several vehicles share is expanded
     once."""
 
-    def __init__(self, offers: Offers, found: list[Diagnostic]) -> None:
-        self._offers, self._found = offers, found
+    def __init__(self, offers: Offers) -> None:
+        self._offers = offers
         self._done: dict[int, tuple[Mapping, Mapping]] = {}
         self._seen: set[tuple[Offers, str]] = set()
         self._uses = 0
 
-    def expanded(self, vehicle: Mapping) -> Mapping:
+    def expanded(self, vehicle: Mapping) -> Diagnosed[Mapping]:
         """The vehicle with states in the place of chains; one without any stays the same."""
         behaviors = vehicle.entries.get("behaviors")
         if behaviors is None or not isinstance(behaviors.value, Mapping):
@@ -77,12 +78,12 @@ class Chains:
         if not any(chain_of(entry.value) for entry in written.entries.values()):
             return vehicle
         if id(written) not in self._done:
-            self._done[id(written)] = (written, self._behaviors(written))
+            self._done[id(written)] = (written, (yield from self._behaviors(written)))
         whole = behaviors._replace(value=self._done[id(written)][1])
         return Mapping({**vehicle.entries, "behaviors": whole}, vehicle.span)
 
-    def judge(self) -> None:
-        """Find what is wrong with the file's own chains, those that nothing uses included."""
+    def judge(self) -> Iterator[Diagnostic]:
+        """What is wrong with the file's own chains, those that nothing uses included."""
         offers, written = self._offers, self._offers.written("chains")
         for name, entry in written.items():
             chain = offers.entry("chains", name)
@@ -90,58 +91,47 @@ class Chains:
             named = set(names_in(chain.entries["behaviors"].value))
             for parameter, declared in own.items():
                 span = declared.key.span
-                self._found += _taken(parameter, span, offers.parameters)
-                self._found += () if parameter in named else (_unused(parameter, span),)
+                yield from _taken(parameter, span, offers.parameters)
+                if parameter not in named:
+                    yield unused_parameter(parameter, span)
             if (offers, name) not in self._seen:
                 do = entry.key._replace(text=f"chain.{name}")
                 landed = {"then": Entry(do, do._replace(text="landed"))}
                 alone = Use(name, do, Mapping(landed, do.span), offers, is_alone=True)
-                list(self._inside(alone, offers, name, self._parameters(alone, offers, name)))
+                parameters = yield from self._parameters(alone, offers, name)
+                yield from self._inside(alone, offers, name, parameters)
 
-    def _behaviors(self, written: Mapping) -> Mapping:
+    def _behaviors(self, written: Mapping) -> Diagnosed[Mapping]:
         states: dict[str, Entry] = {}
         for name, entry in written.entries.items():
-            do = chain_of(entry.value)
-            if do is None:
-                self._enter(states, name, entry)
-                continue
-            assert isinstance(entry.value, Mapping)
-            use = Use(name, do, entry.value, self._offers, inherited=entry.inherited)
-            for inner, state in self._used(use):
-                self._enter(states, inner, state)
+            do, several = chain_of(entry.value), [(name, entry)]
+            if do is not None:
+                assert isinstance(entry.value, Mapping)
+                use = Use(name, do, entry.value, self._offers, inherited=entry.inherited)
+                several = yield from self._used(use)
+            for inner, state in several:
+                if inner in states:
+                    yield from _same_name(inner, states[inner].key.span, state.key.span)
+                else:
+                    states[inner] = state
         return Mapping(states, written.span)
 
-    def _enter(self, states: dict[str, Entry], name: str, entry: Entry) -> None:
-        if name not in states:
-            states[name] = entry
-            return
-        message = f"`{name}` is a behavior of the vehicle and of a chain"
-        for here, there in ((states[name], entry), (entry, states[name])):
-            span, other = here.key.span, there.key.span
-            notes = (f"the other is at {other.at}",)
-            self._found.append(Diagnostic("KYB159", message, span, notes=notes))
-
-    def _used(self, use: Use) -> Iterator[tuple[str, Entry]]:
+    def _used(self, use: Use) -> Diagnosed[list[tuple[str, Entry]]]:
         """The states of a use, and the entry that holds its arrows."""
-        meant = use.offers.chain(use.do)
+        meant = yield from use.offers.chain(use.do)
         if meant is None:
-            return
+            return []
         offers, name = meant
         arrows = {k: e for k, e in use.body.entries.items() if k in _ARROWS}
-        if arrows:
-            yield use.state, Entry(_named(use.do, use.state), Mapping(arrows, use.body.span))
-        yield from self._inside(use, offers, name, self._parameters(use, offers, name))
+        whole = Entry(Scalar(use.state, use.do.span), Mapping(arrows, use.body.span))
+        parameters = yield from self._parameters(use, offers, name)
+        inside = yield from self._inside(use, offers, name, parameters)
+        return [(use.state, whole), *inside] if arrows else inside
 
-    def _parameters(self, use: Use, offers: Offers, name: str) -> Parameters:
+    def _parameters(self, use: Use, offers: Offers, name: str) -> Diagnosed[Parameters]:
         """The values of the chain's parameters, and of those of its file."""
-        found: list[Diagnostic] = []
-        section = offers.entry("chains", name).get("parameters")
-        if section is not None:
-            section = Substitution(offers.parameters, found).apply(section)
-        given = {k: e for k, e in use.body.entries.items() if k not in _KEYS}
-        settings = {key: Setting(known(e.value), e.key.span) for key, e in given.items()}
-        own = declare(section, settings, found, use.do)
-        self._found += [f for f in found if not use.is_alone or f.code == "KYB131"]
+        own, found = collect(_given(use, offers, name))
+        yield from (f for f in found if not use.is_alone or f.code == "KYB131")
         return Parameters(
             {**offers.parameters.names, **own.names},
             {**offers.parameters.declared, **own.declared},
@@ -149,51 +139,132 @@ class Chains:
 
     def _inside(
         self, use: Use, offers: Offers, name: str, parameters: Parameters
-    ) -> Iterator[tuple[str, Entry]]:
+    ) -> Diagnosed[list[tuple[str, Entry]]]:
         """The states of the chain `name` of `offers`, the first on top."""
-        if self._is_endless(use):
-            return
+        if (yield from self._is_endless(use)):
+            return []
         self._seen.add((offers, name))
         chain = offers.entry("chains", name)
         written = chain.entries["behaviors"].value
-        filled = entries_of(Substitution(parameters, self._found).apply(written))
+        filled = entries_of((yield from Substitution(parameters).apply(written)))
         behaviors = {inner: e for inner, e in filled.items() if isinstance(e.value, Mapping)}
-        begin = self._begin(chain, behaviors)
-        arrows = Arrows(use.state, use.end, behaviors, self._found)
+        begin = yield from _begin(chain, behaviors)
+        states: list[tuple[str, Entry]] = []
         for inner in sorted(behaviors, key=lambda inner: inner != begin):
-            key, value = behaviors[inner].key, used_at(behaviors[inner].value, use.places)
+            key, value = behaviors[inner].key, _used_at(behaviors[inner].value, use.places)
             full = f"{use.state}.{inner}"
             assert isinstance(value, Mapping)
-            body = _flown_on(arrows.of(value), use.body)
+            arrows = yield from _arrows(value, use, behaviors)
+            body = _flown_on(arrows, use.body)
             do = chain_of(body)
             if do is None:
                 span = replace(key.span, used=use.places)
-                yield full, Entry(Scalar(full, span), body, use.inherited)
+                states.append((full, Entry(Scalar(full, span), body, use.inherited)))
             else:
                 around = (*use.around, use)
                 nested = Use(full, do, body, offers, around, use.inherited, use.is_alone)
-                yield from self._used(nested)
+                states += yield from self._used(nested)
+        return states
 
-    def _is_endless(self, use: Use) -> bool:
+    def _is_endless(self, use: Use) -> Diagnosed[bool]:
         self._uses += 1
         first = next((u for u in use.around if _same(u, use)), None)
         if first is not None:
             names = " uses ".join(f"`{u.do.text}`" for u in (*use.around, use))
-            message = f"{names[:200]}: this never ends"
-            self._found.append(Diagnostic("KYB160", message, use.do.span))
+            yield Diagnostic("KYB160", f"{names[:200]}: this never ends", use.do.span)
         elif self._uses == MAX_USES:
             message = f"more than {MAX_USES} uses of chains, counted along every way"
-            self._found.append(Diagnostic("KYB160", message, use.do.span))
+            yield Diagnostic("KYB160", message, use.do.span)
         return first is not None or self._uses >= MAX_USES
 
-    def _begin(self, chain: Mapping, behaviors: dict[str, Entry]) -> str:
-        begin = chain.get("begin")
-        first = next(iter(behaviors), "")
-        if not isinstance(begin, Scalar):
-            return first
-        if begin.text not in behaviors:
-            self._found.append(unknown(begin, behaviors))
-        return begin.text
+
+def _given(use: Use, offers: Offers, name: str) -> Diagnosed[Parameters]:
+    """The chain's own parameters, with the values that its use gives them."""
+    section = offers.entry("chains", name).get("parameters")
+    if section is not None:
+        section = yield from Substitution(offers.parameters).apply(section)
+    given = {k: e for k, e in use.body.entries.items() if k not in _KEYS}
+    settings = {key: Setting(known(e.value), e.key.span) for key, e in given.items()}
+    return (yield from declare(section, settings, use.do))
+
+
+def _begin(chain: Mapping, behaviors: dict[str, Entry]) -> Diagnosed[str]:
+    begin = chain.get("begin")
+    if not isinstance(begin, Scalar):
+        return next(iter(behaviors), "")
+    if begin.text not in behaviors:
+        yield _unknown(begin, behaviors)
+    return begin.text
+
+
+def _arrows(body: Mapping, use: Use, behaviors: Collection[str]) -> Diagnosed[Mapping]:
+    """A state of the chain whose arrows go to the states of the use, or out of it. A `then: end` is
+    left out: the `then` of the use holds for it."""
+    entries = dict(body.entries)
+    for key in ("then", "failed"):
+        goal = body.get(key)
+        if key == "then" and isinstance(goal, Scalar) and goal.text == END:
+            del entries[key]
+        elif isinstance(goal, Scalar):
+            entries[key] = entries[key]._replace(value=(yield from _goal(goal, use, behaviors)))
+    ways = body.get("next")
+    if isinstance(ways, Sequence):
+        items = yield from every(_way(item, use, behaviors) for item in ways.items)
+        entries["next"] = entries["next"]._replace(value=Sequence(tuple(items), ways.span))
+    return Mapping(entries, body.span)
+
+
+def _way(item: Node, use: Use, behaviors: Collection[str]) -> Diagnosed[Node]:
+    go = item.get("go") if isinstance(item, Mapping) else None
+    if not isinstance(item, Mapping) or not isinstance(go, Scalar):
+        return item
+    entry = item.entries["go"]._replace(value=(yield from _goal(go, use, behaviors)))
+    return Mapping({**item.entries, "go": entry}, item.span)
+
+
+def _goal(goal: Scalar, use: Use, behaviors: Collection[str]) -> Diagnosed[Scalar]:
+    if goal.text in behaviors:
+        return goal._replace(text=f"{use.state}.{goal.text}")
+    if goal.text == END:
+        end = use.end
+        if isinstance(end, Scalar):
+            return goal._replace(text=end.text)
+        message = f"`{use.state}` does not say what follows `end`"
+        hint = "write `then: NAME` where the chain is used"
+        yield Diagnostic("KYB161", message, goal.span, help=hint)
+    elif goal.text not in BUILT_IN:
+        yield _unknown(goal, behaviors)
+    return goal
+
+
+def _unknown(name: Scalar, behaviors: Collection[str]) -> Diagnostic:
+    """KYB158 for a name that no behavior of the chain has."""
+    message = f"the chain has no behavior `{name.text}`"
+    hint = did_you_mean(name.text, [*behaviors, END])
+    return Diagnostic("KYB158", message, replace(name.span, used=()), help=hint)
+
+
+def _used_at(node: Node, places: tuple[Span, ...]) -> Node:
+    """A copy of what stands in a chain that remembers where the chain is used."""
+    span = replace(node.span, used=places)
+    if isinstance(node, Scalar):
+        return node._replace(span=span)
+    if isinstance(node, Sequence):
+        return Sequence(tuple(_used_at(item, places) for item in node.items), span)
+    entries = {
+        key: entry._replace(
+            key=entry.key._replace(span=replace(entry.key.span, used=places)),
+            value=_used_at(entry.value, places),
+        )
+        for key, entry in node.entries.items()
+    }
+    return Mapping(entries, span)
+
+
+def _same_name(name: str, first: Span, second: Span) -> Iterator[Diagnostic]:
+    message = f"`{name}` is a behavior of the vehicle and of a chain"
+    for span, other in ((first, second), (second, first)):
+        yield Diagnostic("KYB159", message, span, notes=(f"the other is at {other.at}",))
 
 
 def _flown_on(state: Mapping, use: Mapping) -> Mapping:
@@ -208,10 +279,6 @@ def _same(a: Use, b: Use) -> bool:
     return a.offers is b.offers and a.do.text == b.do.text
 
 
-def _named(do: Scalar, name: str) -> Scalar:
-    return Scalar(name, do.span)
-
-
 def _taken(name: str, span: Span, file: Parameters) -> Iterator[Diagnostic]:
     if name in file.names:
         message = f"`{name}` is a parameter of the file and of a chain in it"
@@ -221,8 +288,3 @@ def _taken(name: str, span: Span, file: Parameters) -> Iterator[Diagnostic]:
     elif name in RESERVED:
         message, hint = f"a parameter of a chain can't be called `{name}`", "it is a key there"
         yield Diagnostic("KYB159", message, span, help=hint)
-
-
-def _unused(name: str, span: Span) -> Diagnostic:
-    message, hint = f"nothing uses the parameter `{name}`", f"use it as `${name}`, or remove it"
-    return Diagnostic("KYB133", message, span, help=hint, severity=Severity.WARNING)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import kybflow
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
 from kybflow.dsl.reading.nodes import Mapping, Scalar
 from kybflow.dsl.reading.reader import Source, read
 from kybflow.dsl.schema.judge import judge_file
@@ -39,7 +39,7 @@ class Place(NamedTuple):
     file: str
 
 
-def find(text: Scalar, importer: Place, root: Path, found: list[Diagnostic]) -> Place | None:
+def find(text: Scalar, importer: Place, root: Path) -> Diagnosed[Place | None]:
     """The file that `text` names in the file `importer` of a mission whose folder is `root`."""
     relative = Path(text.text)
     try:
@@ -47,12 +47,12 @@ def find(text: Scalar, importer: Place, root: Path, found: list[Diagnostic]) -> 
     except PermissionError:
         place = None
     except (OSError, ValueError):  # a name that no file can have
-        found.append(_missing(text, importer))
+        yield _missing(text, importer)
         return None
     if place is None:
-        found.append(_outside(text))
+        yield _outside(text)
     elif not place.file:
-        found.append(_missing(text, importer))
+        yield _missing(text, importer)
     return place if place and place.file else None
 
 

@@ -1,8 +1,10 @@
-"""Typed parameters: `parameters:` declares them, `--set` or an import's `with` sets them."""
+"""Typed parameters: `parameters:` declares them; `--set name=value`, an import's `with` or the use
+of a chain sets them."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from collections.abc import Mapping as MappingOf
 from decimal import Decimal
 from math import inf
@@ -10,9 +12,10 @@ from typing import Any, NamedTuple
 
 from kybflow.core.params import Field
 from kybflow.core.units import DIMENSIONS, LENGTH, NUMBER, RATIO, Dimension
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean
 from kybflow.dsl.document import Parameter
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, Sequence
+from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.reading.nodes import NAME, Entry, Mapping, Node, Scalar, Sequence
 from kybflow.dsl.reading.source import PREFIX, SET, Span
 from kybflow.dsl.reading.values import bounds_of, decode, quantity_field, shown_value
 
@@ -20,6 +23,7 @@ CODES = {
     "KYB131": "A value for a parameter that the mission, the library or the chain doesn't have.",
     "KYB132": "A parameter without a value: no default, and nothing set it.",
     "KYB134": "A parameter of an unknown type.",
+    "KYB135": "A `--set` that is not `name=value`.",
     "KYB136": "A parameter whose bounds leave no value.",
 }
 QUANTITIES: dict[str, Dimension] = {d.name.replace(" ", "_"): d for d in DIMENSIONS.values()}
@@ -53,13 +57,40 @@ class Setting(NamedTuple):
     name: Span
 
 
+def parse_settings(sets: Iterable[str]) -> Diagnosed[dict[str, Setting]]:
+    """The values of `--set name=value` by name; the last one counts."""
+    settings: dict[str, Setting] = {}
+    for line, text in enumerate(sets, start=1):
+        name, equals, value = text.partition("=")
+        span = Span(SET, line, 1, line, len(text) + 1)
+        if not equals or not NAME.match(name.strip()) or not value.strip() or "\n" in text:
+            hint = "write `--set name=value`"
+            yield Diagnostic("KYB135", f"`{text}` is no setting", span, help=hint)
+            continue
+        node, findings = compose(value, SET)
+        if node is None or findings or isinstance(node, Mapping):
+            yield Diagnostic("KYB135", f"`{value}` is no value of a parameter", span)
+            continue
+        place = Span(SET, line, 1, line, len(name) + 1)
+        settings[name.strip()] = Setting(_moved(node, line, len(name) + 1), place)
+    return settings
+
+
+def _moved(node: Node, line: int, shift: int) -> Node:
+    """A value that was read alone, at its place in its line of the settings."""
+    s = node.span
+    span = Span(SET, line, s.column + shift, line, s.end_column + shift)
+    if isinstance(node, Sequence):
+        return Sequence(tuple(_moved(item, line, shift) for item in node.items), span)
+    return node._replace(span=span) if isinstance(node, Scalar) else node
+
+
 def declare(
     section: Node | None,
     settings: MappingOf[str, Setting],
-    found: list[Diagnostic],
     use: Scalar | None = None,
     set_by: str = "--set {}=...",
-) -> Parameters:
+) -> Diagnosed[Parameters]:
     """The parameters of `section` after `settings` (values by name). `use` is the place where a
     chain is used; None for a file, whose parameters are `set_by` that."""
     entries = section.entries if isinstance(section, Mapping) else {}
@@ -68,48 +99,42 @@ def declare(
         given = settings.get(name)
         if given is not None and given.node is None:
             continue
-        one = _declare(name, entry, given.node if given else None, found, use, set_by)
+        one = yield from _declare(name, entry, given.node if given else None, use, set_by)
         if one is not None:
             declared[name] = one
     for name, setting in settings.items():
         if name not in entries:
             whose = "there is no" if use is None else f"`{use.text}` has no"
             hint = did_you_mean(name, entries) if entries else "it declares none"
-            message = f"{whose} parameter `{name}`"
-            found.append(Diagnostic("KYB131", message, setting.name, help=hint))
+            yield Diagnostic("KYB131", f"{whose} parameter `{name}`", setting.name, help=hint)
     return Parameters({name: entry.key.span for name, entry in entries.items()}, declared)
 
 
 def _declare(
-    name: str,
-    entry: Entry,
-    setting: Node | None,
-    found: list[Diagnostic],
-    use: Scalar | None,
-    set_by: str,
-) -> Declared | None:
+    name: str, entry: Entry, setting: Node | None, use: Scalar | None, set_by: str
+) -> Diagnosed[Declared | None]:
     body = entry.value
     if not isinstance(body, Mapping):
-        found.append(Diagnostic("KYB106", f"the parameter `{name}` is empty", entry.key.span))
+        yield Diagnostic("KYB106", f"the parameter `{name}` is empty", entry.key.span)
         return None
     kind = body.get("type")
     assert isinstance(kind, Scalar)
     if kind.text not in TYPES:
         message = f"`{kind.text}` is no type of a parameter"
-        found.append(Diagnostic("KYB134", message, kind.span, help=did_you_mean(kind.text, TYPES)))
+        yield Diagnostic("KYB134", message, kind.span, help=did_you_mean(kind.text, TYPES))
         return None
-    field = _field(name, kind.text, body, found)
+    field = yield from _field(name, kind.text, body)
     if not _has_room(field):
         message = f"no value of `{name}` can be {bounds_of(field)}"
-        found.append(Diagnostic("KYB136", message, entry.key.span, help="correct its bounds"))
+        yield Diagnostic("KYB136", message, entry.key.span, help="correct its bounds")
         return None
     default = body.get("default")
-    default_value = None if default is None else _value(default, field, found)
+    default_value = None if default is None else (yield from _value(default, field))
     node = setting or default
     if node is None:
-        found.append(_valueless(name, entry.key.span, use, set_by))
+        yield _valueless(name, entry.key.span, use, set_by)
         return None
-    value = default_value if setting is None else _value(node, field, found)
+    value = default_value if setting is None else (yield from _value(node, field))
     if value is None:
         return None
     shown, is_set = _typed(node, field), setting is not None and node.span.file != SET
@@ -125,14 +150,14 @@ def _valueless(name: str, declared: Span, use: Scalar | None, set_by: str) -> Di
     return Diagnostic("KYB132", message, use.span, notes=notes, help=hint)
 
 
-def _value(node: Node, field: Field, found: list[Diagnostic]) -> Any:
+def _value(node: Node, field: Field) -> Diagnosed[Any]:
     """The value of `node`; a point's name stays itself until the world is known."""
     if isinstance(node, Scalar) and field.shape == "vector" and node.text.startswith(PREFIX):
         return node.text
-    return decode(node, field, found)
+    return (yield from decode(node, field))
 
 
-def _field(name: str, kind: str, body: Mapping, found: list[Diagnostic]) -> Field:
+def _field(name: str, kind: str, body: Mapping) -> Diagnosed[Field]:
     if kind == "position":
         dimension, shape = LENGTH, "vector"
     else:
@@ -142,7 +167,7 @@ def _field(name: str, kind: str, body: Mapping, found: list[Diagnostic]) -> Fiel
     for bound in _BOUNDS:
         node = body.get(bound)
         if node is not None:
-            bounds[bound] = decode(node, quantity_field(bound, dimension), found)
+            bounds[bound] = yield from decode(node, quantity_field(bound, dimension))
     return quantity_field(name, dimension, shape, **bounds)
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity, did_you_mean, every
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence
 from kybflow.dsl.reading.source import Inset, Span
 from kybflow.dsl.resolving.parameters import Declared, Parameters
@@ -24,43 +24,42 @@ class Substitution:
     """Puts values in the place of `$name`; remembers which were used. A node without any stays the
     same object, and an aliased one is replaced once."""
 
-    def __init__(self, parameters: Parameters, found: list[Diagnostic]) -> None:
+    def __init__(self, parameters: Parameters) -> None:
         self._names = parameters.names
         self._declared = parameters.declared
-        self._found = found
         self._done: dict[tuple[int, bool], tuple[Node, Node]] = {}
         self._used: set[str] = set()
 
-    def apply(self, node: Node, expression: bool = False) -> Node:
+    def apply(self, node: Node, expression: bool = False) -> Diagnosed[Node]:
         """`node` with every `$name` replaced; inside of conditions also between other words."""
         key = (id(node), expression)
         if key not in self._done:
-            self._done[key] = (node, self._replaced(node, expression))
+            self._done[key] = (node, (yield from self._replaced(node, expression)))
         return self._done[key][1]
 
-    def value(self, node: Node) -> Node | None:
+    def value(self, node: Node) -> Diagnosed[Node | None]:
         """The value that `node` stands for; None when a parameter in it has none."""
-        return known(self.apply(node))
+        return known((yield from self.apply(node)))
 
-    def _replaced(self, node: Node, expression: bool) -> Node:
+    def _replaced(self, node: Node, expression: bool) -> Diagnosed[Node]:
         if isinstance(node, Scalar):
-            return self._scalar(node, expression) if "$" in node.text else node
+            return (yield from self._scalar(node, expression)) if "$" in node.text else node
         if isinstance(node, Sequence):
-            items = tuple(self.apply(item, expression) for item in node.items)
+            items = yield from every(self.apply(item, expression) for item in node.items)
             same = all(a is b for a, b in zip(items, node.items, strict=True))
-            return node if same else Sequence(items, node.span)
-        entries = {
-            key: entry._replace(value=self.apply(entry.value, key in _EXPRESSIONS))
-            for key, entry in node.entries.items()
-        }
+            return node if same else Sequence(tuple(items), node.span)
+        entries = {}
+        for key, entry in node.entries.items():
+            value = yield from self.apply(entry.value, key in _EXPRESSIONS)
+            entries[key] = entry._replace(value=value)
         same = all(entries[key].value is entry.value for key, entry in node.entries.items())
         return node if same else Mapping(entries, node.span)
 
-    def _scalar(self, node: Scalar, expression: bool) -> Node:
+    def _scalar(self, node: Scalar, expression: bool) -> Diagnosed[Node]:
         if expression:
-            return self._between(node)
+            return (yield from self._between(node))
         whole = _WHOLE.match(node.text)
-        declared = self._lookup(whole[1], node) if whole else None
+        declared = (yield from self._lookup(whole[1], node)) if whole else None
         if declared is None:
             return node
         written = declared.node.span
@@ -68,12 +67,12 @@ class Substitution:
         span = replace(node.span, given=written.given or written, is_set=is_set)
         return _placed(declared.node, span, node.text[1:])
 
-    def _between(self, node: Scalar) -> Scalar:
+    def _between(self, node: Scalar) -> Diagnosed[Scalar]:
         """A condition with every value in its place; it remembers how it was written."""
         text, behind = "", 0
         insets: list[Inset] = []
         for match in _INSIDE.finditer(node.text):
-            declared = self._lookup(match[1], node, match.span())
+            declared = yield from self._lookup(match[1], node, match.span())
             if declared is None:
                 continue
             text += node.text[behind : match.start()]
@@ -88,38 +87,30 @@ class Substitution:
 
     def _lookup(
         self, name: str, node: Scalar, place: tuple[int, int] | None = None
-    ) -> Declared | None:
+    ) -> Diagnosed[Declared | None]:
         self._used.add(name)
         if name in self._names:
             return self._declared.get(name)
         span = node.as_text.part(*place) if place else node.span
-        self._found.append(
-            Diagnostic(
-                "KYB130",
-                f"no parameter is called `{name}`",
-                span,
-                help=did_you_mean(name, self._names) or "declare it under `parameters`",
-            )
-        )
+        hint = did_you_mean(name, self._names) or "declare it under `parameters`"
+        yield Diagnostic("KYB130", f"no parameter is called `{name}`", span, help=hint)
         return None
 
     def note(self, node: Node) -> None:
         """Count every `$name` under `node` as used, whoever puts its value there."""
         self._used.update(names_in(node))
 
-    def unused(self) -> list[Diagnostic]:
+    def unused(self) -> Iterator[Diagnostic]:
         """A warning for each parameter that was never asked for."""
-        return [
-            Diagnostic(
-                "KYB133",
-                f"nothing uses the parameter `{name}`",
-                declared.span,
-                help=f"use it as `${name}`, or remove it",
-                severity=Severity.WARNING,
-            )
-            for name, declared in self._declared.items()
-            if name not in self._used
-        ]
+        for name, declared in self._declared.items():
+            if name not in self._used:
+                yield unused_parameter(name, declared.span)
+
+
+def unused_parameter(name: str, span: Span) -> Diagnostic:
+    """KYB133 for the parameter that is declared at `span`."""
+    message, hint = f"nothing uses the parameter `{name}`", f"use it as `${name}`, or remove it"
+    return Diagnostic("KYB133", message, span, help=hint, severity=Severity.WARNING)
 
 
 def known(node: Node) -> Node | None:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from kybflow.core.params import Field
 from kybflow.core.units import DIMENSIONS, NUMBER, article
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect, did_you_mean
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, describe, head_of
 from kybflow.dsl.reading.values import decode, quantity_field
 from kybflow.dsl.resolving.parameters import TYPES
@@ -114,12 +114,11 @@ def _explain_value(fault: Fault) -> Iterator[Diagnostic]:
     """A type, a pattern, a bound, a choice: our own decoder says it best where it can."""
     node, name = fault.node, fault.name
     schema = fault.schema
-    field, found = _field(name, schema), list[Diagnostic]()
-    if field is not None:
-        decode(node, field, found)
-        if found:
-            yield from found
-            return
+    field = _field(name, schema)
+    found = [] if field is None else collect(decode(node, field)).diagnostics
+    if found:
+        yield from found
+        return
     types = fault.wanted if fault.keyword == "type" else schema.get("type", ())
     types = [types] if isinstance(types, str) else [t for t in types if t != "null"]
     if len(types) > 1 and schema.get("pattern", "").startswith("^\\$"):

@@ -10,7 +10,7 @@ from typing import Any
 from jsonschema import Draft202012Validator
 
 from kybflow.core.params import fields_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Stopped
 from kybflow.dsl.reading.nodes import Mapping, Node, Sequence, describe, head_of, to_json
 from kybflow.dsl.schema.explain import Fault, explain
 from kybflow.dsl.schema.part_schema import nullable, params_schema
@@ -37,20 +37,20 @@ def is_library(root: Node) -> bool:
     return isinstance(root, Mapping) and "library" in root.entries and "mission" not in root.entries
 
 
-def judge_mission(root: Node, found: list[Diagnostic]) -> Mapping | None:
-    """The top level of a mission; None when its shape has errors."""
+def judge_mission(root: Node) -> Diagnosed[Mapping]:
+    """The top level of a mission. Raises Stopped when its shape has errors."""
     if not isinstance(root, Mapping) or "mission" not in root.entries:
         hint = "a mission begins with `kybflow: 1` and `mission: NAME`"
         what = (
             f"this is {describe(root)}" if not isinstance(root, Mapping) else "`mission` is missing"
         )
-        found.append(
-            Diagnostic("KYB102", f"a mission is needed, but {what}", head_of(root), help=hint)
-        )
-        return None
+        yield Diagnostic("KYB102", f"a mission is needed, but {what}", head_of(root), help=hint)
+        raise Stopped
     findings = judge_file(root, "mission")
-    found += findings
-    return None if findings else root
+    yield from findings
+    if findings:
+        raise Stopped
+    return root
 
 
 def judge_params(

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from kybflow.dsl.resolving.stacks import LISTS
+from kybflow.dsl.resolving.offers import LISTS
 from kybflow.dsl.schema.part_schema import Schema, nullable, params_schema
 from kybflow.dsl.schema.skeleton import skeleton
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from kybflow.core.units import DURATION
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
 from kybflow.dsl.document import Transition
 from kybflow.dsl.reading.nodes import Mapping, Scalar
-from kybflow.dsl.reading.source import Span
 from kybflow.dsl.reading.values import decode, quantity_field
 
 CODES = {
@@ -14,40 +13,37 @@ CODES = {
 }
 
 
-def next_arrow(node: Mapping, found: list[Diagnostic]) -> Transition:
+def next_arrow(node: Mapping) -> Diagnosed[Transition]:
     """The arrow that an item of `next` is; its shape is judged already."""
     when, event, goal = node.get("when"), node.get("event"), node.get("go")
     assert isinstance(goal, Scalar)
     if when is None and event is None and node.get("after") is None:
-        message, hint = f"nothing says when to go to `{goal.text}`", "`event: NAME` or"
-        hint = f"add `when: CONDITION`, {hint} `after: 10 s`"
-        found.append(_timeless(message, goal.span, hint))
+        message = f"nothing says when to go to `{goal.text}`"
+        hint = "add `when: CONDITION`, `event: NAME` or `after: 10 s`"
+        yield Diagnostic("KYB143", message, goal.span, help=hint)
     elif when is None and node.get("for") is not None:
         message = f"nothing says what must hold before it goes to `{goal.text}`"
-        found.append(_timeless(message, node.entries["for"].key.span, "`for` belongs to a `when`"))
+        span, hint = node.entries["for"].key.span, "`for` belongs to a `when`"
+        yield Diagnostic("KYB143", message, span, help=hint)
+    after = yield from duration(node, "after")
+    hold = yield from duration(node, "for")
     return Transition(
         "next",
         goal.as_text,
         node.span,
         when=when.as_text if isinstance(when, Scalar) else None,
         event=event.as_text if isinstance(event, Scalar) else None,
-        after=duration(node, "after", found),
-        hold=duration(node, "for", found) or 0.0,
+        after=after,
+        hold=hold or 0.0,
     )
 
 
-def _timeless(message: str, span: Span, help: str) -> Diagnostic:
-    return Diagnostic("KYB143", message, span, help=help)
-
-
-def duration(
-    keys: Mapping, key: str, found: list[Diagnostic], above: float | None = None
-) -> float | None:
+def duration(keys: Mapping, key: str, above: float | None = None) -> Diagnosed[float | None]:
     """The seconds of `key`; None when it is not written or has errors."""
     node = keys.get(key)
     if node is None:
         return None
     at_least = 0.0 if above is None else None
     field = quantity_field(key, DURATION, above=above, at_least=at_least)
-    value: float | None = decode(node, field, found)
+    value: float | None = yield from decode(node, field)
     return value

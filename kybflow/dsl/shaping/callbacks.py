@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
-
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
 from kybflow.dsl.document import ActionUse, Callback, PartUse
 from kybflow.dsl.reading.nodes import (
     Entry,
@@ -20,10 +17,8 @@ from kybflow.dsl.reading.nodes import (
 )
 from kybflow.dsl.reading.source import Text
 from kybflow.dsl.schema.explain_commas import cut_by_yaml
+from kybflow.dsl.shaping.uses import Uses, params_of
 from kybflow.parts.action import BUILT_IN
-
-if TYPE_CHECKING:
-    from kybflow.dsl.shaping.uses import Uses
 
 CODES = {
     "KYB170": "An action that neither the language nor an installed package has.",
@@ -32,19 +27,19 @@ CODES = {
 _OWN = frozenset({"event", "when", "do"})
 
 
-def callbacks(node: Node | None, uses: Uses) -> tuple[Callback, ...]:
-    """The callbacks of `on:`; what is wrong with their actions goes to the findings of `uses`."""
-    items = items_of(node)
-    return tuple(_callback(item, uses) for item in items if isinstance(item, Mapping))
+def callbacks(node: Node | None, uses: Uses) -> Diagnosed[tuple[Callback, ...]]:
+    """The callbacks of `on:`."""
+    items = (item for item in items_of(node) if isinstance(item, Mapping))
+    return tuple((yield from every(_callback(item, uses) for item in items)))
 
 
-def _callback(node: Mapping, uses: Uses) -> Callback:
-    event, when, do = node.get("event"), node.get("when"), node.get("do")
+def _callback(node: Mapping, uses: Uses) -> Diagnosed[Callback]:
+    event, when, items = node.get("event"), node.get("when"), items_of(node.get("do"))
     assert isinstance(event, Scalar)
-    items = items_of(do)
     if not items:
         message = f"nothing is done when `{event.text}` is heard"
-        uses.found.append(Diagnostic("KYB171", message, head_of(node), help="write `do: [...]`"))
+        yield Diagnostic("KYB171", message, head_of(node), help="write `do: [...]`")
+    actions = yield from every(_actions(item, uses) for item in items)
     return Callback(
         event=event.as_text,
         fields=tuple(
@@ -53,69 +48,66 @@ def _callback(node: Mapping, uses: Uses) -> Callback:
             if key not in _OWN and isinstance(entry.value, Scalar) and not entry.value.is_null
         ),
         when=when.as_text if isinstance(when, Scalar) else None,
-        actions=tuple(action for item in items for action in _actions(item, uses)),
+        actions=tuple(action for several in actions for action in several),
         span=node.span,
     )
 
 
-def _actions(node: Node, uses: Uses) -> Iterator[ActionUse]:
+def _actions(node: Node, uses: Uses) -> Diagnosed[list[ActionUse]]:
     """The actions of one item: `switch` and `set` may name several things."""
     if not isinstance(node, Mapping) or len(node.entries) != 1:
         last = next(reversed(entries_of(node)), "")
         cut = cut_by_yaml(node, last, BUILT_IN) if isinstance(node, Mapping) and last else None
-        if cut is not None:
-            uses.found.append(cut)
-            return
         hint = "write each as an item of its own: `do: [{log: hello}, {emit: ready}]`"
         message = "an action is one key with its value"
-        uses.found.append(Diagnostic("KYB171", message, head_of(node), help=hint))
-        return
+        yield cut or Diagnostic("KYB171", message, head_of(node), help=hint)
+        return []
     [entry] = node.entries.values()
     name = entry.key.text
     if name not in BUILT_IN:
-        part = _part(entry, uses)
-        if part is not None:
-            yield ActionUse(entry.key.as_text, None, None, part)
-    elif isinstance(entry.value, Mapping):
-        yield from named_values(entry, uses.found)
-    elif isinstance(entry.value, Scalar) and not entry.value.is_null:
-        yield ActionUse(entry.key.as_text, None, entry.value.as_text)
-    else:
-        message = f"`{name}` says nothing"
-        uses.found.append(Diagnostic("KYB171", message, entry.key.span))
+        part = yield from _part(entry, uses)
+        return [] if part is None else [ActionUse(entry.key.as_text, None, None, part)]
+    if isinstance(entry.value, Mapping):
+        return (yield from named_values(entry))
+    if isinstance(entry.value, Scalar) and not entry.value.is_null:
+        return [ActionUse(entry.key.as_text, None, entry.value.as_text)]
+    yield Diagnostic("KYB171", f"`{name}` says nothing", entry.key.span)
+    return []
 
 
-def named_values(entry: Entry, found: list[Diagnostic]) -> Iterator[ActionUse]:
+def named_values(entry: Entry) -> Diagnosed[list[ActionUse]]:
     """The actions of `{set: {NAME: VALUE, ...}}`: one for each name."""
-    for target in entry.value.entries.values() if isinstance(entry.value, Mapping) else ():
+    actions: list[ActionUse] = []
+    for target in entries_of(entry.value).values():
         value = target.value
-        if isinstance(value, Scalar) and value.is_null:
-            message = f"`{target.key.text}` has no value"
-            found.append(Diagnostic("KYB171", message, target.key.span))
+        if is_null(value):
+            yield Diagnostic("KYB171", f"`{target.key.text}` has no value", target.key.span)
             continue
         said: Node | Text = value
         if entry.key.text != "set" and isinstance(value, Scalar):
             said = value.as_text
-        yield ActionUse(entry.key.as_text, target.key.as_text, said)
+        actions.append(ActionUse(entry.key.as_text, target.key.as_text, said))
+    return actions
 
 
-def _part(entry: Entry, uses: Uses) -> PartUse | None:
+def _part(entry: Entry, uses: Uses) -> Diagnosed[PartUse | None]:
     """An action of a package; its value is its parameters."""
     name, known = entry.key, uses.catalog.names("actions")
     if name.text not in known:
-        message = f"no action is called `{name.text}`"
         hint = did_you_mean(name.text, (*BUILT_IN, *known))
-        uses.found.append(Diagnostic("KYB170", message, name.span, help=hint))
+        yield Diagnostic("KYB170", f"no action is called `{name.text}`", name.span, help=hint)
         return None
     if not isinstance(entry.value, Mapping) and not is_null(entry.value):
         message = f"`{name.text}` must be a mapping, but this is {describe(entry.value)}"
         hint = f"write its parameters: `{{{name.text}: {{...}}}}`"
-        uses.found.append(Diagnostic("KYB103", message, entry.value.span, help=hint))
+        yield Diagnostic("KYB103", message, entry.value.span, help=hint)
         return None
-    spec = uses.spec("actions", name)
+    spec = yield from uses.spec("actions", name)
     body = entry.value if isinstance(entry.value, Mapping) else Mapping({}, name.span)
-    params = None if spec is None else uses.params(spec.params, body, spec.name, name.span)
-    if spec is None or params is None:
+    if spec is None:
+        return None
+    params = yield from params_of(spec.params, body, spec.name, name.span)
+    if params is None:
         return None
     spans = {key: own.value.span for key, own in body.entries.items()}
     return PartUse(name.as_text, spec, params, name.text, name.span, spans)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
 from kybflow.dsl.document import Document, Flow, Phase, Transition, Vehicle
 from kybflow.dsl.names.option_names import members
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, entries_of, items_of
@@ -29,19 +29,20 @@ def groups_of(node: Node | None) -> dict[str, tuple[Text, ...]]:
     }
 
 
-def flows_of(node: Node | None, found: list[Diagnostic]) -> dict[str, Flow]:
-    """The flows as written; what is wrong with a phase's time goes to `found`."""
+def flows_of(node: Node | None) -> Diagnosed[dict[str, Flow]]:
+    """The flows as written."""
     flows = {}
     for name, entry in entries_of(node).items():
         body = entry.value
         if not isinstance(body, Mapping):
             continue  # null: not written
         written = body.entries.get("phases")
-        phases = {key: _phase(e, found) for key, e in _own(written).items()}
+        several = yield from every(_phase(e) for e in _own(written).values())
+        phases = {phase.name.text: phase for phase in several}
         if not phases:
             message = f"the flow `{name}` needs `phases`"
             hint = "write `phases: {...}`, or start from a flow that has some"
-            found.append(Diagnostic("KYB102", message, entry.key.span, help=hint))
+            yield Diagnostic("KYB102", message, entry.key.span, help=hint)
             continue
         begin = body.get("begin")
         first = next(iter(phases.values())).name
@@ -60,33 +61,37 @@ def _own(phases: Entry | None) -> dict[str, Entry]:
     return {name: entry._replace(inherited=True) for name, entry in entries.items()}
 
 
-def _phase(entry: Entry, found: list[Diagnostic]) -> Phase:
+def _phase(entry: Entry) -> Diagnosed[Phase]:
     body = entry.value if isinstance(entry.value, Mapping) else Mapping({}, entry.key.span)
     options = body.entries.get("set")
     items = (item for item in items_of(body.get("next")) if isinstance(item, Mapping))
+    actions = [] if options is None else (yield from named_values(options))
+    arrows = yield from every(next_arrow(item) for item in items)
+    limit = yield from _limit(body)
     return Phase(
         name=entry.key.as_text,
         run=tuple(_pairs(body.get("run"))),
         give=tuple(_pairs(body.get("give"))),
-        set=() if options is None else tuple(named_values(options, found)),
-        transitions=(*(next_arrow(item, found) for item in items), *_limit(body, found)),
+        set=tuple(actions),
+        transitions=(*arrows, *limit),
         span=entry.key.span,
         inherited=entry.inherited,
     )
 
 
-def _limit(body: Mapping, found: list[Diagnostic]) -> Iterator[Transition]:
-    """The arrow of `within` and `otherwise`."""
+def _limit(body: Mapping) -> Diagnosed[tuple[Transition, ...]]:
+    """The arrow of `within` and `otherwise`; none where one of them is missing."""
     limit, goal = body.get("within"), body.get("otherwise")
     if limit is not None and isinstance(goal, Scalar):
-        after = duration(body, "within", found, above=0.0)
-        yield Transition("within", goal.as_text, limit.span, after=after)
-    elif limit is not None:
+        after = yield from duration(body, "within", above=0.0)
+        return (Transition("within", goal.as_text, limit.span, after=after),)
+    if limit is not None:
         message, span = "nothing says where the phase goes after `within`", limit.span
-        found.append(Diagnostic("KYB192", message, span, help="add `otherwise: PHASE`"))
+        yield Diagnostic("KYB192", message, span, help="add `otherwise: PHASE`")
     elif goal is not None:
         message, span = "nothing says when the phase goes to `otherwise`", goal.span
-        found.append(Diagnostic("KYB192", message, span, help="add `within: 20 s`"))
+        yield Diagnostic("KYB192", message, span, help="add `within: 20 s`")
+    return ()
 
 
 def _pairs(node: Node | None) -> Iterator[tuple[Text, Text]]:

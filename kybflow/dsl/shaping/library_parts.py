@@ -6,53 +6,55 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, entries_of, items_of
 from kybflow.dsl.reading.source import PREFIX, Span
-from kybflow.dsl.resolving.chain_nodes import chain_of
-from kybflow.dsl.resolving.offers import EMPTY
-from kybflow.dsl.resolving.stacks import LISTS, stack_of
+from kybflow.dsl.resolving.offers import EMPTY, LISTS, chain_of, stack_of
 from kybflow.dsl.schema.skeleton import ESTIMATOR_KEYS
 from kybflow.dsl.shaping.flows import flows_of
 from kybflow.dsl.shaping.shape import airframes_of
 from kybflow.dsl.shaping.states import KEYS
 from kybflow.dsl.shaping.uses import Uses
+from kybflow.dsl.shaping.world.world import world_of
 
 if TYPE_CHECKING:
-    from kybflow.dsl.diagnostics.diagnostic import Diagnostic
     from kybflow.parts.catalog import Catalog
 
 _LACKING = frozenset({"KYB102", "KYB108"})
 
 
-def judge_parts(library: Mapping, catalog: Catalog, found: list[Diagnostic]) -> None:
-    """Find what is wrong with the airframes, parts and flows of a library, whose vehicles, stacks
-    and flows are whole and whose chains are as written."""
-    list(airframes_of(library, catalog, found))
-    findings: list[Diagnostic] = []
-    uses, left = Uses(catalog, findings), set[Span]()
+def judge_library(library: Mapping, catalog: Catalog) -> Iterator[Diagnostic]:
+    """What is wrong with the worlds, airframes, parts and flows of a library, each of whose
+    sections is whole, but for its chains, which are as written."""
+    for entry in entries_of(library.get("worlds")).values():
+        yield from world_of(entry.value)
+    yield from airframes_of(library)
+    left, findings = set[Span](), collect(_judge(library, Uses(catalog))).diagnostics
+    for section in ("vehicles", "stacks", "chains", "flows"):
+        left.update(_left_open(library.get(section) or EMPTY))
+    yield from (f for f in findings if f.code not in _LACKING and f.span not in left)
+
+
+def _judge(library: Mapping, uses: Uses) -> Diagnosed[None]:
     for section in ("vehicles", "stacks", "chains"):
         for entry in entries_of(library.get(section)).values():
-            _judge(entry.value, uses)
-            left.update(_left_open(entry.value))
-    flows_of(library.get("flows"), findings)
-    left.update(_left_open(library.get("flows") or EMPTY))
-    found += (f for f in findings if f.code not in _LACKING and f.span not in left)
+            if isinstance(entry.value, Mapping):
+                yield from _judge_parts(entry.value, uses)
+    yield from flows_of(library.get("flows"))
 
 
-def _judge(body: Node, uses: Uses) -> None:
-    if not isinstance(body, Mapping):
-        return
+def _judge_parts(body: Mapping, uses: Uses) -> Diagnosed[None]:
     for kind in LISTS:
         own = frozenset(ESTIMATOR_KEYS if kind == "estimators" else ())
         for item in items_of(body.get(kind)):
             if stack_of(item) is None:
-                uses.one(kind, item, own)
+                yield from uses.one(kind, item, own)
     tracker = body.get("tracker")
     if tracker is not None:
-        uses.one("trackers", tracker)
+        yield from uses.one("trackers", tracker)
     for entry in entries_of(body.get("behaviors")).values():
         if isinstance(entry.value, Mapping) and chain_of(entry.value) is None:
-            uses.one("behaviors", entry.value, KEYS, "do")
+            yield from uses.one("behaviors", entry.value, KEYS, "do")
 
 
 def _left_open(node: Node) -> Iterator[Span]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from kybflow.core.signals import MeasurementKind
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
 from kybflow.dsl.document import SensorUse, Vehicle
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, entries_of, is_null, items_of
 from kybflow.dsl.reading.source import Text
@@ -19,20 +19,20 @@ CODES = {
 
 def with_sensors(
     root: Mapping, target: Text, uses: Uses, vehicles: dict[str, Vehicle]
-) -> dict[str, Vehicle]:
+) -> Diagnosed[dict[str, Vehicle]]:
     """The vehicles with their sensors on `target`: for each estimator the vehicle's own, else that
     of `all`; then those that the driver brings."""
     chosen = entries_of(root.get("targets")).get(target.text)
     entries = {} if chosen is None else entries_of(chosen.value)
     written = entries_of(root.get("vehicles"))
-    decoded = sensors_of(entries, written, uses)
+    decoded = yield from sensors_of(entries, written, uses)
     whole: dict[str, Vehicle] = {}
     for name, vehicle in vehicles.items():
         labels = set(_estimators(written[name].value))
         named = {k: v for k, v in decoded.get("all", {}).items() if k in labels}
         lists = {**named, **decoded.get(name, {})}.values()
         sensors = tuple(use for several in lists for use in several)
-        brought = tuple(_brought(replace(vehicle, sensors=sensors), target, uses))
+        brought = yield from _brought(replace(vehicle, sensors=sensors), target, uses)
         whole[name] = replace(vehicle, sensors=(*sensors, *brought))
     return whole
 
@@ -45,7 +45,7 @@ def provided(vehicle: Vehicle) -> frozenset[MeasurementKind]:
 
 def sensors_of(
     target: dict[str, Entry], vehicles: dict[str, Entry], uses: Uses
-) -> dict[str, dict[str, list[SensorUse]]]:
+) -> Diagnosed[dict[str, dict[str, list[SensorUse]]]]:
     """The sensors of each entry of a target, by estimator."""
     decoded: dict[str, dict[str, list[SensorUse]]] = {}
     for name, entry in target.items():
@@ -55,13 +55,14 @@ def sensors_of(
             known = list(_estimators(vehicles[name].value))
         else:
             continue
-        decoded[name] = dict(_decoded(name, entry.value, known, uses))
+        decoded[name] = yield from _decoded(name, entry.value, known, uses)
     return decoded
 
 
 def _decoded(
     name: str, target: Node, known: list[str], uses: Uses
-) -> Iterator[tuple[str, list[SensorUse]]]:
+) -> Diagnosed[dict[str, list[SensorUse]]]:
+    decoded: dict[str, list[SensorUse]] = {}
     sensors = target.get("sensors") if isinstance(target, Mapping) else None
     for label, entry in entries_of(sensors).items():
         if is_null(entry.value):
@@ -70,12 +71,13 @@ def _decoded(
             whose = "no vehicle has" if name == "all" else f"`{name}` has no"
             message = f"{whose} {'an ' if name == 'all' else ''}estimator `{label}`"
             hint = did_you_mean(label, known) or "name one under `estimators` of the vehicle"
-            uses.found.append(Diagnostic("KYB390", message, entry.key.span, help=hint))
+            yield Diagnostic("KYB390", message, entry.key.span, help=hint)
         nodes = items_of(entry.value) or (entry.value,)
-        parts = [uses.one("sensors", node) for node in nodes]
+        parts = yield from every(uses.one("sensors", node) for node in nodes)
         if label in known:
-            estimator = entry.key.as_text
-            yield label, [SensorUse(estimator, p, i) for i, p in enumerate(parts) if p is not None]
+            whole = [(p, i) for i, p in enumerate(parts) if p is not None]
+            decoded[label] = [SensorUse(entry.key.as_text, part, i) for part, i in whole]
+    return decoded
 
 
 def _estimators(vehicle: Node) -> Iterator[str]:
@@ -88,7 +90,7 @@ def _estimators(vehicle: Node) -> Iterator[str]:
             yield name.text
 
 
-def _brought(vehicle: Vehicle, target: Text, uses: Uses) -> Iterator[SensorUse]:
+def _brought(vehicle: Vehicle, target: Text, uses: Uses) -> Diagnosed[list[SensorUse]]:
     """The sensors that the driver brings for what nothing else gives an estimator; they stand where
     the first of those does."""
     given = provided(vehicle)
@@ -96,10 +98,12 @@ def _brought(vehicle: Vehicle, target: Text, uses: Uses) -> Iterator[SensorUse]:
     shows = driver.spec.cls.shows(driver.params)
     parts = [use.part for use in vehicle.estimators]
     lacking = [(p, kinds) for p in parts if (kinds := p.spec.cls.uses(p.params) - given)]
+    brought: list[SensorUse] = []
     for name in driver.spec.cls.brings if lacking else ():
-        part = uses.one("sensors", Scalar(name, lacking[0][0].span))
+        part = yield from uses.one("sensors", Scalar(name, lacking[0][0].span))
         if part is None or part.spec.cls.simulated > shows:
             continue
         if part.spec.cls.provides & {k for _, kinds in lacking for k in kinds}:
             lacking = [(p, kinds - part.spec.cls.provides) for p, kinds in lacking]
-            yield SensorUse(Text("", target.span, verbatim=False), part)
+            brought.append(SensorUse(Text("", target.span, verbatim=False), part))
+    return brought

@@ -7,14 +7,16 @@ count from the entry of the chain.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
 from kybflow.dsl.document import ChainUse, PartUse, State, Transition
 from kybflow.dsl.names.built_in import failure_of
+from kybflow.dsl.plan import Cause
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, items_of
-from kybflow.dsl.reading.source import Span, Text
+from kybflow.dsl.reading.source import Text
 from kybflow.dsl.shaping.arrows import duration, next_arrow
 from kybflow.dsl.shaping.uses import Uses
 from kybflow.parts.observables import chains_of
@@ -23,86 +25,91 @@ KEYS = frozenset({"then", "next", "failed", "within", "estimators"})
 _OF_CHAINS = KEYS - {"estimators"}
 
 
-class States:
-    """The states and chains of one vehicle."""
+class States(NamedTuple):
+    """The states and chains of one vehicle. `first` is the first state of each chain."""
 
-    def __init__(self, behaviors: Mapping, uses: Uses) -> None:
-        self._uses, self._found = uses, uses.found
-        self._names = {name for name, e in behaviors.entries.items() if not _is_chain(e.value)}
-        self._first: dict[str, str] = {}
-        for name in behaviors.entries:
-            for chain in chains_of(name):
-                if name in self._names:
-                    self._first.setdefault(chain, name)
-        self.chains: dict[str, ChainUse] = {}
-        self.states: dict[str, State] = {}
-        for name, entry in behaviors.entries.items():
-            if name in self._first and name not in self._names:
-                self.chains[name] = self._chain(entry)
-        for name, entry in behaviors.entries.items():
-            state = None if name in self.chains else self._state(entry)
-            if state is not None:
-                self.states[name] = state
+    states: dict[str, State]
+    chains: dict[str, ChainUse]
+    first: dict[str, str]
 
     def goal(self, name: Text) -> tuple[Text, str]:
         """(the state to enter, the chain that is entered by that)."""
-        first = self._first.get(name.text)
-        if first is None or name.text in self._names:
+        first = self.first.get(name.text)
+        if first is None:
             return name, ""
         return Text(first, name.span, verbatim=False), name.text
 
-    def _chain(self, entry: Entry) -> ChainUse:
-        name = entry.key.text
-        assert isinstance(entry.value, Mapping)
-        for key, inner in entry.value.entries.items():
-            if key not in _OF_CHAINS:
-                message, span = f"`{key}` is no key of a chain's own entry", inner.key.span
-                self._found.append(
-                    Diagnostic("KYB101", message, span, help=did_you_mean(key, _OF_CHAINS))
-                )
-        arrows = tuple(replace(a, since=name) for a in self._written(entry.value))
-        return ChainUse(entry.key.as_text, arrows, entry.key.span)
 
-    def _state(self, entry: Entry) -> State | None:
-        name, node = entry.key, entry.value
-        use = self._uses.one("behaviors", node, KEYS, "do")
-        if use is None or not isinstance(node, Mapping):
-            return None
-        part = PartUse(use.name, use.spec, use.params, name.text, use.span, use.spans)
-        around = [self.chains[c].transitions for c in chains_of(name.text) if c in self.chains]
-        arrows = _joined(list(self._written(node)), around, _implied(part))
-        first = (n for n in items_of(node.get("estimators")) if isinstance(n, Scalar))
-        estimators = tuple(item.as_text for item in first)
-        return State(name.as_text, part, arrows, name.span, entry.inherited, estimators)
+def states_of(behaviors: Mapping, uses: Uses) -> Diagnosed[States]:
+    """The states and chains that `behaviors` says; a state with errors is left out."""
+    names = [name for name, e in behaviors.entries.items() if not _is_chain(e.value)]
+    first: dict[str, str] = {}
+    for name in names:
+        for chain in chains_of(name):
+            first.setdefault(chain, name)
+    found = States({}, {}, {chain: name for chain, name in first.items() if chain not in names})
+    for name, entry in behaviors.entries.items():
+        if name in found.first:
+            found.chains[name] = yield from _chain(entry, found)
+    for name, entry in behaviors.entries.items():
+        state = None if name in found.chains else (yield from _state(entry, found, uses))
+        if state is not None:
+            found.states[name] = state
+    return found
 
-    def _written(self, node: Mapping) -> Iterator[Transition]:
-        """The arrows of one entry; the goal of `within` is that of its `failed`, else empty."""
-        for item in items_of(node.get("next")):
-            if isinstance(item, Mapping):
-                arrow = next_arrow(item, self._found)
-                target, enters = self.goal(arrow.target)
-                yield replace(arrow, target=target, enters=enters) if enters else arrow
-        for cause in ("then", "failed"):
-            goal = node.get(cause)
-            if isinstance(goal, Scalar):
-                target, enters = self.goal(goal.as_text)
-                yield Transition(cause, target, goal.span, enters=enters)
-        limit = node.get("within")
-        after = duration(node, "within", self._found, above=0.0)
-        if limit is not None and after is not None:
-            yield Transition("within", _nowhere(limit.span), limit.span, after=after)
+
+def _chain(entry: Entry, states: States) -> Diagnosed[ChainUse]:
+    name = entry.key.text
+    assert isinstance(entry.value, Mapping)
+    for key, inner in entry.value.entries.items():
+        if key not in _OF_CHAINS:
+            message = f"`{key}` is no key of a chain's own entry"
+            hint = did_you_mean(key, _OF_CHAINS)
+            yield Diagnostic("KYB101", message, inner.key.span, help=hint)
+    arrows = yield from _written(entry.value, states)
+    return ChainUse(
+        entry.key.as_text, tuple(replace(a, since=name) for a in arrows), entry.key.span
+    )
+
+
+def _state(entry: Entry, states: States, uses: Uses) -> Diagnosed[State | None]:
+    name, node = entry.key, entry.value
+    use = yield from uses.one("behaviors", node, KEYS, "do")
+    if use is None or not isinstance(node, Mapping):
+        return None
+    part = PartUse(use.name, use.spec, use.params, name.text, use.span, use.spans)
+    chains = states.chains
+    around = [chains[c].transitions for c in chains_of(name.text) if c in chains]
+    own = yield from _written(node, states)
+    arrows = _joined(own, around, failure_of(part.spec.cls.flight))
+    first = (n for n in items_of(node.get("estimators")) if isinstance(n, Scalar))
+    estimators = tuple(item.as_text for item in first)
+    return State(name.as_text, part, arrows, name.span, entry.inherited, estimators)
+
+
+def _written(node: Mapping, states: States) -> Diagnosed[list[Transition]]:
+    """The arrows of one entry; the goal of `within` is that of its `failed`, else empty."""
+    items = (item for item in items_of(node.get("next")) if isinstance(item, Mapping))
+    arrows: list[Transition] = []
+    for arrow in (yield from every(next_arrow(item) for item in items)):
+        target, enters = states.goal(arrow.target)
+        arrows.append(replace(arrow, target=target, enters=enters) if enters else arrow)
+    causes: tuple[Cause, ...] = ("then", "failed")
+    for cause in causes:
+        goal = node.get(cause)
+        if isinstance(goal, Scalar):
+            target, enters = states.goal(goal.as_text)
+            arrows.append(Transition(cause, target, goal.span, enters=enters))
+    limit = node.get("within")
+    after = yield from duration(node, "within", above=0.0)
+    if limit is not None and after is not None:
+        nowhere = Text("", limit.span, verbatim=False)
+        arrows.append(Transition("within", nowhere, limit.span, after=after))
+    return arrows
 
 
 def _is_chain(node: Node) -> bool:
     return isinstance(node, Mapping) and "do" not in node.entries
-
-
-def _nowhere(span: Span) -> Text:
-    return Text("", span, verbatim=False)
-
-
-def _implied(part: PartUse) -> str:
-    return failure_of(part.spec.cls.flight)
 
 
 def _joined(

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from kybflow.core.errors import KybflowError
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import (
+    Diagnosed,
+    Diagnostic,
+    Severity,
+    collect,
+    did_you_mean,
+)
 from kybflow.dsl.document import PartUse, Vehicle
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, entries_of
 from kybflow.dsl.reading.source import Span, Text
@@ -20,13 +27,12 @@ CODES = {
     "KYB150": "A target that the mission doesn't have.",
     "KYB151": "A target that names a vehicle which doesn't exist, or leaves one without a driver.",
 }
-
-
+_NOT_HERE = frozenset({"KYB140", "KYB141", "KYB370"})
 FILE = "--target"
 """The name of the file that the span of an unknown target points into."""
 
 
-def target_of(root: Mapping, target: str | None, uses: Uses) -> Text:
+def target_of(root: Mapping, target: str | None, uses: Uses) -> Diagnosed[Text]:
     """The target to fly on: `sim` unless another is asked for."""
     mission = root.entries["mission"].key.span
     entries = entries_of(root.get("targets"))
@@ -38,7 +44,7 @@ def target_of(root: Mapping, target: str | None, uses: Uses) -> Text:
         known = {*entries, *implied, "sim"}
         message = f"the mission has no target `{name}`"
         asked = Span(FILE, 1, 1, 1, len(name) + 1)
-        uses.found.append(Diagnostic("KYB150", message, asked, help=did_you_mean(name, known)))
+        yield Diagnostic("KYB150", message, asked, help=did_you_mean(name, known))
     return Text(name, mission, verbatim=False)
 
 
@@ -60,15 +66,15 @@ def _written(value: str | bool) -> str:
     return str(value).lower() if isinstance(value, bool) else value
 
 
-def drivers_of(root: Mapping, target: Text, uses: Uses) -> dict[str, PartUse]:
+def drivers_of(root: Mapping, target: Text, uses: Uses) -> Diagnosed[dict[str, PartUse]]:
     """The driver of each vehicle on `target`: its own entry, else that of `all`, else the one that
     the target's name implies."""
     vehicles = entries_of(root.get("vehicles"))
     targets = entries_of(root.get("targets"))
     entries = entries_of(targets[target.text].value) if target.text in targets else {}
-    decoded = _decoded(entries, vehicles, uses)
+    decoded = yield from _decoded(entries, vehicles, uses)
     if "all" not in decoded and not vehicles.keys() <= decoded.keys():
-        implied = _implied(target, uses)
+        implied = yield from _implied(target, uses)
         if implied is not None:
             decoded["all"] = implied
     drivers: dict[str, PartUse] = {}
@@ -78,19 +84,19 @@ def drivers_of(root: Mapping, target: Text, uses: Uses) -> dict[str, PartUse]:
             drivers[name] = driver
         elif target.text in targets and name not in decoded and "all" not in decoded:
             message = f"`{name}` has no driver on the target `{target.text}`"
-            uses.found.append(Diagnostic("KYB151", message, target.span))
+            yield Diagnostic("KYB151", message, target.span)
     return drivers
 
 
-def _implied(target: Text, uses: Uses) -> PartUse | None:
+def _implied(target: Text, uses: Uses) -> Diagnosed[PartUse | None]:
     """The driver that stands behind the name of the target; None where none does."""
     span = target.span
     if target.text == "sim":
-        return uses.one("drivers", Scalar("sim", span))
+        return (yield from uses.one("drivers", Scalar("sim", span)))
     if target.text not in (implied := implied_targets(uses.catalog)):
         return None
     driver, values = implied[target.text]
-    return uses.one("drivers", _node({"use": driver, **values}, span))
+    return (yield from uses.one("drivers", _node({"use": driver, **values}, span)))
 
 
 def _node(values: dict[str, str], span: Span) -> Mapping:
@@ -101,7 +107,7 @@ def _node(values: dict[str, str], span: Span) -> Mapping:
 
 def with_trackers(
     root: Mapping, target: Text, uses: Uses, vehicles: dict[str, Vehicle]
-) -> dict[str, Vehicle]:
+) -> Diagnosed[dict[str, Vehicle]]:
     """The vehicles with their trackers on `target`: that of the vehicle's own entry, else that of
     `all`, else the one that the driver asks for, else the mission's."""
     chosen = entries_of(root.get("targets")).get(target.text)
@@ -113,7 +119,7 @@ def with_trackers(
         asked = driver.spec.cls.tracker(driver.params) if node is None else None
         if asked is not None:
             node = _node(asked, driver.span)
-        use = None if node is None else uses.one("trackers", node)
+        use = None if node is None else (yield from uses.one("trackers", node))
         whole[name] = (
             vehicle if use is None else replace(vehicle, tracker=use, own_tracker=vehicle.tracker)
         )
@@ -126,34 +132,30 @@ def _tracker(entry: Entry | None) -> Node | None:
 
 def _decoded(
     entries: dict[str, Entry], vehicles: dict[str, Entry], uses: Uses
-) -> dict[str, PartUse | None]:
+) -> Diagnosed[dict[str, PartUse | None]]:
     """The drivers that are written; trackers are looked at as well."""
     decoded: dict[str, PartUse | None] = {}
     for name, entry in entries.items():
         driver = entry.value.get("driver") if isinstance(entry.value, Mapping) else None
         tracker = _tracker(entry)
         if tracker is not None:
-            uses.one("trackers", tracker)
+            yield from uses.one("trackers", tracker)
         if name != "all" and name not in vehicles:
-            known = [*vehicles, "all"]
-            message = f"no vehicle is called `{name}`"
-            uses.found.append(
-                Diagnostic("KYB151", message, entry.key.span, help=did_you_mean(name, known))
-            )
+            message, hint = f"no vehicle is called `{name}`", did_you_mean(name, [*vehicles, "all"])
+            yield Diagnostic("KYB151", message, entry.key.span, help=hint)
         elif driver is not None:
-            decoded[name] = uses.one("drivers", driver)
+            decoded[name] = yield from uses.one("drivers", driver)
     return decoded
 
 
-def other_targets(root: Mapping, chosen: Text, catalog: Catalog) -> list[Diagnostic]:
+def other_targets(root: Mapping, chosen: Text, catalog: Catalog) -> Iterator[Diagnostic]:
     """What is wrong with the targets that are not flown on; what is not installed here, and a file
     that is not there, is only a warning then."""
-    found: list[Diagnostic] = []
+    vehicles = entries_of(root.get("vehicles"))
     for name, entry in entries_of(root.get("targets")).items():
         if name != chosen.text:
-            entries, vehicles = entries_of(entry.value), entries_of(root.get("vehicles"))
-            uses = Uses(catalog, found)
-            _decoded(entries, vehicles, uses)
-            sensors_of(entries, vehicles, uses)
-    missing = ("KYB140", "KYB141", "KYB370")
-    return [replace(d, severity=Severity.WARNING) if d.code in missing else d for d in found]
+            entries, uses = entries_of(entry.value), Uses(catalog)
+            found = collect(_decoded(entries, vehicles, uses)).diagnostics
+            found += collect(sensors_of(entries, vehicles, uses)).diagnostics
+            for d in found:
+                yield replace(d, severity=Severity.WARNING) if d.code in _NOT_HERE else d

@@ -3,11 +3,11 @@ and decoded into its parameters."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from kybflow.core.errors import KybflowError
 from kybflow.core.params import fields_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, did_you_mean
 from kybflow.dsl.document import PartUse
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, describe, items_of
 from kybflow.dsl.reading.source import Span
@@ -16,6 +16,8 @@ from kybflow.dsl.schema.judge import judge_params
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog, PartSpec
+
+P = TypeVar("P")
 
 CODES = {
     "KYB140": "A part that no installed package offers.",
@@ -30,25 +32,24 @@ class Uses:
     """Decodes the uses of parts of one mission; one and the same node is decoded once. `chains` are
     those that could be meant by the name of a behavior."""
 
-    def __init__(
-        self, catalog: Catalog, found: list[Diagnostic], chains: tuple[str, ...] = ()
-    ) -> None:
+    def __init__(self, catalog: Catalog, chains: tuple[str, ...] = ()) -> None:
         self.catalog = catalog
         self._chains = tuple(f"chain.{name}" for name in chains)
-        self.found = found
         self._done: dict[tuple[str, int], tuple[Node, PartUse | None]] = {}
 
     def one(
         self, kind: str, node: Node, own: frozenset[str] = frozenset(), word: str = "use"
-    ) -> PartUse | None:
+    ) -> Diagnosed[PartUse | None]:
         """The part that `node` names; `own` are the keys beside the part's parameters. A node that
         several vehicles share is decoded once."""
         key = (kind, id(node))
         if key not in self._done:
-            self._done[key] = (node, self._one(kind, node, own, word))
+            self._done[key] = (node, (yield from self._one(kind, node, own, word)))
         return self._done[key][1]
 
-    def _one(self, kind: str, node: Node, own: frozenset[str], word: str) -> PartUse | None:
+    def _one(
+        self, kind: str, node: Node, own: frozenset[str], word: str
+    ) -> Diagnosed[PartUse | None]:
         name = node if isinstance(node, Scalar) else None
         body = Mapping({}, node.span)
         if isinstance(node, Mapping):
@@ -59,15 +60,13 @@ class Uses:
             message = f"a part is needed, but this is {describe(node)}"
             if isinstance(node, Mapping):
                 message = f"`{word}` is missing"
-            self.found.append(
-                Diagnostic("KYB102", message, node.span, help=f"write `{word}: NAME`")
-            )
+            yield Diagnostic("KYB102", message, node.span, help=f"write `{word}: NAME`")
             return None
-        spec = self.spec(kind, name)
+        spec = yield from self.spec(kind, name)
         if spec is None:
             return None
         beside = own if word == "inject" else frozenset()
-        params = self.params(spec.params, body, spec.name, name.span, beside)
+        params = yield from params_of(spec.params, body, spec.name, name.span, beside)
         if params is None:
             return None
         label = node.get("as") if isinstance(node, Mapping) and word == "use" else None
@@ -80,7 +79,7 @@ class Uses:
             spans={key: entry.value.span for key, entry in body.entries.items()},
         )
 
-    def spec(self, kind: str, name: Scalar) -> PartSpec | None:
+    def spec(self, kind: str, name: Scalar) -> Diagnosed[PartSpec | None]:
         """The part called `name`; None, and a finding, when there is none or it can't be loaded."""
         if name.text not in self.catalog.names(kind):
             more = self._chains if kind == "behaviors" else ()
@@ -88,41 +87,29 @@ class Uses:
             hint = did_you_mean(name.text, (*self.catalog.names(kind), *more))
             if meant in more:
                 hint = f"did you mean `{meant}`?"
-            self.found.append(
-                Diagnostic(
-                    "KYB140",
-                    f"no {kind[:-1]} is called `{name.text}`",
-                    name.span,
-                    help=hint,
-                )
-            )
+            message = f"no {kind[:-1]} is called `{name.text}`"
+            yield Diagnostic("KYB140", message, name.span, help=hint)
             return None
         try:
             return self.catalog.get(kind, name.text)
         except (KybflowError, ImportError) as error:
             message = f"the {kind[:-1]} `{name.text}` can't be loaded: {error}"
-            self.found.append(Diagnostic("KYB141", message, name.span, help=_BROKEN))
+            yield Diagnostic("KYB141", message, name.span, help=_BROKEN)
             return None
-
-    def params(
-        self, cls: type, body: Mapping, part: str, head: Span, beside: frozenset[str] = frozenset()
-    ) -> Any:
-        """See `params_of`."""
-        return params_of(cls, body, part, head, self.found, beside)
 
     def many(
         self, kind: str, written: Node | None, own: frozenset[str] = frozenset()
-    ) -> tuple[tuple[PartUse, Node], ...]:
+    ) -> Diagnosed[tuple[tuple[PartUse, Node], ...]]:
         """The parts of a list, each with its node; their labels differ."""
         uses: list[tuple[PartUse, Node]] = []
         for node in items_of(written):
-            use = self.one(kind, node, own)
+            use = yield from self.one(kind, node, own)
             if use is None:
                 continue
             twin = next((u for u, _ in uses if u.label == use.label), None)
             if twin is not None:
                 assert written is not None
-                self.found.append(_twice(twin, use, written.span))
+                yield _twice(twin, use, written.span)
                 continue
             uses.append((use, node))
         return tuple(uses)
@@ -151,28 +138,25 @@ def _is_in(span: Span, around: Span) -> bool:
 
 
 def params_of(
-    cls: type,
-    body: Mapping,
-    part: str,
-    head: Span,
-    found: list[Diagnostic],
-    beside: frozenset[str] = frozenset(),
-) -> Any:
+    cls: type[P], body: Mapping, part: str, head: Span, beside: frozenset[str] = frozenset()
+) -> Diagnosed[P | None]:
     """The parameters of `part` as `cls`; None when they have errors. `head` is the place for what
     is missing, `beside` are keys that could be meant too."""
-    fields = fields_of(cls)
+    declaration: Any = cls
+    fields = fields_of(declaration)
     if not body.entries and not any(field.required for field in fields):
         return cls()
-    decoded: list[Diagnostic] = []
-    values = {
-        field.name: decode(node, field, decoded)
-        for field in fields
-        if (node := body.get(field.name)) is not None
-    }
-    said = {finding.span for finding in decoded}
+    values: dict[str, Any] = {}
+    findings: list[Diagnostic] = []
+    for field in fields:
+        node = body.get(field.name)
+        if node is not None:
+            values[field.name], found = collect(decode(node, field))
+            findings += found
+    said = {finding.span for finding in findings}
     judged = judge_params(Mapping(body.entries, head), cls, part, beside)
-    findings = [*decoded, *(finding for finding in judged if finding.span not in said)]
-    found += findings
+    findings += [finding for finding in judged if finding.span not in said]
+    yield from findings
     return None if findings else cls(**values)
 
 

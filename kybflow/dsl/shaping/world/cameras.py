@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import tan
 
 from kybflow.core.geometry import from_euler, multiply
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
 from kybflow.dsl.document import CameraUse
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, entries_of
 from kybflow.dsl.shaping.uses import params_of
@@ -27,23 +26,20 @@ def without_cameras(airframe: Mapping) -> Mapping:
     return Mapping(own, airframe.span)
 
 
-def cameras_of(airframe: Node | None, found: list[Diagnostic]) -> Iterator[CameraUse]:
-    """The cameras of an airframe; what is wrong with one is left out."""
+def cameras_of(airframe: Node | None) -> Diagnosed[tuple[CameraUse, ...]]:
+    """The cameras of an airframe; one with errors is left out."""
     cameras = airframe.get("cameras") if isinstance(airframe, Mapping) else None
-    for entry in entries_of(cameras).values():
-        if isinstance(entry.value, Mapping):
-            camera = _camera(entry, entry.value, found)
-            if camera is not None:
-                yield camera
+    found = yield from every(_camera(entry) for entry in entries_of(cameras).values())
+    return tuple(camera for camera in found if camera is not None)
 
 
-def _camera(entry: Entry, body: Mapping, found: list[Diagnostic]) -> CameraUse | None:
-    name, body = entry.key, _with_nearest_lens(body)
-    params: CameraParams | None = params_of(CameraParams, body, "camera", name.span, found)
-    if params is None:
+def _camera(entry: Entry) -> Diagnosed[CameraUse | None]:
+    if not isinstance(entry.value, Mapping):
         return None
-    lens = _lens(params, entry, body, found)
-    if lens is None:
+    name, body = entry.key, _with_nearest_lens(entry.value)
+    params = yield from params_of(CameraParams, body, "camera", name.span)
+    lens = None if params is None else (yield from _lens(params, entry, body))
+    if params is None or lens is None:
         return None
     trim = from_euler(params.roll, params.pitch, params.yaw)
     attitude = multiply(trim, FACING[params.facing])
@@ -63,9 +59,7 @@ def _with_nearest_lens(body: Mapping) -> Mapping:
     return Mapping({k: e for k, e in body.entries.items() if k not in passed}, body.span)
 
 
-def _lens(
-    params: CameraParams, entry: Entry, body: Mapping, found: list[Diagnostic]
-) -> Lens | None:
+def _lens(params: CameraParams, entry: Entry, body: Mapping) -> Diagnosed[Lens | None]:
     written = [key for key in _LENS if getattr(params, key) is not None]
     missing = [key for key in _LENS if key not in written]
     if params.calibration is not None and written:
@@ -73,14 +67,14 @@ def _lens(
         written = [key for key in written if body.entries[key].depth == depth]
         message = f"the calibration of `{entry.key.text}` says its {' and '.join(written)} already"
         span, hint = body.entries[written[0]].key.span, "write one of both"
-        found.append(Diagnostic("KYB385", message.replace("_", " "), span, help=hint))
+        yield Diagnostic("KYB385", message.replace("_", " "), span, help=hint)
         return None
     if params.calibration is not None:
         return read_calibration(params.calibration)
     if params.width is None or params.height is None or params.field_of_view is None:
         message = f"the camera `{entry.key.text}` needs `{missing[0]}`"
         hint = "write `width`, `height` and `field_of_view`, or `calibration: FILE`"
-        found.append(Diagnostic("KYB385", message, entry.key.span, help=hint))
+        yield Diagnostic("KYB385", message, entry.key.span, help=hint)
         return None
     return pinhole(params.width, params.height, params.field_of_view)
 

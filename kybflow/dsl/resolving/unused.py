@@ -1,19 +1,22 @@
-"""Names that a mission gives, and of which it makes no use."""
+"""Imports, and names that a mission gives, of which it makes no use."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from collections.abc import Mapping as MappingOf
 from itertools import chain
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, entries_of, is_null, items_of, texts_in
 from kybflow.dsl.reading.source import PREFIX
 from kybflow.dsl.resolving.loading import Files
+from kybflow.dsl.resolving.parameters import Setting
 
 CODES = {
     "KYB112": "A named point, a group, a stack or a chain of the mission that nothing uses (a "
     "warning). What a library offers may stay unused, and so may what stands in a comment.",
+    "KYB128": "An import that nothing uses (a warning).",
 }
 _WORD = re.compile(r"\w+")
 _POINT = re.compile(re.escape(PREFIX) + r"(\w+|\$)")
@@ -26,10 +29,12 @@ _WAYS = {
 _NO_USE = frozenset({"mission", "summary"})
 
 
-def unused_names(root: Mapping, files: Files, settings: Iterable[Node]) -> Iterator[Diagnostic]:
+def unused_names(
+    root: Mapping, files: Files, settings: MappingOf[str, Setting]
+) -> Iterator[Diagnostic]:
     """KYB112 for each entry of the mission `root` whose name stands nowhere else: not in the file,
     not in `settings`, for a group and a point not in the text of an import."""
-    given = [*settings]
+    given = [setting.node for setting in settings.values() if setting.node is not None]
     yield from _points(root, files, given)
     sections = {key: _named(root.get(key)) for key in _WAYS}
     if not any(sections.values()):
@@ -95,3 +100,18 @@ def _warning(kind: str, entry: Entry, way: str) -> Diagnostic:
     message = f"nothing uses the {kind} `{entry.key.text}`"
     hint, span = f"{way}, or remove it", entry.key.span
     return Diagnostic("KYB112", message, span, help=hint, severity=Severity.WARNING)
+
+
+def unused_imports(root: Mapping, settings: MappingOf[str, Setting]) -> Iterator[Diagnostic]:
+    """KYB128 for each import of the mission `root` of which nothing speaks, neither in the file nor
+    in `settings`."""
+    nodes = [entry.value for key, entry in root.entries.items() if key != "import"]
+    given = [setting.node for setting in settings.values() if setting.node is not None]
+    said = " ".join(texts_in([*nodes, *given]))
+    for name, entry in entries_of(root.get("import")).items():
+        if f"{name}." not in said:
+            message = f"nothing uses the import `{name}`"
+            hint = f"use it as `{name}.NAME`, or remove it"
+            yield Diagnostic(
+                "KYB128", message, entry.key.span, help=hint, severity=Severity.WARNING
+            )
