@@ -6,8 +6,9 @@ signal that is true at some time carries it. World frame ENU, body frame FLU, SI
 
 from __future__ import annotations
 
+import re
 from enum import Enum, IntEnum
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, Protocol
 
 from kybflow.core.errors import EstimateMissing
 from kybflow.core.geometry import Quat, Vec3
@@ -19,52 +20,76 @@ NEVER: Time = 1 << 62
 """A time that does not come."""
 
 
-class MeasurementKind(Enum):
-    """What a sensor stream carries; an estimator needs kinds, a driver provides kinds."""
+class Measurement(Protocol):
+    """Something that a sensor measured, true at `time`.
 
-    POSE = "pose"
-    BATTERY = "battery"
-    IMU = "imu"
-    FRAME = "frame"
-    POSITION = "position"
-    PAYLOAD = "payload"
-    ODOMETRY = "odometry"
-    STICKS = "sticks"
+    A kind of measurement is a class: a NamedTuple of `time` and what was measured. An estimator
+    `needs` kinds, a driver or a sensor `provides` them. The class alone declares a kind; it is
+    admitted, counted, recorded and handed to the estimators by what stands here. In the recording
+    it has a topic and a message of its name, with the comments in `Annotated`. What can be
+    recorded: `Time`, `float`, `bool`, `Vec3`, `Quat`; where `Recorded` names one more field, also
+    `T | None` and `tuple[float, ...]`. A `str` makes a topic of its own for each value, and `Any`
+    is left out.
+    """
+
+    @property
+    def time(self) -> Time: ...
+
+
+MeasurementKind = type[Measurement]
+
+
+def kind_name(kind: MeasurementKind) -> str:
+    """The name of a kind in messages and topics: `optical_flow` for the class OpticalFlow."""
+    return re.sub(r"(?<!^)(?=[A-Z])", "_", kind.__name__).lower()
+
+
+class Recorded(NamedTuple):
+    """How a field is recorded for which one number is not enough. comment: what its own field in
+    the message says. extra, extra_comment: the field before it, which says whether there is a
+    value, or how many there are."""
+
+    comment: str
+    extra: str
+    extra_comment: str
+
+
+Stamp = Annotated[Time, "ns; when it was true. It arrived at the message's log time."]
 
 
 class Pose(NamedTuple):
     """A pose from outside, as motion capture gives it: `time` is when it was true, not when it
     arrived."""
 
-    time: Time
-    position: Vec3
+    time: Stamp
+    position: Annotated[Vec3, "m, world"]
     attitude: Quat
 
 
 class Battery(NamedTuple):
     """The battery as the vehicle reports it; `remaining` is 0 to 1."""
 
-    time: Time
-    remaining: float
-    voltage: float
+    time: Stamp
+    remaining: Annotated[float, "0 to 1"]
+    voltage: Annotated[float, "V"]
 
 
 class Imu(NamedTuple):
-    """What the inertial sensors felt on average over the last `dt` seconds, biases and noise and
-    all: specific force (m/s^2; at rest it points up with 9.81) and turn rate (rad/s), body
+    """What the inertial sensors measured on average over the last `dt` seconds, with their biases
+    and noise: specific force (m/s^2; at rest it points up with 9.81) and turn rate (rad/s), body
     frame."""
 
-    time: Time
-    dt: float
-    specific_force: Vec3
-    angular_velocity: Vec3
+    time: Annotated[Time, "ns; the end of what it is the average of"]
+    dt: Annotated[float, "s; how long that was"]
+    specific_force: Annotated[Vec3, "m/s^2, body (FLU)"]
+    angular_velocity: Annotated[Vec3, "rad/s, body"]
 
 
 class Frame(NamedTuple):
     """What a camera saw. image: a grey array, (height, width) uint8. `time` is the middle of the
     exposure of the image's middle row, not when it arrived."""
 
-    time: Time
+    time: Annotated[Time, "ns; the middle of its exposure. It arrived at the message's log time."]
     camera: str
     image: Any
 
@@ -73,9 +98,9 @@ class Position(NamedTuple):
     """A position from outside without an attitude, as GPS gives it, in the world. spread: its
     standard deviation along each axis, metres."""
 
-    time: Time
-    position: Vec3
-    spread: Vec3
+    time: Stamp
+    position: Annotated[Vec3, "m, world"]
+    spread: Annotated[Vec3, "m, standard deviation along each axis"]
 
 
 class Payload(NamedTuple):
@@ -83,21 +108,23 @@ class Payload(NamedTuple):
     is on board, None where the vehicle can't tell. It comes when something has changed, and so
     acknowledges that the servo moved."""
 
-    time: Time
-    is_open: bool
-    aboard: bool | None
+    time: Stamp
+    is_open: Annotated[bool, "the servo that holds the payload"]
+    aboard: Annotated[
+        bool | None, Recorded("", "known", "false: the vehicle can't tell whether it is on board")
+    ]
 
 
 class Odometry(NamedTuple):
     """What an autopilot's own estimator believes: velocity in the world, angular_velocity in the
     body. spread: standard deviation of the position, metres, as the autopilot has it."""
 
-    time: Time
-    position: Vec3
-    velocity: Vec3
+    time: Stamp
+    position: Annotated[Vec3, "m, world"]
+    velocity: Annotated[Vec3, "m/s, world"]
     attitude: Quat
-    angular_velocity: Vec3
-    spread: float
+    angular_velocity: Annotated[Vec3, "rad/s, body"]
+    spread: Annotated[float, "m, standard deviation of the position"]
 
 
 class Sticks(NamedTuple):
@@ -105,26 +132,15 @@ class Sticks(NamedTuple):
     to 1; roll to the right, pitch forward, yaw to the left are positive), and its switches, each
     -1 to 1."""
 
-    time: Time
-    roll: float
-    pitch: float
-    yaw: float
-    throttle: float
-    switches: tuple[float, ...] = ()
-
-
-Measurement = Pose | Battery | Imu | Frame | Position | Payload | Odometry | Sticks
-CLASSES: dict[MeasurementKind, type] = {
-    MeasurementKind.POSE: Pose,
-    MeasurementKind.BATTERY: Battery,
-    MeasurementKind.IMU: Imu,
-    MeasurementKind.FRAME: Frame,
-    MeasurementKind.POSITION: Position,
-    MeasurementKind.PAYLOAD: Payload,
-    MeasurementKind.ODOMETRY: Odometry,
-    MeasurementKind.STICKS: Sticks,
-}
-"""The class of each kind of measurement."""
+    time: Stamp
+    roll: Annotated[float, "-1 to 1, to the right"]
+    pitch: Annotated[float, "-1 to 1, forward"]
+    yaw: Annotated[float, "-1 to 1, to the left"]
+    throttle: Annotated[float, "0 to 1"]
+    switches: Annotated[
+        tuple[float, ...],
+        Recorded("-1 to 1", "count", "how many switches there are; the rest is zero"),
+    ] = ()
 
 
 class PayloadState(Enum):

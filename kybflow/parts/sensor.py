@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from kybflow.core.signals import Measurement, MeasurementKind, Time
+from kybflow.core.signals import Measurement, MeasurementKind, Time, kind_name
 from kybflow.parts.base import Objection, P, Part
 from kybflow.parts.devices import Link
 from kybflow.world.cameras import Camera
@@ -55,7 +55,7 @@ class Sensor(Part[P]):
     def gives(cls, params: P, cameras: Mapping[str, Camera]) -> Sequence[str]:
         """What no other sensor of the vehicle may give, in words, because nobody could tell the two
         apart."""
-        return [f"`{kind.value}` measurements" for kind in cls.provides]
+        return [f"`{kind_name(kind)}` measurements" for kind in cls.provides]
 
     @classmethod
     def real_time(cls, params: P) -> bool:

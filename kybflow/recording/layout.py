@@ -8,9 +8,24 @@ between (https://wiki.ros.org/msg).
 
 from __future__ import annotations
 
-from typing import Any
+import types
+from collections.abc import Callable
+from functools import cache
+from itertools import chain
+from operator import itemgetter
+from struct import Struct
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from kybflow.core.signals import NS, CommandKind, Event, SetpointKind
+from kybflow.core.geometry import Quat, Vec3
+from kybflow.core.signals import (
+    NS,
+    CommandKind,
+    Event,
+    MeasurementKind,
+    Recorded,
+    SetpointKind,
+    kind_name,
+)
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.parts import AIR
 
@@ -111,53 +126,6 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("float64", "age", "s since the newest measurement in it was true"),
         ("float64", "spread", "m, standard deviation of the position"),
     ),
-    "Pose": (
-        ("int64", "time", "ns; when it was true. It arrived at the message's log time."),
-        ("Vector", "position", "m, world"),
-        ("Quaternion", "attitude", ""),
-    ),
-    "Battery": (
-        ("int64", "time", "ns; when it was true. It arrived at the message's log time."),
-        ("float64", "remaining", "0 to 1"),
-        ("float64", "voltage", "V"),
-    ),
-    "Imu": (
-        ("int64", "time", "ns; the end of what it is the average of"),
-        ("float64", "dt", "s; how long that was"),
-        ("Vector", "specific_force", "m/s^2, body (FLU)"),
-        ("Vector", "angular_velocity", "rad/s, body"),
-    ),
-    "Position": (
-        ("int64", "time", "ns; when it was true. It arrived at the message's log time."),
-        ("Vector", "position", "m, world"),
-        ("Vector", "spread", "m, standard deviation along each axis"),
-    ),
-    "Odometry": (
-        ("int64", "time", "ns; when it was true. It arrived at the message's log time."),
-        ("Vector", "position", "m, world"),
-        ("Vector", "velocity", "m/s, world"),
-        ("Quaternion", "attitude", ""),
-        ("Vector", "angular_velocity", "rad/s, body"),
-        ("float64", "spread", "m, standard deviation of the position"),
-    ),
-    "Sticks": (
-        ("int64", "time", "ns; when it was true. It arrived at the message's log time."),
-        ("float64", "roll", "-1 to 1, to the right"),
-        ("float64", "pitch", "-1 to 1, forward"),
-        ("float64", "yaw", "-1 to 1, to the left"),
-        ("float64", "throttle", "0 to 1"),
-        ("uint8", "count", "how many switches there are; the rest is zero"),
-        (f"float64[{SWITCHES}]", "switches", "-1 to 1"),
-    ),
-    "Frame": (
-        ("int64", "time", "ns; the middle of its exposure. It arrived at the message's log time."),
-    ),
-    "Payload": (
-        ("int64", "time", "ns; when it was true. It arrived at the message's log time."),
-        ("bool", "is_open", "the servo that holds the payload"),
-        ("bool", "known", "false: the vehicle can't tell whether it is on board"),
-        ("bool", "aboard", ""),
-    ),
 }
 
 _PLAIN = {
@@ -212,25 +180,113 @@ def _vehicle(vehicle: VehiclePlan) -> dict[str, Any]:
     }
 
 
-def definition(message: str) -> bytes:
+class MeasurementLayout:
+    """How the measurements of one kind are recorded, by the annotations of its class
+    (`kybflow.core.signals.Measurement`). `message` and `fields`: the message's name and what is in
+    it. `packed` makes the message of a measurement. Raises TypeError for a field that can't be
+    recorded."""
+
+    def __init__(self, kind: MeasurementKind) -> None:
+        self.message, self._topic = kind.__name__, kind_name(kind)
+        self.fields: tuple[_Field, ...] = ()
+        self._keys: list[int] = []
+        pieces: list[_Piece] = []
+        for index, (name, hint) in enumerate(get_type_hints(kind, include_extras=True).items()):
+            plain, *said = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+            if plain is str:
+                self._keys.append(index)
+            elif plain is not Any:
+                fields, piece = _recorded(name, plain, said[-1] if said else "", index)
+                self.fields += fields
+                pieces.append(piece)
+        self.packed = _packed(Struct("<" + _codes(self.fields)), pieces)
+
+    def topic(self, measurement: Any) -> str:
+        """The topic below the vehicle's; one for each camera."""
+        return "/".join((self._topic, *(measurement[key] for key in self._keys)))
+
+    @property
+    def has_topics(self) -> bool:
+        """Whether its measurements go to several topics."""
+        return bool(self._keys)
+
+
+_Field = tuple[str, str, str]
+_Piece = int | slice | Callable[[Any], tuple[float, ...]]
+"""What of a measurement gives the numbers of one field, in a tuple."""
+_flat = chain.from_iterable
+_SCALARS = {int: "int64", float: "float64", bool: "bool"}
+_TUPLES = {Vec3: "Vector", Quat: "Quaternion"}
+
+
+def _packed(struct: Struct, pieces: list[_Piece]) -> Callable[[Any], bytes]:
+    """What packs a measurement: fast where all that is recorded can be taken from it at once."""
+    pack = struct.pack
+    if any(map(callable, pieces)):
+        return lambda m: pack(*_flat(p(m) if callable(p) else m[p] for p in pieces))
+    items = itemgetter(*(p for p in pieces if not callable(p)), slice(0, 0))
+    return lambda m: pack(*_flat(items(m)))
+
+
+def _recorded(name: str, plain: Any, said: Any, index: int) -> tuple[tuple[_Field, ...], _Piece]:
+    """The fields of the message that hold one field of a measurement, and what gives them."""
+    if plain in _SCALARS:
+        return ((_SCALARS[plain], name, said),), slice(index, index + 1)
+    if plain in _TUPLES:
+        return ((_TUPLES[plain], name, said),), index
+    if isinstance(said, Recorded):
+        if get_origin(plain) in (Union, types.UnionType):
+            scalar = next(_SCALARS[t] for t in get_args(plain) if t in _SCALARS)
+            extra = ("bool", said.extra, said.extra_comment)
+            return (extra, (scalar, name, said.comment)), _optional(index)
+        if plain == tuple[float, ...]:
+            extra = ("uint8", said.extra, said.extra_comment)
+            return (extra, (f"float64[{SWITCHES}]", name, said.comment)), _several(index)
+    raise TypeError(f"`{name}: {plain}` can't be recorded")
+
+
+def _optional(index: int) -> Callable[[Any], tuple[float, ...]]:
+    return lambda values: (values[index] is not None, values[index] or 0)
+
+
+def _several(index: int) -> Callable[[Any], tuple[float, ...]]:
+    def numbers(values: Any) -> tuple[float, ...]:
+        held = values[index][:SWITCHES]
+        return (len(held), *held, *(0.0,) * (SWITCHES - len(held)))
+
+    return numbers
+
+
+@cache
+def layout_of(kind: MeasurementKind) -> MeasurementLayout:
+    """The layout of a kind of measurement."""
+    return MeasurementLayout(kind)
+
+
+def _fields_of(message: str | MeasurementKind) -> tuple[_Field, ...]:
+    return _MESSAGES[message] if isinstance(message, str) else layout_of(message).fields
+
+
+def definition(message: str | MeasurementKind) -> bytes:
     """The ROS 1 message definition: its own fields, then each type that it is made of, behind a
     line of `=`."""
-    texts = [_fields(message)]
-    for name in _parts(message):
-        texts.append(f"{'=' * 80}\nMSG: {PACKAGE}/{name}\n{_fields(name)}")
+    fields = _fields_of(message)
+    texts = [_text(fields)]
+    for name in _parts(fields):
+        texts.append(f"{'=' * 80}\nMSG: {PACKAGE}/{name}\n{_text(_MESSAGES[name])}")
     return "".join(texts).encode()
 
 
-def struct_format(message: str) -> str:
+def struct_format(message: str | MeasurementKind) -> str:
     """The format of `struct` that packs the message's numbers in order."""
-    return "<" + _codes(message)
+    return "<" + _codes(_fields_of(message))
 
 
-def dtype_spec(message: str) -> list[Any]:
+def dtype_spec(message: str | MeasurementKind) -> list[Any]:
     """What `numpy.dtype` makes the message's type of: vectors and quaternions are arrays of 3 and
     4."""
     spec: list[Any] = []
-    for kind, name, _ in _MESSAGES[message]:
+    for kind, name, _ in _fields_of(message):
         if kind in _PLAIN:
             spec.append((name, _PLAIN[kind][1]))
         elif kind in ("Vector", "Quaternion"):
@@ -240,23 +296,23 @@ def dtype_spec(message: str) -> list[Any]:
     return spec
 
 
-def _fields(message: str) -> str:
+def _text(fields: tuple[_Field, ...]) -> str:
     lines = []
-    for kind, name, comment in _MESSAGES[message]:
+    for kind, name, comment in fields:
         lines.append(f"{kind} {name}  # {comment}" if comment else f"{kind} {name}")
     return "\n".join(lines) + "\n"
 
 
-def _parts(message: str) -> list[str]:
+def _parts(fields: tuple[_Field, ...]) -> list[str]:
     found: list[str] = []
-    for kind, _, _ in _MESSAGES[message]:
-        for name in [] if kind in _PLAIN else [kind, *_parts(kind)]:
+    for kind, _, _ in fields:
+        for name in [] if kind in _PLAIN else [kind, *_parts(_MESSAGES[kind])]:
             if name not in found:
                 found.append(name)
     return found
 
 
-def _codes(message: str) -> str:
+def _codes(fields: tuple[_Field, ...]) -> str:
     return "".join(
-        _PLAIN[kind][0] if kind in _PLAIN else _codes(kind) for kind, _, _ in _MESSAGES[message]
+        _PLAIN[kind][0] if kind in _PLAIN else _codes(_MESSAGES[kind]) for kind, _, _ in fields
     )

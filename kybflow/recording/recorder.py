@@ -1,21 +1,21 @@
 """Records a run into one MCAP file while it goes; the only user of the foxglove SDK.
 
-Each vehicle has `/NAME/tick` (one message a control tick, `record_layout`), `/NAME/pose`,
-`/NAME/battery` and `/NAME/imu` (each measurement as it arrived), and, once one arrived,
-`/NAME/position`, `/NAME/payload`, `/NAME/odometry`, `/NAME/sticks` and `/NAME/frame/CAMERA` (when
-the frame was taken, without its image), and, once one was sent, `/NAME/command` (the setpoint of a
-command that is one); `/NAME/estimator/ESTIMATOR` has what each of its estimators says, flown on or
-not, fifty times a second at most. `/events` holds every event as JSON. A message's log and publish
-time are the tick's time, so the file holds no other clock: the same run gives the same bytes. Why
-the messages are encoded as they are: docs/adr/0001-recording-encoding.md.
+Each vehicle has `/NAME/tick` (one message a control tick, `kybflow.recording.layout`) and
+`/NAME/KIND` for each kind of measurement: each measurement as it arrived, but of a frame, in
+`/NAME/frame/CAMERA`, only when it was taken. `pose`, `battery` and `imu` are always there, the
+others once one arrived. `/NAME/command` has the setpoint of each command that has one, and
+`/NAME/estimator/ESTIMATOR` what each of its estimators says, flown on or not, fifty times a second
+at most. `/events` holds every event as JSON. A message's log and publish time are the tick's time,
+so the file holds no other clock: two runs with the same seed give the same bytes. Why the messages
+are encoded as they are: docs/adr/0001-recording-encoding.md.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from struct import Struct
-from typing import TYPE_CHECKING
 
 from foxglove import Channel, Context, Schema, open_mcap
 from foxglove.mcap import MCAPWriteOptions
@@ -27,18 +27,15 @@ from kybflow.core.signals import (
     CommandKind,
     Estimate,
     Event,
-    Frame,
     Imu,
     Measurement,
-    Odometry,
-    Payload,
+    MeasurementKind,
     Pose,
-    Position,
     Setpoint,
     SetpointKind,
-    Sticks,
     Time,
     Truth,
+    kind_name,
 )
 from kybflow.dsl.plan import Plan
 from kybflow.recording.layout import (
@@ -53,36 +50,28 @@ from kybflow.recording.layout import (
     METADATA,
     PACKAGE,
     SETPOINT_KINDS,
-    SWITCHES,
     definition,
     event_record,
     head,
     kept_every,
+    layout_of,
     struct_format,
 )
 from kybflow.recording.sink import Sink
 from kybflow.runtime.observer import EstimationState, VehicleObserver
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-
 CHUNK_SECONDS = 0.5
 """How long a chunk lasts: what a program that is killed may lose."""
 
 _TICK = Struct(struct_format("Tick"))
-_POSE = Struct(struct_format("Pose"))
-_BATTERY = Struct(struct_format("Battery"))
-_IMU = Struct(struct_format("Imu"))
-_POSITIONS = Struct(struct_format("Position"))
-_FRAME = Struct(struct_format("Frame"))
-_PAYLOAD = Struct(struct_format("Payload"))
-_ODOMETRY = Struct(struct_format("Odometry"))
-_STICKS = Struct(struct_format("Sticks"))
 _SETPOINT = Struct(struct_format("Setpoint"))
 _pack_tick = _TICK.pack
 _pack_candidate = Struct(struct_format("Candidate")).pack
 
+_Message = str | MeasurementKind
+_Log = Callable[[bytes, int], None]
+_Measured = tuple[Callable[[Measurement], bytes], _Log | None]
+"""What packs the measurements of one kind, and logs them."""
 _Marked = tuple[tuple[int, int], Vec3, Vec3, Vec3, Vec3, float, float]
 """A setpoint with zeros for what it has not, behind its kind and what it has."""
 
@@ -150,12 +139,12 @@ class VehicleChannel(VehicleObserver):
     def __init__(self, name: str, every: int, context: Context) -> None:
         self._every, self._ticks = every, 0
         self._tick = _log(context, f"/{name}/tick", "Tick")
-        self._pose = _log(context, f"/{name}/pose", "Pose")
-        self._battery = _log(context, f"/{name}/battery", "Battery")
-        self._imu = _log(context, f"/{name}/imu", "Imu")
         self._name, self._context = name, context
-        self._rare: dict[str, Callable[[bytes, int], None]] = {}
-        self._estimators: dict[str, Callable[[bytes, int], None]] = {}
+        self._measured: dict[MeasurementKind, _Measured] = {}
+        for kind in (Pose, Battery, Imu):
+            self._open(kind)
+        self._rare: dict[str, _Log] = {}
+        self._estimators: dict[str, _Log] = {}
 
     def tick(
         self,
@@ -209,45 +198,28 @@ class VehicleChannel(VehicleObserver):
 
     def measurement(self, now: Time, measurement: Measurement) -> None:
         """A measurement that arrived at `now`."""
-        if isinstance(measurement, Pose):
-            time, position, attitude = measurement
-            self._pose(_POSE.pack(time, *position, *attitude), now)
-        elif isinstance(measurement, Imu):
-            time, dt, force, turn = measurement
-            self._imu(_IMU.pack(time, dt, *force, *turn), now)
-        elif isinstance(measurement, Battery):
-            self._battery(_BATTERY.pack(*measurement), now)
+        kind = type(measurement)
+        packed, log = self._measured.get(kind) or self._open(kind)
+        if log is None:
+            topic = layout_of(kind).topic(measurement)
+            self._log_rare(topic, kind, packed(measurement), now)
         else:
-            self._log_rare(*_rare(measurement), now)
+            log(packed(measurement), now)
 
-    def _log_rare(self, topic: str, message: str, data: bytes, now: Time) -> None:
+    def _open(self, kind: MeasurementKind) -> _Measured:
+        """The channel of a kind of measurement, None where it has several."""
+        layout = layout_of(kind)
+        log = None
+        if not layout.has_topics:
+            log = _log(self._context, f"/{self._name}/{kind_name(kind)}", kind)
+        self._measured[kind] = layout.packed, log
+        return layout.packed, log
+
+    def _log_rare(self, topic: str, message: _Message, data: bytes, now: Time) -> None:
         """What most vehicles have none of gets its channel with its first message."""
         if topic not in self._rare:
             self._rare[topic] = _log(self._context, f"/{self._name}/{topic}", message)
         self._rare[topic](data, now)
-
-
-def _rare(
-    measurement: Position | Frame | Payload | Odometry | Sticks,
-) -> tuple[str, str, bytes]:
-    """(topic, message, data) of what most vehicles have none of."""
-    if isinstance(measurement, Position):
-        time, position, spread = measurement
-        return "position", "Position", _POSITIONS.pack(time, *position, *spread)
-    if isinstance(measurement, Frame):
-        return f"frame/{measurement.camera}", "Frame", _FRAME.pack(measurement.time)
-    if isinstance(measurement, Payload):
-        time, is_open, aboard = measurement
-        data = _PAYLOAD.pack(time, is_open, aboard is not None, aboard or False)
-        return "payload", "Payload", data
-    if isinstance(measurement, Odometry):
-        time, p, v, q, w, deviation = measurement
-        return "odometry", "Odometry", _ODOMETRY.pack(time, *p, *v, *q, *w, deviation)
-    time, roll, pitch, yaw, throttle, switches = measurement
-    held = switches[:SWITCHES]
-    rest = (0.0,) * (SWITCHES - len(held))
-    data = _STICKS.pack(time, roll, pitch, yaw, throttle, len(held), *held, *rest)
-    return "sticks", "Sticks", data
 
 
 def _marked(setpoint: Setpoint | None) -> _Marked:
@@ -275,7 +247,8 @@ def _marked(setpoint: Setpoint | None) -> _Marked:
     )
 
 
-def _log(context: Context, topic: str, message: str) -> Callable[[bytes, int], None]:
-    schema = Schema(name=f"{PACKAGE}/{message}", encoding="ros1msg", data=definition(message))
+def _log(context: Context, topic: str, message: _Message) -> _Log:
+    name = message if isinstance(message, str) else message.__name__
+    schema = Schema(name=f"{PACKAGE}/{name}", encoding="ros1msg", data=definition(message))
     channel = Channel(topic, message_encoding="ros1", schema=schema, context=context)
     return channel.base.log  # without the wrapper, which looks at each message's type

@@ -21,7 +21,7 @@ from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
 from kybflow.core.geometry import Vec3
-from kybflow.core.signals import NS
+from kybflow.core.signals import NS, Battery
 from kybflow.core.units import LENGTH, NUMBER, parse_quantity
 from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
 from kybflow.recording.layout import (
@@ -40,7 +40,7 @@ MOST_TICKS = 6000
 MOST_PICTURES = 96
 """The most pictures in one report; a fleet's others are in its folder."""
 
-_TICK, _BATTERY = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Battery"))
+_TICK, _BATTERY = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec(Battery))
 _PICTURE_NAME = re.compile(r"(\d+\.\d+)s-(?:(\d+)-used-(\d+)-rejected|no-pose)\.jpg")
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
-from kybflow.core.signals import Estimate, MeasurementKind
+from kybflow.core.signals import Estimate, Imu, kind_name
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.runtime.vehicle.resting_bias import LONG
 from kybflow.runtime.vehicle.vehicle import Vehicle
@@ -84,20 +84,20 @@ def _streams(vehicle: Vehicle) -> Iterator[Line]:
     senses = vehicle.senses
     parts = [estimator.part for estimator in vehicle.plan.estimators]
     at = {kind: part.at for part in parts for kind in part.cls.uses(part.params)}
-    for kind in sorted(senses.needs, key=lambda kind: kind.value):
+    for kind in sorted(senses.needs, key=kind_name):
         rate = senses.rate(kind)
         reason = f"{rate:.0f} Hz" if rate else "nothing arrives"
         green = rate >= LEAST_RATE
         if rate and not green:
             reason += f", {LEAST_RATE:.0f} Hz needed"
-        if green and kind is MeasurementKind.IMU and not senses.rest.is_known:
+        if green and kind is Imu and not senses.rest.is_known:
             green, reason = False, f"{reason}, not yet {LONG} s at rest"
         trouble, left_out = senses.sensing.trouble(kind), senses.sensing.left_out(kind)
         if trouble is not None:
             green, reason = False, f"{reason}: {trouble}"
         if left_out and not green:
             reason = f"{reason}; {left_out} were left out, because they can't be true"
-        yield Line(vehicle.name, f"{kind.value} stream", green, reason, at[kind])
+        yield Line(vehicle.name, f"{kind_name(kind)} stream", green, reason, at[kind])
 
 
 def _battery(vehicle: Vehicle) -> Line:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from kybflow.core.errors import DriverError
 from kybflow.core.files import File, FilePath
 from kybflow.core.params import param, params
-from kybflow.core.signals import NS, Frame, Measurement, MeasurementKind, Time
+from kybflow.core.signals import NS, Frame, Measurement, Time
 from kybflow.core.units import Duration
 from kybflow.dsl.diagnostics.diagnostic import did_you_mean
 from kybflow.dsl.shaping.world.calibration import read_calibration
@@ -50,7 +50,7 @@ class CameraParams:
 
 
 class Camera(Sensor[CameraParams]):
-    provides = frozenset({MeasurementKind.FRAME})
+    provides = frozenset({Frame})
     packages = OPENCV
 
     @classmethod

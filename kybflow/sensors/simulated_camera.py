@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import ZERO, add, distance, integrate, rotate, scale
 from kybflow.core.params import param, params
-from kybflow.core.signals import NS, Frame, Measurement, MeasurementKind, Time, Truth
+from kybflow.core.signals import NS, Frame, Measurement, Time, Truth
 from kybflow.core.units import Duration
 from kybflow.parts import Link, Sensor, Stream
 from kybflow.parts.sensor import frames_of
@@ -45,7 +45,7 @@ class SimulatedCameraParams(Optics):
 
 
 class SimulatedCamera(Sensor[SimulatedCameraParams]):
-    provides = frozenset({MeasurementKind.FRAME})
+    provides = frozenset({Frame})
     packages = OPENCV
     simulated = True
 

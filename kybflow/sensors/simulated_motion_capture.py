@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from kybflow.core.geometry import Vec3, add, integrate, scale
 from kybflow.core.params import param, params
-from kybflow.core.signals import NS, Measurement, MeasurementKind, Pose, Time, Truth
+from kybflow.core.signals import NS, Measurement, Pose, Time, Truth
 from kybflow.core.units import DEG, Angle, Duration, Frequency, Length
 from kybflow.parts import Link, Sensor, Stream
 from kybflow.world.vehicle_context import VehicleContext
@@ -46,7 +46,7 @@ class SimulatedMotionCaptureParams:
 
 
 class SimulatedMotionCapture(Sensor[SimulatedMotionCaptureParams]):
-    provides = frozenset({MeasurementKind.POSE})
+    provides = frozenset({Pose})
     simulated = True
 
     @classmethod

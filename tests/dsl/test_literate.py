@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))  # where this run
 
 from benches import Benched
 
-from kybflow.core.signals import MeasurementKind
+from kybflow.core.signals import Battery, Imu
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import Result, compile_mission
 from kybflow.dsl.diagnostics.pages import Section, folder, sections, sections_of, write
@@ -31,7 +31,7 @@ class Autopilot(Sim):
     simulated = False
     grips = False
     brings = ()
-    provides = frozenset({MeasurementKind.IMU, MeasurementKind.BATTERY})
+    provides = frozenset({Imu, Battery})
 
 
 class Lab(Catalog):

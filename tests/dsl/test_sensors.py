@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from benches import Benched
 
-from kybflow.core.signals import MeasurementKind
+from kybflow.core.signals import Frame
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
@@ -61,7 +61,7 @@ def test_the_simulator_brings_a_camera_where_an_estimator_needs_one(tmp_path: Pa
     brought = ("simulated_camera", (), "sensors.simulated_camera")
     assert sensors(plan) == {"a": [brought], "b": []}
     assert plan is not None
-    assert plan.vehicles[0].sensors[0].part.cls.provides == {MeasurementKind.FRAME}
+    assert plan.vehicles[0].sensors[0].part.cls.provides == {Frame}
 
 
 def test_a_named_one_comes_in_place_of_it(tmp_path: Path) -> None:

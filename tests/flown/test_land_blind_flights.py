@@ -9,7 +9,7 @@ import pytest
 from flights import down, hold, named, path, up
 from plans import part, vehicle
 
-from kybflow.core.signals import MeasurementKind, Truth
+from kybflow.core.signals import Imu, Truth
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, FaultPlan
 from kybflow.parts import Effect
@@ -102,7 +102,7 @@ def test_lost_while_it_climbs_it_lands(run) -> None:
 class Feels(MOCAP.cls):
     """Motion capture, by an estimator that has the IMU too, on the ground already."""
 
-    needs = MOCAP.cls.needs | {MeasurementKind.IMU}
+    needs = MOCAP.cls.needs | {Imu}
 
 
 class Biased(Sim):

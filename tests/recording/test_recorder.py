@@ -161,7 +161,7 @@ def test_what_an_autopilot_believes_is_recorded(tmp_path):
     recorder.vehicle("mk").measurement(30, said)
     recorder.close()
     (message,) = messages(path, "/mk/odometry")
-    decoded = np.frombuffer(message.data, np.dtype(dtype_spec("Odometry")))[0]
+    decoded = np.frombuffer(message.data, np.dtype(dtype_spec(Odometry)))[0]
     assert (message.log_time, decoded["time"], decoded["spread"]) == (30, 25, 0.5)
     for name in ("position", "velocity", "attitude", "angular_velocity"):
         assert tuple(decoded[name]) == getattr(said, name)
@@ -193,15 +193,15 @@ def test_measurements_and_events_are_recorded_as_they_arrive(tmp_path):
     recorder.close()
 
     (pose,) = messages(path, "/nano/pose")
-    decoded = np.frombuffer(pose.data, np.dtype(dtype_spec("Pose")))[0]
+    decoded = np.frombuffer(pose.data, np.dtype(dtype_spec(Pose)))[0]
     assert (pose.log_time, decoded["time"]) == (20, 10)
     assert tuple(decoded["position"]) == (1.0, 2.0, 3.0)
     assert tuple(decoded["attitude"]) == (0.0, 1.0, 0.0, 0.0)
     (battery,) = messages(path, "/mk/battery")
-    decoded = np.frombuffer(battery.data, np.dtype(dtype_spec("Battery")))[0]
+    decoded = np.frombuffer(battery.data, np.dtype(dtype_spec(Battery)))[0]
     assert (battery.log_time, *decoded.tolist()) == (30, 25, 0.75, 11.5)
     (imu,) = messages(path, "/mk/imu")
-    decoded = np.frombuffer(imu.data, np.dtype(dtype_spec("Imu")))[0]
+    decoded = np.frombuffer(imu.data, np.dtype(dtype_spec(Imu)))[0]
     assert (imu.log_time, decoded["time"], decoded["dt"]) == (30, 28, 0.004)
     assert tuple(decoded["specific_force"]) == (0.1, 0.2, 9.8)
     assert tuple(decoded["angular_velocity"]) == (0.5, 0.25, 0.125)
@@ -225,7 +225,7 @@ def test_what_a_vehicle_says_of_its_payload_is_recorded(tmp_path, aboard, known,
     recorder.vehicle("mk").measurement(30, Payload(25, True, aboard))
     recorder.close()
     (said,) = messages(path, "/mk/payload")
-    decoded = np.frombuffer(said.data, np.dtype(dtype_spec("Payload")))[0]
+    decoded = np.frombuffer(said.data, np.dtype(dtype_spec(Payload)))[0]
     assert (said.log_time, *decoded.tolist()) == (30, 25, True, known, there)
 
 
@@ -251,14 +251,14 @@ def test_each_estimator_is_recorded_fifty_times_a_second(tmp_path):
 
 
 def test_the_definition_in_the_file_is_the_layout():
-    text = definition("Battery").decode()
+    text = definition(Battery).decode()
     assert [line.split("  #")[0] for line in text.splitlines()] == [
         "int64 time",
         "float64 remaining",
         "float64 voltage",
     ]
     assert definition("Tick").count(b"MSG: kybflow/") == 6
-    assert struct_format("Battery") == "<qdd"
+    assert struct_format(Battery) == "<qdd"
 
 
 def test_a_ros_1_reader_decodes_the_ticks(tmp_path):

@@ -18,7 +18,7 @@ from plans import part, plan, state, then, vehicle, wrapped
 from kybflow.api.inspection import inspect
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL
-from kybflow.core.signals import NS, Battery, Estimate, Frame, MeasurementKind, Pose, Reaction
+from kybflow.core.signals import NS, Battery, Estimate, Frame, Pose, Reaction
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, SensorPlan, TransitionPlan
 from kybflow.parts import Estimator, Link, Sensor, Stream
@@ -120,7 +120,7 @@ def test_a_stream_that_never_comes_is_red():
 class Mute(Sensor[None]):
     """A sensor that gives nothing; `says` is why, or what it raises when it is asked."""
 
-    provides = frozenset({MeasurementKind.POSE})
+    provides = frozenset({Pose})
     says: ClassVar[str | Exception | None] = None
 
     @classmethod
@@ -186,7 +186,7 @@ def test_why_a_sensor_fails_is_said():
 )
 def test_frames_without_a_tag_are_told_from_no_frames(located, reason):
     class Seeing(Estimator[None]):
-        needs = frozenset({MeasurementKind.FRAME})
+        needs = frozenset({Frame})
 
         def update(self, measurements, now):
             frames = [m for m in measurements if isinstance(m, Frame)]
@@ -195,7 +195,7 @@ def test_frames_without_a_tag_are_told_from_no_frames(located, reason):
                 self.sighting = SimpleNamespace(frames=frames, located=where if located else None)
 
     class Filming(Mute):
-        provides = frozenset({MeasurementKind.FRAME})
+        provides = frozenset({Frame})
 
         @classmethod
         def open(cls, params, context, link, generator):

@@ -14,7 +14,7 @@ from flying import SITE
 
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL, ZERO, add
-from kybflow.core.signals import NS, Frame, MeasurementKind, Truth
+from kybflow.core.signals import NS, Frame, Truth
 from kybflow.parts import Effect, Link, Rig
 from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.simulated_camera import SimulatedCamera, SimulatedCameraParams
@@ -203,7 +203,7 @@ def test_it_says_what_it_lacks() -> None:
     blind = opened(Hardware(), DOWN)
     assert blind.read(0) == ()
     assert "sees only simulated vehicles" in (blind.trouble() or "")
-    assert SimulatedCamera.provides == {MeasurementKind.FRAME}
+    assert SimulatedCamera.provides == {Frame}
     assert SimulatedCamera.simulated
 
 

@@ -10,7 +10,7 @@ import pytest
 from flying import SITE
 
 from kybflow.core.geometry import LEVEL, ZERO, add, from_heading, heading_of, rotate
-from kybflow.core.signals import NS, MeasurementKind, Pose, Truth
+from kybflow.core.signals import NS, Pose, Truth
 from kybflow.parts import Effect, Link, Rig
 from kybflow.sensors.simulated_motion_capture import (
     SimulatedMotionCapture,
@@ -60,7 +60,7 @@ def poses(
 
 
 def test_it_says_what_it_is() -> None:
-    assert SimulatedMotionCapture.provides == {MeasurementKind.POSE}
+    assert SimulatedMotionCapture.provides == {Pose}
     assert SimulatedMotionCapture.simulated
 
 

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from sims import QUIET, seat
 
 from kybflow.core.geometry import LEVEL
-from kybflow.core.signals import NS, MeasurementKind, Pose
+from kybflow.core.signals import NS, Imu, Pose, Position
 from kybflow.drivers.emulated_autopilot.autopilot import Autopilot, Body
 from kybflow.drivers.emulated_autopilot.firmware.preparing import FIRMWARES, as_built, prepared
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned, to_ned
@@ -44,7 +44,7 @@ class Bench:
         place = seat(params=params) if context is None else context
         self.world = World([place], random.Random(seed))
         self.vehicle = self.world.links[place.context.vehicle]
-        kinds = {MeasurementKind.IMU} | (set() if outside else {MeasurementKind.POSITION})
+        kinds = {Imu} | (set() if outside else {Position})
         self.vehicle.subscribe(frozenset(kinds))
         body = Body(
             self.vehicle.send,

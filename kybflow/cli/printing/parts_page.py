@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Any
 
 from kybflow.core.params import Field, fields_of, type_of
+from kybflow.core.signals import MeasurementKind, kind_name
 from kybflow.dsl.reading.values import bounds_of, shown_value
 from kybflow.parts.catalog import PartSpec, own_catalog
 from kybflow.world.vehicle_context import Airframe
@@ -126,14 +127,18 @@ def _facts(spec: PartSpec) -> Iterator[str]:
     elif spec.kind == "drivers":
         yield "simulated" if cls.simulated else "hardware"
         yield f"takes {_values(cls.accepts)}"
-        yield f"provides {_values(cls.provides)}"
+        yield f"provides {_kinds(cls.provides)}"
     elif spec.kind == "sensors":
         yield from (["in a simulation only"] if cls.simulated else [])
-        yield f"provides {_values(cls.provides)}"
+        yield f"provides {_kinds(cls.provides)}"
     if getattr(cls, "needs", ()):
-        yield f"uses {_values(cls.needs)}"
+        yield f"uses {_kinds(cls.needs)}"
     if cls.events:
         yield f"tells {', '.join(f'`{name}`' for name in cls.events)}"
+
+
+def _kinds(kinds: Iterable[MeasurementKind]) -> str:
+    return ", ".join(sorted(map(kind_name, kinds)))
 
 
 def _values(members: Iterable[Enum]) -> str:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from kybflow.core.signals import CommandKind, MeasurementKind
+from kybflow.core.signals import CommandKind, MeasurementKind, Pose
 from kybflow.drivers.mavlink import Mavlink
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, FirmwareName
 from kybflow.drivers.sim import SimParams
@@ -38,7 +38,7 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
     """MuJoCo and pymavlink are imported when it is opened."""
 
     accepts = frozenset(CommandKind)
-    provides = Mavlink.provides | {MeasurementKind.POSE}
+    provides = Mavlink.provides | {Pose}
     simulated: ClassVar[bool] = True
     lands: ClassVar[bool] = True
     lands_blind: ClassVar[bool] = True

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 
-from kybflow.core.signals import NS, Measurement, MeasurementKind, Pose, Time
+from kybflow.core.signals import NS, Imu, Measurement, Pose, Position, Time
 from kybflow.drivers.emulated_autopilot.autopilot import Autopilot, Body
 from kybflow.drivers.emulated_autopilot.firmware.preparing import (
     FIRMWARES,
@@ -43,8 +43,8 @@ class Emulated:
             changes={**changes, **plans.changes},
             generator=generator,
         )
-        own = set() if plans.outside else {MeasurementKind.POSITION}
-        vehicle.subscribe(frozenset({MeasurementKind.IMU, *own}))
+        own = set() if plans.outside else {Position}
+        vehicle.subscribe(frozenset({Imu, *own}))
         self._poses: list[Measurement] = []
 
     def step(self, now: Time) -> None:

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.core.errors import DriverError
-from kybflow.core.signals import CommandKind, MeasurementKind
+from kybflow.core.signals import Battery, CommandKind, Imu, Odometry, Payload, Position, Sticks
 from kybflow.drivers import firmware_names
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
 from kybflow.parts import Driver, Objection, Seat, Session
@@ -36,8 +36,8 @@ class Mavlink(Driver[MavlinkParams]):
     accepts = frozenset(CommandKind)
     provides = frozenset(
         {
-            MeasurementKind.BATTERY, MeasurementKind.IMU, MeasurementKind.ODOMETRY,
-            MeasurementKind.POSITION, MeasurementKind.PAYLOAD, MeasurementKind.STICKS,
+            Battery, Imu, Odometry,
+            Position, Payload, Sticks,
         }
     )  # fmt: skip
     lands: ClassVar[bool] = True

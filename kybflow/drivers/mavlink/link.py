@@ -16,6 +16,7 @@ from kybflow.core.signals import (
     Command,
     CommandKind,
     Estimate,
+    Imu,
     Measurement,
     MeasurementKind,
     Setpoint,
@@ -149,7 +150,7 @@ class AutopilotLink(Link):
         return self.contact.said(is_disarming=self.offboard.is_disarming)
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
-        if MeasurementKind.IMU in kinds:
+        if Imu in kinds:
             for name, rate in self._capacity.fitting(self._rates).items():
                 self._upkeep.stream(name, rate, self._now)
 

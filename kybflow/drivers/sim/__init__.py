@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from kybflow.core.signals import CommandKind, MeasurementKind
+from kybflow.core.signals import Battery, CommandKind, Imu, Pose, Position
 from kybflow.core.units import (
     DEG,
     Acceleration,
@@ -111,8 +111,8 @@ class Sim(Driver[SimParams]):
     accepts = frozenset({CommandKind.ATTITUDE_THRUST})
     provides = frozenset(
         {
-            MeasurementKind.POSE, MeasurementKind.BATTERY, MeasurementKind.IMU,
-            MeasurementKind.POSITION,
+            Pose, Battery, Imu,
+            Position,
         }
     )  # fmt: skip
     simulated: ClassVar[bool] = True

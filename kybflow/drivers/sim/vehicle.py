@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy
 
-from kybflow.core.signals import NS, Command, Measurement, MeasurementKind, Payload, Time, Truth
+from kybflow.core.signals import (
+    NS,
+    Command,
+    Imu,
+    Measurement,
+    MeasurementKind,
+    Payload,
+    Position,
+    Time,
+    Truth,
+)
 from kybflow.drivers.sim.model import Body
 from kybflow.drivers.sim.onboard import Pilot, Rotors
 from kybflow.drivers.sim.receiver import Receiver
@@ -110,11 +120,11 @@ class Vehicle(Link):
         return rotors
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
-        if MeasurementKind.IMU in kinds and not self._subscribed:
+        if Imu in kinds and not self._subscribed:
             self._subscribed = True
             self._imu.measure(self._world.now, self._dt)  # what was felt before is nobody's
             self._rewire()
-        if MeasurementKind.POSITION in kinds and not self._positions.is_wanted:
+        if Position in kinds and not self._positions.is_wanted:
             self._positions.begin(self._world.now)
             self.due = min(self.due, self._positions.schedule.due)
             self._world.hurry(self.due)

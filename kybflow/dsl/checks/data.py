@@ -11,7 +11,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from kybflow.core.errors import PartError
-from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind
+from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind, kind_name
 from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
@@ -111,11 +111,11 @@ def missing_measurements(case: Case) -> Iterator[Diagnostic]:
         provides = provided(vehicle)
         for use in vehicle.estimators:
             missing = use.part.spec.cls.uses(use.part.params) - provides
-            for kind in sorted(missing, key=_name):
-                given = ", ".join(sorted(f"`{k.value}`" for k in provides)) or "nothing"
+            for kind in sorted(missing, key=kind_name):
+                given = ", ".join(sorted(f"`{kind_name(k)}`" for k in provides)) or "nothing"
                 yield Diagnostic(
                     "KYB302",
-                    f"`{use.part.name.text}` needs {kind.value} measurements",
+                    f"`{use.part.name.text}` needs {kind_name(kind)} measurements",
                     use.part.name.span,
                     label=f"{_sources(vehicle)} {given}",
                     help=_way_out(case, vehicle, use, kind),

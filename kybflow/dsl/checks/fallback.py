@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.core.signals import MeasurementKind
+from kybflow.core.signals import Imu
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
 from kybflow.dsl.document import EstimatorUse
@@ -76,7 +76,7 @@ def never_begins(case: Case) -> Iterator[Diagnostic]:
 def _reckons(use: EstimatorUse) -> bool:
     """Whether it is told of the estimate in use, and measures nothing but its own motion."""
     cls, params = use.part.spec.cls, use.part.params
-    return cls.anchor is not Estimator.anchor and cls.uses(params) <= {MeasurementKind.IMU}
+    return cls.anchor is not Estimator.anchor and cls.uses(params) <= {Imu}
 
 
 def alone_for_a_time(case: Case) -> Iterator[Diagnostic]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 
-from kybflow.core.signals import MeasurementKind
+from kybflow.core.signals import Battery
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.certain import Asked, conditions_of, expectations_of
 from kybflow.dsl.checks.links import reached_states
@@ -94,7 +94,7 @@ def _subject(node: object, asked: Asked) -> str:
 def _lacking(vehicle: Vehicle, name: str) -> str:
     """What the vehicle would need to know a value; empty when it has that."""
     driver = vehicle.driver
-    if name.startswith("battery.") and MeasurementKind.BATTERY not in driver.spec.cls.provides:
+    if name.startswith("battery.") and Battery not in driver.spec.cls.provides:
         return f"`{driver.name.text}` reports no battery"
     if name.startswith(_ESTIMATED) and not vehicle.estimators:
         return f"`{vehicle.name.text}` has no estimator"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.core.signals import MeasurementKind
+from kybflow.core.signals import Frame, MeasurementKind, kind_name
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import SensorUse, Vehicle
@@ -32,7 +32,7 @@ def of_no_use(case: Case) -> Iterator[Diagnostic]:
 
 
 def _kinds(kinds: frozenset[MeasurementKind]) -> str:
-    return ", ".join(sorted(f"`{kind.value}`" for kind in kinds)) or "nothing"
+    return ", ".join(sorted(f"`{kind_name(kind)}`" for kind in kinds)) or "nothing"
 
 
 def not_simulated(case: Case) -> Iterator[Diagnostic]:
@@ -99,7 +99,7 @@ def nothing_to_see_with(case: Case) -> Iterator[Diagnostic]:
     """KYB387: an estimator needs the frames of a camera, and the airframe carries none."""
     for vehicle in case.vehicles():
         for use in () if vehicle.cameras else vehicle.estimators:
-            if MeasurementKind.FRAME not in use.part.spec.cls.uses(use.part.params):
+            if Frame not in use.part.spec.cls.uses(use.part.params):
                 continue
             camera = "{down: {at: [0, 0, 0], width: 640, height: 480, field_of_view: 70 deg}}"
             yield Diagnostic(
@@ -116,7 +116,7 @@ def nothing_to_see(case: Case) -> Iterator[Diagnostic]:
     for vehicle in case.vehicles():
         for use in () if case.document.tags else vehicle.estimators:
             cls = use.part.spec.cls
-            if cls.needs_tags and MeasurementKind.FRAME in cls.uses(use.part.params):
+            if cls.needs_tags and Frame in cls.uses(use.part.params):
                 grid = "{grid: {family: 36h11, count: [10, 10], size: 19.5 cm, spacing: 2 cm}}"
                 yield Diagnostic(
                     "KYB388",

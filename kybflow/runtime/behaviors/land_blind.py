@@ -45,7 +45,7 @@ open-loop ramp is gentle for every error, this one is bounded for all of them.
 from __future__ import annotations
 
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO
-from kybflow.core.signals import NS, Command, CommandKind, Done, Imu, MeasurementKind, Tick, Time
+from kybflow.core.signals import NS, Command, CommandKind, Done, Imu, Tick, Time
 from kybflow.core.units import Damping, Duration, Ratio
 from kybflow.flight.descent import Descent
 from kybflow.flight.motion import IDLE, entry_motion
@@ -92,7 +92,7 @@ class LandBlind(
     emits=CommandKind.ATTITUDE_THRUST,
     needs_estimate=False,
 ):
-    needs = frozenset({MeasurementKind.IMU})
+    needs = frozenset({Imu})
 
     def __init__(self, params: LandBlindParams, entry: Entry) -> None:
         super().__init__(params, entry)

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from kybflow.core.geometry import add, integrate, scale
-from kybflow.core.signals import NS, Estimate, Measurement, MeasurementKind, Odometry, Time
+from kybflow.core.signals import NS, Estimate, Measurement, Odometry, Time
 from kybflow.core.units import Duration
 from kybflow.parts import Estimator, param, params
 from kybflow.world.vehicle_context import VehicleContext
@@ -34,7 +34,7 @@ class AutopilotParams:
 class Autopilot(Estimator[AutopilotParams]):
     """See the module."""
 
-    needs = frozenset({MeasurementKind.ODOMETRY})
+    needs = frozenset({Odometry})
     own: ClassVar[bool] = True
 
     def __init__(self, params: AutopilotParams, context: VehicleContext) -> None:

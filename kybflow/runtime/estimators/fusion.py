@@ -32,7 +32,17 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 from kybflow.core.geometry import ZERO, Vec3
-from kybflow.core.signals import NS, Estimate, Imu, Measurement, MeasurementKind, Time
+from kybflow.core.signals import (
+    NS,
+    Estimate,
+    Frame,
+    Imu,
+    Measurement,
+    MeasurementKind,
+    Pose,
+    Position,
+    Time,
+)
 from kybflow.core.units import DEG, Acceleration, Angle, AngularRate, Duration, Length, Ratio, Speed
 from kybflow.parts import Estimator, param, params
 from kybflow.runtime.estimators.inertial import SILENT
@@ -43,9 +53,9 @@ if TYPE_CHECKING:
 
 Source = Literal["mocap", "tags", "position"]
 _KINDS = {
-    "mocap": MeasurementKind.POSE,
-    "tags": MeasurementKind.FRAME,
-    "position": MeasurementKind.POSITION,
+    "mocap": Pose,
+    "tags": Frame,
+    "position": Position,
 }
 MOST_FORCE, MOST_TURN = 500.0, 100.0
 """What an IMU on a vehicle can feel, m/s^2 and rad/s."""
@@ -120,7 +130,7 @@ class FusionParams:
 class Fusion(Estimator[FusionParams]):
     """See the module."""
 
-    needs = frozenset({MeasurementKind.IMU, *_KINDS.values()})
+    needs = frozenset({Imu, *_KINDS.values()})
     needs_tags = True
 
     def __init__(self, params: FusionParams, context: VehicleContext) -> None:
@@ -134,7 +144,7 @@ class Fusion(Estimator[FusionParams]):
 
     @classmethod
     def uses(cls, params: FusionParams) -> frozenset[MeasurementKind]:
-        return frozenset({MeasurementKind.IMU, _KINDS[params.source]})
+        return frozenset({Imu, _KINDS[params.source]})
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
         for measurement in measurements:

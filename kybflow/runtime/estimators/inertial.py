@@ -31,7 +31,7 @@ from collections.abc import Sequence
 from math import pi, sqrt
 
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate, rotate
-from kybflow.core.signals import NS, Estimate, Imu, Measurement, MeasurementKind, Time
+from kybflow.core.signals import NS, Estimate, Imu, Measurement, Time
 from kybflow.core.units import Acceleration, Duration, Frequency, Speed
 from kybflow.parts import Estimator, param, params
 from kybflow.world.vehicle_context import VehicleContext
@@ -71,7 +71,7 @@ class InertialParams:
 class Inertial(Estimator[InertialParams]):
     """See the module."""
 
-    needs = frozenset({MeasurementKind.IMU})
+    needs = frozenset({Imu})
 
     def __init__(self, params: InertialParams, context: VehicleContext) -> None:
         super().__init__(params, context)

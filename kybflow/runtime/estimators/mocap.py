@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from kybflow.core.geometry import ZERO, add, distance, integrate, scale
-from kybflow.core.signals import NS, Estimate, Measurement, MeasurementKind, Pose, Time
+from kybflow.core.signals import NS, Estimate, Measurement, Pose, Time
 from kybflow.core.units import Duration, Length
 from kybflow.flight.pose_gate import (
     LOOK_AHEAD,
@@ -52,7 +52,7 @@ class MocapParams(TrackedParams):
 class Mocap(Estimator[MocapParams]):
     """See the module."""
 
-    needs = frozenset({MeasurementKind.POSE})
+    needs = frozenset({Pose})
 
     def __init__(self, params: MocapParams, context: VehicleContext) -> None:
         super().__init__(params, context)

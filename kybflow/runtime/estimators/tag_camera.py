@@ -28,7 +28,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from kybflow.core.geometry import distance, from_heading
-from kybflow.core.signals import NS, Estimate, Frame, Measurement, MeasurementKind, Pose, Time
+from kybflow.core.signals import NS, Estimate, Frame, Measurement, Pose, Time
 from kybflow.core.units import Length
 from kybflow.flight.tracked_pose import TrackedParams, TrackedPose
 from kybflow.parts import Estimator, param, params
@@ -61,7 +61,7 @@ class TagCameraParams(TrackedParams):
 class TagCamera(Estimator[TagCameraParams]):
     """See the module."""
 
-    needs = frozenset({MeasurementKind.FRAME})
+    needs = frozenset({Frame})
     needs_tags = True
     packages = OPENCV
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kybflow.core.signals import MeasurementKind
+from kybflow.core.signals import Frame
 from kybflow.parts import Effect, Fault, params
 from kybflow.vision.optics import Weakness
 
@@ -19,7 +19,7 @@ class CameraDarkParams:
 
 
 class CameraDark(Fault[CameraDarkParams]):
-    spoils = MeasurementKind.FRAME
+    spoils = Frame
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(camera=Weakness(dark=True))}

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from kybflow.core.signals import Frame, Measurement, MeasurementKind
+from kybflow.core.signals import Frame, Measurement
 from kybflow.parts import Effect, Fault, params
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ class CameraFrozenParams:
 
 
 class CameraFrozen(Fault[CameraFrozenParams]):
-    spoils = MeasurementKind.FRAME
+    spoils = Frame
 
     def __init__(self, params: CameraFrozenParams, generator: random.Random) -> None:
         super().__init__(params, generator)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kybflow.core.signals import Frame, Measurement, MeasurementKind
+from kybflow.core.signals import Frame, Measurement
 from kybflow.parts import Effect, Fault, params
 
 
@@ -17,7 +17,7 @@ class CameraLostParams:
 
 
 class CameraLost(Fault[CameraLostParams]):
-    spoils = MeasurementKind.FRAME
+    spoils = Frame
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=_lose)}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kybflow.core.signals import MeasurementKind
+from kybflow.core.signals import Frame
 from kybflow.core.units import Position
 from kybflow.parts import Effect, Fault, param, params
 from kybflow.vision.optics import Weakness
@@ -23,7 +23,7 @@ class CameraShiftedParams:
 
 
 class CameraShifted(Fault[CameraShiftedParams]):
-    spoils = MeasurementKind.FRAME
+    spoils = Frame
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(camera=Weakness(offset=self.params.offset))}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kybflow.core.signals import MeasurementKind
+from kybflow.core.signals import Frame
 from kybflow.parts import Effect, Fault, param, params
 
 
@@ -18,7 +18,7 @@ class CameraSwappedParams:
 
 
 class CameraSwapped(Fault[CameraSwappedParams]):
-    spoils = MeasurementKind.FRAME
+    spoils = Frame
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         other = self.params.other

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kybflow.core.signals import Measurement, MeasurementKind, Pose
+from kybflow.core.signals import Measurement, Pose
 from kybflow.core.units import Ratio
 from kybflow.parts import Effect, Fault, param, params
 
@@ -21,7 +21,7 @@ class MocapDropoutParams:
 
 
 class MocapDropout(Fault[MocapDropoutParams]):
-    spoils = MeasurementKind.POSE
+    spoils = Pose
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=self._lose)}

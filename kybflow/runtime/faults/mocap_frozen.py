@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from kybflow.core.signals import Measurement, MeasurementKind, Pose
+from kybflow.core.signals import Measurement, Pose
 from kybflow.parts import Effect, Fault, params
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ class MocapFrozenParams:
 
 
 class MocapFrozen(Fault[MocapFrozenParams]):
-    spoils = MeasurementKind.POSE
+    spoils = Pose
 
     def __init__(self, params: MocapFrozenParams, generator: random.Random) -> None:
         super().__init__(params, generator)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.core.geometry import add
-from kybflow.core.signals import Measurement, MeasurementKind, Pose
+from kybflow.core.signals import Measurement, Pose
 from kybflow.core.units import Position
 from kybflow.parts import Effect, Fault, param, params
 
@@ -22,7 +22,7 @@ class MocapJumpParams:
 
 
 class MocapJump(Fault[MocapJumpParams]):
-    spoils = MeasurementKind.POSE
+    spoils = Pose
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=self._move)}

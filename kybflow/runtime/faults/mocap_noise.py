@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.core.geometry import Vec3, add, integrate
-from kybflow.core.signals import Measurement, MeasurementKind, Pose
+from kybflow.core.signals import Measurement, Pose
 from kybflow.core.units import DEG, Angle, Length
 from kybflow.parts import Effect, Fault, param, params
 
@@ -25,7 +25,7 @@ class MocapNoiseParams:
 
 
 class MocapNoise(Fault[MocapNoiseParams]):
-    spoils = MeasurementKind.POSE
+    spoils = Pose
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=self._shake)}

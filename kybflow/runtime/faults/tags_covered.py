@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kybflow.core.signals import MeasurementKind
+from kybflow.core.signals import Frame
 from kybflow.core.units import Ratio
 from kybflow.parts import Effect, Fault, param, params
 from kybflow.vision.optics import Weakness
@@ -22,7 +22,7 @@ class TagsCoveredParams:
 
 
 class TagsCovered(Fault[TagsCoveredParams]):
-    spoils = MeasurementKind.FRAME
+    spoils = Frame
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(camera=Weakness(covered=self.params.share))}

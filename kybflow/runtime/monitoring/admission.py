@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import Any
 
-from kybflow.core.signals import CLASSES, NS, Frame, Measurement, MeasurementKind, Time
+from kybflow.core.signals import NS, Frame, Measurement, MeasurementKind, Time, kind_name
 from kybflow.runtime.events import Events
 
 AHEAD: Time = NS // 200
 """By how much a stamp may be later than now: clocks are compared by estimates of their offset, and
 a tick can be late."""
-_KINDS = {cls: kind for kind, cls in CLASSES.items()}
 
 
 class Admission:
@@ -33,7 +32,7 @@ class Admission:
         """Those that count. source: who gives them, named by the mission's line `at`."""
         latest = now + AHEAD
         for measurement in measurements:
-            if measurement[0] > latest or type(measurement) is Frame:
+            if measurement.time > latest or type(measurement) is Frame:
                 break
         else:
             return measurements  # as nearly always
@@ -43,7 +42,7 @@ class Admission:
             if wrong is None:
                 admitted.append(measurement)
             else:
-                self._refuse(_KINDS[type(measurement)], wrong, source, at)
+                self._refuse(type(measurement), wrong, source, at)
         return admitted
 
     def left_out(self, kind: MeasurementKind) -> int:
@@ -75,7 +74,7 @@ class Admission:
                 self._vehicle,
                 at,
                 source=source,
-                kind=kind.value,
+                kind=kind_name(kind),
                 reason=reason,
             )
 

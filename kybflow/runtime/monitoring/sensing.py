@@ -13,7 +13,7 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from kybflow.core.errors import DriverError, described
-from kybflow.core.signals import CLASSES, NS, Measurement, MeasurementKind, Time
+from kybflow.core.signals import NS, Measurement, MeasurementKind, Time
 from kybflow.dsl.plan import SensorPlan, VehiclePlan
 from kybflow.parts import Stream
 from kybflow.runtime.events import Events
@@ -42,7 +42,7 @@ class Sensing:
         self._worked: set[str] = set()
         self._began: Time | None = None
         kinds = (kind for sensor in opened for kind in sensor.plan.part.cls.provides)
-        self._replaced = frozenset(CLASSES[kind] for kind in kinds)
+        self._replaced = frozenset(kind for kind in kinds)
         self._admission = Admission(plan.name, plan.cameras, events)
         self.streams: dict[str, Stream] = {s.plan.part.label: s.stream for s in opened}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from kybflow.core.signals import NEVER, Measurement, MeasurementKind, Pose, Time
+from kybflow.core.signals import NEVER, Measurement, Pose, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.body_health import Bodies, Finding
@@ -18,7 +18,7 @@ class WatchedBody:
     def __init__(self, plan: VehiclePlan, bodies: Bodies, events: Events) -> None:
         self._name, self._bodies, self._events = plan.name, bodies, events
         parts = (estimator.part for estimator in plan.estimators)
-        asking = [p.at for p in parts if MeasurementKind.POSE in p.cls.uses(p.params)]
+        asking = [p.at for p in parts if Pose in p.cls.uses(p.params)]
         self._at = asking[0] if asking else plan.at
         self._is_needed = bool(asking)
         self.due: Time = 0 if asking else NEVER

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from kybflow.core.signals import Frame, Measurement, MeasurementKind, Time
+from kybflow.core.signals import Frame, Measurement, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.runtime.events import Events, Fields
 from kybflow.runtime.monitoring.camera_health import FROZE, LOST, Cameras, Finding
@@ -21,7 +21,7 @@ class WatchedCameras:
     def __init__(self, plan: VehiclePlan, fleet: Whereabouts, events: Events) -> None:
         self._name, self._events = plan.name, events
         parts = (estimator.part for estimator in plan.estimators)
-        asking = [p.at for p in parts if MeasurementKind.FRAME in p.cls.uses(p.params)]
+        asking = [p.at for p in parts if Frame in p.cls.uses(p.params)]
         self._at = asking[0] if asking else ""
         self.is_asked = bool(asking)
         fleet.is_asked = fleet.is_asked or self.is_asked

@@ -7,11 +7,11 @@ from typing import Any
 
 from kybflow.core.errors import PartFailed, Refused, described
 from kybflow.core.signals import (
-    CLASSES,
     NS,
     Battery,
     Command,
     Estimate,
+    Frame,
     Imu,
     Measurement,
     MeasurementKind,
@@ -20,6 +20,7 @@ from kybflow.core.signals import (
     Sticks,
     Time,
     Truth,
+    kind_name,
 )
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import Link
@@ -42,6 +43,19 @@ SILENCE = 0.3
 """Seconds without a word of the link after which it has returned when there is one."""
 ALIVE = 0.5
 """Seconds since a link delivered anything within which it can be asked for something."""
+
+_Take = Callable[[Any, Time], None]
+
+
+class _Stream:
+    """The measurements of one kind. began: when the first arrived, count: how many did. take: who
+    is told of each."""
+
+    __slots__ = ("began", "count", "take")
+
+    def __init__(self, began: Time, take: _Take | None) -> None:
+        self.began, self.take = began, take
+        self.count = 0
 
 
 class Senses:
@@ -72,7 +86,7 @@ class Senses:
         self.rest = Rest()
         self.cargo = Cargo(plan.name, events)
         self._armed = False
-        self._streams: dict[type, tuple[Time, int]] = {}
+        self._streams: dict[MeasurementKind, _Stream] = {}
         self.estimation = Estimation(plan, context, events, score, report, self._known)
         self._link, self._observer, self._score, self._report = link, observer, score, report
         self._events, self._at = events, plan.driver.at
@@ -190,11 +204,10 @@ class Senses:
     def rate(self, kind: MeasurementKind) -> float:
         """Measurements of `kind` a second since the first one; zero while they are fewer than three
         or arrive no more."""
-        first, count = self._streams.get(CLASSES[kind], (0, 0))
-        now = self._heard
-        if count < 3 or now is None or now == first:
+        stream, now = self._streams.get(kind), self._heard
+        if stream is None or stream.count < 3 or now is None or now == stream.began:
             return 0.0
-        return (count - 1) * NS / (now - first)
+        return (stream.count - 1) * NS / (now - stream.began)
 
     def parts(self) -> dict[str, Any]:
         """The living estimators by label."""
@@ -202,29 +215,47 @@ class Senses:
 
     def _known(self, kinds: frozenset[MeasurementKind]) -> str:
         """What is known to be wrong with the measurements of these kinds, in words."""
-        said = [self.sensing.trouble(kind) for kind in sorted(kinds, key=lambda kind: kind.value)]
-        if MeasurementKind.FRAME in kinds:
+        said = [self.sensing.trouble(kind) for kind in sorted(kinds, key=kind_name)]
+        if Frame in kinds:
             said.append(self.cameras.trouble)
         return "; ".join(dict.fromkeys(words for words in said if words))
 
     def _note(self, measurements: Sequence[Measurement], now: Time) -> None:
-        streams = self._streams
+        record, streams = self._observer.measurement, self._streams
         for measurement in measurements:
-            self._observer.measurement(now, measurement)
-            cls = type(measurement)
-            first, count = streams.get(cls, (now, 0))
-            streams[cls] = first, count + 1
-            if cls is Imu:
-                self.imu = measurement  # type: ignore[assignment]
-                if not self._armed:
-                    self.rest.feel(measurement)  # type: ignore[arg-type]
-            elif cls is Battery:
-                self.battery = measurement  # type: ignore[assignment]
-                self._score.battery(measurement.remaining)  # type: ignore[union-attr]
-            elif cls is Sticks:
-                self.sticks = measurement  # type: ignore[assignment]
-            elif cls is Payload:
-                self.cargo.hear(measurement, self.estimate, now)  # type: ignore[arg-type]
+            record(now, measurement)
+            kind = type(measurement)
+            stream = streams.get(kind) or self._open_stream(kind, now)
+            stream.count += 1
+            if stream.take is not None:
+                stream.take(measurement, now)
+
+    def _open_stream(self, kind: MeasurementKind, now: Time) -> _Stream:
+        """Begin to count measurements of a kind. A kind that is not named here concerns none but
+        the estimators."""
+        takers: dict[MeasurementKind, _Take] = {
+            Imu: self._take_imu,
+            Battery: self._take_battery,
+            Sticks: self._take_sticks,
+            Payload: self._take_payload,
+        }
+        stream = self._streams[kind] = _Stream(now, takers.get(kind))
+        return stream
+
+    def _take_imu(self, imu: Imu, now: Time) -> None:
+        self.imu = imu
+        if not self._armed:
+            self.rest.feel(imu)
+
+    def _take_battery(self, battery: Battery, now: Time) -> None:
+        self.battery = battery
+        self._score.battery(battery.remaining)
+
+    def _take_sticks(self, sticks: Sticks, now: Time) -> None:
+        self.sticks = sticks
+
+    def _take_payload(self, payload: Payload, now: Time) -> None:
+        self.cargo.hear(payload, self.estimate, now)
 
     def _greet(self, now: Time) -> None:
         """Something of the vehicle itself arrived."""

@@ -7,11 +7,11 @@ back to it, either would be taken for truth, and nobody would notice that the po
 
 from __future__ import annotations
 
-from kybflow.core.signals import Estimate, MeasurementKind
+from kybflow.core.signals import Estimate, Imu
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.runtime.vehicle.estimation import Estimation
 
-_FELT = frozenset({MeasurementKind.IMU})
+_FELT = frozenset({Imu})
 """What an estimator needs that sees nothing."""
 
 

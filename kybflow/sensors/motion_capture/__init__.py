@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from kybflow.core.params import param, params
-from kybflow.core.signals import MeasurementKind
+from kybflow.core.signals import MeasurementKind, Pose
 from kybflow.core.units import Duration
 from kybflow.parts.devices import Link
 from kybflow.parts.sensor import Sensor, Stream
@@ -48,7 +48,7 @@ class MotionCaptureParams:
 class MotionCapture(Sensor[MotionCaptureParams]):
     """See the module."""
 
-    provides: ClassVar[frozenset[MeasurementKind]] = frozenset({MeasurementKind.POSE})
+    provides: ClassVar[frozenset[MeasurementKind]] = frozenset({Pose})
     packages = ("motioncapture",)
 
     @classmethod

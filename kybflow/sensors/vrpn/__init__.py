@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from kybflow.core.errors import DriverError
 from kybflow.core.params import param, params
-from kybflow.core.signals import MeasurementKind
+from kybflow.core.signals import MeasurementKind, Pose
 from kybflow.core.units import Duration
 from kybflow.parts.base import Objection
 from kybflow.parts.devices import Link
@@ -51,7 +51,7 @@ class VrpnParams:
 class Vrpn(Sensor[VrpnParams]):
     """See the module."""
 
-    provides: ClassVar[frozenset[MeasurementKind]] = frozenset({MeasurementKind.POSE})
+    provides: ClassVar[frozenset[MeasurementKind]] = frozenset({Pose})
 
     @classmethod
     def objection(cls, params: VrpnParams, cameras: Mapping[str, Camera]) -> Objection | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from fake import Bench
 
-from kybflow.core.signals import MeasurementKind
+from kybflow.core.signals import Imu
 from kybflow.drivers.mavlink import MavlinkParams
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.preflight.checks import LineCapacity
@@ -74,7 +74,7 @@ def test_a_vehicle_on_a_radio_is_asked_for_what_fits_also_once_its_imu_is_flown_
     assert bench.link.checks(bench.now)[-1].name == "serial line"
     assert asked(bench) == pytest.approx(16.2, abs=0.1)
     bench.fake.sent.clear()
-    bench.link.subscribe(frozenset({MeasurementKind.IMU}))
+    bench.link.subscribe(frozenset({Imu}))
     bench.run(0.5)
     assert asked(bench) == pytest.approx(12.0, abs=0.1)
 

@@ -21,7 +21,7 @@ from fake import (
 
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import ZERO
-from kybflow.core.signals import NS, MeasurementKind, Odometry
+from kybflow.core.signals import NS, Imu, Odometry
 from kybflow.parts import Said
 from kybflow.world.vehicle_context import Parcel
 
@@ -63,15 +63,15 @@ def test_the_imu_is_asked_for_at_its_full_rate_once_somebody_flies_by_it():
     imu = [m.param2 for m in bench.fake.commands(511) if m.param1 == 105.0]
     assert set(imu) == {40_000.0}
     bench.fake.sent.clear()
-    bench.link.subscribe(frozenset({MeasurementKind.IMU}))
-    bench.link.subscribe(frozenset({MeasurementKind.IMU, MeasurementKind.ODOMETRY}))
+    bench.link.subscribe(frozenset({Imu}))
+    bench.link.subscribe(frozenset({Imu, Odometry}))
     bench.run(0.04)
     assert [(m.param1, m.param2) for m in bench.fake.commands(511)] == [(105.0, 10_000.0)]
 
 
 def test_an_imu_that_is_needed_from_the_beginning_is_never_slow():
     bench = Bench()
-    bench.link.subscribe(frozenset({MeasurementKind.IMU}))
+    bench.link.subscribe(frozenset({Imu}))
     bench.run(8.0)
     assert {m.param2 for m in bench.fake.commands(511) if m.param1 == 105.0} == {10_000.0}
 

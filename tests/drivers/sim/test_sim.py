@@ -13,7 +13,7 @@ from sims import FRAME, PERIOD, QUIET, lift, push, seat, thrust, world
 
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL, ZERO, from_euler, from_heading, heading_of, tilt_of
-from kybflow.core.signals import NS, Battery, Command, CommandKind, Imu, MeasurementKind, Pose
+from kybflow.core.signals import NS, Battery, Command, CommandKind, Imu, Pose, Position
 from kybflow.drivers.sim import Sim, SimParams
 from kybflow.drivers.sim.viewer import Viewer
 
@@ -27,8 +27,8 @@ def test_importing_the_part_loads_neither_mujoco_nor_numpy():
 def test_the_part_says_what_it_takes_gives_and_steps_at():
     assert Sim.simulated
     assert {CommandKind.ATTITUDE_THRUST} == Sim.accepts
-    ours = (MeasurementKind.POSE, MeasurementKind.BATTERY, MeasurementKind.IMU)
-    assert Sim.provides == {*ours, MeasurementKind.POSITION}
+    ours = (Pose, Battery, Imu)
+    assert Sim.provides == {*ours, Position}
     assert Sim.step_rate(SimParams(physics=400.0)) == 400.0
 
 
@@ -151,7 +151,7 @@ def test_mocap_has_its_own_rate_latency_and_noise():
     assert statistics.mean(p.position[1] for p in poses) == pytest.approx(0.0, abs=0.0003)
 
 
-IMU = frozenset({MeasurementKind.IMU})
+IMU = frozenset({Imu})
 
 
 def imus(session, link, seconds, command, start=0):

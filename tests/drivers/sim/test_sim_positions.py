@@ -9,10 +9,10 @@ import pytest
 from sims import PERIOD, QUIET, STOPPED, in_flight, push, seat, thrust, world
 
 from kybflow.core.geometry import sub
-from kybflow.core.signals import NS, Imu, MeasurementKind, Position
+from kybflow.core.signals import NS, Imu, Position
 from kybflow.drivers.sim import SimParams
 
-WANTED = frozenset({MeasurementKind.POSITION})
+WANTED = frozenset({Position})
 
 
 def positions(params: SimParams = QUIET, seconds: float = 10.0, seed: int = 1) -> list[Position]:
@@ -44,7 +44,7 @@ def test_they_come_at_their_rate_late_and_only_where_they_are_wanted():
 def test_what_a_tick_reads_is_in_order():
     session = world(seat(params=replace(QUIET, position_latency=0.12)))
     link = session.links["a"]
-    link.subscribe(WANTED | {MeasurementKind.IMU})
+    link.subscribe(WANTED | {Imu})
     now = 0
     for _ in range(250):
         now += PERIOD
@@ -85,7 +85,7 @@ def test_without_noise_they_are_the_truth_of_their_time():
 def test_nothing_else_changes_where_they_are_wanted():
     def flight(kinds):
         session, link, now = in_flight(SimParams(gust=0.5), seconds=2.0)
-        link.subscribe(kinds | {MeasurementKind.IMU})
+        link.subscribe(kinds | {Imu})
         measured, _ = push(session, link, 1.0, thrust(11.0), now)
         return [m for m in measured if not isinstance(m, Position)], link.truth()
 

@@ -6,7 +6,7 @@ import pytest
 from sims import FRAME, PERIOD, QUIET, in_flight, lift, push, seat, thrust, world
 
 from kybflow.core.geometry import ZERO, distance, norm
-from kybflow.core.signals import NS, Battery, Imu, MeasurementKind, Pose
+from kybflow.core.signals import NS, Battery, Imu, Pose
 from kybflow.drivers.sim import SimParams
 from kybflow.parts import Effect
 
@@ -105,7 +105,7 @@ def test_a_battery_that_sags_reports_less_and_gives_less_at_once():
 
 def test_a_bias_of_the_imu_is_felt_by_who_listens_and_by_the_controller():
     session, link, now = in_flight()
-    link.subscribe(frozenset({MeasurementKind.IMU}))
+    link.subscribe(frozenset({Imu}))
     link.rig.begin(Effect(gyro_bias=(0.0, 0.0, 0.1), accelerometer_bias=(0.0, 0.0, 0.5)), now)
     measured, now = push(session, link, 0.1, thrust(HOVER), now)
     felt = [m for m in measured if isinstance(m, Imu)]

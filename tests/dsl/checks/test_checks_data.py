@@ -7,7 +7,7 @@ from typing import Any
 
 from plans import FENCE, NANO
 
-from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind
+from kybflow.core.signals import Battery, CommandKind, Pose, SetpointKind
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.data import (
     chains_that_do_not_connect,
@@ -41,7 +41,7 @@ def behavior(emits: SetpointKind | CommandKind, *flight: Leg) -> PartUse:
 def driver(**more: Any) -> PartUse:
     facts = {
         "accepts": frozenset({ATTITUDE}),
-        "provides": frozenset({MeasurementKind.POSE}),
+        "provides": frozenset({Pose}),
         "step_rate": lambda _: 500.0,
         "shows": lambda _: False,
     }
@@ -153,7 +153,7 @@ def test_a_tracker_may_give_several_kinds_and_one_that_fits_is_named() -> None:
 
 
 def test_measurements_that_nobody_provides() -> None:
-    needs = frozenset({MeasurementKind.POSE, MeasurementKind.BATTERY})
+    needs = frozenset({Pose, Battery})
     estimator = EstimatorUse(use("mocap", uses=lambda _: needs), None, 1.0, None)
     flown = case(behavior(POSITION), estimators=(estimator,))
     expected = ["KYB302 `mocap` needs battery measurements: `bench` provides `pose`"]

@@ -6,7 +6,7 @@ import pytest
 from flying import DT, MASS, SITE, entry, tick
 
 from kybflow.core.geometry import GRAVITY, ZERO, tilt_of
-from kybflow.core.signals import NS, Command, Done, Imu, MeasurementKind, Setpoint, SetpointKind
+from kybflow.core.signals import NS, Command, Done, Imu, Setpoint, SetpointKind
 from kybflow.parts import AIR, GROUND, MOVING, Entry
 from kybflow.runtime.behaviors import land_blind
 from kybflow.runtime.behaviors.land_blind import LandBlind, LandBlindParams
@@ -83,7 +83,7 @@ def test_on_the_ground_it_is_done_at_once() -> None:
 
 
 def test_it_asks_for_the_imu_while_it_is_active() -> None:
-    assert LandBlind.needs == frozenset({MeasurementKind.IMU})
+    assert LandBlind.needs == frozenset({Imu})
 
 
 def test_it_holds_its_descent_by_what_the_imu_feels() -> None:

@@ -7,7 +7,7 @@ from math import inf, nan
 import pytest
 
 from kybflow.core.geometry import LEVEL, ZERO, Vec3, from_heading, heading_of
-from kybflow.core.signals import NS, Estimate, Imu, MeasurementKind, Odometry, Pose
+from kybflow.core.signals import NS, Estimate, Imu, Odometry, Pose
 from kybflow.parts import Estimator
 from kybflow.runtime.estimators.autopilot import Autopilot, AutopilotParams
 from kybflow.runtime.estimators.mocap import Mocap
@@ -36,7 +36,7 @@ def known(estimate: Estimate | None) -> Estimate:
 
 
 def test_it_says_that_its_estimate_is_the_vehicles_own() -> None:
-    assert Autopilot.needs == {MeasurementKind.ODOMETRY}
+    assert Autopilot.needs == {Odometry}
     assert (Estimator.own, Mocap.own, Autopilot.own) == (False, False, True)
 
 

@@ -26,7 +26,7 @@ from flown_figure import (
 )
 
 from kybflow.core.geometry import conjugate, distance, multiply, sub
-from kybflow.core.signals import NS, Frame, Imu, Measurement, MeasurementKind, Pose
+from kybflow.core.signals import NS, Frame, Imu, Measurement, Pose, Position
 from kybflow.runtime.estimators.fusion import Fusion, FusionParams
 
 
@@ -189,13 +189,13 @@ def test_what_is_older_than_the_memory_is_left_out() -> None:
 
 def test_what_it_needs_depends_on_its_source() -> None:
     kinds = {
-        "mocap": MeasurementKind.POSE,
-        "tags": MeasurementKind.FRAME,
-        "position": MeasurementKind.POSITION,
+        "mocap": Pose,
+        "tags": Frame,
+        "position": Position,
     }
     for source, kind in kinds.items():
         params = FusionParams(source=source)  # type: ignore[arg-type]
-        assert Fusion.uses(params) == {MeasurementKind.IMU, kind} < Fusion.needs
+        assert Fusion.uses(params) == {Imu, kind} < Fusion.needs
 
 
 def test_it_is_deterministic() -> None:

@@ -21,7 +21,7 @@ from kybflow.core.geometry import (
     multiply,
     rotate,
 )
-from kybflow.core.signals import NS, Battery, Estimate, Imu, MeasurementKind, Pose
+from kybflow.core.signals import NS, Battery, Estimate, Imu, Pose
 from kybflow.runtime.estimators.inertial import Inertial, InertialParams
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
@@ -133,7 +133,7 @@ def test_before_anything_is_learnt_it_is_less_sure():
 def test_there_is_no_estimate_without_an_anchor():
     world, estimator = World(), Inertial(InertialParams(), PLACE)
     assert [estimator.update((world.imu(),), world.now) for _ in range(10)] == [None] * 10
-    assert Inertial.needs == frozenset({MeasurementKind.IMU})
+    assert Inertial.needs == frozenset({Imu})
 
 
 def test_an_estimate_that_is_stale_is_not_followed():

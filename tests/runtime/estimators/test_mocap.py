@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, add, from_euler, heading_of
-from kybflow.core.signals import NS, Battery, Estimate, MeasurementKind, Pose
+from kybflow.core.signals import NS, Battery, Estimate, Pose
 from kybflow.runtime.estimators.mocap import Mocap, MocapParams
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
@@ -49,7 +49,7 @@ def circling(t, radius=0.7, rate=1.0):
 
 
 def test_it_needs_poses_and_tells_nothing_before_it_has_enough():
-    assert frozenset({MeasurementKind.POSE}) == Mocap.needs
+    assert frozenset({Pose}) == Mocap.needs
     estimator = mocap(samples=5)
     told = [estimator.update((Pose(ns(t), ZERO, LEVEL),), ns(t)) for t in every(120, 0.05)]
     assert [estimate is None for estimate in told] == [True] * 4 + [False] * 2

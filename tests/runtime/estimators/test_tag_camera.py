@@ -24,7 +24,7 @@ from floors import (  # noqa: E402
 from flying import SITE  # noqa: E402
 
 from kybflow.core.geometry import from_euler, heading_of, wrap  # noqa: E402
-from kybflow.core.signals import NS, MeasurementKind  # noqa: E402
+from kybflow.core.signals import NS, Frame  # noqa: E402
 from kybflow.runtime.estimators.tag_camera import TagCamera, TagCameraParams  # noqa: E402
 from kybflow.world.tags import TagMap  # noqa: E402
 
@@ -67,7 +67,7 @@ def checked(errors):
 
 
 def test_it_needs_frames():
-    assert TagCamera.needs == {MeasurementKind.FRAME}
+    assert TagCamera.needs == {Frame}
 
 
 def test_in_flight_the_error_is_a_few_millimetres():

@@ -17,18 +17,7 @@ from plans import part, plan, vehicle, wrapped
 from kybflow.api.opening import check_pace
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL
-from kybflow.core.signals import (
-    NS,
-    Battery,
-    Event,
-    Frame,
-    Imu,
-    Measurement,
-    MeasurementKind,
-    Pose,
-    Position,
-    Time,
-)
+from kybflow.core.signals import NS, Battery, Event, Frame, Imu, Measurement, Pose, Position, Time
 from kybflow.dsl.plan import PartPlan, SensorPlan
 from kybflow.parts import Link, Sensor, Stream
 from kybflow.recording.layout import dtype_spec
@@ -52,7 +41,7 @@ class Script:
 
 
 class Scripted(Sensor[Script]):
-    provides = frozenset({MeasurementKind.POSE})
+    provides = frozenset({Pose})
 
     @classmethod
     def open(
@@ -76,7 +65,7 @@ class Played(Stream):
 
 
 class Positions(Scripted):
-    provides = frozenset({MeasurementKind.POSITION, MeasurementKind.FRAME})
+    provides = frozenset({Position, Frame})
 
 
 def sensor(at: Any, cls: type[Scripted] = Scripted, closed: list[str] | None = None) -> SensorPlan:
@@ -150,12 +139,12 @@ def test_one_that_knows_why_nothing_comes_has_failed() -> None:
         joined(sense, [], k * MS)
     (failed,) = told
     assert (failed.name, failed.fields["reason"]) == ("sensor_failed", GONE)
-    assert sense.trouble(MeasurementKind.POSE) == GONE
+    assert sense.trouble(Pose) == GONE
     said.append(None)
-    assert sense.trouble(MeasurementKind.POSE) == GONE, "until it gives something"
+    assert sense.trouble(Pose) == GONE, "until it gives something"
     joined(sense, [], 8 * MS)
     assert [event.name for event in told] == ["sensor_failed", "sensor_recovered"]
-    assert sense.trouble(MeasurementKind.POSE) is None
+    assert sense.trouble(Pose) is None
 
 
 def test_one_that_is_still_connecting_has_a_second() -> None:
@@ -176,10 +165,10 @@ def test_why_one_failed_is_known_to_who_asks() -> None:
         raise DriverError("the frames are too large")
 
     sense, _ = sensing(broken)
-    assert sense.trouble(MeasurementKind.POSE) is None
+    assert sense.trouble(Pose) is None
     joined(sense, [], 1)
-    assert sense.trouble(MeasurementKind.POSE) == "the frames are too large"
-    assert sense.trouble(MeasurementKind.IMU) is None
+    assert sense.trouble(Pose) == "the frames are too large"
+    assert sense.trouble(Imu) is None
 
 
 def test_one_that_raises_anything_fails_alone() -> None:
@@ -212,8 +201,8 @@ def test_what_is_stamped_in_the_future_is_left_out_and_told_once() -> None:
         "source": "mocap", "kind": "pose", "reason": "stamped 1 s in the future",
     }  # fmt: skip
     assert (refused.vehicle, refused.at) == ("a", "m.yaml:7")
-    assert sense.left_out(MeasurementKind.POSE) == 20
-    assert sense.left_out(MeasurementKind.IMU) == 0
+    assert sense.left_out(Pose) == 20
+    assert sense.left_out(Imu) == 0
 
 
 def test_so_is_what_the_link_stamps_in_the_future_kind_by_kind() -> None:
@@ -224,7 +213,7 @@ def test_so_is_what_the_link_stamps_in_the_future_kind_by_kind() -> None:
     assert [(e.fields["source"], e.fields["kind"], e.at) for e in told] == [
         ("sim", "battery", "m.yaml:9"), ("sim", "imu", "m.yaml:9"),
     ]  # fmt: skip
-    assert sense.left_out(MeasurementKind.IMU) == 4
+    assert sense.left_out(Imu) == 4
 
 
 def test_frames_of_a_camera_that_the_vehicle_does_not_have_are_left_out() -> None:
@@ -358,7 +347,7 @@ def messages(path: Path, topic: str) -> list[Any]:
 
 def test_positions_are_recorded_and_of_frames_the_time(recorded: Path) -> None:
     positions = messages(recorded, "/a/position")
-    first = numpy.frombuffer(positions[1].data, numpy.dtype(dtype_spec("Position")))[0]
+    first = numpy.frombuffer(positions[1].data, numpy.dtype(dtype_spec(Position)))[0]
     assert (first["time"], *first["position"], *first["spread"]) == (
         NS // 10,
         1,
@@ -370,7 +359,7 @@ def test_positions_are_recorded_and_of_frames_the_time(recorded: Path) -> None:
     )
     frames = messages(recorded, "/a/frame/down")
     times = [
-        int(numpy.frombuffer(m.data, numpy.dtype(dtype_spec("Frame")))[0]["time"]) for m in frames
+        int(numpy.frombuffer(m.data, numpy.dtype(dtype_spec(Frame)))[0]["time"]) for m in frames
     ]
     assert times[:3] == [0, NS // 5, 2 * NS // 5]
     assert len(positions) == pytest.approx(2 * len(frames), abs=1)

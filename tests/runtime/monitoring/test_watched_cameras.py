@@ -12,7 +12,7 @@ import pytest
 from plans import part, state, vehicle
 
 from kybflow.core.geometry import LEVEL
-from kybflow.core.signals import NS, Estimate, Event, Frame, MeasurementKind
+from kybflow.core.signals import NS, Estimate, Event, Frame
 from kybflow.dsl.plan import EstimatorPlan, PartPlan
 from kybflow.parts import Estimator
 from kybflow.runtime.events import Events
@@ -32,7 +32,7 @@ class NoParams:
 
 
 class Seeing(Estimator[NoParams]):
-    needs = frozenset({MeasurementKind.FRAME})
+    needs = frozenset({Frame})
 
     def update(self, measurements: Any, now: Any) -> Estimate | None:
         return None

@@ -14,7 +14,7 @@ from flying import SITE
 from servers import until
 
 from kybflow.core.geometry import LEVEL
-from kybflow.core.signals import NS, Measurement, MeasurementKind, Pose
+from kybflow.core.signals import NS, Measurement, Pose
 from kybflow.sensors._stream import Poses
 from kybflow.sensors.motion_capture import MotionCapture, MotionCaptureParams, feed
 from kybflow.sensors.motion_capture.feed import Arrived, subscribe
@@ -75,7 +75,7 @@ def test_poses_are_in_the_world_on_the_clock_of_the_run() -> None:
     stream = Poses(Script(), "m", "y_up", 0.02, lambda: 7 * NS)  # type: ignore[arg-type]
     expected: list[Measurement] = [Pose(3 * NS - NS // 50, (1.0, -3.0, 2.0), LEVEL)]
     assert stream.read(3 * NS) == expected
-    assert MotionCapture.provides == {MeasurementKind.POSE}
+    assert MotionCapture.provides == {Pose}
 
 
 def test_a_program_that_can_not_be_begun_or_talks_nonsense_is_begun_again(

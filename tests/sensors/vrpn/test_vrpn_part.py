@@ -11,7 +11,7 @@ from servers import until
 
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL
-from kybflow.core.signals import NS, Measurement, MeasurementKind, Pose
+from kybflow.core.signals import NS, Measurement, Pose
 from kybflow.sensors._stream import Poses
 from kybflow.sensors.vrpn import Vrpn, VrpnParams
 from kybflow.sensors.vrpn.client import Report
@@ -45,7 +45,7 @@ def opened(params: VrpnParams, monotonic: list[int]) -> tuple[Script, Poses]:
 
 
 def test_it_gives_poses() -> None:
-    assert Vrpn.provides == {MeasurementKind.POSE}
+    assert Vrpn.provides == {Pose}
     assert not Vrpn.simulated
 
 

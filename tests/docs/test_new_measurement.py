@@ -1,0 +1,199 @@
+"""A new kind of measurement, as a package of a lab adds it: the kind is declared in one file, a
+sensor measures it, an estimator reads it, and nothing of kybflow changes."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+KIND = '''"""The range finder: what it measures, and how that is recorded."""
+
+from typing import Annotated, NamedTuple
+
+from kybflow.core.signals import Stamp
+
+
+class FloorRange(NamedTuple):
+    """The distance to the floor along body -z."""
+
+    time: Stamp
+    distance: Annotated[float, "m, along body -z"]
+    is_valid: Annotated[bool, "false: nothing in reach"]
+'''
+
+SENSOR = '''"""A range finder that looks down, simulated."""
+
+from lab_range.floor_range import FloorRange
+
+from kybflow.core.params import param, params
+from kybflow.core.signals import NS
+from kybflow.core.units import Length
+from kybflow.parts import Sensor, Stream
+
+
+@params
+class RangeFinderParams:
+    reach: Length = param("The greatest distance that it measures.", default=4.0, above=0.0)
+
+
+class RangeFinder(Sensor[RangeFinderParams]):
+    provides = frozenset({FloorRange})
+    simulated = True
+
+    @classmethod
+    def open(cls, params, context, link, generator):
+        return Ranges(params, link)
+
+
+class Ranges(Stream):
+    """50 a second; one of each ten is stamped a second ahead, and so can't be true."""
+
+    def __init__(self, params, link):
+        self.params, self.link, self.count = params, link, 0
+
+    def read(self, now):
+        if now % (NS // 50):
+            return ()
+        self.count += 1
+        stamp = now + NS if self.count % 10 == 0 else now
+        z = self.link.truth().position[2]
+        return (FloorRange(stamp, z, z <= self.params.reach),)
+
+    def close(self):
+        pass
+'''
+
+ESTIMATOR = '''"""Height over the floor alone; the vehicle stands at the origin for it."""
+
+from lab_range.floor_range import FloorRange
+
+from kybflow.core.geometry import LEVEL, ZERO
+from kybflow.core.params import params
+from kybflow.core.signals import NS, Estimate
+from kybflow.parts import Estimator
+
+
+@params
+class RangeHeightParams:
+    pass
+
+
+class RangeHeight(Estimator[RangeHeightParams]):
+    needs = frozenset({FloorRange})
+    newest = None
+
+    def update(self, measurements, now):
+        for m in measurements:
+            if isinstance(m, FloorRange):
+                self.newest = m
+        if self.newest is None:
+            return None
+        time, height, _ = self.newest
+        place = (0.0, 0.0, height)
+        return Estimate(now, place, ZERO, LEVEL, ZERO, "range_height", (now - time) / NS, 0.01)
+'''
+
+MISSION = """
+kybflow: 1
+mission: ranges
+summary: A range finder and an estimator of a lab's own.
+import: {std: kybflow/airframes}
+world: {fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}}
+vehicles:
+  nano:
+    like: std.nano_plus
+    start: {at: [0, 0, 0]}
+    estimators: [{use: mocap, healthy: age < 250 ms}, {use: range_height}]
+    behaviors:
+      up: {do: take_off, height: 1 m, then: down, within: 15 s}
+      down: {do: land}
+expect: [finally nano in landed, finished within 30 s]
+"""
+TARGET = "targets: {sim: {nano: {sensors: {range_height: range_finder}}}}\n"
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The package, its mission, and the run folder of a flight that the target's sensor is in."""
+    home = tmp_path_factory.mktemp("lab")
+    files = {
+        "lab_range/__init__.py": "",
+        "lab_range/floor_range.py": KIND,
+        "lab_range/sensors/__init__.py": "",
+        "lab_range/sensors/range_finder.py": SENSOR,
+        "lab_range/estimators/__init__.py": "",
+        "lab_range/estimators/range_height.py": ESTIMATOR,
+        "lab_range-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: lab-range\nVersion: 1\n",
+        "lab_range-1.dist-info/entry_points.txt": "[kybflow.parts]\nlab = lab_range\n",
+        "without.yaml": MISSION,
+        "mission.yaml": MISSION + TARGET,
+    }
+    for name, text in files.items():
+        (home / name).parent.mkdir(parents=True, exist_ok=True)
+        (home / name).write_text(text, encoding="utf-8")
+    flown = kybflow(
+        home, "run", "mission.yaml", "--seed", "0", "--out", "run", "--plain", "--no-report"
+    )
+    assert flown.returncode == 0, flown.stdout + flown.stderr
+    return home
+
+
+def kybflow(home: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(home), os.environ.get("PYTHONPATH", "")])
+    command = [sys.executable, "-m", "kybflow", *words]
+    environment = {**os.environ, "PYTHONPATH": path}
+    return subprocess.run(
+        command, cwd=home, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def messages(lab: Path, topic: str) -> list:
+    with (lab / "run" / "log.mcap").open("rb") as file:
+        return list(make_reader(file).iter_messages(topics=[topic]))
+
+
+def test_the_compiler_says_who_lacks_it(lab: Path) -> None:
+    judged = kybflow(lab, "validate", "without.yaml")
+    assert "`range_height` needs floor_range measurements" in judged.stderr + judged.stdout
+    assert "range_finder" in judged.stderr + judged.stdout, "a sensor that would do"
+    assert kybflow(lab, "validate", "mission.yaml").returncode == 0
+
+
+def test_it_is_recorded_by_its_name_with_its_units(lab: Path) -> None:
+    ranges = messages(lab, "/nano/floor_range")
+    schema, _, newest = ranges[-1]
+    assert schema.name == "kybflow/FloorRange"
+    assert schema.data.decode() == (
+        "int64 time  # ns; when it was true. It arrived at the message's log time.\n"
+        "float64 distance  # m, along body -z\n"
+        "bool is_valid  # false: nothing in reach\n"
+    )
+    layout = np.dtype([("time", "<i8"), ("distance", "<f8"), ("is_valid", "?")])
+    read = [np.frombuffer(m.data, layout)[0] for _, _, m in ranges]
+    assert max(r["distance"] for r in read) == pytest.approx(1.0, abs=0.1)
+    assert read[-1]["time"] == newest.log_time
+    assert all(r["is_valid"] for r in read)
+
+
+def test_what_can_not_be_true_is_refused(lab: Path) -> None:
+    lines = (lab / "run" / "events.jsonl").read_text(encoding="utf-8").splitlines()
+    told = [e for e in map(json.loads, lines) if e["event"] == "measurement_refused"]
+    (refused,) = told
+    assert refused["fields"]["kind"] == "floor_range"
+    assert all(
+        m.log_time >= int.from_bytes(m.data[:8], "little")
+        for _, _, m in messages(lab, "/nano/floor_range")
+    )
+
+
+def test_the_estimator_reads_it(lab: Path) -> None:
+    assert len(messages(lab, "/nano/estimator/range_height")) > 50
+    finished = [m for _, _, m in messages(lab, "/nano/tick")][-1]
+    said = messages(lab, "/nano/estimator/range_height")[-1][2]
+    assert said.data[0] == 1, "it has an estimate"
+    assert finished.log_time - said.log_time < 20_000_000, "to the end"
