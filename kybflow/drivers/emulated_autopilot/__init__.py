@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from kybflow.core.signals import CommandKind, MeasurementKind, Pose
+from kybflow.core.signals import CommandKind, Pose
 from kybflow.drivers.mavlink import Mavlink
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, FirmwareName
 from kybflow.drivers.sim import SimParams
