@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
+import pkgutil
 import re
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
-from kybflow.dsl.checks import CHECKS
+from kybflow.dsl import checks as package
+from kybflow.dsl.checks import checks, checks_in
 from kybflow.dsl.checks.entries import Entries
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
@@ -15,7 +20,7 @@ from kybflow.parts.catalog import load_catalog
 ROOT = Path(__file__).parents[3]
 
 
-OWN_CODES = [check for check in CHECKS if not (check.__doc__ or "").startswith("Every ")]
+OWN_CODES = [check for check in checks() if not (check.__doc__ or "").startswith("Every ")]
 """The others tell what the parser of expressions finds, whose codes are its own."""
 
 
@@ -27,6 +32,26 @@ def test_every_check_says_its_code_and_what_it_proves(check: object) -> None:
 def test_no_code_is_used_twice() -> None:
     codes = [(check.__doc__ or "")[:6] for check in OWN_CODES]
     assert sorted(set(codes)) == sorted(codes)
+
+
+def test_every_function_with_a_code_is_found() -> None:
+    modules = [importlib.import_module(f"{package.__name__}.{m.name}")
+               for m in pkgutil.iter_modules(package.__path__)]  # fmt: skip
+    functions = [f for m in modules for _, f in inspect.getmembers(m, inspect.isfunction)]
+    coded = {f for f in functions if re.match(r"KYB\d{3}: ", f.__doc__ or "")}
+    assert coded == set(OWN_CODES)
+
+
+def test_a_check_is_found_by_its_signature() -> None:
+    module = ModuleType("lab_checks")
+    source = """
+from __future__ import annotations
+def no_lab(case: Case) -> Iterator[Diagnostic]: ...
+def states(case: Case) -> Iterator[State]: ...
+def _helper(case: Case) -> Iterator[Diagnostic]: ...
+"""
+    exec(source, vars(module))
+    assert [check.__name__ for check in checks_in(module)] == ["no_lab"]
 
 
 @pytest.mark.parametrize(
