@@ -106,7 +106,7 @@ def _name(time: Time, camera: str, located: Located | None) -> str:
 
 
 def _picture(frame: Frame, located: Located | None) -> bytes:
-    from kybflow.vision.printing.marking import marked
+    from kybflow.vision.marking import marked
 
     if located is None:
         return marked(frame.image, None, ())

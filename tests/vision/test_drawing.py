@@ -15,9 +15,9 @@ from kybflow.core.signals import Truth  # noqa: E402
 from kybflow.vision.families import dictionary, pattern  # noqa: E402
 from kybflow.vision.grid import grid  # noqa: E402
 from kybflow.vision.optics import Optics, Weakness  # noqa: E402
-from kybflow.vision.printing.floor import mixed_up  # noqa: E402
 from kybflow.vision.projection import project  # noqa: E402
 from kybflow.vision.rendering.drawing import Room, motion  # noqa: E402
+from kybflow.vision.rendering.floor import mixed_up  # noqa: E402
 from kybflow.vision.rendering.shutter import Shot  # noqa: E402
 from kybflow.world.cameras import Camera, Lens  # noqa: E402
 from kybflow.world.tags import Tag, TagMap  # noqa: E402

@@ -10,7 +10,7 @@ cv2 = pytest.importorskip("cv2")
 from floors import CAMERA, grid  # noqa: E402
 
 from kybflow.vision.locating.sight import View  # noqa: E402
-from kybflow.vision.printing.marking import WIDEST, marked  # noqa: E402
+from kybflow.vision.marking import WIDEST, marked  # noqa: E402
 
 
 def square(x, y, side=100.0):

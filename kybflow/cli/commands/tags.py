@@ -14,7 +14,7 @@ from kybflow.cli.arguments import INVALID, echo, examples
 from kybflow.vision import WAY_OUT
 
 if TYPE_CHECKING:
-    from kybflow.vision.printing.sheets import Page
+    from kybflow.vision.sheets import Page
     from kybflow.world.tags import TagMap
 
 EXAMPLES = examples(
@@ -47,9 +47,11 @@ def tags(
 ) -> None:
     """Write sheets of tags to print, true to scale: those of a mission, or some of a family."""
     try:
-        from kybflow.vision.printing.sheets import lay_out
+        from kybflow.vision.sheets import lay_out
     except ImportError as error:
-        raise typer.BadParameter(f"tags are drawn with OpenCV ({error}); {WAY_OUT}") from None
+        raise typer.BadParameter(
+            f"tags are drawn with OpenCV and ReportLab ({error}); {WAY_OUT}"
+        ) from None
     if out.suffix not in (".pdf", ".png"):
         raise typer.BadParameter(f"`{out}` should end in .pdf or .png", param_hint="--out")
     pages: list[Page] = []
@@ -73,7 +75,7 @@ def _way_out(
     family: str, side: float, paper: Paper, mission: Path | None, size: str | None
 ) -> tuple[str, str]:
     """What to change where a tag is too large for the paper: the option or argument, and how."""
-    from kybflow.vision.printing.sheets import lay_out
+    from kybflow.vision.sheets import lay_out
 
     if size is not None and _BARE.match(size):
         return "--size", f"a number alone is metres: write the unit, such as {size.strip()}cm"
@@ -133,7 +135,7 @@ def _sorts(tags: TagMap, mission: Path) -> list[tuple[str, float, list[int]]]:
 
 def _files(out: Path, pages: Sequence[Page], paper: str) -> Iterator[tuple[Path, bytes]]:
     """What is to be written: `floor.pdf`, or `floor-1.png`, `floor-2.png`, ... of several pages."""
-    from kybflow.vision.printing.sheets import pdf, png
+    from kybflow.vision.sheets import pdf, png
 
     if out.suffix == ".pdf":
         yield out, pdf(pages, paper)

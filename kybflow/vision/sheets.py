@@ -1,4 +1,4 @@
-"""Sheets of tags to print, true to scale: a PDF of plain vector operators, or PNG pages.
+"""Sheets of tags to print, true to scale: a PDF of vectors, or PNG pages.
 
 Each tag stands in its quiet zone of one cell, with a fine line to cut along, and its family, number
 and side below that. What stays when it is cut, even between neighbours: an arrow above it and its
@@ -12,14 +12,18 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterable, Sequence
+from io import BytesIO
+from itertools import groupby
 from typing import NamedTuple
 
 import cv2
 import numpy
+from reportlab.lib.units import mm
+from reportlab.pdfgen.canvas import FILL_NON_ZERO, Canvas
 
 from kybflow.vision.families import cells, pattern
-from kybflow.vision.printing.floor import QUIET
 from kybflow.vision.projection import Array
+from kybflow.vision.rendering.floor import QUIET
 
 PAPERS = {"a4": (210.0, 297.0), "a3": (297.0, 420.0)}
 _MARGIN, _GAP, _LABEL, _FOOT = 8.0, 3.0, 5.0, 12.0
@@ -36,7 +40,7 @@ _DIGIT = 0.72
 """Height of a digit, of the letters'."""
 
 
-class Box(NamedTuple):
+class Rectangle(NamedTuple):
     """A rectangle with its lower left corner at (x, y), filled with a grey, 0 black to 1 white."""
 
     x: float
@@ -71,7 +75,7 @@ class Arrow(NamedTuple):
 
 
 class Page(NamedTuple):
-    boxes: tuple[Box, ...]
+    boxes: tuple[Rectangle, ...]
     words: tuple[Words, ...]
     arrows: tuple[Arrow, ...]
 
@@ -122,29 +126,31 @@ def _marks(number: int, x: float, y: float, side: float, whole: float) -> tuple[
     return mark, Arrow(along, y + rim + side + low, tall)
 
 
-def _tag(family: str, number: int, x: float, y: float, side: float, whole: float) -> list[Box]:
+def _tag(
+    family: str, number: int, x: float, y: float, side: float, whole: float
+) -> list[Rectangle]:
     """The black square with its white cells, joined along rows, in a line to cut along."""
     picture = pattern(family, number)
     rim, cell = 0.5 * (whole - side), side / len(picture)
     boxes = [
-        Box(x, y, whole, whole, 0.6),
-        Box(x + _LINE, y + _LINE, whole - 2.0 * _LINE, whole - 2.0 * _LINE, 1.0),
-        Box(x + rim, y + rim, side, side, 0.0),
+        Rectangle(x, y, whole, whole, 0.6),
+        Rectangle(x + _LINE, y + _LINE, whole - 2.0 * _LINE, whole - 2.0 * _LINE, 1.0),
+        Rectangle(x + rim, y + rim, side, side, 0.0),
     ]
     for row, line in enumerate(picture > 0):
         ends = numpy.flatnonzero(numpy.diff(line.astype(int), prepend=0, append=0)).tolist()
         low = y + rim + side - (row + 1) * cell
         boxes += [
-            Box(x + rim + first * cell, low, (last - first) * cell, cell, 1.0)
+            Rectangle(x + rim + first * cell, low, (last - first) * cell, cell, 1.0)
             for first, last in zip(ends[::2], ends[1::2], strict=True)
         ]
     return boxes
 
 
-def _bar() -> tuple[Box, ...]:
+def _bar() -> tuple[Rectangle, ...]:
     ends = (_MARGIN, _MARGIN + _BAR - 0.3)
-    ticks = tuple(Box(x, _MARGIN, 0.3, 4.0, 0.0) for x in ends)
-    return (Box(_MARGIN, _MARGIN + 1.85, _BAR, 0.3, 0.0), *ticks)
+    ticks = tuple(Rectangle(x, _MARGIN, 0.3, 4.0, 0.0) for x in ends)
+    return (Rectangle(_MARGIN, _MARGIN + 1.85, _BAR, 0.3, 0.0), *ticks)
 
 
 def _caption(paper: str) -> Words:
@@ -152,58 +158,32 @@ def _caption(paper: str) -> Words:
     return Words(_MARGIN + _BAR + 2.0, _MARGIN + 0.5, _LETTERS, text)
 
 
-_POINTS = 72.0 / 25.4
-
-
 def pdf(pages: Iterable[Page], paper: str) -> bytes:
-    """The pages as a PDF (ISO 32000-1): filled rectangles and Helvetica, which every reader has."""
-    width, height = (length * _POINTS for length in PAPERS[paper])
-    streams = [_operators(page) for page in pages]
-    kids = " ".join(f"{4 + 2 * i} 0 R" for i in range(len(streams)))
-    objects = [
-        b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",
-        f"<< /Type /Pages /Kids [{kids}] /Count {len(streams)} >>".encode(),
-        b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>",
-    ]
-    for i, stream in enumerate(streams):
-        objects.append(
-            f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {width:.4f} {height:.4f}]"
-            f" /Resources << /Font << /F 3 0 R >> >> /Contents {5 + 2 * i} 0 R >>".encode()
-        )
-        objects.append(b"<< /Length %d >>\nstream\n%s\nendstream" % (len(stream), stream))
-    return _file(objects)
-
-
-def _operators(page: Page) -> bytes:
-    """In millimetres: the first operator scales them to points. Boxes of one grey that follow each
+    """The pages as a PDF, which has the same bytes every time. Boxes of one grey that follow each
     other are one path, so that no seam shows between cells."""
-    lines = [f"{_POINTS:.10f} 0 0 {_POINTS:.10f} 0 0 cm"]
-    for i, box in enumerate(page.boxes):
-        if i == 0 or page.boxes[i - 1].grey != box.grey:
-            lines += ["f"] if i else []
-            lines.append(f"{box.grey:g} g")
-        lines.append(f"{box.x:.6f} {box.y:.6f} {box.width:.6f} {box.height:.6f} re")
-    lines += ["f", "0 g"]
-    for arrow in page.arrows:
-        (x, y), *others = arrow.outline()
-        lines += [f"{x:.4f} {y:.4f} m", *(f"{x:.4f} {y:.4f} l" for x, y in others), "h f"]
-    for words in page.words:
-        text = words.text.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
-        lines.append(f"BT /F {words.height:.4f} Tf {words.x:.4f} {words.y:.4f} Td ({text}) Tj ET")
-    return "\n".join(lines).encode("ascii")
-
-
-def _file(objects: Sequence[bytes]) -> bytes:
-    """Numbered objects, the table of where they begin, the trailer."""
-    out, places = bytearray(b"%PDF-1.4\n"), []
-    for i, body in enumerate(objects):
-        places.append(len(out))
-        out += b"%d 0 obj\n%s\nendobj\n" % (i + 1, body)
-    table = "".join(f"{place:010d} 00000 n \n" for place in places)
-    count, start = len(objects) + 1, len(out)
-    out += f"xref\n0 {count}\n0000000000 65535 f \n{table}".encode()
-    out += f"trailer\n<< /Size {count} /Root 1 0 R >>\nstartxref\n{start}\n%%EOF\n".encode()
-    return bytes(out)
+    out = BytesIO()
+    size = [length * mm for length in PAPERS[paper]]
+    canvas = Canvas(out, pagesize=size, invariant=1, pageCompression=0)
+    canvas.setViewerPreference("PrintScaling", "None")
+    for page in pages:
+        for grey, boxes in groupby(page.boxes, key=lambda box: box.grey):
+            path = canvas.beginPath()
+            for box in boxes:
+                path.rect(*(length * mm for length in box[:4]))
+            canvas.setFillGray(grey)
+            canvas.drawPath(path, stroke=0, fill=1, fillMode=FILL_NON_ZERO)
+        canvas.setFillGray(0.0)
+        for arrow in page.arrows:
+            path = canvas.beginPath()
+            for n, (x, y) in enumerate(arrow.outline()):
+                (path.lineTo if n else path.moveTo)(x * mm, y * mm)
+            canvas.drawPath(path, stroke=0, fill=1)
+        for words in page.words:
+            canvas.setFont("Helvetica", words.height * mm)
+            canvas.drawString(words.x * mm, words.y * mm, words.text)
+        canvas.showPage()
+    canvas.save()
+    return out.getvalue()
 
 
 def png(page: Page, paper: str, dpi: int = 300) -> bytes:

@@ -1,1 +1,0 @@
-"""Printed tags: sheets, marks and floors as PDF."""
