@@ -21,13 +21,14 @@ from kybflow.parts.behavior import (
     Origin,
 )
 from kybflow.parts.chain import Estimator, Processor, Supervisor, Tracker
-from kybflow.parts.devices import Check, Driver, Link, Said, Seat, Session, Taken
+from kybflow.parts.driver import Driver, Seat, Session
 from kybflow.parts.fault import Effect, Fault, Filter, Rig
+from kybflow.parts.link import Check, Link, Override, StatusText
 from kybflow.parts.sensor import Sensor, Stream
 
 __all__ = [
     "AIR", "GROUND", "MOVING", "Action", "ActionContext", "Behavior", "Check", "Driver",
     "Effect", "Entry", "Estimator", "Fault", "Field", "Filter", "Flight", "Footprint", "Leg",
-    "Link", "Objection", "Origin", "Part", "Processor", "Rig", "Said", "Seat", "Sensor",
-    "Session", "Stream", "Supervisor", "Taken", "Tracker", "fields_of", "param", "params",
+    "Link", "Objection", "Origin", "Override", "Part", "Processor", "Rig", "Seat", "Sensor",
+    "Session", "StatusText", "Stream", "Supervisor", "Tracker", "fields_of", "param", "params",
 ]  # fmt: skip

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.core.signals import Measurement, MeasurementKind, Time, kind_name
 from kybflow.parts.base import Objection, P, Part
-from kybflow.parts.devices import Link
+from kybflow.parts.link import Link
 from kybflow.world.cameras import Camera
 from kybflow.world.vehicle_context import VehicleContext
 

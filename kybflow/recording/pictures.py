@@ -41,7 +41,7 @@ class Pictures:
         if engine.flying:
             for vehicle in engine.vehicles:
                 changed = self._has_changed(vehicle)
-                for label, part in vehicle.senses.parts().items():
+                for label, part in vehicle.knowledge.parts().items():
                     if part.sighting is not None:
                         place = f"{FRAMES}/{vehicle.name}/{label.rpartition('.')[2]}"
                         self._offer(place, part.sighting, changed)

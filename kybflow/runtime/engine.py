@@ -60,7 +60,7 @@ class Engine:
         self.options = Options(self.vehicles, events)
         self.judge = Judge(plan.expectations, _views(Actual, vehicles), self.seconds)
         self.flows = Flows(plan, self.vehicles, self._condition(None), events, self.options)
-        self.operator = Operator(self.vehicles, events, self.stop, emitted)
+        self.operator = Operator([v.requests for v in vehicles], events, self.stop, emitted)
         self.callbacks = Callbacks(plan.callbacks, self._reach(), self._condition(None))
         self.interrupts = 0
         self.flying = False
@@ -127,7 +127,7 @@ class Engine:
         self.injection.step(now)
         for vehicle in self.vehicles:
             vehicle.sense(now)
-        fleet = {vehicle.name: vehicle.senses.estimate for vehicle in self.vehicles}
+        fleet = {vehicle.name: vehicle.knowledge.estimate for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)
         self.flows.step(now, dt)
@@ -172,7 +172,7 @@ class Engine:
             self._stopped = reason
             self.events.tell("run_stopped", at=at, reason=reason)
             for vehicle in self.vehicles:
-                vehicle.retire(reason)
+                vehicle.requests.retire(reason)
 
     def _preflight(self) -> list[Line]:
         """Look at every line; those that stayed red."""
@@ -191,8 +191,8 @@ class Engine:
         self.flying = True
 
     def _reach(self) -> Reach:
-        vehicles = {vehicle.name: vehicle for vehicle in self.vehicles}
-        return Reach(vehicles, self.options, self.events, self.flows.enter, self.stop)
+        requests = {vehicle.name: vehicle.requests for vehicle in self.vehicles}
+        return Reach(requests, self.options, self.events, self.flows.enter, self.stop)
 
     def _condition(self, own: str | None) -> Callable[[Expression], Callable[[], bool]]:
         return lambda expression: bind(expression, self._believed, own, self.seconds)

@@ -57,14 +57,14 @@ def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[Line, ...]:
 
 
 def _link(vehicle: Vehicle) -> Line:
-    age = vehicle.senses.link_age
+    age = vehicle.link_age
     reason = f"delivered {age * 1000:.0f} ms ago"
     return Line(vehicle.name, "link", age <= LINK_AGE, reason, vehicle.plan.driver.at)
 
 
 def _own(vehicle: Vehicle) -> Iterator[Line]:
     """What the vehicle itself says; for its watchdog its driver answers where it says nothing."""
-    checks = vehicle.senses.asking.checks(vehicle.now)
+    checks = vehicle.knowledge.link.checks(vehicle.now)
     at = vehicle.plan.driver.at
     if all(check.name != "watchdog" for check in checks):
         yield _watchdog(vehicle)
@@ -81,18 +81,18 @@ def _watchdog(vehicle: Vehicle) -> Line:
 
 def _streams(vehicle: Vehicle) -> Iterator[Line]:
     """Every kind of measurement that an estimator needs, at a rate to fly on."""
-    senses = vehicle.senses
+    knowledge = vehicle.knowledge
     parts = [estimator.part for estimator in vehicle.plan.estimators]
     at = {kind: part.at for part in parts for kind in part.cls.uses(part.params)}
-    for kind in sorted(senses.needs, key=kind_name):
-        rate = senses.rate(kind)
+    for kind in sorted(knowledge.needs, key=kind_name):
+        rate = knowledge.rate(kind)
         reason = f"{rate:.0f} Hz" if rate else "nothing arrives"
         green = rate >= LEAST_RATE
         if rate and not green:
             reason += f", {LEAST_RATE:.0f} Hz needed"
-        if green and kind is Imu and not senses.rest.is_known:
+        if green and kind is Imu and not knowledge.resting.is_known:
             green, reason = False, f"{reason}, not yet {LONG} s at rest"
-        trouble, left_out = senses.sensing.trouble(kind), senses.sensing.left_out(kind)
+        trouble, left_out = knowledge.sensing.trouble(kind), knowledge.sensing.left_out(kind)
         if trouble is not None:
             green, reason = False, f"{reason}: {trouble}"
         if left_out and not green:
@@ -109,7 +109,7 @@ def _battery(vehicle: Vehicle) -> Line:
 def _no_estimate(vehicle: Vehicle) -> Line:
     estimators = vehicle.plan.estimators
     reason = f"no healthy estimate from {', '.join(e.part.name for e in estimators)}"
-    if vehicle.senses.cameras.is_blind:
+    if vehicle.knowledge.cameras.is_blind:
         reason += ": frames arrive, but no tag of the map is found in them"
     return Line(vehicle.name, "estimate", False, reason, estimators[0].part.at)
 

@@ -66,7 +66,7 @@ class Believed:
 
     @property
     def payload(self) -> PayloadState:
-        state = self._vehicle.senses.cargo.state
+        state = self._vehicle.knowledge.payload.state
         if state is None:
             raise Unavailable
         return state
@@ -77,11 +77,11 @@ class Believed:
 
     @property
     def releases(self) -> int:
-        return self._vehicle.senses.cargo.releases
+        return self._vehicle.knowledge.payload.releases
 
     @property
     def sticks(self) -> Sticks:
-        sticks = self._vehicle.senses.sticks
+        sticks = self._vehicle.knowledge.sticks
         if sticks is None:
             raise Unavailable
         return sticks

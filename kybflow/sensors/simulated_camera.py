@@ -21,6 +21,7 @@ from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Frame, Measurement, Time, Truth
 from kybflow.core.units import Duration
 from kybflow.parts import Link, Sensor, Stream
+from kybflow.parts.link import view_source
 from kybflow.parts.sensor import frames_of
 from kybflow.vision import OPENCV, WAY_OUT
 from kybflow.vision.optics import SOUND, Optics, Weakness
@@ -94,6 +95,7 @@ class Frames(Stream):
         self._room = room
         self._cameras = cameras
         self._link = link
+        self._view = view_source(link)
         self._latency = latency
         self._parcel = parcel
         self._counts = [0] * len(cameras)
@@ -101,7 +103,7 @@ class Frames(Stream):
         self._taken: deque[_Taken] = deque()
 
     def read(self, now: Time) -> Sequence[Measurement]:
-        truth = self._link.view()
+        truth = self._view()
         if truth is None:
             return ()
         if self._last is None:
@@ -116,7 +118,7 @@ class Frames(Stream):
         return self._filtered(arrived) if arrived else arrived
 
     def trouble(self) -> str | None:
-        if self._link.view() is None:
+        if self._view() is None:
             return "no simulator tells where the vehicle is, and it sees only simulated vehicles"
         return None
 

@@ -18,6 +18,7 @@ from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Measurement, Pose, Time, Truth
 from kybflow.core.units import DEG, Angle, Duration, Frequency, Length
 from kybflow.parts import Link, Sensor, Stream
+from kybflow.parts.link import truth_source
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -68,13 +69,14 @@ class Poses(Stream):
         self, params: SimulatedMotionCaptureParams, link: Link, generator: random.Random
     ) -> None:
         self._params, self._link, self._generator = params, link, generator
+        self._truth = truth_source(link)
         self._latency: Time = round(params.latency * NS)
         self._count: int | None = None
         self._known: tuple[Time, Truth] | None = None
         self._arriving: deque[Pose] = deque()
 
     def read(self, now: Time) -> Sequence[Measurement]:
-        truth = self._link.truth()
+        truth = self._truth()
         if truth is None:
             self._count = self._known = None
         else:

@@ -13,7 +13,7 @@ from kybflow.core.signals import NS, Alarm, Battery, Reaction
 from kybflow.dsl.expressions import InState
 from kybflow.dsl.plan import FaultPlan, FlowPlan, PhasePlan, TransitionPlan
 from kybflow.parts import Effect
-from kybflow.runtime.vehicle.requests import Asker
+from kybflow.runtime.vehicle.requests import Requester
 
 CASCADE = part("trackers", "cascade")
 
@@ -67,7 +67,7 @@ def test_after_the_time_limit_nobody_takes_off(run):
 
 
 def test_after_a_person_landed_it_no_flow_starts_it(run):
-    ask = orders((9.0, lambda v: v.ask("up", Asker.CALLBACK)))
+    ask = orders((9.0, lambda v: v.requests.switch("up", Requester.CALLBACK)))
     one = vehicle("a", [up("hold"), hold(9.0, "down"), down()])
     _, told = run(one, emitted=((5.0, "operator.land"),), observers=(ask,))
     assert path(told, "a") == ["up", "hold", "auto_land", "landed"]

@@ -22,7 +22,8 @@ FLYING = {
 
 def pausing(begin: float, end: float):
     return orders(
-        (begin, lambda v: v.pause("operator", "m.yaml:3")), (end, lambda v: v.resume("operator"))
+        (begin, lambda v: v.requests.pause("operator", "m.yaml:3")),
+        (end, lambda v: v.requests.resume("operator")),
     )
 
 
@@ -85,7 +86,8 @@ def test_timers_stand_still(run):
 def test_a_pause_that_lasts_lands(run):
     states = [up("hold"), hold(4.0, "down"), down()]
     flown, told = run(
-        vehicle("a", states, hover_limit=5.0), observers=(orders((5.0, lambda v: v.pause("x"))),)
+        vehicle("a", states, hover_limit=5.0),
+        observers=(orders((5.0, lambda v: v.requests.pause("x"))),),
     )
     assert path(told, "a") == ["up", "hold", "auto_land", "landed"]
     [paused] = named(told, "paused")
@@ -99,9 +101,11 @@ def test_a_tight_loop_of_pauses_changes_nothing_but_the_time(run):
     circle = part("behaviors", "circle", **FLYING["circle"])
     times = [5.0 + 0.05 * i for i in range(40)]
     loop = orders(
-        *((t, (lambda v: v.pause("x")) if i % 2 == 0 else (lambda v: v.resume("x")))
-          for i, t in enumerate(times))
-    )  # fmt: skip
+        *(
+            (t, (lambda v: v.requests.resume("x")) if i % 2 else (lambda v: v.requests.pause("x")))
+            for i, t in enumerate(times)
+        )
+    )
     states = [up("circle"), state("circle", circle, then("down")), down()]
     flown, told = run(vehicle("a", states, tracker=tracker), observers=(loop,))
     assert path(told, "a") == ["up", "circle", "down", "landed"]
@@ -113,7 +117,7 @@ def test_a_tight_loop_of_pauses_changes_nothing_but_the_time(run):
 
 
 def test_pause_and_resume_in_one_tick_is_no_pause(run):
-    both = orders((5.0, lambda v: (v.pause("x"), v.resume("x"))))
+    both = orders((5.0, lambda v: (v.requests.pause("x"), v.requests.resume("x"))))
     states = [up("hold"), hold(4.0, "down"), down()]
     flown, told = run(vehicle("a", states), observers=(both,))
     assert [e.name for e in told if e.name in ("paused", "resumed")] == ["paused", "resumed"]
@@ -122,9 +126,9 @@ def test_pause_and_resume_in_one_tick_is_no_pause(run):
 
 def test_a_second_pause_and_a_resume_without_one_say_nothing(run):
     twice = orders(
-        (4.5, lambda v: v.resume("x")),
-        (5.0, lambda v: (v.pause("x"), v.pause("x"))),
-        (6.0, lambda v: (v.resume("x"), v.resume("x"))),
+        (4.5, lambda v: v.requests.resume("x")),
+        (5.0, lambda v: (v.requests.pause("x"), v.requests.pause("x"))),
+        (6.0, lambda v: (v.requests.resume("x"), v.requests.resume("x"))),
     )
     _, told = run(vehicle("a", [up("hold"), hold(4.0, "down"), down()]), observers=(twice,))
     assert [e.name for e in told if e.name in ("paused", "resumed")] == ["paused", "resumed"]

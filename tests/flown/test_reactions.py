@@ -8,7 +8,7 @@ from flights import down, hold, named, path, up
 from plans import part, state, then, vehicle
 
 from kybflow.core.signals import NS, Reaction
-from kybflow.runtime.vehicle.requests import Asker
+from kybflow.runtime.vehicle.requests import Requester
 
 CUT, LAND_BLIND, LAND, GO_HOME, BRAKE, WARN = sorted(Reaction, reverse=True)
 
@@ -124,7 +124,8 @@ def test_a_brake_that_lasts_lands_though_its_alarm_goes_on(run):
 
 def test_while_it_brakes_only_what_brings_it_down_is_granted(run):
     asks = orders(
-        (6.5, lambda v: v.ask("hold", Asker.FLOW)), (7.0, lambda v: v.ask("down", Asker.FLOW))
+        (6.5, lambda v: v.requests.switch("hold", Requester.FLOW)),
+        (7.0, lambda v: v.requests.switch("down", Requester.FLOW)),
     )
     _, told = run(flight(alarming((6.0, 7.5, BRAKE))), observers=(asks,))
     [refused] = named(told, "switch_refused")
@@ -135,11 +136,11 @@ def test_while_it_brakes_only_what_brings_it_down_is_granted(run):
 @pytest.mark.parametrize("reaction", [GO_HOME, LAND])
 def test_a_latched_vehicle_accepts_only_what_is_severer(run, reaction):
     asks = orders(
-        (7.2, lambda v: v.ask("hold", Asker.OPERATOR)),
-        (7.3, lambda v: v.ask("down", Asker.OPERATOR)),
-        (7.4, lambda v: v.pause("operator")),
-        (7.5, lambda v: v.reset("operator")),
-        (7.6, lambda v: v.ask("land_blind", Asker.OPERATOR)),
+        (7.2, lambda v: v.requests.switch("hold", Requester.OPERATOR)),
+        (7.3, lambda v: v.requests.switch("down", Requester.OPERATOR)),
+        (7.4, lambda v: v.requests.pause("operator")),
+        (7.5, lambda v: v.requests.reset("operator")),
+        (7.6, lambda v: v.requests.switch("land_blind", Requester.OPERATOR)),
     )
     _, told = run(flight(alarming((7.0, 7.1, reaction))), observers=(asks,))
     refused = [e.fields["state"] for e in named(told, "switch_refused")]
@@ -153,9 +154,9 @@ def test_a_latched_vehicle_accepts_only_what_is_severer(run, reaction):
 def test_a_reset_on_the_ground_makes_it_fly_again(run):
     other = vehicle("b", [up("hold"), hold(30.0, "down"), down()], start=(1.5, 0.0, 0.0))
     asks = orders(
-        (14.0, lambda v: v.ask("up", Asker.OPERATOR)),
-        (14.5, lambda v: v.reset("operator")),
-        (15.0, lambda v: v.ask("up", Asker.OPERATOR)),
+        (14.0, lambda v: v.requests.switch("up", Requester.OPERATOR)),
+        (14.5, lambda v: v.requests.reset("operator")),
+        (15.0, lambda v: v.requests.switch("up", Requester.OPERATOR)),
     )
     flown, told = run(flight(alarming((7.0, 7.1, LAND))), other, observers=(asks,))
     [refused] = named(told, "switch_refused")

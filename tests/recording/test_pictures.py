@@ -38,7 +38,7 @@ class Looked:
         self.seer = SimpleNamespace(sighting=None)
         parts = {"tag_camera": self.seer, "mocap": SimpleNamespace(sighting=None)}
         self.vehicle = SimpleNamespace(
-            name="mk", estimator="tag_camera", senses=SimpleNamespace(parts=lambda: parts)
+            name="mk", estimator="tag_camera", knowledge=SimpleNamespace(parts=lambda: parts)
         )
         self.engine = SimpleNamespace(flying=True, vehicles=[self.vehicle])
         self.observe = Pictures(self.folder)

@@ -26,11 +26,11 @@ from kybflow.drivers.mavlink.telemetry.received_status import (
     WARNING,
     LandedState,
     ReceivedStatus,
-    StatusText,
+    ReceivedText,
 )
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port, heartbeat
-from kybflow.parts import Said, Seat
+from kybflow.parts import Seat, StatusText
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
@@ -73,9 +73,9 @@ class Contact:
         self.truth = GroundTruth(context, profile.sphere) if params.simulator else None
         self.silence: Silence | None = None
         self._alive: Time | None = None
-        self._text: StatusText | None = None
+        self._text: ReceivedText | None = None
         self._told: dict[str, Time] = {}
-        self._kept: list[StatusText] = []
+        self._kept: list[ReceivedText] = []
         port.want({*self.status.heeds, *self.telemetry.heeds, *profile.streams, *ANSWERS})
         if self.truth is not None:
             port.want(TRUE)
@@ -105,7 +105,7 @@ class Contact:
             self._hear(message, now)
         return gap > FORGETS
 
-    def said(self, *, is_disarming: bool) -> Sequence[Said]:
+    def said(self, *, is_disarming: bool) -> Sequence[StatusText]:
         """The new texts of severity warning or worse, each at most once a minute. Refusals to
         disarm are held back while disarming is retried, and reported when the retries end."""
         fresh = self._fresh()
@@ -122,10 +122,10 @@ class Contact:
             told = self._told.get(text)
             if severity <= WARNING and (told is None or time - told > REPEATED):
                 self._told[text] = time
-                said.append(Said(SEVERITIES[severity], text))
+                said.append(StatusText(SEVERITIES[severity], text))
         return said
 
-    def _fresh(self) -> list[StatusText]:
+    def _fresh(self) -> list[ReceivedText]:
         """The texts since the last call, oldest first."""
         texts = self.status.texts
         if not texts or texts[-1] is self._text:
@@ -151,7 +151,7 @@ class Contact:
             self.telemetry.hear(message, now)
 
 
-def _refuses_to_disarm(text: StatusText) -> bool:
+def _refuses_to_disarm(text: ReceivedText) -> bool:
     words = text.text.lower()
     return text.severity > ALERT and DISARM in words and any(word in words for word in REFUSALS)
 

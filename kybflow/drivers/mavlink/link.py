@@ -37,7 +37,7 @@ from kybflow.drivers.mavlink.telemetry.measurements import INERTIAL
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.drivers.mavlink.telemetry.vision import ExternalVision, FrameDrift
 from kybflow.drivers.mavlink.transport.router import Port
-from kybflow.parts import Check, Link, Said, Seat
+from kybflow.parts import Check, Link, Seat, StatusText
 
 PATIENCE: Time = 10 * NS
 """How long nothing at all may be heard after opening."""
@@ -129,7 +129,7 @@ class AutopilotLink(Link):
         self._upkeep.step(now)
         self._note()
 
-    def tell(self, estimate: Estimate, now: Time) -> None:
+    def tell_position(self, estimate: Estimate, now: Time) -> None:
         contact = self.contact
         stamp = contact.clock.to_boot(estimate.time) if contact.is_outside else None
         if stamp is None:
@@ -146,7 +146,7 @@ class AutopilotLink(Link):
         self._flow(now)
         return [*self._checks.checks(misses, self._vision.told, now), *self._capacity.check()]
 
-    def said(self) -> Sequence[Said]:
+    def status_texts(self) -> Sequence[StatusText]:
         return self.contact.said(is_disarming=self.offboard.is_disarming)
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
@@ -167,8 +167,8 @@ class AutopilotLink(Link):
     def grip(self, is_open: bool, now: Time) -> None:
         if self._grip is None:
             raise Refused("it carries no payload")
-        if self.taken is not None:
-            raise Refused(f"somebody else has it: {self.taken.reason}")
+        if self.override is not None:
+            raise Refused(f"somebody else has it: {self.override.reason}")
         done = self._grip.ask(is_open, now)
         if done is None:
             return
@@ -187,7 +187,7 @@ class AutopilotLink(Link):
         """Put the mode of a disarmed vehicle back to what it was before us, unless somebody else
         has it."""
         contact, before = self.contact, self.offboard.modes.before
-        is_ours = self.taken is None and not contact.status.armed
+        is_ours = self.override is None and not contact.status.armed
         if not is_ours or before is None or before == contact.status.mode:
             return
         params = (*contact.profile.mode_params(before), 0.0, 0.0, 0.0, 0.0)
@@ -239,5 +239,5 @@ class AutopilotLink(Link):
 
     def _note(self) -> None:
         status = self.contact.status
-        self.taken = self.offboard.taken
+        self.override = self.offboard.taken
         self.armed = None if status.heartbeat is None else status.armed

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 from kybflow.core.errors import OptionRefused
 from kybflow.parts.observables import EVENTS
 from kybflow.runtime.events import Events
-from kybflow.runtime.vehicle.requests import Asker
+from kybflow.runtime.vehicle.requests import Requester
 
 BY = "callback"
 """Who asks, as events say it."""
@@ -18,7 +18,7 @@ _OPERATOR = "operator."
 class Asked(Protocol):
     """A vehicle, as callbacks see it."""
 
-    def ask(self, state: str, by: Asker, at: str = "") -> None:
+    def switch(self, state: str, by: Requester, at: str = "") -> None:
         """Ask it to enter a state."""
 
     def enable(self, label: str, on: bool, by: str, at: str = "") -> None:
@@ -50,7 +50,7 @@ class CallbackContext:
         self._reach, self._at = reach, at
 
     def switch(self, vehicle: str, state: str) -> None:
-        self._reach.vehicles[vehicle].ask(state, Asker.CALLBACK, self._at)
+        self._reach.vehicles[vehicle].switch(state, Requester.CALLBACK, self._at)
 
     def set(self, option: str, value: Any) -> None:
         try:

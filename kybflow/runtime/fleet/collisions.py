@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from kybflow.parts import Link
+from kybflow.parts.link import ReportsCollisions
 from kybflow.runtime.events import Events
 
 
@@ -14,16 +15,17 @@ class Collisions:
 
     def __init__(self, links: Mapping[str, Link], events: Events) -> None:
         self.first: str | None = None
-        self._links, self._events = tuple(links.items()), events
+        reporting = [(n, link) for n, link in links.items() if isinstance(link, ReportsCollisions)]
+        self._links, self._events = tuple(reporting), events
 
     def step(self) -> None:
         """Tell what vehicles ran into since the last step."""
         for name, link in self._links:
-            for other in self._told(link):
+            for other in self._reported(link):
                 self.first = self.first or f"`{name}` ran into `{other}`"
                 self._events.note("collided", name, into=other)
 
-    def _told(self, link: Link) -> Sequence[str]:
+    def _reported(self, link: ReportsCollisions) -> Sequence[str]:
         try:
             return link.collisions()
         except Exception:  # who looks on must not stop who flies

@@ -37,7 +37,7 @@ class _Drop:
     def look(self) -> None:
         truth = self._vehicle.truth
         place = None if truth is None else truth.payload
-        if place is None or self._vehicle.senses.cargo.state is not PayloadState.RELEASED:
+        if place is None or self._vehicle.knowledge.payload.state is not PayloadState.RELEASED:
             self._last, self._still = None, 0
             return
         rests = self._last is not None and distance(place, self._last) < _STILL

@@ -21,7 +21,7 @@ from kybflow.parts.observables import is_in
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.flow import Running
 from kybflow.runtime.fleet.operator import LAND
-from kybflow.runtime.vehicle.requests import Asker
+from kybflow.runtime.vehicle.requests import Requester, Requests
 
 Conditions = Callable[[Expression], Callable[[], bool]]
 
@@ -36,10 +36,8 @@ class Driven(Protocol):
         """The name of the state that it is in."""
 
     @property
-    def paused(self) -> bool: ...
-
-    def ask(self, state: str, by: Asker, at: str = "") -> None:
-        """Ask it to enter a state."""
+    def requests(self) -> Requests:
+        """What the flow may ask of it."""
 
 
 class Settings(Protocol):
@@ -97,7 +95,7 @@ class Flows:
         for flow in self._flows.values():
             if flow.machine is None or flow.entered == now:
                 continue  # of what a phase asks, the vehicles know in the next tick
-            if any(self._vehicles[v].paused for v in self._driven(flow)):
+            if any(self._vehicles[v].requests.paused for v in self._driven(flow)):
                 flow.wait(dt)
             else:
                 self._guarded(flow, flow.machine, now, dt)
@@ -189,7 +187,7 @@ class Flows:
         for vehicle, state in phase.run.items():
             reason = self._not_mine(flow, vehicle)
             if reason is None:
-                self._vehicles[vehicle].ask(state, Asker.FLOW, phase.at)
+                self._vehicles[vehicle].requests.switch(state, Requester.FLOW, phase.at)
             else:
                 self._events.tell(
                     "switch_refused", vehicle, phase.at, state=state, by="flow", reason=reason

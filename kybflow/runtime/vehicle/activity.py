@@ -12,13 +12,12 @@ from kybflow.core.signals import NS, Command, Done, Estimate, Failed, Grip, Setp
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Outcome, VehicleMachine
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
-from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Leg
+from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Flight, Leg
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.runtime.safety.hold import Blend, Hold, Holder
 from kybflow.runtime.safety.land_mode import LandMode
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.vehicle.requests import unfit
 
 _SAFE = frozenset({"brake", "landed"})
 """Where a vehicle goes when nothing else will start."""
@@ -285,3 +284,14 @@ class Activity:
 
     def _tell(self, event: str, at: str, **fields: str) -> None:
         self._events.tell(event, self.plan.name, at, behavior=self.machine.state, **fields)
+
+
+def unfit(state: StatePlan, flight: Flight, estimated: bool) -> str | None:
+    """Why the behavior of `state` can't start where the vehicle is, None when it can."""
+    name, cls = state.behavior.name, state.behavior.cls
+    if all(leg.start is not flight for leg in state.legs):
+        where = {GROUND: "on the ground", AIR: "in the air", MOVING: "between ground and air"}
+        return f"`{name}` can't start while the vehicle is {where[flight]}"
+    if cls.needs_estimate and not estimated:
+        return f"`{name}` can't start without an estimate"
+    return None

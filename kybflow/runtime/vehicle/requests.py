@@ -1,17 +1,38 @@
-"""What people, flows and callbacks ask of a vehicle, until its next `act` decides it."""
+"""What people, flows and callbacks ask of a vehicle: switch, pause, resume, enable, reset, retire.
+
+A request waits for the vehicle's next `act`, in which it is answered after the supervisors and
+before the mission's own transitions. A refusal is an event with its reason and changes nothing. A
+latched vehicle accepts only what is severer than its reaction, a braked one only what brings it
+down.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from enum import IntEnum
+from functools import partial
 from typing import NamedTuple
 
-from kybflow.core.signals import Reaction
-from kybflow.dsl.plan import StatePlan
-from kybflow.parts import AIR, GROUND, MOVING, Flight
+from kybflow.core.errors import Refused
+from kybflow.core.signals import Reaction, Time
+from kybflow.dsl.plan import StatePlan, VehiclePlan
+from kybflow.parts import GROUND, Entry
+from kybflow.runtime.events import Events
+from kybflow.runtime.safety.failsafe import Failsafe
+from kybflow.runtime.vehicle.activity import Activity, unfit
+from kybflow.runtime.vehicle.override import ManualOverride
+from kybflow.runtime.vehicle.reactions import Reactions
+
+_SAFER = {
+    "auto_home": Reaction.GO_HOME,
+    "auto_land": Reaction.LAND,
+    "land_blind": Reaction.LAND_BLIND,
+}
+"""The states that make any vehicle safer, and the reaction that entering one amounts to."""
+_STAYS = frozenset({"auto_land", "landed", "fault"})
 
 
-class Asker(IntEnum):
+class Requester(IntEnum):
     """Who asks; when several do in one tick, the lowest is heard."""
 
     OPERATOR = 0
@@ -19,73 +40,182 @@ class Asker(IntEnum):
     CALLBACK = 2
 
 
-class Wish(NamedTuple):
+class SwitchRequest(NamedTuple):
     """To enter `state`; `at` is the mission line that asks."""
 
     state: str
-    by: Asker
+    by: Requester
     at: str
 
 
-class Wishes:
-    """The queue of one vehicle: orders, and switches to a state, of which one is chosen.
-    `waiting` tells whether there are any."""
+class Requests:
+    """waiting: whether anything is asked. off: the processors that are switched off, by label.
+    retired: why the vehicle comes down and stays there, None while it flies its mission."""
 
-    __slots__ = ("_orders", "_switches", "waiting")
-
-    def __init__(self) -> None:
+    def __init__(
+        self,
+        plan: VehiclePlan,
+        activity: Activity,
+        failsafe: Failsafe,
+        reactions: Reactions,
+        override: ManualOverride,
+        events: Events,
+        entry: Callable[[], Entry],
+    ) -> None:
         self.waiting = False
-        self._switches: list[Wish] = []
-        self._orders: list[Callable[[], None]] = []
+        self.off: set[str] = set()
+        self.retired: str | None = None
+        self._switches: list[SwitchRequest] = []
+        self._orders: list[Callable[[Time], None]] = []
+        self._plan, self._activity, self._failsafe = plan, activity, failsafe
+        self._reactions, self._override, self._events = reactions, override, events
+        self._entry = entry
 
-    def switch(self, wish: Wish) -> None:
-        self._switches.append(wish)
+    def switch(self, state: str, by: Requester, at: str = "") -> None:
+        """Ask the vehicle to enter one of its states."""
+        self._switches.append(SwitchRequest(state, by, at))
         self.waiting = True
 
-    def order(self, order: Callable[[], None]) -> None:
+    def pause(self, by: str, at: str = "") -> None:
+        """Ask it to come to rest and hold, its behavior and timers frozen, until `resume`."""
+        self._order(partial(self._pause, by, at))
+
+    def resume(self, by: str, at: str = "") -> None:
+        """Ask it to go on with what it did when it was paused, or when a pilot took it."""
+        self._order(partial(self._resume, by, at))
+
+    def enable(self, label: str, on: bool, by: str, at: str = "") -> None:
+        """Ask it to use the processor `label` again, or no more."""
+        self._order(partial(self._enable, label, on, by, at))
+
+    def reset(self, by: str, at: str = "") -> None:
+        """Ask it to forget its fault and where it stood, on the ground: a person was there."""
+        self._order(partial(self._reset, by, at))
+
+    def retire(self, reason: str) -> None:
+        """Come down and stay there: the run ends as it should."""
+        self.retired = reason
+        activity = self._activity
+        if self._failsafe.latched is None and activity.machine.state not in _STAYS:
+            self._failsafe.unbrake()
+            activity.go("auto_land" if activity.airborne else "landed", self._entry)
+
+    @property
+    def paused(self) -> bool:
+        """Whether somebody paused the vehicle."""
+        hold = self._activity.hold
+        return hold is not None and "pause" in hold.holders
+
+    def answer(self, now: Time) -> None:
+        """Answer everything that waits: orders, the oldest first, then one switch."""
+        orders, self._orders = self._orders, []
+        for order in orders:
+            order(now)
+        asked, self._switches, self.waiting = self._switches, [], bool(self._orders)
+        if not asked:
+            return
+        heard = min(asked, key=lambda request: request.by)
+        for loser in asked:
+            if loser.state != heard.state:
+                winner = f"the {heard.by.name.lower()} asked for `{heard.state}`"
+                self._refuse(loser, f"{winner} in the same tick")
+        reason = self._against(heard) or self._granted(heard)
+        if reason is not None:
+            self._refuse(heard, reason)
+
+    def _order(self, order: Callable[[Time], None]) -> None:
         self._orders.append(order)
         self.waiting = True
 
-    def obey(self) -> None:
-        """Do every order, the oldest first."""
-        orders, self._orders = self._orders, []
-        for order in orders:
-            order()
+    def _against(self, request: SwitchRequest) -> str | None:
+        """Return why the request can't be granted, None when it can."""
+        state, latched = self._plan.states.get(request.state), self._failsafe.latched
+        if self._override.is_somebodys:
+            return "somebody else has it, until `operator.resume`"
+        if state is None or request.state == "fault":
+            return "it is not one of its states that can be asked for"
+        if self._activity.machine.state == "fault":
+            return "it is in `fault`, until a person resets it"
+        if latched is not None and _SAFER.get(request.state, Reaction.WARN) <= latched:
+            return f"the failsafe has it (`{latched.name.lower()}`)"
+        entry = self._entry()
+        held = None if _comes_down(state) else self._held(request)
+        return held or unfit(state, entry.flight, entry.estimate is not None)
 
-    def taken(self) -> tuple[Wish | None, list[Wish]]:
-        """(the wish that is heard, those that lose to it); nothing waits any more. Of one asker the
-        first is heard; who asks for the same state as the winner does not lose."""
-        asked, self._switches, self.waiting = self._switches, [], bool(self._orders)
-        first = min(asked, key=lambda wish: wish.by, default=None)
-        return first, [w for w in asked if first is not None and w.state != first.state]
+    def _held(self, request: SwitchRequest) -> str | None:
+        """Return what keeps it from any state that doesn't bring it down."""
+        if self.retired is not None:
+            return f"the run ends: {self.retired}"
+        if self._failsafe.braking is not None:
+            return f"the failsafe brakes it ({self._failsafe.braking})"
+        if self.paused and request.by is not Requester.OPERATOR:
+            return "it is paused"
+        return None
+
+    def _granted(self, request: SwitchRequest) -> str | None:
+        """Switch; return why the behavior refused to start, None when it did not."""
+        try:
+            self._activity.switch(request.state, request.at, self._entry)
+        except Refused as refusal:
+            return str(refusal)
+        self._failsafe.unbrake()
+        if self._failsafe.latched is not None:
+            self._failsafe.latched = _SAFER.get(request.state)
+        return None
+
+    def _refuse(self, request: SwitchRequest, reason: str) -> None:
+        by = request.by.name.lower()
+        self._tell("switch_refused", request.at, state=request.state, by=by, reason=reason)
+
+    def _pause(self, by: str, at: str, _: Time) -> None:
+        latched = self._failsafe.latched
+        if self._activity.machine.state == "fault" or latched is not None:
+            has = "it is in `fault`" if latched is None else f"the failsafe has it ({latched.name})"
+            self._tell("pause_refused", at, by=by, reason=has.lower())
+        elif not self.paused:
+            self._activity.freeze("pause", self._entry)
+            self._tell("paused", at, by=by)
+
+    def _resume(self, by: str, at: str, now: Time) -> None:
+        self._override.reclaim(now)
+        hold = self._activity.hold
+        if hold is not None and self.paused:
+            hold.leave("pause", now)
+            self._tell("resumed", at, by=by)
+
+    def _enable(self, label: str, on: bool, by: str, at: str, _: Time) -> None:
+        parts = {part.label: part.cls for part in self._plan.processors}
+        reason = None
+        if label not in parts:
+            reason = "only processors are switched on and off"
+        elif parts[label].safety:
+            reason = "a safety part can't be switched off"
+        if reason is not None:
+            option = f"{self._plan.name}.{label}"
+            self._tell("option_refused", at, option=option, by=by, reason=reason)
+        elif on is (label in self.off):
+            self.off ^= {label}
+            if on:
+                self._tell("processor_enabled", at, processor=label, by=by)
+            else:
+                self._tell("processor_disabled", at, processor=label, by=by)
+
+    def _reset(self, by: str, at: str, now: Time) -> None:
+        if self._activity.airborne or self._reactions.falls(now):
+            self._tell("reset_refused", at, by=by, reason="it is in the air")
+            return
+        self._failsafe.reset()
+        self._activity.stands = None
+        if self._activity.machine.state == "fault":
+            self._activity.go("landed", self._entry)
+        self._tell("reset", at, by=by)
+
+    def _tell(self, event: str, at: str, **fields: str) -> None:
+        self._events.tell(event, self._plan.name, at, **fields)
 
 
-_SAFER = {
-    "auto_home": Reaction.GO_HOME,
-    "auto_land": Reaction.LAND,
-    "land_blind": Reaction.LAND_BLIND,
-}
-"""The states that make any vehicle safer, and how severe a reaction entering one amounts to."""
-
-
-def severity(state: str) -> Reaction | None:
-    """The reaction that entering `state` amounts to, None where it is no reaction's state."""
-    return _SAFER.get(state)
-
-
-def comes_down(state: StatePlan) -> bool:
-    """Whether `state` makes a flying vehicle safer: it leads home, or only to the ground."""
+def _comes_down(state: StatePlan) -> bool:
+    """Return whether `state` makes a flying vehicle safer: it leads home, or only to the ground."""
     airborne = [leg for leg in state.legs if leg.start is not GROUND]
     lands = bool(airborne) and all(leg.end is GROUND for leg in airborne)
     return lands or state.name in _SAFER
-
-
-def unfit(state: StatePlan, flight: Flight, estimated: bool) -> str | None:
-    """Why the behavior of `state` can't start where the vehicle is, None when it can."""
-    name, cls = state.behavior.name, state.behavior.cls
-    if all(leg.start is not flight for leg in state.legs):
-        where = {GROUND: "on the ground", AIR: "in the air", MOVING: "between ground and air"}
-        return f"`{name}` can't start while the vehicle is {where[flight]}"
-    if cls.needs_estimate and not estimated:
-        return f"`{name}` can't start without an estimate"
-    return None

@@ -13,21 +13,30 @@ MOST_ERROR = 1.5
 """m/s^2; what is further from gravity is believed no accelerometer's error."""
 
 
-class Rest:
-    """Made when the rotors come to rest."""
+class RestingBias:
+    """rotors_turn: whether the vehicle was sent thrust last. Each time its rotors come to
+    rest, what was felt before is forgotten."""
 
-    __slots__ = ("_felt", "_time")
+    __slots__ = ("_felt", "_time", "rotors_turn")
 
     def __init__(self) -> None:
+        self.rotors_turn = False
         self._felt = self._time = 0.0
 
+    def turn(self, rotors_turn: bool) -> None:
+        """Note that the rotors begin or cease to turn."""
+        if not rotors_turn:
+            self._felt = self._time = 0.0
+        self.rotors_turn = rotors_turn
+
     def feel(self, imu: Imu) -> None:
-        """One more sample at rest."""
+        """Add a sample that was measured at rest."""
         self._felt += imu.dt * imu.specific_force[2]
         self._time += imu.dt
 
     @property
     def is_known(self) -> bool:
+        """Whether the vehicle has rested for long enough."""
         return self._time >= LONG
 
     @property

@@ -1,6 +1,6 @@
-"""One vehicle, built from the plan.
+"""One vehicle, composed of collaborators that each have what they may touch.
 
-measurements ─► `senses.py` ─► estimate ─► `acting.py` ─► command; `commanding.py` hears who asks.
+measurements ─► `knowledge` ─► estimate ─► `decision` ─► `control` ─► command ─► `output` ─► link
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from kybflow.core.signals import (
     NS,
     Alarm,
     Battery,
+    Command,
     Estimate,
     Reaction,
     Setpoint,
@@ -33,20 +34,25 @@ from kybflow.runtime.safety.failsafe import Failsafe, Heard
 from kybflow.runtime.safety.land_mode import HANDED_OVER
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.activity import Activity
-from kybflow.runtime.vehicle.chain import Chain
-from kybflow.runtime.vehicle.obeying import Obeying
-from kybflow.runtime.vehicle.senses import Senses
+from kybflow.runtime.vehicle.control import Commanded, Control
+from kybflow.runtime.vehicle.decision import Decision
+from kybflow.runtime.vehicle.external_position import ExternalPosition
+from kybflow.runtime.vehicle.knowledge import Knowledge
+from kybflow.runtime.vehicle.link import LinkHealth, LinkIn, LinkOut
+from kybflow.runtime.vehicle.output import RESTING, Output
+from kybflow.runtime.vehicle.override import ManualOverride
+from kybflow.runtime.vehicle.reactions import Reactions
+from kybflow.runtime.vehicle.requests import Requests
 from kybflow.world.vehicle_context import VehicleContext
 
-_FALL = 2 * NS
-"""For how long a vehicle whose rotors were cut is watched falling."""
-
+_ESCALATIONS = 5
+"""`go_home`, `land`, `land_blind`, `fault`, all in one tick at worst, and one to steer at last."""
 _GONE = 10.0
-"""Seconds without a word after which nobody knows any more whether its rotors turn."""
+"""Seconds without a message after which nobody knows any more whether the rotors turn."""
 
 
-class Vehicle(Obeying):
-    """The engine calls `sense`, then `act`, once a tick."""
+class Vehicle:
+    """The engine calls `sense`, then, when every vehicle has sensed, `act`, once a tick."""
 
     def __init__(
         self,
@@ -62,155 +68,212 @@ class Vehicle(Obeying):
     ) -> None:
         self.plan, self.name, self.context = plan, plan.name, context
         self.now: Time = 0
-        self._events, self._observer, self._score = events, observer, score
+        self._observer, self._score = observer, score
         self._fleet: dict[str, Estimate | None] = {}
-        self._params = {part.label: part.params for part in parts_of(plan)}
+        self._params = params = {part.label: part.params for part in parts_of(plan)}
         self._supervisors = {p.label: make(p, p.params, context) for p in plan.supervisors}
-        self._chain = Chain(plan, context, self._params)
         lines = {part.label: part.at for part in parts_of(plan)}
-        self.failsafe = Failsafe(plan.name, self._supervisors, lines, events)
-        report = self.failsafe.report
-        self.senses = Senses(
-            plan, context, link, events, observer, score, report, sensors, bodies, fleet
+        failsafe = Failsafe(plan.name, self._supervisors, lines, events)
+        health = LinkHealth(plan.driver.label, failsafe.report)
+        link_in, link_out = LinkIn(plan, link, health, events), LinkOut(plan, link, health)
+        knowledge = Knowledge(
+            plan, context, link_in, events, observer, score, failsafe.report, sensors, bodies, fleet
         )
-        self.activity = Activity(plan, self._params, events, score, self._objection)
-        super().__init__()
+        activity = Activity(plan, params, events, score, self._objection)
+        entry = self.entry
+        output = Output(
+            plan, link_out, activity, knowledge.payload, knowledge.resting, events, entry
+        )
+        reactions = Reactions(plan, activity, failsafe, link_out, output, events, score, entry)
+        control = Control(plan, context, params, activity, reactions, output, events, entry)
+        override = ManualOverride(
+            plan, link_out, activity, failsafe, reactions, control, events, score, entry
+        )
+        self.requests = Requests(plan, activity, failsafe, reactions, override, events, entry)
+        self._decision = Decision(
+            activity, failsafe, reactions, self.requests, control, output, knowledge, entry
+        )
+        self.knowledge, self.activity, self.failsafe = knowledge, activity, failsafe
+        self.link, self._link = link_out, link
+        self._control, self._output, self._reactions = control, output, reactions
+        self._override, self._health = override, health
+        self._external_position = ExternalPosition(plan, knowledge.estimation)
 
     @property
     def estimate(self) -> Estimate | None:
-        return self.senses.estimate
+        """Where the vehicle believes itself to be."""
+        return self.knowledge.estimate
 
     @property
     def battery(self) -> Battery | None:
-        return self.senses.battery
+        return self.knowledge.battery
 
     @property
     def truth(self) -> Truth | None:
-        return self.senses.truth
+        """Where a simulator knows the vehicle to be, None without one."""
+        return self.knowledge.link.truth
+
+    @property
+    def followed(self) -> Setpoint | None:
+        """The setpoint that the tracker followed last, None while there is none."""
+        return self._control.followed
 
     @property
     def link_error(self) -> str | None:
         """What the link said when it failed, None while it works."""
-        return self.senses.link_error
+        return self._health.error
+
+    @property
+    def link_age(self) -> float:
+        """Seconds since the link delivered anything of the vehicle."""
+        return self._health.age
 
     @property
     def estimator(self) -> str | None:
         """The name of the estimator in use, as the mission calls it."""
-        return self.senses.estimation.source
+        return self.knowledge.estimation.source
 
     @property
     def state(self) -> str:
-        """The name of the state that it is in."""
+        """The name of the active state."""
         return self.activity.machine.state
 
     @property
-    def rests(self) -> bool:
-        """On the ground, in a state that nothing leaves any more, where it is not waited for longer
-        to be disarmed than it is heard; or in the hands of somebody else when its run ends, or who
-        armed it there."""
-        if self.away and self._retired is not None:
-            return True
-        if self.activity.flight is not GROUND or self._wishes.waiting:
-            return False
-        is_heard = self.senses.link_age < _GONE
-        if is_heard and self.senses.asking.armed and self.senses.asking.taken is None:
-            return False
-        return not self.falls and not self.activity.state.transitions
+    def airborne(self) -> bool:
+        """Whether the rotors turn and the vehicle is not on the ground."""
+        return self._reactions.airborne
 
     @property
-    def falls(self) -> bool:
-        """Its rotors were cut just now."""
-        return self._cut is not None and self.now - self._cut < _FALL
-
-    def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
-        """What would make it leave its mission at once if it flew now: (supervisor, reason, mission
-        line)."""
-        return self.failsafe.foresee(self._standing()._replace(fleet=fleet))
-
-    def _objection(self) -> str | None:
-        """What a supervisor would land it for at once if it took off now, None for nothing."""
-        found = self.foreseen(self._fleet)
-        return f"`{found[0][0]}` would not let it fly: {found[0][1]}" if found else None
+    def rests(self) -> bool:
+        """Whether nothing will move it any more: it is on the ground in a final state, disarmed as
+        far as it says so; or its run ends while somebody else has it, or armed it there."""
+        if self._override.away and self.requests.retired is not None:
+            return True
+        if self.activity.flight is not GROUND or self.requests.waiting:
+            return False
+        if self.link_age < _GONE and self.link.armed and self.link.override is None:
+            return False
+        return not self._reactions.falls(self.now) and not self.activity.state.transitions
 
     def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
         """Enter the first state."""
         try:
             self.activity.begin(conditions, self.entry)
-        except Exception as error:  # see _decided
-            self._escalate(error, self._standing())
+        except Exception as error:  # see _commanded
+            self._reactions.failed(*self._control.blame(error), self._standing())
 
     def sense(self, now: Time) -> None:
         """Read the link and renew the estimate."""
         self.now = now
-        self.senses.update(now, self.airborne)
+        self.knowledge.update(now, self._reactions.airborne)
+        if self.link.tells_position:
+            position = self._external_position.of(self.knowledge.estimate)
+            if position is not None:
+                self.link.tell_position(position, now)
 
     def act(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> None:
         """Decide, steer, send and record."""
-        self._fleet, senses = fleet, self.senses
+        self._fleet = fleet
         tick = self._tick(now, dt, fleet)
-        wanted: Setpoint | None = None
-        if senses.asking.taken is not None or self.away:
-            self._mind_taken(tick)
-        if self.away:
-            command = HANDED_OVER
+        command, wanted = HANDED_OVER, None
+        override = self._override
+        if override.away or self._link.override is not None:
+            override.update(tick, self._decision.answer)
+        if override.away:
+            self._output.sent = command
         else:
-            if self.activity.hold is not None:
-                self.activity.wait(dt)
-            command, wanted = self._decided(tick)
-            command = self._handed(command, now)
-        self._sent = command
+            command, wanted = self._commanded(tick)
+            command = self._output.deliver(command, now)
         if self.activity.grip is not None:
-            self._grip(self.activity.grip, now)
-        self._observer.tick(now, senses.estimate, wanted, self.followed, command, senses.truth)
-        self._observer.estimators(now, senses.estimation)
-        self._measure()
+            self._output.grip(self.activity.grip, now)
+        self._record(now, wanted, command)
+
+    def _commanded(self, tick: Tick) -> Commanded:
+        """Return the command of this tick, whatever fails."""
+        try:
+            if self.activity.hold is not None:
+                self.activity.wait(tick.dt)
+            tick = self._decision.decide(tick)
+            return self._steered(tick)
+        except Exception as error:  # a part may raise anything; it fails this vehicle alone
+            failure = error
+        for _ in range(_ESCALATIONS + len(self.plan.processors)):
+            try:
+                self._reactions.failed(*self._control.blame(failure), tick)
+                tick = self._decision.settle(tick)
+                return self._steered(tick)
+            except Exception as error:  # see above
+                failure = error
+        return RESTING, None
+
+    def _steered(self, tick: Tick) -> Commanded:
+        """Steer until the vehicle does nothing else in this tick."""
+        while (commanded := self._control.steer(tick)) is None:
+            tick = self._decision.settle(tick)
+        return commanded
 
     def entry(self) -> Entry:
-        """What a behavior is entered with now."""
-        thrust, flight, rest = self._hover_thrust(), self.activity.flight, self.senses.rest.lift
-        return Entry(self.now, self.context, self.estimate, self.followed, thrust, flight, rest)
+        """Return what a behavior is entered with now."""
+        thrust, flight = self._control.hover_thrust(), self.activity.flight
+        lift = self.knowledge.resting.lift
+        return Entry(self.now, self.context, self.estimate, self.followed, thrust, flight, lift)
+
+    def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
+        """Return what would make it leave its mission at once if it flew now, each as (supervisor,
+        reason, mission line)."""
+        return self.failsafe.foresee(self._standing()._replace(fleet=fleet))
 
     def land(self, reason: str) -> None:
         """Land now, whatever the mission says: an operator's interrupt, or its time is over."""
-        self._retired = self._retired or reason
+        self.requests.retired = self.requests.retired or reason
         if not self.rests:
             alarm = Alarm("interrupted", Reaction.LAND, reason)
-            self.react(Heard(alarm, ""), self._standing())
+            self._reactions.react(Heard(alarm, ""), self._standing())
 
     def parameters(self) -> dict[str, Any]:
-        """Each part's parameters, by label."""
+        """Return each part's parameters, by label."""
         return self._params
 
     def change(self, label: str, parameters: Any) -> None:
         """Give a part its parameters from now on."""
         self._params[label] = parameters
-        living = {**self._chain.parts(), **self._supervisors, **self.senses.parts()}
+        living = {**self._control.parts(), **self._supervisors, **self.knowledge.parts()}
         living[self.activity.state.behavior.label] = self.activity.behavior
         if label in living:
             living[label].params = parameters
 
+    def _objection(self) -> str | None:
+        """Return what a supervisor would land it for at once if it took off now."""
+        found = self.foreseen(self._fleet)
+        return f"`{found[0][0]}` would not let it fly: {found[0][1]}" if found else None
+
     def _standing(self) -> Tick:
-        """The tick between two ticks: no time passes, nobody else is seen."""
+        """Return a tick in which no time passes and nobody else is seen."""
         return self._tick(self.now, 0.0, {})
 
     def _tick(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> Tick:
-        senses = self.senses
+        knowledge = self.knowledge
         return Tick(
             now,
             dt,
             (now - self.activity.entered) / NS,
-            senses.estimate,
-            senses.battery,
-            self.followed,
+            knowledge.estimate,
+            knowledge.battery,
+            self._control.followed,
             fleet,
-            senses.imu,
-            senses.link_age,
-            senses.cargo.state,
+            knowledge.imu,
+            self._health.age,
+            knowledge.payload.state,
         )
 
-    def _measure(self) -> None:
-        """Errors between the setpoint before tracking and the truth (the estimate on hardware)."""
-        setpoint, state = self.followed, self.senses.truth or self.senses.estimate
+    def _record(self, now: Time, wanted: Setpoint | None, command: Command) -> None:
+        """Record the tick, and measure the errors between the setpoint before tracking and the
+        truth (the estimate on hardware)."""
+        knowledge, setpoint = self.knowledge, self._control.followed
+        estimate, truth = knowledge.estimate, knowledge.link.truth
+        self._observer.tick(now, estimate, wanted, setpoint, command, truth)
+        self._observer.estimators(now, knowledge.estimation)
+        state = truth or estimate
         if setpoint is None or state is None:
             return
         position, velocity = setpoint.position, setpoint.velocity

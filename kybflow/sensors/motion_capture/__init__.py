@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from kybflow.core.params import param, params
 from kybflow.core.signals import MeasurementKind, Pose
 from kybflow.core.units import Duration
-from kybflow.parts.devices import Link
+from kybflow.parts.link import Link
 from kybflow.parts.sensor import Sensor, Stream
 from kybflow.sensors._axes import Axes, Units
 from kybflow.sensors._stream import Poses

@@ -16,7 +16,7 @@ from kybflow.core.params import param, params
 from kybflow.core.signals import MeasurementKind, Pose
 from kybflow.core.units import Duration
 from kybflow.parts.base import Objection
-from kybflow.parts.devices import Link
+from kybflow.parts.link import Link
 from kybflow.parts.sensor import Sensor, Stream
 from kybflow.sensors._axes import Axes, Units
 from kybflow.sensors._stream import Poses

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 from kybflow.core.errors import KybflowError
 from kybflow.core.geometry import LEVEL, Vec3, add, integrate
-from kybflow.core.signals import Command, Estimate, Measurement, MeasurementKind, Pose, Time, Truth
+from kybflow.core.signals import Measurement, Pose, Time
 from kybflow.dsl.plan import Plan
-from kybflow.parts import Check, Driver, Link, Rig, Said, Seat, Session, Taken
+from kybflow.parts import Driver, Link, Seat, Session
 from kybflow.sensors.vrpn.server import Server
 
 Publish = Callable[[str, Pose], None]
@@ -89,71 +89,19 @@ class _Published:
     def open(self, seats: Sequence[Seat], generator: random.Random) -> Session:
         session = self._driver.open(seats, generator)
         for name, link in session.links.items():
-            session.links[name] = Tapped(link, name, self._publish)
+            _tap(link, name, self._publish)
         return session
 
 
-class Tapped(Link):
-    """A link whose poses are published as they are read."""
+def _tap(link: Link, name: str, publish: Publish) -> None:
+    """Publish the poses of `link` as they are read."""
+    read = link.read
 
-    def __init__(self, link: Link, name: str, publish: Publish) -> None:
-        self._link, self._name, self._publish = link, name, publish
-        self.rig: Rig | None = link.rig
-
-    def read(self, now: Time) -> Sequence[Measurement]:
-        measurements = self._link.read(now)
+    def tapped(now: Time) -> Sequence[Measurement]:
+        measurements = read(now)
         for measurement in measurements:
             if type(measurement) is Pose:
-                self._publish(self._name, measurement)
+                publish(name, measurement)
         return measurements
 
-    def send(self, command: Command, now: Time) -> None:
-        self._link.send(command, now)
-
-    @property
-    def taken(self) -> Taken | None:  # type: ignore[override]
-        return self._link.taken
-
-    @property
-    def armed(self) -> bool | None:  # type: ignore[override]
-        return self._link.armed
-
-    @property
-    def is_heard(self) -> bool:  # type: ignore[override]
-        return self._link.is_heard
-
-    def arm(self, command: Command, now: Time) -> bool:
-        return self._link.arm(command, now)
-
-    def cut(self, now: Time) -> None:
-        self._link.cut(now)
-
-    def tell(self, estimate: Estimate, now: Time) -> None:
-        self._link.tell(estimate, now)
-
-    def checks(self, now: Time) -> Sequence[Check]:
-        return self._link.checks(now)
-
-    def said(self) -> Sequence[Said]:
-        return self._link.said()
-
-    def reclaim(self, now: Time) -> None:
-        self._link.reclaim(now)
-
-    def land(self, now: Time) -> bool:
-        return self._link.land(now)
-
-    def grip(self, is_open: bool, now: Time) -> None:
-        self._link.grip(is_open, now)
-
-    def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
-        self._link.subscribe(kinds)
-
-    def truth(self) -> Truth | None:
-        return self._link.truth()
-
-    def view(self) -> Truth | None:
-        return self._link.view()
-
-    def collisions(self) -> Sequence[str]:
-        return self._link.collisions()
+    link.read = tapped  # type: ignore[method-assign]

@@ -176,11 +176,11 @@ def test_one_that_is_armed_again_by_a_person_after_a_flight_is_not_touched():
     bench.fake.landed = AIR
     bench.run(5.0, RESTING)
     assert bench.fake.commands(ARM) == bench.fake.commands(SET_MODE) == []
-    assert bench.link.taken is not None
+    assert bench.link.override is not None
     bench.fake.armed, bench.fake.landed = False, GROUND
     bench.run(1.0, RESTING)
     assert bench.arm(command=at(ZERO))
-    assert bench.link.taken is None
+    assert bench.link.override is None
 
 
 def test_what_would_end_its_own_take_off_waits_until_it_lifted():

@@ -9,7 +9,7 @@ from kybflow.drivers.mavlink.telemetry.received_status import (
     CHUNK_PATIENCE,
     LandedState,
     ReceivedStatus,
-    StatusText,
+    ReceivedText,
 )
 
 mavlink = pytest.importorskip("pymavlink.dialects.v20.all")
@@ -84,7 +84,7 @@ def test_what_no_autopilot_should_say_is_unknown() -> None:
 def test_a_text_loses_its_tab_and_what_a_terminal_would_obey() -> None:
     heard = ReceivedStatus()
     heard.hear(text("Arming denied:\x1b[2J no GPS\t"), 3)
-    assert list(heard.texts) == [StatusText(3, 2, "Arming denied: [2J no GPS")]
+    assert list(heard.texts) == [ReceivedText(3, 2, "Arming denied: [2J no GPS")]
 
 
 def test_a_long_text_is_joined_in_whatever_order_it_comes() -> None:
@@ -106,7 +106,7 @@ def test_a_lost_chunk_does_not_hold_the_rest_for_ever(lost: int, rest: str) -> N
     heard.hear(heartbeat(0), CHUNK_PATIENCE)
     assert texts(heard) == []
     heard.hear(heartbeat(0), CHUNK_PATIENCE + 1)
-    assert list(heard.texts) == [StatusText(0, 2, rest)]
+    assert list(heard.texts) == [ReceivedText(0, 2, rest)]
 
 
 def test_many_unfinished_texts_do_not_pile_up() -> None:

@@ -22,7 +22,7 @@ from fake import (
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Imu, Odometry
-from kybflow.parts import Said
+from kybflow.parts import StatusText
 from kybflow.world.vehicle_context import Parcel
 
 UP = at((0.0, 0.0, 1.0))
@@ -38,7 +38,7 @@ def land(bench, seconds):
 
 
 def reason(bench):
-    return bench.link.taken.reason
+    return bench.link.override.reason
 
 
 def test_heartbeats_of_a_ground_station_and_of_a_computer_come_with_the_tick():
@@ -100,7 +100,7 @@ def test_a_pilot_is_yielded_to_at_once():
     bench.fake.go("POSITION")
     bench.run(0.04, UP)
     assert reason(bench) == "a pilot took over: POSITION"
-    assert not bench.link.taken.lands
+    assert not bench.link.override.lands
     bench.fake.sent.clear()
     bench.run(10.0, UP)
     bench.run(1.0, RESTING)
@@ -120,10 +120,10 @@ def test_it_is_taken_back_only_when_asked():
     bench.fake.sent.clear()
     bench.link.reclaim(bench.now)
     bench.run(0.9, UP)
-    assert bench.link.taken is not None
+    assert bench.link.override is not None
     assert {m.y for m in bench.fake.took(STREAM)} == {4.0}
     bench.run(1.0, UP)
-    assert bench.link.taken is None
+    assert bench.link.override is None
     assert bench.fake.mode == bench.fake.profile.modes["offboard"]
     assert bench.fake.took(STREAM)[-1].z == -1.0
 
@@ -133,11 +133,11 @@ def test_its_own_failsafe_is_known_by_its_words_which_may_be_late():
     bench.fly()
     bench.fake.go("LAND")
     bench.run(0.2, UP)
-    assert bench.link.taken is None
+    assert bench.link.override is None
     bench.fake.say("Offboard control signal lost")
     bench.run(0.1, UP)
     assert reason(bench) == "its own failsafe: LAND ('Offboard control signal lost')"
-    assert bench.link.taken.lands
+    assert bench.link.override.lands
 
 
 def test_where_nobody_says_why_that_is_said():
@@ -146,7 +146,7 @@ def test_where_nobody_says_why_that_is_said():
     bench.fake.go("RETURN")
     bench.run(1.0, UP)
     assert "does not say why" in reason(bench)
-    assert not bench.link.taken.lands
+    assert not bench.link.override.lands
 
 
 @pytest.mark.parametrize("after", ["land", "resume"])
@@ -161,9 +161,9 @@ def test_after_a_cut_link_it_is_landed_or_resumed_as_asked(after):
     bench.fake.go("LAND")
     bench.run(0.5, UP)
     assert reason(bench).startswith("its own failsafe: LAND, after 5.0 s without a link")
-    assert bench.link.taken.lands == (after == "land")
+    assert bench.link.override.lands == (after == "land")
     bench.run(4.0, UP)
-    assert (bench.link.taken is None) == (after == "resume")
+    assert (bench.link.override is None) == (after == "resume")
 
 
 @pytest.mark.parametrize(("landed", "height"), [(GROUND, 1.0), (AIR, 0.1)])
@@ -177,7 +177,7 @@ def test_one_that_its_failsafe_has_landed_does_not_take_off_again_unasked(landed
     bench.fake.landed = landed
     bench.fake.go("LAND")
     bench.run(6.0, UP)
-    assert bench.link.taken is not None
+    assert bench.link.override is not None
     assert bench.fake.mode == bench.fake.profile.modes["land"]
 
 
@@ -190,7 +190,7 @@ def test_a_failsafe_that_lands_is_joined_by_its_land_mode():
     assert not bench.link.land(bench.now)
     bench.run(0.5)
     assert bench.fake.mode == bench.fake.profile.modes["land"]
-    assert bench.link.taken is None
+    assert bench.link.override is None
 
 
 def test_its_own_land_mode_ends_disarmed():
@@ -215,7 +215,7 @@ def test_a_land_mode_that_is_refused_says_why_and_set_points_fly_on():
     bench.fake.sent.clear()
     bench.run(2.0, UP)
     assert bench.fake.took(STREAM)
-    assert bench.link.taken is None
+    assert bench.link.override is None
 
 
 def test_a_land_mode_that_a_pilot_leaves_is_his():
@@ -236,9 +236,9 @@ def test_a_disarm_on_the_ground_is_waited_out_and_one_in_the_air_is_not():
     bench.fly()
     bench.fake.armed, bench.fake.landed = False, GROUND
     bench.run(2.0, UP)
-    assert bench.link.taken is None
+    assert bench.link.override is None
     bench.run(3.0, RESTING)
-    assert bench.link.taken is None
+    assert bench.link.override is None
     bench = Bench()
     bench.fly()
     bench.fake.armed, bench.fake.landed = False, AIR
@@ -249,7 +249,7 @@ def test_a_disarm_on_the_ground_is_waited_out_and_one_in_the_air_is_not():
 def told(bench, seconds, position=ZERO, source="mocap", age=0.01):
     for _ in range(round(seconds * 50)):
         bench.tick()
-        bench.link.tell(estimate(bench.now, position, source, age), bench.now)
+        bench.link.tell_position(estimate(bench.now, position, source, age), bench.now)
     return bench.fake.took("ODOMETRY")
 
 
@@ -304,8 +304,8 @@ def test_what_it_says_of_warning_or_worse_is_told_once():
     bench.fake.say("Preflight Fail: no position", 2)
     bench.fake.say("Preflight Fail: no position", 2)
     bench.run(0.1)
-    assert bench.link.said() == [Said("critical", "Preflight Fail: no position")]
-    assert bench.link.said() == ()
+    assert bench.link.status_texts() == [StatusText("critical", "Preflight Fail: no position")]
+    assert bench.link.status_texts() == ()
 
 
 def lines(bench, seconds=3.0, tells=True):
@@ -313,7 +313,7 @@ def lines(bench, seconds=3.0, tells=True):
     for _ in range(round(seconds * 50)):
         bench.tick()
         if tells:
-            bench.link.tell(estimate(bench.now), bench.now)
+            bench.link.tell_position(estimate(bench.now), bench.now)
         checks = bench.link.checks(bench.now)
     return {check.name: check for check in checks}
 
@@ -405,9 +405,9 @@ def test_whatever_is_said_nothing_breaks():
             payload = chance.randbytes(sort.unpacker.size)
             bench.wire.other.send(frame(number, payload, sort.crc_extra))
         bench.tick()
-        bench.link.tell(estimate(bench.now), bench.now)
+        bench.link.tell_position(estimate(bench.now), bench.now)
         bench.link.send(UP, bench.now)
-        bench.link.said()
+        bench.link.status_texts()
         bench.link.truth()
 
 

@@ -19,7 +19,7 @@ def taken_by_a_pilot(name="px4") -> Bench:
     bench.fly()
     bench.fake.go("POSITION" if name == "px4" else "LOITER")
     bench.run(0.5, UP)
-    assert bench.link.taken is not None
+    assert bench.link.override is not None
     bench.fake.sent.clear()
     return bench
 
@@ -39,7 +39,7 @@ def test_it_is_not_sent_back_to_where_it_was_long_ago(monkeypatch):
     bench.link.reclaim(bench.now)
     bench.run(2.0, UP)
     assert bench.fake.took(STREAM) == []
-    assert bench.link.taken is not None
+    assert bench.link.override is not None
 
 
 @BOTH
@@ -54,7 +54,7 @@ def test_nobody_insists_for_ever_on_a_vehicle_that_its_pilot_keeps(name):
     assert bench.fake.took(STREAM) == bench.fake.commands(SET_MODE) == []
     bench.link.reclaim(bench.now)
     bench.run(3.0, UP)
-    assert bench.link.taken is None
+    assert bench.link.override is None
 
 
 @BOTH
@@ -63,14 +63,14 @@ def test_that_nobody_insists_any_more_is_said_with_its_words(name):
     bench.fake.refuses = {SET_MODE: (1, "Mode change denied: not today")}
     bench.link.reclaim(bench.now)
     bench.run(9.0, UP)
-    assert bench.link.taken.refused == ""
+    assert bench.link.override.refused == ""
     bench.run(2.0, UP)
-    refused = bench.link.taken.refused
+    refused = bench.link.override.refused
     assert refused.startswith("it won't go from ")
     assert "not today" in refused
     assert refused.endswith(", asked for 10 s")
     bench.link.reclaim(bench.now)
-    assert bench.link.taken.refused == ""
+    assert bench.link.override.refused == ""
 
 
 def test_that_it_cannot_be_asked_for_is_said(monkeypatch):
@@ -78,7 +78,9 @@ def test_that_it_cannot_be_asked_for_is_said(monkeypatch):
     deaf_to_positions(bench, monkeypatch)
     bench.run(3.0, UP)
     bench.link.reclaim(bench.now)
-    assert bench.link.taken.refused == "it is not known where it is, and so not where it is to hold"
+    assert (
+        bench.link.override.refused == "it is not known where it is, and so not where it is to hold"
+    )
 
 
 def after_landing(refuses: str) -> Bench:
@@ -87,7 +89,7 @@ def after_landing(refuses: str) -> Bench:
     bench.fly()
     bench.fake.landed = GROUND
     bench.fake.refuses = {ARM: (1, refuses)}
-    assert bench.link.said() == ()
+    assert bench.link.status_texts() == ()
     return bench
 
 
@@ -96,7 +98,7 @@ def said(bench, seconds):
     found = []
     for _ in range(round(seconds * 50)):
         bench.run(0.02, RESTING)
-        found += [text for _, text in bench.link.said()]
+        found += [text for _, text in bench.link.status_texts()]
     return found
 
 
@@ -250,7 +252,7 @@ def test_the_drift_is_learnt_with_its_sign():
     for _ in range(500):
         bench.tick()
         x, y, z = bench.fake.position
-        bench.link.tell(estimate(bench.now, (x + 0.2, y - 0.1, z + 0.05)), bench.now)
+        bench.link.tell_position(estimate(bench.now, (x + 0.2, y - 0.1, z + 0.05)), bench.now)
         bench.link.send(at((1.2, 0.9, 1.05)), bench.now)
     sent = bench.fake.took(STREAM)[-1]
     assert (sent.y, sent.x, -sent.z) == pytest.approx((1.0, 1.0, 1.0), abs=0.01)

@@ -80,7 +80,7 @@ def flying(name: str) -> Bench:
     bench.run(1.0)
     for _ in range(50):
         bench.tick()
-        bench.link.tell(estimate(bench.now), bench.now)
+        bench.link.tell_position(estimate(bench.now), bench.now)
     bench.fly()
     return bench
 
@@ -96,7 +96,7 @@ def test_what_is_not_finite_goes_no_further(name):
         bench.measured.clear()
         bench.fake.sent.clear()
         bench.tick()
-        bench.link.tell(estimate(bench.now), bench.now)
+        bench.link.tell_position(estimate(bench.now), bench.now)
         bench.link.send(at((0.0, 0.0, 1.0)), bench.now)
         bench.link.checks(bench.now)
         out = [*bench.measured, bench.link.truth() or ()]

@@ -29,7 +29,7 @@ def failed_over(name: str) -> Bench:
     bench.wire.deaf = bench.wire.mute = False
     go(bench, OWN[name])
     bench.run(0.5, UP)
-    assert bench.link.taken.reason.startswith("its own failsafe")
+    assert bench.link.override.reason.startswith("its own failsafe")
     bench.fake.sent.clear()
     return bench
 
@@ -45,7 +45,7 @@ def go(bench: Bench, mode: str) -> None:
 def test_it_comes_back_from_its_failsafe(name):
     bench = failed_over(name)
     bench.run(4.0, UP)
-    assert bench.link.taken is None
+    assert bench.link.override is None
 
 
 @BOTH
@@ -57,7 +57,7 @@ def test_it_is_left_to_a_person_who_took_it_from_its_failsafe(name, modes):
     go(bench, OWN[name])
     bench.run(10.0, UP)
     assert bench.fake.commands(SET_MODE) == bench.fake.took(STREAM) == []
-    assert bench.link.taken is not None
+    assert bench.link.override is not None
 
 
 @BOTH
@@ -73,10 +73,10 @@ def test_a_person_ends_an_attempt_that_is_under_way(name):
     bench.run(15.0, UP)
     assert bench.fake.commands(SET_MODE) == bench.fake.took(STREAM) == []
     assert bench.link.offboard.modes.reported == HAND[name]
-    assert bench.link.taken.refused == ""
+    assert bench.link.override.refused == ""
     bench.link.reclaim(bench.now)
     bench.run(3.0, UP)
-    assert bench.link.taken is None
+    assert bench.link.override is None
 
 
 @BOTH
@@ -86,7 +86,7 @@ def test_one_that_goes_back_by_itself_for_a_moment_still_comes_back(name):
     bench.run(0.2, UP)
     go(bench, OWN[name])
     bench.run(4.0, UP)
-    assert bench.link.taken is None
+    assert bench.link.override is None
 
 
 @BOTH
@@ -94,12 +94,12 @@ def test_one_that_does_not_come_is_asked_no_more_and_says_so_once(name):
     bench = failed_over(name)
     bench.fake.refuses = {SET_MODE: (REJECTED, "Mode change denied")}
     bench.run(15.0, UP)
-    assert "Mode change denied" in bench.link.taken.refused
+    assert "Mode change denied" in bench.link.override.refused
     bench.fake.refuses = {}
     bench.fake.sent.clear()
     for _ in range(30):
         bench.run(1.0, UP)
-        assert "asked for 10 s" in bench.link.taken.refused
+        assert "asked for 10 s" in bench.link.override.refused
     assert bench.fake.commands(SET_MODE) == bench.fake.took(STREAM) == []
 
 
@@ -119,4 +119,4 @@ def test_a_pilot_who_takes_one_that_will_not_land_is_not_asked_over(name):
     bench.fake.sent.clear()
     bench.run(5.0)
     assert bench.fake.commands(SET_MODE) == []
-    assert bench.link.taken.reason == f"a pilot took over: {HAND[name]}"
+    assert bench.link.override.reason == f"a pilot took over: {HAND[name]}"

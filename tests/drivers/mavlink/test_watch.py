@@ -17,7 +17,7 @@ def looked(bench: Bench, seconds: float):
     """The last checks, by name, while it is told where it is."""
     for _ in range(round(seconds * 50)):
         bench.tick()
-        bench.link.tell(estimate(bench.now), bench.now)
+        bench.link.tell_position(estimate(bench.now), bench.now)
         checks = bench.link.checks(bench.now)
     return {check.name: check for check in checks}
 

@@ -36,7 +36,7 @@ class Watch:
 
     def __call__(self, engine: Engine) -> None:
         (flier,), now = engine.vehicles, engine.clock.now
-        truth, (fusion,) = flier.truth, flier.senses.parts().values()
+        truth, (fusion,) = flier.truth, flier.knowledge.parts().values()
         if now < SETTLED * NS:
             return
         if now // NS not in self.nees and fusion.filter.state.nominal.time == now:

@@ -27,7 +27,7 @@ from kybflow.parts import Action, ActionContext
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.action_context import Reach
 from kybflow.runtime.fleet.callbacks import Callbacks, filled
-from kybflow.runtime.vehicle.requests import Asker
+from kybflow.runtime.vehicle.requests import Requester
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class FakeVehicle:
     def __init__(self) -> None:
         self.asked: list[tuple] = []
 
-    def ask(self, state: str, by: Asker, at: str = "") -> None:
+    def switch(self, state: str, by: Requester, at: str = "") -> None:
         self.asked.append(("switch", state, by, at))
 
     def enable(self, label: str, on: bool, by: str, at: str = "") -> None:
@@ -128,7 +128,7 @@ def test_actions_are_done_in_order_and_say_where_they_come_from():
     bench.events.tell("landed", "a")
     bench.callbacks.step()
     assert bench.asked == [
-        ("switch", "down", Asker.CALLBACK, "m.yaml:9"),
+        ("switch", "down", Requester.CALLBACK, "m.yaml:9"),
         ("set", "a.tracker.tilt", 0.1, "callback", "m.yaml:9"),
         ("enable", "processors.smooth", False, "callback", "m.yaml:9"),
         ("stop", "enough", "m.yaml:9"),

@@ -25,7 +25,7 @@ from kybflow.dsl.plan import (
 )
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.flows import Flows
-from kybflow.runtime.vehicle.requests import Asker
+from kybflow.runtime.vehicle.requests import Requester
 
 DT = 0.1
 
@@ -39,8 +39,12 @@ class Obedient:
     paused: bool = False
     asked: list[str] = field(default_factory=list)
 
-    def ask(self, state: str, by: Asker, at: str = "") -> None:
-        assert by is Asker.FLOW
+    @property
+    def requests(self) -> Obedient:
+        return self
+
+    def switch(self, state: str, by: Requester, at: str = "") -> None:
+        assert by is Requester.FLOW
         self.asked.append(state)
         self.state = state
 
@@ -360,7 +364,7 @@ def test_an_operator_decides_before_the_flow(run) -> None:
 
     def operator(event: Event) -> None:
         if event.name == "phase_started" and event.fields["phase"] == "still":
-            engines[0].vehicles[0].ask("down", Asker.OPERATOR)
+            engines[0].vehicles[0].requests.switch("down", Requester.OPERATOR)
 
     engines: list[Any] = []
     flown, told = run(

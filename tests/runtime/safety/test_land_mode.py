@@ -4,7 +4,6 @@ the vehicle comes down."""
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import ClassVar
 
 import pytest
 from alarming import alarming
@@ -16,6 +15,7 @@ from kybflow.core.geometry import GRAVITY, LEVEL, ZERO
 from kybflow.core.signals import NS, Command, Reaction
 from kybflow.parts import Link
 from kybflow.runtime.safety.land_mode import HANDED_OVER
+from kybflow.runtime.vehicle.link import LinkHealth, LinkOut
 
 AT = 6.0
 """When the failsafe lands the vehicle, seconds."""
@@ -93,7 +93,7 @@ def test_a_vehicle_lands_by_its_own_mode_and_is_sent_nothing_meanwhile(run):
 
     def look(engine):
         if engine.seconds() > AT + 0.1 and engine.vehicles[0].airborne:
-            commands.append(engine.vehicles[0]._sent)
+            commands.append(engine.vehicles[0]._output.sent)
 
     flown, told = run(flight(own, LAND), observers=(look,))
     assert asked(opened) == ["land", "rest"]
@@ -172,16 +172,15 @@ def test_neither_is_one_whose_driver_has_no_land_mode(run):
 
 def test_a_link_that_says_nothing_of_a_land_mode_refuses():
     class Plain(Link):
-        rig: ClassVar[None] = None
-
         def read(self, now):
             return ()
 
         def send(self, command, now):
             raise AssertionError
 
+    out = LinkOut(flight(driver("lands")[0]), Plain(), LinkHealth("sim", lambda failure: None))
     with pytest.raises(Refused, match="no land mode"):
-        Plain().land(0)
+        out.land(0)
 
 
 @pytest.mark.parametrize(

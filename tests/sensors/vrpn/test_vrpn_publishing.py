@@ -18,11 +18,10 @@ from kybflow.core.geometry import Quat, Vec3, distance
 from kybflow.core.signals import NS, Pose
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.parts import Link
 from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.vrpn.client import Report, subscribe
 from kybflow.sensors.vrpn.link import Address
-from kybflow.sensors.vrpn.publishing import Noise, Tapped, published, still, to
+from kybflow.sensors.vrpn.publishing import Noise, published, still, to
 
 MISSIONS = Path(__file__).parents[3] / "missions"
 
@@ -44,11 +43,6 @@ def test_every_pose_is_published_and_the_flight_is_the_same(plan: Plan, tmp_path
     stamps = [pose.time for name, pose in seen if name == plan.vehicles[0].name]
     assert stamps == [round(i * NS / 120) for i in range(len(stamps))]
     assert stamps[-1] / NS == pytest.approx(flown.summary["sim_time_s"], abs=0.03)
-
-
-def test_a_tapped_link_passes_everything_on() -> None:
-    offered = {name for name in vars(Link) if not name.startswith("_")} - {"rig"}
-    assert offered == {name for name in vars(Tapped) if not name.startswith("_")}
 
 
 def test_real_vehicles_are_not_published(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,7 @@ from kybflow.drivers.mavlink.control.requests import CommandRequests
 from kybflow.drivers.mavlink.control.setpoints import SetpointStream
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
-from kybflow.parts import Taken
+from kybflow.parts import Override
 
 STUBBORN: Time = 3 * NS
 """How long it may take to be in its land mode; and what armed it within this is still ours."""
@@ -53,7 +53,7 @@ class OffboardControl:
         self, profile: FirmwareProfile, status: ReceivedStatus, requests: CommandRequests,
         arming_time: float, rate: float, resumes: bool, hold: Callable[[], Command | None],
     ) -> None:  # fmt: skip
-        self.taken: Taken | None = None
+        self.taken: Override | None = None
         self.goal = OffboardGoal.NOTHING
         self.modes = Modes(profile, status, requests)
         self.stream = SetpointStream(rate)
@@ -152,7 +152,7 @@ class OffboardControl:
             if self.taken is not None:
                 raise Refused(self.taken.reason)
         elif self.modes.is_manual and self.modes.reported != self._left_for:
-            taken = Taken(f"a pilot took over: {self.modes.reported}")
+            taken = Override(f"a pilot took over: {self.modes.reported}")
             self._take(taken)
             raise Refused(taken.reason)
         elif now - self._since > STUBBORN:
@@ -214,7 +214,7 @@ class OffboardControl:
     def _let_rest(self, now: Time) -> None:
         ours = self._disarming.is_under_way or now - self._since < STUBBORN
         if self._status.armed and not ours:
-            self._take(Taken(f"somebody armed it: {self.modes.reported}"))
+            self._take(Override(f"somebody armed it: {self.modes.reported}"))
         else:
             self._disarming.step(now)
 
@@ -222,20 +222,20 @@ class OffboardControl:
         """While it is to follow or to land: does it?"""
         found = self.override.found(now)
         if found is not None:
-            self._take(Taken(found.reason, found.by_itself and not self._resumes))
+            self._take(Override(found.reason, found.by_itself and not self._resumes))
             if found.by_itself and self._resumes:
                 self._recovery.expect()
         elif self.goal is OffboardGoal.FOLLOW and not self.override.is_in_doubt:
             self._step_mode(now)
 
-    def _take(self, taken: Taken) -> None:
+    def _take(self, taken: Override) -> None:
         self.taken = taken
         self._recovery.forget()
         self.override.forget()
         self.stream.stop()
         self.modes.want(None)
 
-    def _look_after(self, taken: Taken, age: float, now: Time) -> None:
+    def _look_after(self, taken: Override, age: float, now: Time) -> None:
         """While somebody else has it. One that was to be taken back unasked is not when it is down,
         it would take off again, nor when a person may have it by now."""
         silence = self.override.silence
@@ -249,7 +249,7 @@ class OffboardControl:
         if back.is_under_way:
             self._ask_back(taken, now)
 
-    def _ask_back(self, taken: Taken, now: Time) -> None:
+    def _ask_back(self, taken: Override, now: Time) -> None:
         """It is to come back: does it, is it down, or was it asked for long enough?"""
         refused = self._recovery.lasts(now)
         if refused or not self._status.armed:

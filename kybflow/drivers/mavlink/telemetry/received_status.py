@@ -43,7 +43,7 @@ class LandedState(Enum):
     LANDING = 4
 
 
-class StatusText(NamedTuple):
+class ReceivedText(NamedTuple):
     """A text of the autopilot: when it came, its MAV_SEVERITY (0 the worst, 7 the least), and the
     words."""
 
@@ -97,7 +97,7 @@ class ReceivedStatus:
         self.servos: tuple[int, ...] = ()
         self.throttle: float | None = None
         self.at: dict[str, Time] = {}
-        self.texts: deque[StatusText] = deque(maxlen=MOST_TEXTS)
+        self.texts: deque[ReceivedText] = deque(maxlen=MOST_TEXTS)
         self._chunks: dict[tuple[int, int], _Chunks] = {}
         self._hear: dict[str, Callable[[Message, Time], None]] = {
             "HEARTBEAT": self._heartbeat,
@@ -204,7 +204,7 @@ class ReceivedStatus:
     def _say(self, time: Time, severity: int, text: str) -> None:
         clean = " ".join("".join(_printable(text)).split())
         if clean:
-            self.texts.append(StatusText(time, severity, clean))
+            self.texts.append(ReceivedText(time, severity, clean))
 
 
 def _printable(text: str) -> Iterator[str]:

@@ -6,7 +6,7 @@ from kybflow.core.signals import NS, Estimate, Payload, PayloadState, Time
 from kybflow.runtime.events import Events
 
 
-class Cargo:
+class PayloadTracker:
     """`state` is where the payload is as the vehicle acknowledged it, None while nobody knows;
     `releases` is how often it let it go. It is let go once: until the servo has closed again it
     opens no second time, whoever asks, however often, in whatever state of the mission."""

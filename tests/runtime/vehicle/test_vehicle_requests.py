@@ -11,7 +11,7 @@ from kybflow.core.errors import Refused
 from kybflow.core.signals import SetpointKind
 from kybflow.dsl.plan import TransitionPlan
 from kybflow.parts import AIR
-from kybflow.runtime.vehicle.requests import Asker
+from kybflow.runtime.vehicle.requests import Requester
 
 
 class Shut(Still, flight=AIR >> AIR, emits=SetpointKind.POSITION):
@@ -35,7 +35,7 @@ def refusals(told):
 
 
 def test_a_granted_wish_leaves_the_state_with_how_asked_and_says_who_asked(run):
-    ask = orders((5.0, lambda v: v.ask("side", Asker.FLOW, "m.yaml:9")))
+    ask = orders((5.0, lambda v: v.requests.switch("side", Requester.FLOW, "m.yaml:9")))
     _, told = run(flight(), observers=(ask,))
     assert path(told, "a") == ["up", "hold", "side", "down", "landed"]
     [left] = [e for e in named(told, "behavior_ended") if e.fields["behavior"] == "hold"]
@@ -44,10 +44,10 @@ def test_a_granted_wish_leaves_the_state_with_how_asked_and_says_who_asked(run):
 
 def test_of_several_in_one_tick_the_operator_is_heard_and_the_others_are_told(run):
     def all_of_them(v):
-        v.ask("hold", Asker.CALLBACK, "m.yaml:1")
-        v.ask("side", Asker.FLOW, "m.yaml:2")
-        v.ask("down", Asker.OPERATOR)
-        v.ask("down", Asker.CALLBACK, "m.yaml:3")
+        v.requests.switch("hold", Requester.CALLBACK, "m.yaml:1")
+        v.requests.switch("side", Requester.FLOW, "m.yaml:2")
+        v.requests.switch("down", Requester.OPERATOR)
+        v.requests.switch("down", Requester.CALLBACK, "m.yaml:3")
 
     _, told = run(flight(), observers=(orders((5.0, all_of_them)),))
     assert path(told, "a") == ["up", "hold", "down", "landed"]
@@ -70,7 +70,7 @@ def test_of_several_in_one_tick_the_operator_is_heard_and_the_others_are_told(ru
 )
 def test_what_can_not_be_entered_is_refused_and_nothing_changes(run, goal, reason):
     shut = state("shut", Shut, then("down"))
-    ask = orders((5.0, lambda v: v.ask(goal, Asker.CALLBACK, "m.yaml:4")))
+    ask = orders((5.0, lambda v: v.requests.switch(goal, Requester.CALLBACK, "m.yaml:4")))
     flown, told = run(flight(shut), observers=(ask,))
     assert refusals(told) == [(goal, "callback", reason, "m.yaml:4")]
     assert path(told, "a") == ["up", "hold", "down", "landed"]
@@ -84,13 +84,13 @@ def test_an_arrow_hears_the_refusal(run):
         part("behaviors", "hover"),
         TransitionPlan("next", "down", event="switch_refused"),
     )
-    ask = orders((5.0, lambda v: v.ask("up", Asker.FLOW)))
+    ask = orders((5.0, lambda v: v.requests.switch("up", Requester.FLOW)))
     _, told = run(vehicle("a", [up("hold"), listening, down()]), observers=(ask,))
     assert path(told, "a") == ["up", "hold", "down", "landed"]
 
 
 def test_a_wish_whose_behavior_raises_lands(run):
-    ask = orders((5.0, lambda v: v.ask("bad", Asker.FLOW)))
+    ask = orders((5.0, lambda v: v.requests.switch("bad", Requester.FLOW)))
     _, told = run(flight(state("bad", Bad, then("down"))), observers=(ask,))
     assert path(told, "a") == ["up", "hold", "auto_land", "fault"]
     [failed] = named(told, "part_failed")
@@ -98,16 +98,19 @@ def test_a_wish_whose_behavior_raises_lands(run):
 
 
 def test_a_persons_wish_ends_a_pause(run):
-    asks = orders((5.0, lambda v: v.pause("x")), (6.0, lambda v: v.ask("side", Asker.OPERATOR)))
+    asks = orders(
+        (5.0, lambda v: v.requests.pause("x")),
+        (6.0, lambda v: v.requests.switch("side", Requester.OPERATOR)),
+    )
     _, told = run(flight(), observers=(asks,))
     assert path(told, "a") == ["up", "hold", "side", "down", "landed"]
 
 
 def test_a_flow_ends_no_pause_but_may_land(run):
     asks = orders(
-        (5.0, lambda v: v.pause("x")),
-        (6.0, lambda v: v.ask("side", Asker.FLOW)),
-        (7.0, lambda v: v.ask("down", Asker.FLOW)),
+        (5.0, lambda v: v.requests.pause("x")),
+        (6.0, lambda v: v.requests.switch("side", Requester.FLOW)),
+        (7.0, lambda v: v.requests.switch("down", Requester.FLOW)),
     )
     _, told = run(flight(), observers=(asks,))
     assert path(told, "a") == ["up", "hold", "down", "landed"]
@@ -117,12 +120,13 @@ def test_a_flow_ends_no_pause_but_may_land(run):
 
 def test_processors_are_switched_off_and_on_but_no_safety_part(run):
     def all_of_them(v):
-        v.enable("processors.limit_speed", False, "callback", "m.yaml:5")
-        v.enable("processors.fence", False, "callback", "m.yaml:6")
-        v.enable("supervisors.battery", False, "callback", "m.yaml:7")
+        v.requests.enable("processors.limit_speed", False, "callback", "m.yaml:5")
+        v.requests.enable("processors.fence", False, "callback", "m.yaml:6")
+        v.requests.enable("supervisors.battery", False, "callback", "m.yaml:7")
 
     asks = orders(
-        (5.0, all_of_them), (6.0, lambda v: v.enable("processors.limit_speed", True, "flow"))
+        (5.0, all_of_them),
+        (6.0, lambda v: v.requests.enable("processors.limit_speed", True, "flow")),
     )
     limits = part("processors", "limit_speed", speed=0.3), part("processors", "fence")
     _, told = run(flight(processors=limits), observers=(asks,))
@@ -142,7 +146,7 @@ def test_a_run_that_is_told_to_stop_lands_and_has_ended_as_it_should(run):
         if engine.seconds() >= 5.0:
             engine.stop("enough")
         if engine.seconds() >= 5.5:
-            engine.vehicles[0].ask("hold", Asker.OPERATOR)
+            engine.vehicles[0].requests.switch("hold", Requester.OPERATOR)
 
     flown, told = run(flight(), observers=(stop,))
     assert path(told, "a") == ["up", "hold", "auto_land", "landed"]

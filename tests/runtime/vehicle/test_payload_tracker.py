@@ -6,15 +6,15 @@ from flying import estimate
 
 from kybflow.core.signals import NS, Event, Payload, PayloadState
 from kybflow.runtime.events import Events
-from kybflow.runtime.vehicle.cargo import Cargo
+from kybflow.runtime.vehicle.payload import PayloadTracker
 
 CLOSED, OPEN = Payload(0, False, True), Payload(0, True, False)
 BLIND_CLOSED, BLIND_OPEN = Payload(0, False, None), Payload(0, True, None)
 
 
-def cargo(*said: Payload) -> tuple[Cargo, list[Event]]:
+def cargo(*said: Payload) -> tuple[PayloadTracker, list[Event]]:
     told: list[Event] = []
-    made = Cargo("a", Events([told.append]))
+    made = PayloadTracker("a", Events([told.append]))
     for word in said:
         made.hear(word, None, 0)
     return made, told

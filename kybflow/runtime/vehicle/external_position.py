@@ -1,4 +1,4 @@
-"""Which estimate a vehicle is told of, as its position from outside.
+"""Which estimate a vehicle is told as its position from outside (an autopilot's external vision).
 
 What is flown on, unless that is the vehicle's own: then the first of the list that can be used and
 is from outside. Dead reckoning that went on from the vehicle's own estimate is its own too. Told
@@ -15,8 +15,8 @@ _FELT = frozenset({Imu})
 """What an estimator needs that sees nothing."""
 
 
-class Telling:
-    """Of one vehicle."""
+class ExternalPosition:
+    """Chooses the estimate that one vehicle is told."""
 
     def __init__(self, plan: VehiclePlan, estimation: Estimation) -> None:
         self._estimation = estimation

@@ -9,19 +9,19 @@ from typing import Any
 import pytest
 from flights import down, hold, named, path, up
 from plans import part, vehicle, wrapped
-from test_obeying import BACK, PILOT, Autopilot, driver, flight
+from test_override import BACK, PILOT, Autopilot, driver, flight
 
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NS, Estimate
-from kybflow.runtime.vehicle.requests import Asker
-from kybflow.runtime.vehicle.telling import Telling
+from kybflow.runtime.vehicle.external_position import ExternalPosition
+from kybflow.runtime.vehicle.requests import Requester
 
 
 def ask_later(asks, seconds):
     def ask(engine):
         if engine.seconds() > seconds and not asks:
             asks.append(engine.seconds())
-            engine.vehicles[0].ask("up", Asker.FLOW)
+            engine.vehicles[0].requests.switch("up", Requester.FLOW)
 
     return ask
 
@@ -46,11 +46,11 @@ class Guest(Autopilot):
         measured = super().read(now)
         resting = self.calls and self.calls[-1][1] == "rest"
         if resting and now / NS - self.calls[-1][0] < 0.1:
-            self.armed, self.taken = True, PILOT
+            self.armed, self.override = True, PILOT
         return measured
 
     def send(self, command, now):
-        if self.taken is None:
+        if self.override is None:
             super().send(command, now)
 
 
@@ -80,17 +80,17 @@ def estimate(source: str) -> Estimate:
     return Estimate(0, ZERO, ZERO, LEVEL, ZERO, source, 0.0, 0.01)
 
 
-def telling(*parts: tuple[str, str]) -> tuple[Telling, Believed]:
+def telling(*parts: tuple[str, str]) -> tuple[ExternalPosition, Believed]:
     """Of estimators with these names in the mission, each of a part."""
     plans = [
         SimpleNamespace(part=replace(part("estimators", use), label=f"estimators.{name}"))
         for name, use in parts
     ]
     believed = Believed(*(name for name, _ in parts))
-    return Telling(SimpleNamespace(estimators=plans), believed), believed  # type: ignore[arg-type]
+    return ExternalPosition(SimpleNamespace(estimators=plans), believed), believed  # type: ignore[arg-type]
 
 
-def told(tells: Telling, believed: Believed, source: str | None) -> str | None:
+def told(tells: ExternalPosition, believed: Believed, source: str | None) -> str | None:
     believed.source = source  # type: ignore[assignment]
     found = tells.of(None if source is None else estimate(source))
     return None if found is None else found.source

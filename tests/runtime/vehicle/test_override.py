@@ -13,14 +13,14 @@ from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import norm
 from kybflow.core.signals import NS, Command, Estimate, Reaction
 from kybflow.dsl.plan import TransitionPlan
-from kybflow.parts import Check, Link, Said, Taken
-from kybflow.runtime.vehicle.requests import Asker
+from kybflow.parts import Check, Link, Override, StatusText
+from kybflow.runtime.vehicle.requests import Requester
 
 SLOW = 2.0
 """Seconds that the autopilot takes to arm."""
 TAKEN, BACK = 8.0, 11.0
-PILOT = Taken("a pilot took over: POSCTL")
-FAILSAFE = Taken("no set-points", lands=True)
+PILOT = Override("a pilot took over: POSCTL")
+FAILSAFE = Override("no set-points", lands=True)
 
 
 class Autopilot(Link):
@@ -42,13 +42,13 @@ class Autopilot(Link):
         seconds = now / NS
         late = self.way == "found late" and self.armed and self.asked_to_land is None
         if late and seconds >= TAKEN:
-            self.taken = Taken("nobody says why", lands=seconds >= TAKEN + 0.5)
+            self.override = Override("nobody says why", lands=seconds >= TAKEN + 0.5)
         if self.way in ("pilot", "failsafe", "pilot lands") and self.armed and not self.reclaimed:
             if seconds >= TAKEN:
-                self.taken = PILOT if "pilot" in self.way else FAILSAFE
+                self.override = PILOT if "pilot" in self.way else FAILSAFE
             if self.way == "pilot lands" and seconds >= BACK:
                 self.armed = False
-        if self.taken is not None and self._last is not None:
+        if self.override is not None and self._last is not None:
             rotors = self._last if self.armed else self._last._replace(armed=False, thrust=0.0)
             self.link.send(rotors, now)
         is_silent = self.way == "falls silent" and seconds >= TAKEN
@@ -81,18 +81,18 @@ class Autopilot(Link):
 
     def reclaim(self, now):
         self.calls.append((now / NS, "reclaim"))
-        self.reclaimed, self.taken = True, None
+        self.reclaimed, self.override = True, None
 
-    def tell(self, estimate, now):
+    def tell_position(self, estimate, now):
         self.told.append(estimate)
 
-    def said(self):
-        return [Said("warning", "low memory")] if not self.calls else []
+    def status_texts(self):
+        return [StatusText("warning", "low memory")] if not self.calls else []
 
     def land(self, now):
         self.calls.append((now / NS, "land"))
         self.asked_to_land = now / NS
-        self.taken = None
+        self.override = None
         raise Refused("it has no land mode")
 
 
@@ -183,12 +183,12 @@ class Keeping(Autopilot):
 
     def reclaim(self, now):
         self.asked_back = now / NS
-        self.taken = PILOT
+        self.override = PILOT
 
     def read(self, now):
         measured = super().read(now)
         if self.asked_back is not None and now / NS > self.asked_back + 1.0:
-            self.taken = PILOT._replace(refused="it won't go from POSCTL to OFFBOARD")
+            self.override = PILOT._replace(refused="it won't go from POSCTL to OFFBOARD")
         return measured
 
 
@@ -213,7 +213,7 @@ def test_nobody_else_gets_a_vehicle_that_a_pilot_has(run):
     def ask(engine):
         if engine.seconds() > TAKEN + 1.0 and not asks:
             asks.append(1)
-            engine.vehicles[0].ask("down", Asker.CALLBACK)
+            engine.vehicles[0].requests.switch("down", Requester.CALLBACK)
 
     _, told = run(flight(own), observers=(ask,), emitted=((BACK, "operator.resume"),))
     [refused] = named(told, "switch_refused")

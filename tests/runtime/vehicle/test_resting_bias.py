@@ -12,11 +12,11 @@ from plans import part, state, then, vehicle
 from kybflow.core.geometry import GRAVITY, ZERO
 from kybflow.core.signals import NS, Imu
 from kybflow.dsl.plan import EstimatorPlan, TransitionPlan
-from kybflow.runtime.vehicle.resting_bias import LONG, Rest
+from kybflow.runtime.vehicle.resting_bias import LONG, RestingBias
 
 
-def rest(lift: float, seconds: float) -> Rest:
-    felt = Rest()
+def rest(lift: float, seconds: float) -> RestingBias:
+    felt = RestingBias()
     for step in range(round(seconds / 0.004)):
         felt.feel(Imu(step, 0.004, (0.0, 0.0, lift), ZERO))
     return felt
@@ -30,7 +30,7 @@ def test_it_is_what_was_felt_on_average(lift: float) -> None:
 def test_a_moment_tells_nothing() -> None:
     brief = rest(9.0, LONG / 2)
     assert (brief.is_known, brief.lift) == (False, GRAVITY)
-    assert Rest().lift == GRAVITY
+    assert RestingBias().lift == GRAVITY
 
 
 @pytest.mark.parametrize("lift", [0.0, 7.0, 12.0, nan])
@@ -39,7 +39,7 @@ def test_what_no_accelerometer_is_wrong_by_is_not_believed(lift: float) -> None:
 
 
 def test_a_sample_counts_as_long_as_it_lasted() -> None:
-    felt = Rest()
+    felt = RestingBias()
     felt.feel(Imu(0, 0.3, (0.0, 0.0, 9.0), ZERO))
     felt.feel(Imu(1, 0.1, (0.0, 0.0, 10.0), ZERO))
     assert felt.lift == pytest.approx(9.25)
@@ -52,7 +52,7 @@ def test_a_flight_learns_it_before_take_off_and_anew_after_each_landing(run) -> 
         one = engine.vehicles[0]
         if not engine.flying:
             return
-        seen.setdefault((one.state, one._sent.armed), []).append(one.senses.rest.lift)
+        seen.setdefault((one.state, one._output.sent.armed), []).append(one.knowledge.resting.lift)
 
     inertial = tuple(
         EstimatorPlan(part("estimators", name), None, 1.0, None) for name in ("mocap", "inertial")
@@ -74,6 +74,6 @@ def test_without_an_imu_on_the_ground_it_is_gravity(run) -> None:
     seen = set()
     run(
         vehicle("a", [up("down"), down()]),
-        observers=(lambda engine: seen.add(engine.vehicles[0].senses.rest.lift),),
+        observers=(lambda engine: seen.add(engine.vehicles[0].knowledge.resting.lift),),
     )
     assert seen == {GRAVITY}

@@ -1,0 +1,160 @@
+"""From the active behavior to a command: behavior ─► processors ─► tracker ─► command.
+
+Processors and tracker are made anew at each take-off, so that nothing is left of the last flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Set
+from typing import Any
+
+from kybflow.core.errors import PartFailed, Refused
+from kybflow.core.signals import Alarm, Command, Setpoint, SetpointKind, Tick
+from kybflow.dsl.plan import VehiclePlan
+from kybflow.parts import Processor, Tracker
+from kybflow.runtime.events import Events
+from kybflow.runtime.finite import checked_command, checked_setpoint
+from kybflow.runtime.making import make
+from kybflow.runtime.safety.land_mode import HANDED_OVER
+from kybflow.runtime.vehicle.activity import Activity
+from kybflow.runtime.vehicle.output import RESTING, Output
+from kybflow.runtime.vehicle.reactions import Reactions
+from kybflow.world.vehicle_context import VehicleContext
+
+Commanded = tuple[Command, Setpoint | None]
+"""(the command of a tick, the setpoint before processing)."""
+
+_Process = Callable[[Setpoint, Tick], Setpoint | Alarm]
+_LEAST_HOVER, _MOST_HOVER = 0.5, 2.0
+"""Parts of the airframe's weight between which a tracker's belief of the hover thrust counts."""
+
+
+class Control:
+    """followed: the setpoint that the tracker followed last, None while there is none. Raises
+    PartFailed for a part that can't be made."""
+
+    def __init__(
+        self,
+        plan: VehiclePlan,
+        context: VehicleContext,
+        params: dict[str, Any],
+        activity: Activity,
+        reactions: Reactions,
+        output: Output,
+        events: Events,
+        entry: Callable[[], Any],
+    ) -> None:
+        self.followed: Setpoint | None = None
+        self._plan, self._context, self._params = plan, context, params
+        self._activity, self._reactions, self._output = activity, reactions, output
+        self._events, self._entry = events, entry
+        self._tracker_label = plan.tracker.label
+        self._at_work = ""
+        self.renew()
+
+    def renew(self) -> None:
+        """Make the processors and the tracker anew."""
+        params, context = self._params, self._context
+        processors: dict[str, Processor[Any]] = {
+            part.label: make(part, params[part.label], context) for part in self._plan.processors
+        }
+        tracker: Tracker[Any] = make(self._plan.tracker, params[self._tracker_label], context)
+        self._processors, self._tracker = processors, tracker
+        self._active: tuple[tuple[str, _Process], ...] = ()
+
+    def select(self, off: Set[str]) -> None:
+        """Choose the processors of the active behavior: all in the air, only those for safety from
+        take-off to touch-down; without those whose labels are in `off`."""
+        in_air = self._activity.stays_in_air
+        self._active = tuple(
+            (label, processor.__call__)  # called as a method it costs less than as an object
+            for label, processor in self._processors.items()
+            if (in_air or processor.safety) and label not in off
+        )
+
+    def steer(self, tick: Tick) -> Commanded | None:
+        """Return the command of this tick; None where the vehicle does something else from now on,
+        and must be steered anew. Raises whatever a part raises, and ValueError for a setpoint or a
+        command that is not finite, or rests the rotors in the air."""
+        activity = self._activity
+        if self._output.arming is not None:
+            activity.wait(tick.dt)
+            return self._output.arming, None
+        if activity.land_mode is not None:
+            return self._landing(tick)
+        if tick.estimate is None and activity.behavior.needs_estimate:
+            self.followed = None
+            if not activity.airborne:
+                return RESTING, None
+            if self._reactions.lost_estimate(tick):
+                return None
+        output = activity.update(tick)
+        if isinstance(output, Command):
+            self.followed = None
+            return self._turning(checked_command(output)), None
+        if output.kind is SetpointKind.IDLE:
+            if activity.airborne:
+                raise ValueError("the rotors can't rest in the air")
+            self.followed = None
+            return RESTING, output
+        command = self._tracked(checked_setpoint(output), tick)
+        return None if command is None else (command, output)
+
+    def _tracked(self, setpoint: Setpoint, tick: Tick) -> Command | None:
+        """Process and track a setpoint; None where a processor's alarm puts it out of date."""
+        for label, process in self._active:
+            self._at_work = label
+            output = process(setpoint, tick)
+            if isinstance(output, Alarm):
+                self._at_work = ""
+                if self._reactions.alarm(label, output, tick):
+                    return None
+            elif output is not setpoint:
+                setpoint = checked_setpoint(output)
+        self._at_work = self._tracker_label
+        command = checked_command(self._tracker.update(setpoint, tick))
+        self._at_work = ""
+        self.followed = setpoint
+        return self._turning(command)
+
+    def _turning(self, command: Command) -> Command:
+        if self._activity.airborne and not command.armed:
+            raise ValueError("the rotors can't rest in the air")
+        return command
+
+    def _landing(self, tick: Tick) -> Commanded | None:
+        """Land by the vehicle's own land mode; once it refuses, the state begins anew."""
+        self.followed = None
+        activity, plan = self._activity, self._plan
+        try:
+            landed = activity.has_landed(tick.now, tick.estimate)
+        except Refused as refusal:
+            at, reason = plan.driver.at, str(refusal)
+            self._events.tell("land_mode_refused", plan.name, at, reason=reason)
+            activity.go(activity.machine.state, self._entry)
+            return None
+        return (RESTING if landed else HANDED_OVER), None
+
+    def blame(self, error: Exception) -> tuple[PartFailed, bool]:
+        """Return what failed when `error` was raised, and whether nothing can do without it: a
+        processor is left out from now on."""
+        part, self._at_work = self._at_work or self._activity.state.behavior.label, ""
+        failure = error if isinstance(error, PartFailed) else PartFailed(part, error)
+        self._active = tuple(active for active in self._active if active[0] != failure.part)
+        return failure, self._processors.pop(failure.part, None) is None
+
+    def hover_thrust(self) -> float:
+        """Newtons that hold the vehicle, as the tracker believes in the air; the airframe's weight
+        where it can't be asked."""
+        weight = self._context.airframe.hover_thrust
+        if not self._activity.airborne:
+            return weight
+        try:
+            believed = self._tracker.hover_thrust
+        except Exception:  # land_blind must be able to start without a tracker
+            return weight
+        return believed if _LEAST_HOVER <= believed / weight <= _MOST_HOVER else weight
+
+    def parts(self) -> dict[str, Any]:
+        """Return the living parts by label."""
+        return {**self._processors, self._tracker_label: self._tracker}

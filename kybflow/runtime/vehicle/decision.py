@@ -1,0 +1,71 @@
+"""What a vehicle does next: supervisors first, then who asks, then the mission's transitions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from kybflow.core.signals import Tick, Time
+from kybflow.parts import AIR, GROUND, Entry
+from kybflow.runtime.safety.failsafe import Failsafe
+from kybflow.runtime.vehicle.activity import Activity
+from kybflow.runtime.vehicle.control import Control
+from kybflow.runtime.vehicle.knowledge import Knowledge
+from kybflow.runtime.vehicle.output import Output
+from kybflow.runtime.vehicle.reactions import Reactions
+from kybflow.runtime.vehicle.requests import Requests
+
+
+class Decision:
+    """Changes the state of `activity`, and makes the others fit the state that was entered."""
+
+    def __init__(
+        self,
+        activity: Activity,
+        failsafe: Failsafe,
+        reactions: Reactions,
+        requests: Requests,
+        control: Control,
+        output: Output,
+        knowledge: Knowledge,
+        entry: Callable[[], Entry],
+    ) -> None:
+        self._activity, self._failsafe, self._reactions = activity, failsafe, reactions
+        self._requests, self._control, self._output = requests, control, output
+        self._knowledge, self._entry = knowledge, entry
+
+    def decide(self, tick: Tick) -> Tick:
+        """Decide; return the tick as the active behavior sees it."""
+        activity = self._activity
+        heard = self._failsafe.check(tick, activity.airborne)
+        if heard is not None:
+            self._reactions.react(heard, tick)
+        if activity.changed:
+            tick = self.settle(tick)
+        if self._requests.waiting:
+            self.answer(tick.now)
+        if activity.hold is not None:
+            self._reactions.hold_on(tick.now)
+        elif not activity.changed:
+            activity.step(tick, self._failsafe.latched is not None, self._entry)
+        return self.settle(tick) if activity.changed else tick
+
+    def answer(self, now: Time) -> None:
+        """Answer what is asked of the vehicle."""
+        if self._requests.waiting:
+            self._requests.answer(now)
+            self._control.select(self._requests.off)
+
+    def settle(self, tick: Tick) -> Tick:
+        """Make everything fit the state that was entered, if one was; return the tick as its
+        behavior sees it."""
+        activity = self._activity
+        if not activity.changed:
+            return tick
+        activity.changed = False
+        self._output.arming = None
+        if activity.leg.start is GROUND and activity.leg.end is AIR:
+            self._control.renew()
+        self._control.select(self._requests.off)
+        self._knowledge.link.subscribe(activity.state.behavior.cls.needs)
+        self._knowledge.estimation.prefer(activity.state.estimators)
+        return tick._replace(elapsed=0.0)

@@ -1,0 +1,170 @@
+"""What a vehicle knows: measurements of its link and its sensors ─► monitors ─► estimate.
+
+It only takes in; what is sent stands in `output`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from kybflow.core.errors import PartFailed
+from kybflow.core.signals import (
+    NS,
+    Battery,
+    Estimate,
+    Frame,
+    Imu,
+    Measurement,
+    MeasurementKind,
+    Payload,
+    Sticks,
+    Time,
+    kind_name,
+)
+from kybflow.dsl.plan import VehiclePlan
+from kybflow.runtime.events import Events
+from kybflow.runtime.monitoring.body_health import Bodies
+from kybflow.runtime.monitoring.estimate_history import Whereabouts
+from kybflow.runtime.monitoring.sensing import Opened, Sensing
+from kybflow.runtime.monitoring.watched_body import WatchedBody
+from kybflow.runtime.monitoring.watched_cameras import WatchedCameras
+from kybflow.runtime.observer import VehicleObserver
+from kybflow.runtime.scores import VehicleScore
+from kybflow.runtime.vehicle.estimation import Estimation
+from kybflow.runtime.vehicle.link import LinkIn
+from kybflow.runtime.vehicle.payload import PayloadTracker
+from kybflow.runtime.vehicle.resting_bias import RestingBias
+from kybflow.world.vehicle_context import VehicleContext
+
+_Take = Callable[[Any, Time], None]
+
+
+class _Stream:
+    """The measurements of one kind. began: when the first arrived, count: how many did. take: who
+    is told of each."""
+
+    __slots__ = ("began", "count", "take")
+
+    def __init__(self, began: Time, take: _Take | None) -> None:
+        self.began, self.take = began, take
+        self.count = 0
+
+
+class Knowledge:
+    """The newest of each measurement, and the estimate that they make; None for what never came.
+
+    resting: what the IMU felt when the rotors rested last. needs: the kinds of measurement that the
+    estimators use. `report` is called with a part that has failed.
+    """
+
+    def __init__(
+        self,
+        plan: VehiclePlan,
+        context: VehicleContext,
+        link: LinkIn,
+        events: Events,
+        observer: VehicleObserver,
+        score: VehicleScore,
+        report: Callable[[PartFailed], None],
+        sensors: Sequence[Opened] = (),
+        bodies: Bodies | None = None,
+        fleet: Whereabouts | None = None,
+    ) -> None:
+        self.estimate: Estimate | None = None
+        self.battery: Battery | None = None
+        self.imu: Imu | None = None
+        self.sticks: Sticks | None = None
+        self.resting = RestingBias()
+        self.payload = PayloadTracker(plan.name, events)
+        self.link = link
+        self.estimation = Estimation(plan, context, events, score, report, self._known)
+        self.sensing = Sensing(plan, sensors, events)
+        self._name, self._observer, self._score = plan.name, observer, score
+        self._fleet = fleet or Whereabouts()
+        self._body = WatchedBody(plan, bodies or Bodies(), events)
+        self.cameras = WatchedCameras(plan, self._fleet, events)
+        self._streams: dict[MeasurementKind, _Stream] = {}
+        needs = [e.part.cls.uses(e.part.params) for e in plan.estimators]
+        self.needs: frozenset[MeasurementKind] = frozenset().union(*needs)
+        link.subscribe(self.needs)
+
+    def update(self, now: Time, in_air: bool) -> None:
+        """Take in what arrived and renew the estimate. in_air: whether the vehicle flies."""
+        measurements = self.link.listen(now, self._accepted)
+        if self.sensing.streams:
+            measurements = self.sensing.joined(measurements, now, self._note)
+        if measurements or now >= self._body.due:
+            measurements = self._body.measured(measurements, now, in_air)
+        if self.cameras.is_asked:
+            measurements = self.cameras.measured(measurements, now, in_air)
+        rig = self.link.rig
+        if rig is not None and rig.estimators:
+            self.estimation.kill(rig.estimators)
+        self.estimate = self.estimation.update(measurements, now)
+        if self.cameras.is_asked:
+            self.cameras.see(self.estimation.candidates, in_air)
+        if self._fleet.is_asked and self.estimate is not None:
+            self._fleet.note(self._name, self.estimate)
+
+    def rate(self, kind: MeasurementKind) -> float:
+        """Return how many measurements of `kind` arrive a second; zero before the third one, and
+        where none arrive any more."""
+        stream, now = self._streams.get(kind), self.link.heard
+        if stream is None or stream.count < 3 or now is None or now == stream.began:
+            return 0.0
+        return (stream.count - 1) * NS / (now - stream.began)
+
+    def parts(self) -> dict[str, Any]:
+        """Return the living estimators by label."""
+        return self.estimation.parts()
+
+    def _known(self, kinds: frozenset[MeasurementKind]) -> str:
+        """Return what is known to be wrong with the measurements of these kinds, in words."""
+        said = [self.sensing.trouble(kind) for kind in sorted(kinds, key=kind_name)]
+        if Frame in kinds:
+            said.append(self.cameras.trouble)
+        return "; ".join(dict.fromkeys(words for words in said if words))
+
+    def _accepted(self, measurements: Sequence[Measurement], now: Time) -> Sequence[Measurement]:
+        """Return what counts of the link's measurements; it is noted."""
+        measurements = self.sensing.left_of(measurements, now)
+        self._note(measurements, now)
+        return measurements
+
+    def _note(self, measurements: Sequence[Measurement], now: Time) -> None:
+        record, streams = self._observer.measurement, self._streams
+        for measurement in measurements:
+            record(now, measurement)
+            kind = type(measurement)
+            stream = streams.get(kind) or self._open_stream(kind, now)
+            stream.count += 1
+            if stream.take is not None:
+                stream.take(measurement, now)
+
+    def _open_stream(self, kind: MeasurementKind, now: Time) -> _Stream:
+        """Begin to count measurements of a kind. A kind that is not named here concerns none but
+        the estimators."""
+        takers: dict[MeasurementKind, _Take] = {
+            Imu: self._take_imu,
+            Battery: self._take_battery,
+            Sticks: self._take_sticks,
+            Payload: self._take_payload,
+        }
+        stream = self._streams[kind] = _Stream(now, takers.get(kind))
+        return stream
+
+    def _take_imu(self, imu: Imu, now: Time) -> None:
+        self.imu = imu
+        if not self.resting.rotors_turn:
+            self.resting.feel(imu)
+
+    def _take_battery(self, battery: Battery, now: Time) -> None:
+        self.battery = battery
+        self._score.battery(battery.remaining)
+
+    def _take_sticks(self, sticks: Sticks, now: Time) -> None:
+        self.sticks = sticks
+
+    def _take_payload(self, payload: Payload, now: Time) -> None:
+        self.payload.hear(payload, self.estimate, now)

@@ -1,0 +1,220 @@
+"""A vehicle's link, guarded: what arrives over it and what is sent.
+
+A driver may raise anything. Whatever its link raises fails this vehicle alone and is reported once,
+while reading and sending go on being tried. A refusal is no failure: it is the vehicle's answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import ParamSpec, TypeVar
+
+from kybflow.core.errors import PartFailed, Refused, described
+from kybflow.core.signals import (
+    NS,
+    Command,
+    Estimate,
+    Measurement,
+    MeasurementKind,
+    Reaction,
+    Time,
+    Truth,
+)
+from kybflow.dsl.plan import VehiclePlan
+from kybflow.parts import Check, Link, Override
+from kybflow.parts.link import (
+    Arms,
+    Grips,
+    Lands,
+    Reclaimable,
+    ReportsChecks,
+    SendsStatusTexts,
+    StopsRotors,
+    Subscribable,
+    TakesPosition,
+    truth_source,
+)
+from kybflow.runtime.events import Events
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+SILENCE = 0.3
+"""Seconds without a message after which a link that delivers again has returned."""
+ALIVE = 0.5
+"""Seconds since the last message within which a vehicle can be asked for something."""
+
+Accept = Callable[[Sequence[Measurement], Time], Sequence[Measurement]]
+
+
+class LinkHealth:
+    """error: what the link said when it failed, None while it works. age: seconds since something
+    of the vehicle itself arrived, or since the link was first read."""
+
+    __slots__ = ("_driver", "_report", "age", "error")
+
+    def __init__(self, driver: str, report: Callable[[PartFailed], None]) -> None:
+        self.error: str | None = None
+        self.age = 0.0
+        self._driver, self._report = driver, report
+
+    def fail(self, error: Exception) -> None:
+        """Report a failure of the link; only the first one counts."""
+        if self.error is None:
+            self.error = described(error)
+            self._report(PartFailed(self._driver, error))
+
+    def attempt(self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
+        """Call a method of the link; return None when it raises, which is reported."""
+        try:
+            return call(*args, **kwargs)
+        except Exception as error:  # a driver may raise anything
+            self.fail(error)
+            return None
+
+    def ask(self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
+        """Call a method of the link that the vehicle may refuse. Raises Refused with its answer."""
+        try:
+            return call(*args, **kwargs)
+        except Refused:
+            raise
+        except Exception as error:  # a driver may raise anything
+            self.fail(error)
+            return None
+
+
+class LinkIn:
+    """What arrives. truth: what a simulator knows of the vehicle, None without one. heard: when
+    measurements arrived last, None before the first read. rig: what faults break, None on hardware.
+    """
+
+    def __init__(self, plan: VehiclePlan, link: Link, health: LinkHealth, events: Events) -> None:
+        self.truth: Truth | None = None
+        self.heard: Time | None = None
+        self._alive: Time | None = None
+        self._vehicle, self._at, self._events = plan.name, plan.driver.at, events
+        self._link, self._health = link, health
+        self._read, self._truth = link.read, truth_source(link)
+        self.rig = link.rig
+        self._texts = link.status_texts if isinstance(link, SendsStatusTexts) else None
+        self._subscribed: frozenset[MeasurementKind] = frozenset()
+
+    def listen(self, now: Time, accept: Accept) -> Sequence[Measurement]:
+        """Read the link; return what `accept` keeps of it."""
+        measurements: Sequence[Measurement] = ()
+        try:
+            measurements = self._read(now)
+            self.truth = self._truth()
+            if measurements or self.heard is None:
+                if self._link.is_heard or self._alive is None:
+                    self._greet(now)
+                self.heard = now
+                measurements = accept(measurements, now)
+        except Exception as error:  # a driver may raise anything
+            self.truth, measurements = None, ()
+            self.heard = now if self.heard is None else self.heard
+            self._alive = now if self._alive is None else self._alive
+            self._health.fail(error)
+        self._health.age = 0.0 if self._alive is None else (now - self._alive) / NS
+        if self._texts is not None:
+            tell = self._events.tell
+            for severity, text in self._health.attempt(self._texts) or ():
+                tell("vehicle_said", self._vehicle, self._at, severity=severity, text=text)
+        return measurements
+
+    def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
+        """Ask the link for these kinds too from now on."""
+        if kinds <= self._subscribed:
+            return
+        self._subscribed |= kinds
+        if isinstance(self._link, Subscribable):
+            self._health.attempt(self._link.subscribe, self._subscribed)
+
+    def checks(self, now: Time) -> Sequence[Check]:
+        """Return the vehicle's own preflight checks."""
+        if not isinstance(self._link, ReportsChecks):
+            return ()
+        return self._health.attempt(self._link.checks, now) or ()
+
+    def _greet(self, now: Time) -> None:
+        """Note that something of the vehicle itself arrived."""
+        if self._alive is not None and now - self._alive > SILENCE * NS:
+            silence = (now - self._alive) / NS
+            self._events.tell("link_returned", self._vehicle, self._at, value=silence)
+        self._alive = now
+
+
+class LinkOut:
+    """What is sent. tells_position: whether the vehicle wants to know its position."""
+
+    def __init__(self, plan: VehiclePlan, link: Link, health: LinkHealth) -> None:
+        self._link, self._health, self._send = link, health, link.send
+        self._arm = link.arm if isinstance(link, Arms) else None
+        self._cut = link.cut if isinstance(link, StopsRotors) else None
+        self._land = link.land if isinstance(link, Lands) else None
+        self._grip = link.grip if isinstance(link, Grips) else None
+        self._reclaim = link.reclaim if isinstance(link, Reclaimable) else None
+        self._tell_position = link.tell_position if isinstance(link, TakesPosition) else None
+        self.tells_position = self._tell_position is not None
+        self._lands, self._lands_blind = plan.driver.cls.lands, plan.driver.cls.lands_blind
+
+    @property
+    def override(self) -> Override | None:
+        """Why the vehicle doesn't follow though its link works; None while it follows."""
+        return self._link.override
+
+    @property
+    def armed(self) -> bool | None:
+        """Whether its rotors may turn, as the vehicle says; None where it says nothing."""
+        return self._link.armed
+
+    def send(self, command: Command, now: Time) -> None:
+        """Hand over a command."""
+        try:
+            self._send(command, now)
+        except Exception as error:  # a driver may raise anything
+            self._health.fail(error)
+
+    def arm(self, command: Command, now: Time) -> bool:
+        """Ask the vehicle to get ready to follow; return whether it is. Raises Refused."""
+        return self._arm is None or bool(self._health.ask(self._arm, command, now))
+
+    def cut(self, now: Time) -> None:
+        """Stop the rotors at once."""
+        if self._cut is not None:
+            self._health.attempt(self._cut, now)
+
+    def reclaim(self, now: Time) -> None:
+        """Ask for a vehicle back that somebody else has."""
+        if self._reclaim is not None:
+            self._health.attempt(self._reclaim, now)
+
+    def tell_position(self, estimate: Estimate, now: Time) -> None:
+        """Tell the vehicle where it is."""
+        if self._tell_position is not None:
+            self._health.attempt(self._tell_position, estimate, now)
+
+    def grip(self, is_open: bool, now: Time) -> None:
+        """Open or close the servo that holds the payload. Raises Refused."""
+        if self._grip is None:
+            raise Refused("it has no servo for a payload")
+        self._health.ask(self._grip, is_open, now)
+
+    @property
+    def can_land(self) -> bool:
+        """Whether the vehicle has a land mode of its own and can be asked for it now."""
+        return self._lands and self._health.error is None and self._health.age <= ALIVE
+
+    def lands_itself(self, reaction: Reaction) -> bool:
+        """Whether its own land mode is preferred to the state that `reaction` would enter."""
+        fit = reaction is Reaction.LAND or (reaction is Reaction.LAND_BLIND and self._lands_blind)
+        return fit and self.can_land
+
+    def land(self, now: Time) -> bool:
+        """Ask for the vehicle's own land mode; return whether it has landed. Raises Refused."""
+        if self._land is None:
+            raise Refused("it has no land mode")
+        landed = self._health.ask(self._land, now)
+        if landed is None:
+            raise Refused(self._health.error or "its link failed")
+        return landed

@@ -1,0 +1,115 @@
+"""Who has the vehicle: this program, a pilot, or the vehicle's own failsafe.
+
+A vehicle that a pilot took over is sent nothing and decides nothing. `operator.resume` asks for it
+back, and what was frozen goes on from where the vehicle is then; one that is not given back says
+why. A vehicle that its own failsafe took is landed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from kybflow.core.signals import Alarm, Reaction, Tick, Time
+from kybflow.dsl.plan import VehiclePlan
+from kybflow.parts import GROUND, Entry, Override
+from kybflow.runtime.events import Events
+from kybflow.runtime.safety.failsafe import Failsafe, Heard
+from kybflow.runtime.scores import VehicleScore
+from kybflow.runtime.vehicle.activity import Activity
+from kybflow.runtime.vehicle.control import Control
+from kybflow.runtime.vehicle.link import LinkOut
+from kybflow.runtime.vehicle.reactions import Reactions
+
+
+class ManualOverride:
+    """away: somebody else has the vehicle."""
+
+    def __init__(
+        self,
+        plan: VehiclePlan,
+        link: LinkOut,
+        activity: Activity,
+        failsafe: Failsafe,
+        reactions: Reactions,
+        control: Control,
+        events: Events,
+        score: VehicleScore,
+        entry: Callable[[], Entry],
+    ) -> None:
+        self.away = False
+        self._plan, self._link, self._activity, self._failsafe = plan, link, activity, failsafe
+        self._reactions, self._control = reactions, control
+        self._events, self._score, self._entry = events, score, entry
+        self._landed_for: Override | None = None
+        self._lost: Override | None = None
+        self._refused = ""
+
+    @property
+    def is_somebodys(self) -> bool:
+        """Whether a person has the vehicle, or had it when it came down."""
+        override = self._link.override
+        return self.away or (override is not None and not override.lands)
+
+    def reclaim(self, now: Time) -> None:
+        """Ask for the vehicle back where a person has it."""
+        if self.is_somebodys:
+            self._refused = ""
+            self._link.reclaim(now)
+
+    def update(self, tick: Tick, answer: Callable[[Time], None]) -> None:
+        """Note who has the vehicle in this tick. `answer` answers what is asked of it."""
+        override = self._link.override
+        if override is None or not self._activity.airborne:
+            self._lost = None
+            if self.away:
+                self._tell("control_returned")
+                self._take_back()
+        elif override.lands:
+            self._take_back()
+            if override != self._lost:
+                self._lost = override
+                self._tell("control_lost", reason=override.reason)
+            lost = Alarm("control_lost", Reaction.LAND, override.reason)
+            self._reactions.react(Heard(lost, self._plan.driver.at), tick)
+            self._bring_down(override, tick.now)
+        else:
+            self._stand_by(override, tick, answer)
+
+    def _stand_by(self, override: Override, tick: Tick, answer: Callable[[Time], None]) -> None:
+        """Freeze the behavior once, answer who asks, and see whether the pilot landed."""
+        activity = self._activity
+        if not self.away:
+            self.away, self._control.followed = True, None
+            self._tell("control_taken", reason=override.reason)
+            self._failsafe.unbrake()
+            activity.freeze("pilot", self._entry)
+        if override.refused and override.refused != self._refused:
+            self._tell("control_refused", reason=override.refused)
+        self._refused = override.refused
+        activity.wait(tick.dt)
+        self._failsafe.check(tick, airborne=False)  # supervisors go on looking; nobody reacts
+        answer(tick.now)
+        if self._link.armed is False:
+            self.away = False
+            self._score.failure(override.reason)
+            activity.flight = GROUND
+            activity.go("landed", self._entry)
+
+    def _bring_down(self, override: Override, now: Time) -> None:
+        """Land a vehicle that follows no commands by its own land mode, which is asked for once
+        for each override."""
+        comes_down = self._activity.machine.state in ("auto_land", "land_blind")
+        if override is self._landed_for or not (comes_down and self._link.can_land):
+            return
+        self._landed_for = override
+        if self._activity.land_mode is None:
+            self._reactions.land_itself(now)
+
+    def _take_back(self) -> None:
+        """Go on with what was frozen, from where the vehicle is now."""
+        if self.away:
+            self.away = False
+            self._activity.thaw("pilot", self._entry)
+
+    def _tell(self, event: str, **fields: str) -> None:
+        self._events.tell(event, self._plan.name, self._plan.driver.at, **fields)

@@ -1,0 +1,117 @@
+"""What alarms do to a vehicle: the failsafe decides on a reaction, which becomes a state, a
+hold or the vehicle's own land mode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from kybflow.core.errors import PartFailed
+from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Tick, Time
+from kybflow.dsl.plan import VehiclePlan
+from kybflow.parts import GROUND, Entry
+from kybflow.runtime.events import Events
+from kybflow.runtime.safety.failsafe import STATES, Failsafe, Heard
+from kybflow.runtime.safety.land_mode import LandMode
+from kybflow.runtime.scores import VehicleScore
+from kybflow.runtime.vehicle.activity import Activity
+from kybflow.runtime.vehicle.link import LinkOut
+from kybflow.runtime.vehicle.output import Output
+
+_FALL = 2 * NS
+"""For how long a vehicle whose rotors were cut is watched falling."""
+
+
+class Reactions:
+    """`entry` gives what a behavior is entered with."""
+
+    def __init__(
+        self,
+        plan: VehiclePlan,
+        activity: Activity,
+        failsafe: Failsafe,
+        link: LinkOut,
+        output: Output,
+        events: Events,
+        score: VehicleScore,
+        entry: Callable[[], Entry],
+    ) -> None:
+        self._plan, self._activity, self._failsafe = plan, activity, failsafe
+        self._link, self._output, self._entry = link, output, entry
+        self._events, self._score = events, score
+        self._cut: Time | None = None
+
+    @property
+    def airborne(self) -> bool:
+        """Whether the rotors turn and the vehicle is not on the ground."""
+        return self._activity.airborne and self._output.sent.armed
+
+    def falls(self, now: Time) -> bool:
+        """Return whether the rotors were cut just now."""
+        return self._cut is not None and now - self._cut < _FALL
+
+    def react(self, heard: Heard, tick: Tick) -> bool:
+        """Let the failsafe decide on an alarm; return whether the vehicle now does something
+        else."""
+        activity, airborne = self._activity, self.airborne
+        reaction = self._failsafe.decide(heard, tick, airborne, activity.machine.state)
+        if reaction is None:
+            return False
+        if reaction is Reaction.BRAKE:
+            activity.freeze("brake", self._entry)
+            return True
+        if not airborne:
+            activity.flight = GROUND  # rotors at rest: it has not left the ground
+        elif reaction is Reaction.CUT:
+            activity.flight, self._cut = GROUND, tick.now
+            self._link.cut(tick.now)
+        activity.go(STATES[reaction] if airborne else "fault", self._entry)
+        if airborne and self._link.lands_itself(reaction):
+            self.land_itself(tick.now)
+        return True
+
+    def alarm(self, label: str, alarm: Alarm, tick: Tick) -> bool:
+        """React to the alarm of the part `label`; return whether the vehicle does something
+        else."""
+        return self.react(self._failsafe.tell(label, alarm, tick.now), tick)
+
+    def lost_estimate(self, tick: Tick) -> bool:
+        """React to the loss of the estimate that the behavior needs."""
+        lost = Alarm("estimate_lost", Reaction.LAND_BLIND, "no estimate to fly by")
+        return self.react(Heard(lost, self._activity.state.at), tick)
+
+    def failed(self, failure: PartFailed, is_needed: bool, tick: Tick) -> None:
+        """A part raised. The vehicle lands; blind when what a landing needs has failed. Its rotors
+        rest when even that has failed, or when they rested before. is_needed: nothing can do
+        without the part."""
+        activity, reaction = self._activity, Reaction.LAND
+        if is_needed:
+            activity.fail(str(failure))
+            if self._failsafe.latched is Reaction.LAND_BLIND:
+                activity.flight = GROUND
+            elif self._failsafe.latched is Reaction.LAND:
+                reaction = Reaction.LAND_BLIND
+        self.react(self._failsafe.failure(failure, reaction, activity.state.at), tick)
+
+    def land_itself(self, now: Time) -> None:
+        """Land by the vehicle's own land mode in place of the state that was entered."""
+        entry = self._entry()
+        height = _height(entry.estimate, entry.context.start[2])
+        self._activity.land_mode = LandMode(self._link.land, now, height)
+        self._events.tell("land_mode_started", self._plan.name, self._plan.driver.at)
+
+    def hold_on(self, now: Time) -> None:
+        """Let go of a hold when the alarms that braked are silent; land when it has lasted too
+        long."""
+        hold, failsafe = self._activity.hold, self._failsafe
+        assert hold is not None
+        if "brake" in hold.holders and failsafe.release(now):
+            hold.leave("brake", now)
+        limit = self._plan.hover_limit
+        if hold.lasts and self._activity.airborne and now - hold.since >= limit * NS:
+            self._score.failure(f"held for {limit:g} s")
+            failsafe.unbrake()
+            self._activity.go("auto_land", self._entry)
+
+
+def _height(estimate: Estimate | None, ground: float) -> float:
+    return 0.0 if estimate is None else estimate.position[2] - ground
