@@ -11,6 +11,7 @@ from kybflow.core.geometry import Vec3
 from kybflow.dsl.plan import Cause
 from kybflow.dsl.reading.source import Span, Text
 from kybflow.parts import Footprint
+from kybflow.parts.observables import chains_of
 from kybflow.world.cameras import Camera
 from kybflow.world.shapes import Box, Shape
 from kybflow.world.tags import Tag
@@ -154,10 +155,16 @@ class Vehicle:
 
     def goal(self, name: str) -> str:
         """The state that `name` means as a goal: a chain's name means its first state."""
-        inside = f"{name}."
         if name in self.states:
             return name
-        return next((state for state in self.states if state.startswith(inside)), name)
+        if "first states" not in self.known:
+            firsts: dict[str, str] = {}
+            for state in self.states:
+                for chain in chains_of(state):
+                    firsts.setdefault(chain, state)
+            self.known["first states"] = firsts
+        first: str = self.known["first states"].get(name, name)
+        return first
 
 
 @dataclass(frozen=True, slots=True)

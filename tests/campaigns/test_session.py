@@ -197,12 +197,18 @@ def test_no_worker_outlives_its_session(long: Path):
         f"run_cases([case(Path({str(long)!r}), 'long')], 1, print, orphaned)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=300
     )
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGKILL, "", "")
 
 
-@pytest.mark.parametrize("number", Interrupts.SIGNALS)
+@pytest.mark.parametrize(
+    "number",
+    [
+        pytest.param(n, marks=[] if n == signal.SIGINT else [pytest.mark.thorough])
+        for n in Interrupts.SIGNALS
+    ],
+)
 def test_a_terminal_that_interrupts_ends_the_command(folder: Path, number: int):
     command = [sys.executable, "-m", "kybflow", "test", "broken.yaml", "--seeds", "0..99999"]
     with subprocess.Popen(

@@ -118,22 +118,30 @@ def test_parts_ends_where_its_reader_does() -> None:
 
 PRINTS = [
     ["parts"],
+    ["validate", GOOD],
+    ["--help"],
     ["library"],
     ["explain"],
     ["schema"],
     ["graph", GOOD],
     ["show", GOOD],
-    ["validate", GOOD],
     ["validate", GOOD, "--format", "json"],
     ["preflight", GOOD],
     ["new", "mine"],
     ["--version"],
-    ["--help"],
 ]
+QUICK = 3
+"""How many of them are tried in every run of the tests; each is a process of its own."""
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-@pytest.mark.parametrize("words", PRINTS, ids=" ".join)
+@pytest.mark.parametrize(
+    "words",
+    [
+        pytest.param(words, id=" ".join(words), marks=[pytest.mark.thorough] if k >= QUICK else [])
+        for k, words in enumerate(PRINTS)
+    ],
+)
 def test_output_that_cannot_be_written_is_said_in_one_sentence(
     words: list[str], tmp_path: Path
 ) -> None:
@@ -262,7 +270,13 @@ def test_help_gives_each_exit_code_and_example_a_line(command: str) -> None:
     assert "  |  " not in " ".join(lines)
 
 
-@pytest.mark.parametrize("arguments", ["validate missions/*.yaml", f"test {FIRST} --seeds 0..1"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "validate missions/*.yaml",
+        pytest.param(f"test {FIRST} --seeds 0..1", marks=pytest.mark.thorough),
+    ],
+)
 def test_a_reader_that_goes_away_changes_no_exit_code(tmp_path: Path, arguments: str) -> None:
     out = f" --out {tmp_path}" if arguments.startswith("test") else ""
     command = f"{sys.executable} -m kybflow {arguments}{out} | head -0; echo ${{PIPESTATUS[0]}}"

@@ -18,6 +18,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "first-flight.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 def test_what_the_page_flies_flies(tmp_path: Path):
     wrong = []
     for language, terminal, text in FENCE.findall(TEXT):

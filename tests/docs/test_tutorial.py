@@ -11,6 +11,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 TUTORIAL = ROOT / "docs" / "tutorial.md"
 FENCE = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -40,6 +42,7 @@ def _line(line: str) -> str:
     return re.escape(line).replace(r"\.\.\.", ".*") + r"\s*\n"
 
 
+@pytest.mark.thorough
 def test_the_tutorial_is_true(tmp_path: Path):
     wrong = []
     for language, name, text in steps():

@@ -41,9 +41,14 @@ def held(case: Case, seen: Seen) -> list[str]:
 
 @pytest.mark.parametrize(
     ("state", "fault"),
-    [("round", "gust"), ("round", "imu_bias_step"), ("still", "mocap_noise"), ("up", "mass_change"),
-     ("land_blind", "rotor_weak")],
-)  # fmt: skip
+    [
+        pytest.param("round", "gust", marks=pytest.mark.thorough),
+        ("round", "imu_bias_step"),
+        ("still", "mocap_noise"),
+        ("up", "mass_change"),
+        ("land_blind", "rotor_weak"),
+    ],
+)
 def test_a_fault_now_and_then(state: str, fault: str) -> None:
     case = Case("fallback", "nano", state, fault)
     seen = study(case, range(1))
@@ -51,6 +56,7 @@ def test_a_fault_now_and_then(state: str, fault: str) -> None:
     assert held(case, seen) == []
 
 
+@pytest.mark.thorough
 def test_noise_where_the_thrust_has_just_collapsed() -> None:
     """What shakes the tilt must not take the thrust that is left."""
     case = Case("two_lives", "sick", "auto_land", "mocap_noise")

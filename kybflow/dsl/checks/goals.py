@@ -28,7 +28,7 @@ def no_state(code: str, name: Text, vehicle: Vehicle, more: tuple[str, ...] = ()
     """The finding for a name that is no state or chain of the vehicle, nor one of `more`."""
     key = "inner goals" if "." in name.text else "goals"
     if key not in vehicle.known:
-        vehicle.known[key] = goals_like(name.text, vehicle.states)
+        vehicle.known[key] = sorted(goals_like(name.text, vehicle.states))
     return Diagnostic(
         code,
         f"`{vehicle.name.text}` has no behavior `{name.text}`",

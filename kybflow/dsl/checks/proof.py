@@ -207,12 +207,14 @@ def _told_path(vehicle: Vehicle, flights: Flights, path: list[str]) -> str:
 
 def _way(start: str, goal: str, flights: Flights) -> list[str]:
     """The shortest way along the arrows; the goal alone where it is asked for from outside."""
+    ahead: dict[str, list[str]] = {}
+    for link in flights.links:
+        ahead.setdefault(link.source.state, []).append(link.transition.target.text)
     came: dict[str, str] = {start: ""}
     waiting = [start]
     for state in waiting:
-        for link in flights.links:
-            target = link.transition.target.text
-            if link.source.state == state and target not in came:
+        for target in ahead.get(state, ()):
+            if target not in came:
                 came[target] = state
                 waiting.append(target)
     way = [goal] if goal in came else ["", goal]

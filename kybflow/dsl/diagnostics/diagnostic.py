@@ -123,7 +123,7 @@ def goals_like(name: str, states: Iterable[str]) -> list[str]:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """The help line for an unknown name: the nearest known one, or all of them when none is near
     and they are few."""
-    names = sorted(set(known))
+    names = sorted(dict.fromkeys(known))
     place = bisect(names, name)
     near = get_close_matches(name[:_LONGEST], _around(names, place), n=1, cutoff=0.6)
     if near:

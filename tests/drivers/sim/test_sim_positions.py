@@ -53,6 +53,7 @@ def test_what_a_tick_reads_is_in_order():
         assert times == sorted(times)
 
 
+@pytest.mark.thorough
 def test_they_are_off_as_they_say_and_half_of_that_wanders_slowly():
     errors = [[], [], []]
     pairs = []
