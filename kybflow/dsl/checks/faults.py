@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from kybflow.core.signals import kind_name
 from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
@@ -108,7 +109,7 @@ def of_no_effect(case: Case) -> Iterator[Diagnostic]:
         yield Diagnostic(
             "KYB336",
             f"`{fault.part.name.text}` can't break `{vehicle.name.text}`: no estimator of it needs "
-            f"{kind.value}s",
+            f"{kind_name(kind)}s",
             fault.part.name.span,
             label=f"it flies on {known}",
             help="break another vehicle, or remove the fault",
