@@ -10,17 +10,17 @@ flow ends.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, described
 from kybflow.core.signals import NS, Time
 from kybflow.dsl.expressions import Expression
-from kybflow.dsl.machine import FlowMachine
-from kybflow.dsl.plan import END, Plan
+from kybflow.dsl.machine import Exit, FlowMachine
+from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan
 from kybflow.parts.observables import is_in
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.flow import Running
 from kybflow.runtime.fleet.operator import LAND
+from kybflow.runtime.scores import rounded
 from kybflow.runtime.vehicle.requests import Requester, Requests
 
 Conditions = Callable[[Expression], Callable[[], bool]]
@@ -40,11 +40,50 @@ class Driven(Protocol):
         """What the flow may ask of it."""
 
 
-class Settings(Protocol):
+class FlowOptions(Protocol):
     """The options, as a flow sees them."""
 
     def set(self, name: str, value: Any, by: str, at: str = "") -> None:
         """Ask for a change. Raises OptionRefused, which is told already."""
+
+
+class PhaseVisit(NamedTuple):
+    """One time that a phase was entered; `ended` is next, within, done, asked, operator, failed or
+    run_ended."""
+
+    name: str
+    start_s: float
+    end_s: float | None = None
+    ended: str | None = None
+
+
+class RunningFlow:
+    """One flow: its machine, when it entered its phase, and the phases that it has been in."""
+
+    def __init__(self, plan: FlowPlan, machine: FlowMachine) -> None:
+        self.plan, self.machine = plan, machine
+        self.entered: Time = 0
+        self.visits: list[PhaseVisit] = []
+
+    @property
+    def active(self) -> bool:
+        """Whether the flow is in a phase: it has begun, and is not over."""
+        return self.machine.state != END
+
+    @property
+    def phase(self) -> PhasePlan:
+        return self.plan.phases[self.machine.state]
+
+    def arrived(self, now: Time) -> None:
+        self.entered = now
+        self.visits.append(PhaseVisit(self.phase.name, rounded(now / NS)))
+
+    def left(self, how: str, now: Time) -> None:
+        self.visits[-1] = self.visits[-1]._replace(end_s=rounded(now / NS), ended=how)
+
+    def wait(self, dt: float) -> None:
+        """A tick in which its time stands still."""
+        self.entered += round(dt * NS)
 
 
 class Flows:
@@ -56,11 +95,11 @@ class Flows:
         vehicles: Sequence[Driven],
         conditions: Conditions,
         events: Events,
-        options: Settings,
+        options: FlowOptions,
     ) -> None:
         self._vehicles = {vehicle.name: vehicle for vehicle in vehicles}
-        self._conditions, self._events, self._options = conditions, events, options
-        self._flows = {flow.name: Running(flow) for flow in plan.flows}
+        self._events, self._options = events, options
+        self._flows = {flow.name: self._running(flow, conditions) for flow in plan.flows}
         self._drivers: dict[str, list[str]] = {}
         for flow in plan.flows:
             for vehicle in flow.vehicles:
@@ -69,57 +108,44 @@ class Flows:
 
     @property
     def ended(self) -> bool:
-        return self._begun and all(flow.machine is None for flow in self._flows.values())
+        return self._begun and not any(flow.active for flow in self._flows.values())
 
     def driver(self, vehicle: str) -> str | None:
         """The flow that drives a vehicle now."""
         drivers = self._drivers.get(vehicle)
         return drivers[-1] if drivers else None
 
-    def begin(self, now: Time) -> None:
-        """Begin every flow that does not wait for a vehicle."""
-        self._begun = True
-        for flow in self._flows.values():
-            if not flow.plan.waits:
-                self._begin(flow, now)
-
     def step(self, now: Time, dt: float) -> None:
         """One period of every flow."""
         if not self._flows:
             return
         if not self._begun:
-            self.begin(now)
+            self._begin()
             return
         if LAND in self._events.heard(""):
-            self._give_up(now)
+            self._give_up()
         for flow in self._flows.values():
-            if flow.machine is None or flow.entered == now:
-                continue  # of what a phase asks, the vehicles know in the next tick
+            if not flow.active or flow.entered == now:
+                continue  # vehicles learn what a phase asks of them in the next tick
             if any(self._vehicles[v].requests.paused for v in self._driven(flow)):
                 flow.wait(dt)
             else:
-                self._guarded(flow, flow.machine, now, dt)
+                self._guarded(flow, now, dt)
 
     def enter(self, flow: str, phase: str, by: str, at: str = "") -> None:
-        """Enter a phase, whatever the flow does now: a callback's or a person's wish. Refused, and
-        told, for a flow that has no vehicle, because it waits for one."""
+        """Enter a phase that a callback or a person asked for, whatever the flow does now. Refused,
+        and told, for a flow that waits for a vehicle and has none."""
         running = self._flows[flow]
-        if running.machine is None and running.plan.waits:
-            reason = f"no flow has given `{flow}` a vehicle"
-            self._events.tell("phase_refused", at=at, flow=flow, phase=phase, by=by, reason=reason)
+        if running.active or not running.plan.waits:
+            running.machine.switch(phase, at)
             return
-        now = self._events.now
-        if running.machine is None:
-            running.machine = FlowMachine(running.plan, self._conditions)
-        else:
-            self._leave(running, "asked", at, now)
-        running.machine.force(phase)
-        self._enter(running, now)
+        reason = f"no flow has given `{flow}` a vehicle"
+        self._events.tell("phase_refused", at=at, flow=flow, phase=phase, by=by, reason=reason)
 
     def close(self, now: Time) -> None:
         """The run is over: what still lasts ends here."""
         for flow in self._flows.values():
-            if flow.machine is not None:
+            if flow.active:
                 flow.left("run_ended", now)
 
     def record(self) -> dict[str, Any]:
@@ -129,56 +155,59 @@ class Flows:
             for name, flow in self._flows.items()
         }
 
-    def _give_up(self, now: Time) -> None:
+    def _running(self, plan: FlowPlan, conditions: Conditions) -> RunningFlow:
+        flow: RunningFlow
+        machine = FlowMachine(
+            plan,
+            conditions,
+            on_enter=lambda phase: self._end(flow) if phase == END else self._enter(flow),
+            on_exit=lambda reason: self._leave(flow, reason),
+        )
+        flow = RunningFlow(plan, machine)
+        return flow
+
+    def _begin(self) -> None:
+        """Begin every flow that waits for no vehicle and that no other flow has begun."""
+        self._begun = True
+        for flow in self._flows.values():
+            if not (flow.plan.waits or flow.active):
+                flow.machine.begin()
+
+    def _give_up(self) -> None:
         """A person lands every vehicle: no flow may start it again."""
         for flow in self._flows.values():
-            if flow.machine is not None:
-                self._leave(flow, "operator", "", now)
-                self._end(flow)
+            if flow.active:
+                flow.machine.end("operator")
 
-    def _driven(self, flow: Running) -> list[str]:
+    def _driven(self, flow: RunningFlow) -> list[str]:
         return [v for v, drivers in self._drivers.items() if drivers[-1] == flow.plan.name]
 
-    def _begin(self, flow: Running, now: Time) -> None:
-        flow.machine = FlowMachine(flow.plan, self._conditions)
-        self._enter(flow, now)
-
-    def _guarded(self, flow: Running, machine: FlowMachine, now: Time, dt: float) -> None:
+    def _guarded(self, flow: RunningFlow, now: Time, dt: float) -> None:
         """One flow that fails ends, and no other with it; its vehicles do what they do."""
         try:
-            self._step(flow, machine, now, dt)
+            self._step(flow, now, dt)
         except Exception as error:  # a lab's own link may show anything
             self._events.tell("flow_failed", flow=flow.plan.name, reason=described(error))
-            self._leave(flow, "failed", "", now)
-            self._end(flow)
+            flow.machine.end("failed")
 
-    def _step(self, flow: Running, machine: FlowMachine, now: Time, dt: float) -> None:
+    def _step(self, flow: RunningFlow, now: Time, dt: float) -> None:
         phase = flow.phase
-        if not phase.transitions:
-            asked = {**phase.run, **phase.chains}.items()
-            if not any(is_in(self._vehicles[v].state, state) for v, state in asked):
-                self._leave(flow, "done", "", now)
-                self._end(flow)
+        if phase.transitions:
+            elapsed, heard = (now - flow.entered) / NS, self._events.heard("")
+            flow.machine.step(elapsed, heard, "running", dt)
             return
-        elapsed, heard = (now - flow.entered) / NS, self._events.heard("")
-        transition = machine.due(elapsed, heard, "running", dt)
-        if transition is None:
-            return
-        self._leave(flow, transition.cause, transition.at, now)
-        machine.fire(transition)
-        if machine.state == END:
-            self._end(flow)
-        else:
-            self._enter(flow, now)
+        asked = {**phase.run, **phase.chains}.items()
+        if not any(is_in(self._vehicles[v].state, state) for v, state in asked):
+            flow.machine.end("done")
 
-    def _enter(self, flow: Running, now: Time) -> None:
+    def _enter(self, flow: RunningFlow) -> None:
         phase, name = flow.phase, flow.plan.name
-        flow.arrived(now)
+        flow.arrived(self._events.now)
         self._events.tell("phase_started", at=phase.at, flow=name, phase=phase.name)
         given = [to for vehicle, to in phase.give.items() if self._give(flow, vehicle, to)]
         for other in dict.fromkeys(given):
-            if self._flows[other].machine is None:
-                self._begin(self._flows[other], now)
+            if not self._flows[other].active:
+                self._flows[other].machine.begin()
         for option in phase.set:
             try:
                 self._options.set(option.option, option.value, f"flow {name}", phase.at)
@@ -193,7 +222,7 @@ class Flows:
                     "switch_refused", vehicle, phase.at, state=state, by="flow", reason=reason
                 )
 
-    def _give(self, flow: Running, vehicle: str, to: str) -> bool:
+    def _give(self, flow: RunningFlow, vehicle: str, to: str) -> bool:
         """Whether another flow drives the vehicle now."""
         name, at = flow.plan.name, flow.phase.at
         reason = self._not_mine(flow, vehicle)
@@ -204,22 +233,21 @@ class Flows:
         self._events.tell("driver_changed", vehicle, at, flow=to)
         return True
 
-    def _not_mine(self, flow: Running, vehicle: str) -> str | None:
+    def _not_mine(self, flow: RunningFlow, vehicle: str) -> str | None:
         """Why a flow may ask nothing of a vehicle now; None when it may."""
         driver = self.driver(vehicle)
         if driver == flow.plan.name:
             return None
         return "no flow drives it" if driver is None else f"`{driver}` drives it"
 
-    def _leave(self, flow: Running, how: str, at: str, now: Time) -> None:
+    def _leave(self, flow: RunningFlow, reason: Exit) -> None:
         name, phase = flow.plan.name, flow.phase.name
-        flow.left(how, now)
-        self._events.tell("phase_ended", at=at, flow=name, phase=phase, how=how)
+        flow.left(reason.how, self._events.now)
+        self._events.tell("phase_ended", at=reason.at, flow=name, phase=phase, how=reason.how)
 
-    def _end(self, flow: Running) -> None:
+    def _end(self, flow: RunningFlow) -> None:
         """The flow is over; vehicles that it was given go back to who gave them."""
         name = flow.plan.name
-        flow.machine = None
         for vehicle, drivers in self._drivers.items():
             if vehicle in flow.plan.vehicles or name not in drivers:
                 continue

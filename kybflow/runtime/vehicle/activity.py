@@ -10,8 +10,8 @@ from kybflow.core.errors import PartFailed, Refused
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import NS, Command, Done, Estimate, Failed, Grip, Setpoint, Tick, Time
 from kybflow.dsl.expressions import Expression
-from kybflow.dsl.machine import Outcome, VehicleMachine
-from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
+from kybflow.dsl.machine import Exit, Outcome, VehicleMachine
+from kybflow.dsl.plan import StatePlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Flight, Leg
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety import take_off_tolerance
@@ -63,6 +63,8 @@ class Activity:
         self._outcome: Outcome = "running"
         self._reason = ""
         self._wanted: Setpoint | None = None
+        self._started: Behavior[Any] | None = None
+        self._refused: frozenset[str] = frozenset()
         self._blend: Blend | None = None
         self._resumes = False
 
@@ -70,9 +72,17 @@ class Activity:
         self, conditions: Callable[[Expression], Callable[[], bool]], situation: Situation
     ) -> None:
         """Enter the first state."""
-        self.machine = VehicleMachine(self.plan, conditions)
+        self._situation = situation
+        self.machine = VehicleMachine(
+            self.plan,
+            conditions,
+            on_enter=self._enter,
+            on_exit=self._exit,
+            starts=self._starts,
+            airborne=lambda: self.airborne,
+        )
         self.begun = True
-        self._enter(situation)
+        self.machine.begin()
 
     @property
     def state(self) -> StatePlan:
@@ -87,40 +97,22 @@ class Activity:
         return self.leg.start is AIR and self.leg.end is AIR
 
     def step(self, tick: Tick, latched: bool, situation: Situation) -> None:
-        """Take the arrow that is due in this tick, if one is. A latched vehicle that has landed
-        rests in `fault`."""
+        """Take the transition that is due in this tick, if one is. A latched vehicle that has
+        landed rests in `fault`."""
         heard = self._events.heard(self.plan.name)
-        transition = self.machine.due(tick.elapsed, heard, self._outcome, tick.dt)
-        if transition is None:
-            return
-        self._leave("done" if transition.cause == "then" else transition.cause, transition)
-        if transition.cause in ("failed", "within"):
-            self._score_unforeseen(self._reason or f"not done within {transition.after:g} s")
-        self.machine.fire(transition)
-        if latched and self.machine.state == "landed":
-            self.machine.force("fault")
-        self._enter(situation)
+        self.machine.step(tick.elapsed, heard, self._outcome, tick.dt, latched)
 
     def go(self, goal: str, situation: Situation) -> None:
-        """Enter a built-in state at once, whatever the mission's arrows say."""
-        self._leave("failsafe", None)
-        self.machine.force(goal)
-        self._enter(situation)
+        """Enter a built-in state at once, whatever the mission's transitions say."""
+        self.machine.failsafe(goal)
 
     def switch(self, goal: str, at: str, situation: Situation) -> None:
         """Enter a state that somebody asked for. Raises Refused, and nothing has changed, when its
         behavior refuses to start; PartFailed when that raises anything else."""
-        state = self.plan.states[goal]
         try:
-            behavior = self._built(state, situation())
-        except Refused:
-            raise
-        except Exception as error:
-            raise PartFailed(state.behavior.label, error) from error
-        self._leave("asked", None, at)
-        self.machine.force(goal)
-        self._note(state, situation().now)
-        self._adopt(state, behavior)
+            self.machine.switch(goal, at)
+        finally:
+            self._started = None
 
     def freeze(self, holder: Holder, situation: Situation) -> None:
         """Come to rest and hold, for this holder too, until it and all others let go."""
@@ -182,8 +174,9 @@ class Activity:
     def refuse(self, reason: str, situation: Situation) -> None:
         """The vehicle would not arm: it stays on the ground, and its behavior never began."""
         self.flight = GROUND
-        self._refused(reason, {self.state.name})
-        self._enter(situation)
+        self.fail(reason)
+        self._refused = frozenset()
+        self.machine.refuse({self.state.name})
 
     def thaw(self, holder: Holder, situation: Situation) -> None:
         """A holder that moved the vehicle lets go of it: what was frozen begins where it is now."""
@@ -208,29 +201,52 @@ class Activity:
             if end is GROUND or start is GROUND:
                 self._events.tell("landed" if end is GROUND else "took_off", self.plan.name)
 
-    def _enter(self, situation: Situation) -> None:
-        """Build the behavior of the present state. One that refuses to start has failed."""
-        refused: set[str] = set()
-        while True:
-            state, entry = self.state, situation()
-            self._note(state, entry.now)
-            try:
-                self._adopt(state, self._built(state, entry))
-                return
-            except Refused as refusal:
-                if state.name in (refused & _SAFE):
-                    raise
-                refused.add(state.name)
-                self._refused(str(refusal), refused)
+    def _enter(self, name: str) -> None:
+        """Build the behavior of the state that the machine has entered. One that refuses to start
+        has failed."""
+        state, entry = self.plan.states[name], self._situation()
+        self.entered, self.changed = entry.now, True
+        self._score.entered(name, state.behavior.name, entry.now / NS)
+        self._tell("behavior_started", state.at, part=state.behavior.name)
+        try:
+            started = self._started
+            behavior = self._built(state, entry) if started is None else started
+        except Refused as refusal:
+            if name in _SAFE & self._refused:
+                raise
+            self._refused |= {name}
+            self.fail(str(refusal))
+            self.machine.refuse(self._refused)
+            return
+        self.behavior = behavior
+        self.leg = next(leg for leg in state.legs if leg.start is self.flight)
+        if self.leg.start is not self.leg.end:
+            self.flight = MOVING
 
-    def _note(self, state: StatePlan, now: Time) -> None:
-        """The state was entered; nothing is left of the one before."""
-        self.entered, self.changed = now, True
+    def _exit(self, reason: Exit) -> None:
+        """Nothing is left of the state that the machine leaves."""
+        if self._outcome == "failed":
+            self._tell("behavior_failed", reason.at, reason=self._reason)
+        self._score.left(reason.how, self._events.now / NS)
+        self._tell("behavior_ended", reason.at, how=reason.how)
+        if reason.how in ("failed", "refused", "within"):
+            self._score_unforeseen(reason)
+        if reason.how != "refused":
+            self._refused = frozenset()
         self._outcome, self._reason = "running", ""
         self.hold = self.land_mode = self._blend = self._wanted = None
         self._resumes, self.grip = False, None
-        self._score.entered(state.name, state.behavior.name, now / NS)
-        self._tell("behavior_started", state.at, part=state.behavior.name)
+
+    def _starts(self, name: str) -> bool:
+        """Build the behavior of a state that was asked for, before the present one is left."""
+        state = self.plan.states[name]
+        try:
+            self._started = self._built(state, self._situation())
+        except Refused:
+            raise
+        except Exception as error:
+            raise PartFailed(state.behavior.label, error) from error
+        return True
 
     def _built(self, state: StatePlan, entry: Entry) -> Behavior[Any]:
         """The behavior of `state`. Raises Refused where it can't start."""
@@ -252,35 +268,13 @@ class Activity:
         allowed = take_off_tolerance.said(estimate)
         return f"the estimate is {away:.2f} m from where it stood ({allowed})"
 
-    def _adopt(self, state: StatePlan, behavior: Behavior[Any]) -> None:
-        self.behavior = behavior
-        self.leg = next(leg for leg in state.legs if leg.start is self.flight)
-        if self.leg.start is not self.leg.end:
-            self.flight = MOVING
-
-    def _refused(self, reason: str, refused: set[str]) -> None:
-        """Go where `failed` says, but to no state that has refused already."""
-        self.fail(reason)
-        self._leave("refused", None)
-        self._score_unforeseen(reason)
-        transition = self.machine.due(0.0, frozenset(), "failed", 0.0)
-        if transition is not None and transition.target not in refused:
-            self.machine.fire(transition)
-        else:
-            self.machine.force("brake" if self.airborne else "landed")
-
-    def _score_unforeseen(self, reason: str) -> None:
+    def _score_unforeseen(self, reason: Exit) -> None:
         """Count the failure when the mission does not say what follows it."""
-        arrows = (arrow for arrow in self.state.transitions if arrow.cause == "failed")
-        if all(arrow.implied for arrow in arrows):
-            self._score.failure(reason)
-
-    def _leave(self, how: str, transition: TransitionPlan | None, at: str = "") -> None:
-        at = transition.at if transition is not None else at
-        if self._outcome == "failed":
-            self._tell("behavior_failed", at, reason=self._reason)
-        self._score.left(how, self._events.now / NS)
-        self._tell("behavior_ended", at, how=how)
+        failed = (t for t in self.state.transitions if t.cause == "failed")
+        if all(transition.implied for transition in failed):
+            taken = reason.transition
+            after = taken.after if taken is not None else None
+            self._score.failure(self._reason or f"not done within {after:g} s")
 
     def _tell(self, event: str, at: str, **fields: str) -> None:
         self._events.tell(event, self.plan.name, at, behavior=self.machine.state, **fields)
