@@ -12,8 +12,8 @@ from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
 from kybflow.parts import Driver, Link, Seat, Session, Stream
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.body_health import Bodies
-from kybflow.runtime.monitoring.estimate_history import Whereabouts
+from kybflow.runtime.monitoring.bodies import Bodies
+from kybflow.runtime.monitoring.estimate_history import EstimateHistory
 from kybflow.runtime.monitoring.sensing import Opened
 from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.scores import Score
@@ -126,7 +126,7 @@ def build_vehicles(
     score: Score,
 ) -> list[Vehicle]:
     """A vehicle for each of the plan, with `observer` of its name."""
-    links, bodies, fleet = _links(devices), Bodies(), Whereabouts()
+    links, bodies, fleet = _links(devices), Bodies(), EstimateHistory()
     return [
         Vehicle(
             vehicle,

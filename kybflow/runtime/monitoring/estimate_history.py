@@ -1,5 +1,5 @@
-"""Where the vehicles of a fleet believed to be in the last moments, for who judges by that what is
-seen late."""
+"""Where the vehicles of a fleet believed to be in the last moments. What a camera shows arrives
+late and is judged by the estimate of when it was seen."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ CURRENT = NS // 20
 """Nobody knows where a vehicle is whose last estimate is older."""
 
 
-class Whereabouts:
-    """Of those vehicles that tell it, each with its estimate flown on. is_asked: whether anybody
-    will ask; kept for nobody they would only fill the processor's caches."""
+class EstimateHistory:
+    """The estimates that the vehicles flew on, by vehicle. is_asked: whether anybody will ask;
+    estimates that are kept for nobody would only fill the processor's caches."""
 
     def __init__(self) -> None:
         self.is_asked = False
@@ -36,7 +36,7 @@ class Whereabouts:
         return None
 
     def others(self, vehicle: str, time: Time) -> Iterator[tuple[str, Estimate]]:
-        """The same of each other one that believed something."""
+        """What each other vehicle believed then, of those that believed something."""
         for other in self._kept:
             estimate = None if other == vehicle else self.at(other, time)
             if estimate is not None:

@@ -24,11 +24,10 @@ from kybflow.core.signals import (
 )
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.body_health import Bodies
-from kybflow.runtime.monitoring.estimate_history import Whereabouts
+from kybflow.runtime.monitoring.bodies import Bodies, BodyMonitor
+from kybflow.runtime.monitoring.cameras import CameraMonitor
+from kybflow.runtime.monitoring.estimate_history import EstimateHistory
 from kybflow.runtime.monitoring.sensing import Opened, Sensing
-from kybflow.runtime.monitoring.watched_body import WatchedBody
-from kybflow.runtime.monitoring.watched_cameras import WatchedCameras
 from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.estimation import Estimation
@@ -69,7 +68,7 @@ class Knowledge:
         report: Callable[[PartFailed], None],
         sensors: Sequence[Opened] = (),
         bodies: Bodies | None = None,
-        fleet: Whereabouts | None = None,
+        fleet: EstimateHistory | None = None,
     ) -> None:
         self.estimate: Estimate | None = None
         self.battery: Battery | None = None
@@ -81,9 +80,9 @@ class Knowledge:
         self.estimation = Estimation(plan, context, events, score, report, self._known)
         self.sensing = Sensing(plan, sensors, events)
         self._name, self._observer, self._score = plan.name, observer, score
-        self._fleet = fleet or Whereabouts()
-        self._body = WatchedBody(plan, bodies or Bodies(), events)
-        self.cameras = WatchedCameras(plan, self._fleet, events)
+        self._fleet = fleet or EstimateHistory()
+        self._body = BodyMonitor(plan, bodies or Bodies(), events)
+        self.cameras = CameraMonitor(plan, self._fleet, events)
         self._streams: dict[MeasurementKind, _Stream] = {}
         needs = [e.part.cls.uses(e.part.params) for e in plan.estimators]
         self.needs: frozenset[MeasurementKind] = frozenset().union(*needs)

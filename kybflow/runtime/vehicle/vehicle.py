@@ -26,8 +26,8 @@ from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND, Entry, Link
 from kybflow.runtime.events import Events
 from kybflow.runtime.making import make, parts_of
-from kybflow.runtime.monitoring.body_health import Bodies
-from kybflow.runtime.monitoring.estimate_history import Whereabouts
+from kybflow.runtime.monitoring.bodies import Bodies
+from kybflow.runtime.monitoring.estimate_history import EstimateHistory
 from kybflow.runtime.monitoring.sensing import Opened
 from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.safety.failsafe import Failsafe, Heard
@@ -64,7 +64,7 @@ class Vehicle:
         score: VehicleScore,
         sensors: Sequence[Opened] = (),
         bodies: Bodies | None = None,
-        fleet: Whereabouts | None = None,
+        fleet: EstimateHistory | None = None,
     ) -> None:
         self.plan, self.name, self.context = plan, plan.name, context
         self.now: Time = 0

@@ -22,8 +22,7 @@ from kybflow.dsl.plan import PartPlan, SensorPlan
 from kybflow.parts import Link, Sensor, Stream
 from kybflow.recording.layout import dtype_spec
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.admission import AHEAD
-from kybflow.runtime.monitoring.sensing import Opened, Sensing
+from kybflow.runtime.monitoring.sensing import AHEAD, Opened, Sensing
 from kybflow.world.cameras import Camera, Lens
 from kybflow.world.vehicle_context import VehicleContext
 

@@ -12,16 +12,10 @@ from hypothesis import strategies as st
 
 from kybflow.core.geometry import LEVEL, Vec3, add, from_euler, from_heading
 from kybflow.core.signals import NS, Pose
-from kybflow.runtime.monitoring.body_health import (
-    FROZE,
-    JUMPED,
-    RECOVERED,
-    STALE,
-    SWAPPED,
-    Bodies,
-    Bounds,
-    Finding,
-)
+from kybflow.runtime.monitoring.bodies import FROZE, LOST, Bodies, BodyBounds
+from kybflow.runtime.monitoring.findings import Finding
+
+JUMPED, SWAPPED, RECOVERED = "body_jumped", "body_swapped", "body_recovered"
 
 TICK = NS // 250
 FLEET = ("a", "b", "c")
@@ -84,7 +78,7 @@ def test_a_good_flight_is_no_finding_and_every_pose_passes(rate: int) -> None:
 def test_a_body_that_is_lost_and_comes_back() -> None:
     findings, _ = watched(from_second(1.0, "a", lambda pose: None, 2.0), 3.0)
     (lost, back) = findings
-    assert (lost.event, lost.body, back.event, back.body) == (STALE, "a", RECOVERED, "a")
+    assert (lost.event, lost.subject, back.event, back.subject) == (LOST, "a", RECOVERED, "a")
     assert 1.24 <= lost.time / NS <= 1.26
     assert lost.value > lost.bound == 0.25
     assert 2.0 <= back.time / NS <= 2.05
@@ -92,14 +86,14 @@ def test_a_body_that_is_lost_and_comes_back() -> None:
 
 def test_a_body_that_never_comes() -> None:
     findings, _ = watched(from_second(0.0, "a", lambda pose: None), 1.0)
-    assert [(f.event, f.body) for f in findings] == [(STALE, "a")]
+    assert [(f.event, f.subject) for f in findings] == [(LOST, "a")]
 
 
 def test_a_frozen_body_is_withheld_at_once_and_told_after_the_bound() -> None:
     still = flight("a", NS)
     frozen = from_second(1.0, "a", lambda pose: still._replace(time=pose.time), 2.0)
     findings, passed = watched(frozen, 3.0)
-    assert [(f.event, f.body) for f in findings] == [(FROZE, "a"), (RECOVERED, "a")]
+    assert [(f.event, f.subject) for f in findings] == [(FROZE, "a"), (RECOVERED, "a")]
     froze, back = findings
     assert 1.5 < froze.time / NS <= 1.52
     assert froze.value > froze.bound == 0.5
@@ -136,10 +130,10 @@ def test_what_froze_in_the_air_is_withheld_on_the_ground_until_it_moves() -> Non
 def test_a_slow_stream_is_not_lost_between_its_poses_but_when_it_ends(rate: int) -> None:
     findings, _ = watched(from_second(3.0, "a", lambda pose: None), 5.0, rate=rate)
     started = 0 if rate > 3 else 3  # at 3 Hz nobody can tell before three poses have come
-    [lost] = [f for f in findings if f.body == "a" and f.time > 2 * NS]
-    assert lost.event == STALE
+    [lost] = [f for f in findings if f.subject == "a" and f.time > 2 * NS]
+    assert lost.event == LOST
     assert lost.bound == pytest.approx(3.0 / rate, abs=0.02)
-    assert len([f for f in findings if f.event == STALE and f.time < NS]) <= started
+    assert len([f for f in findings if f.event == LOST and f.time < NS]) <= started
 
 
 def test_due_is_when_a_body_is_lost() -> None:
@@ -148,7 +142,7 @@ def test_due_is_when_a_body_is_lost() -> None:
     due = bodies.due("a")
     assert due == 99 * NS // 100 + NS // 4
     assert bodies.judge("a", [], due)[1] == []
-    assert [f.event for f in bodies.judge("a", [], due + 1)[1]] == [STALE]
+    assert [f.event for f in bodies.judge("a", [], due + 1)[1]] == [LOST]
 
 
 def test_a_frozen_body_whose_stream_ends_is_stale() -> None:
@@ -158,7 +152,7 @@ def test_a_frozen_body_whose_stream_ends_is_stale() -> None:
         return flight("a", NS)._replace(time=pose.time) if pose.time < 2 * NS else None
 
     findings, _ = watched(change, 3.0)
-    assert [f.event for f in findings] == [FROZE, STALE]
+    assert [f.event for f in findings] == [FROZE, LOST]
 
 
 def test_frames_that_a_server_sends_twice_are_no_finding_and_pass_once() -> None:
@@ -181,7 +175,7 @@ def test_frames_that_a_server_sends_twice_are_no_finding_and_pass_once() -> None
 def test_a_body_that_jumps_and_goes_on_from_there(by: Vec3) -> None:
     findings, passed = watched(from_second(1.0, "a", moved(by)), 2.0)
     (jump,) = findings
-    assert (jump.event, jump.body, jump.other) == (JUMPED, "a", "")
+    assert (jump.event, jump.subject, jump.other) == (JUMPED, "a", "")
     assert jump.time == pytest.approx(NS, abs=NS // 120)
     assert jump.value > jump.bound
     assert len(passed["a"]) == len(passed["b"])
@@ -215,7 +209,7 @@ def test_two_bodies_that_are_exchanged_and_exchanged_back(
         return pose
 
     findings, _ = watched(change, 3.0, names, seed=seed)
-    told = sorted((round(f.time / NS), f.body, f.event, f.other) for f in findings)
+    told = sorted((round(f.time / NS), f.subject, f.event, f.other) for f in findings)
     assert told == [
         (1, "a", SWAPPED, "b"),
         (1, "b", SWAPPED, "a"),
@@ -230,7 +224,7 @@ def test_a_body_that_is_taken_for_another_which_stays() -> None:
         return moved(away)(flight("b", pose.time)) if name == "a" and pose.time >= NS else pose
 
     findings, _ = watched(change, 2.0)
-    assert [(f.body, f.event, f.other) for f in findings] == [("a", SWAPPED, "b")]
+    assert [(f.subject, f.event, f.other) for f in findings] == [("a", SWAPPED, "b")]
 
 
 @pytest.mark.parametrize("attitude", [(0.0, 0.0, 0.0, 0.0), (nan, 0.0, 0.0, 0.0)])
@@ -238,7 +232,7 @@ def test_what_is_no_pose_never_passes_and_is_as_if_none_came(attitude: tuple[flo
     findings, passed = watched(
         from_second(1.0, "a", lambda pose: pose._replace(attitude=attitude)), 2.0
     )
-    assert [(f.body, f.event) for f in findings] == [("a", STALE)]
+    assert [(f.subject, f.event) for f in findings] == [("a", LOST)]
     assert max(pose.time for pose in passed["a"]) < NS
 
 
@@ -260,7 +254,7 @@ def test_a_stamp_that_is_not_newer_is_left_out() -> None:
     )
 )
 def test_whatever_comes_it_never_raises_and_what_passes_is_newer(data: list) -> None:
-    bodies, newest, now = Bodies(Bounds(stale=0.1)), dict.fromkeys(FLEET, -1), 0
+    bodies, newest, now = Bodies(BodyBounds(lost=0.1)), dict.fromkeys(FLEET, -1), 0
     for name, step, position, attitude in data:
         now += step
         for pose in bodies.judge(name, [Pose(now, position, attitude)], now)[0]:

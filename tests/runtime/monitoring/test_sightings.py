@@ -11,9 +11,9 @@ import pytest
 
 from kybflow.core.geometry import LEVEL, Vec3
 from kybflow.core.signals import NS, Estimate, Frame, Time
-from kybflow.runtime.monitoring.camera_health import Finding
-from kybflow.runtime.monitoring.estimate_history import Whereabouts
-from kybflow.runtime.monitoring.sighting_health import CONFIRMED, Sights
+from kybflow.runtime.monitoring.cameras import Sightings
+from kybflow.runtime.monitoring.estimate_history import EstimateHistory
+from kybflow.runtime.monitoring.findings import CONFIRMED, Finding
 from kybflow.world.cameras import Camera, Lens
 
 CAMERA = Camera("down", Lens(4, 4, 4.0, 4.0, 2.0, 2.0), (0.0, 0.0, 0.0), rate=20.0)
@@ -42,7 +42,7 @@ def sighting(time: Time, position: Vec3 | None, camera: str = "down") -> Any:
     return SimpleNamespace(frames=[Frame(time, camera, None)], located=located)
 
 
-def believe(fleet: Whereabouts, vehicle: str, position: Vec3, time: Time) -> None:
+def believe(fleet: EstimateHistory, vehicle: str, position: Vec3, time: Time) -> None:
     fleet.note(vehicle, Estimate(time, position, REST, LEVEL, REST, "fusion", 0.0, SPREAD))
 
 
@@ -51,8 +51,8 @@ class Flight:
     it."""
 
     def __init__(self) -> None:
-        self.fleet = Whereabouts()
-        self.sights = Sights("a", {"down": CAMERA}, self.fleet)
+        self.fleet = EstimateHistory()
+        self.sights = Sightings("a", {"down": CAMERA}, self.fleet)
 
     def fly(
         self, seen: Place, believed: Place = at, steps: Iterable[int] = range(20), air: bool = True
@@ -83,7 +83,7 @@ def test_poses_elsewhere_that_go_on_from_there_are_a_jump() -> None:
 def test_one_that_goes_back_to_where_the_vehicle_is_recovers() -> None:
     flight = Flight()
     found = flight.fly(lambda k: shifted(k, 5, 12))
-    assert [(k, f.event, f.camera) for k, f in found] == [
+    assert [(k, f.event, f.subject) for k, f in found] == [
         (7, "camera_jumped", "down"), (14, "camera_recovered", "down"),
     ]  # fmt: skip
     assert flight.sights.wrong == {}
@@ -117,7 +117,7 @@ def test_where_another_vehicle_is_it_is_its_camera() -> None:
         believe(flight.fleet, "b", shifted(k, 0), k * STEP)
         believe(flight.fleet, "c", (5.0, 5.0, 1.0), k * STEP)
     ((_, found),) = flight.fly(lambda k: shifted(k, 5))
-    assert (found.event, found.camera, found.other) == ("camera_swapped", "down", "b")
+    assert (found.event, found.subject, found.other) == ("camera_swapped", "down", "b")
 
 
 def test_on_the_ground_it_may_be_carried_about() -> None:
@@ -140,7 +140,7 @@ def test_frames_without_a_pose_in_the_air_are_told_and_their_end() -> None:
 
 def test_the_bound_is_that_of_the_fastest_camera() -> None:
     slow = CAMERA._replace(name="slow", rate=2.0)
-    sights = Sights("a", {"slow": slow}, Whereabouts())
+    sights = Sightings("a", {"slow": slow}, EstimateHistory())
     sights.judge(sighting(0, at(0)), True)
     found = [sights.judge(sighting(k * NS // 2, None), True) for k in range(1, 5)]
     assert found[:2] == [[], []]
@@ -158,18 +158,18 @@ def test_on_the_ground_a_tag_may_be_too_near() -> None:
 
 def test_two_cameras_are_judged_each_for_itself() -> None:
     """Their frames come in turns; one of them is shifted."""
-    fleet = Whereabouts()
-    sights = Sights("a", {"down": CAMERA, "rear": CAMERA._replace(name="rear")}, fleet)
+    fleet = EstimateHistory()
+    sights = Sightings("a", {"down": CAMERA, "rear": CAMERA._replace(name="rear")}, fleet)
     found = []
     for k in range(20):
         believe(fleet, "a", at(k), k * STEP)
         found += sights.judge(sighting(k * STEP, shifted(k, 5), "down"), True)
         found += sights.judge(sighting(k * STEP, at(k), "rear"), True)
-    assert [(f.event, f.camera) for f in found] == [("camera_jumped", "down")]
+    assert [(f.event, f.subject) for f in found] == [("camera_jumped", "down")]
 
 
 def test_what_was_believed_is_known_for_a_moment() -> None:
-    fleet = Whereabouts()
+    fleet = EstimateHistory()
     for k in range(2000):
         believe(fleet, "a", (float(k), 0.0, 0.0), k * NS // 250)
     now = 1999 * NS // 250
@@ -187,5 +187,5 @@ def test_a_camera_that_jumped_recovers_with_another_one() -> None:
     for k in range(14, 20):
         believe(flight.fleet, "a", at(k), k * STEP)
         found += flight.sights.judge(sighting(k * STEP, at(k), "down, front"), True)
-    assert [(f.event, f.camera) for f in found] == [("camera_recovered", "down")]
+    assert [(f.event, f.subject) for f in found] == [("camera_recovered", "down")]
     assert flight.sights.wrong == {}

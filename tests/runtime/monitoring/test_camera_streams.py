@@ -1,4 +1,4 @@
-"""Cameras are told apart by the times and images of their frames alone."""
+"""CameraStreams are told apart by the times and images of their frames alone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy
 import pytest
 
 from kybflow.core.signals import NS, Frame, Time
-from kybflow.runtime.monitoring.camera_health import GOOD, Cameras, Finding
+from kybflow.runtime.monitoring.cameras import CameraStreams
+from kybflow.runtime.monitoring.findings import CONFIRMED, Finding
 from kybflow.world.cameras import Camera, Lens
 
 LENS = Lens(320, 240, 200.0, 200.0, 159.5, 119.5)
@@ -18,15 +19,19 @@ STEP = round(NS / RATE)
 MS = NS // 1000
 
 
-def cameras(rate: float = RATE, *names: str) -> Cameras:
-    return Cameras({n: Camera(n, LENS, (0.0, 0.0, 0.0), rate=rate) for n in names or ("down",)})
+def cameras(rate: float = RATE, *names: str) -> CameraStreams:
+    return CameraStreams(
+        {n: Camera(n, LENS, (0.0, 0.0, 0.0), rate=rate) for n in names or ("down",)}
+    )
 
 
 def noise(seed: int) -> Any:
     return numpy.random.default_rng(seed).integers(90, 110, (240, 320), numpy.uint8)
 
 
-def flown(judge: Cameras, images: list[Any], begin: int = 0, in_air: bool = True) -> list[Finding]:
+def flown(
+    judge: CameraStreams, images: list[Any], begin: int = 0, in_air: bool = True
+) -> list[Finding]:
     """What is found in frames that come one after another; None where one doesn't."""
 
     def found() -> Iterator[Finding]:
@@ -65,8 +70,8 @@ def test_it_recovers_after_a_few_frames() -> None:
     judge = cameras()
     flown(judge, [noise(0), *[None] * 10])
     assert judge.wrong == {"down": "camera_lost"}
-    assert flown(judge, [noise(k) for k in range(1, GOOD)], 11) == []
-    assert flown(judge, [noise(GOOD)], 10 + GOOD) == [Finding("camera_recovered", "down")]
+    assert flown(judge, [noise(k) for k in range(1, CONFIRMED)], 11) == []
+    assert flown(judge, [noise(CONFIRMED)], 10 + CONFIRMED) == [Finding("camera_recovered", "down")]
     assert judge.wrong == {}
 
 
@@ -75,7 +80,7 @@ def test_it_froze_when_images_are_the_same_in_the_air() -> None:
     kept = noise(9)
     (found,) = flown(judge, [noise(0), *[kept] * 20])
     assert found == Finding("camera_froze", "down", pytest.approx(3 / RATE), 0.1)
-    assert flown(judge, [kept, *(noise(k) for k in range(GOOD))], 21) == [
+    assert flown(judge, [kept, *(noise(k) for k in range(CONFIRMED))], 21) == [
         Finding("camera_recovered", "down")
     ]
 
@@ -121,4 +126,4 @@ def test_cameras_are_judged_each_for_itself() -> None:
         yield Frame(time, "front", noise(k))
 
     found = [f for k in range(20) for f in judge.judge(list(frames(k)), k * STEP, True)]
-    assert [(f.event, f.camera) for f in found] == [("camera_froze", "down")]
+    assert [(f.event, f.subject) for f in found] == [("camera_froze", "down")]

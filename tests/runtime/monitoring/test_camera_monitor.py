@@ -16,8 +16,8 @@ from kybflow.core.signals import NS, Estimate, Event, Frame
 from kybflow.dsl.plan import EstimatorPlan, PartPlan
 from kybflow.parts import Estimator
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.estimate_history import Whereabouts
-from kybflow.runtime.monitoring.watched_cameras import WatchedCameras
+from kybflow.runtime.monitoring.cameras import CameraMonitor
+from kybflow.runtime.monitoring.estimate_history import EstimateHistory
 from kybflow.world.cameras import Camera, Lens
 
 LENS = Lens(40, 30, 40.0, 40.0, 20.0, 15.0)
@@ -53,9 +53,9 @@ class Watch:
 
     def __init__(self, estimator: PartPlan = SEEING) -> None:
         self.told: list[Event] = []
-        self.fleet = Whereabouts()
+        self.fleet = EstimateHistory()
         events = Events((self.told.append,))
-        self.watched = WatchedCameras(plan(estimator), self.fleet, events)
+        self.watched = CameraMonitor(plan(estimator), self.fleet, events)
         self.one = SimpleNamespace(name="seeing", part=SimpleNamespace(sighting=None))
         self.k = self.passed = 0
 

@@ -1,0 +1,242 @@
+"""The bodies of motion capture: what is wrong with one, by its poses alone, whatever gives them.
+
+lost: no pose for longer than a bound, or than three of the stream's own intervals where that is
+longer. froze: fresh stamps, but bit by bit the same pose while the vehicle is in the air; noise and
+motion make that impossible for a body that is seen. On the ground nothing is said of it: what
+stands still may be measured without noise, as a simulator can. jumped: further from the last pose
+than
+
+    STEP + SPEED * t,   t = seconds since the last pose, at most MEMORY
+
+(or turned further than `turn` + `rate` * t), and the next poses go on from there; a single one is a
+reflection, and no finding. swapped: it jumped to where another body was: within `near` + `pace` * t
+of its last place, or of the one that it has just left.
+
+In the air, a pose that is the one before it bit by bit is no measurement and is withheld, from the
+first on, so that an estimate ages from when its body froze, not from when that is told; once it was
+told, also on the ground, until the pose changes. All others pass: whether the vehicle can be there
+is for the estimators to say (`kybflow.flight.pose_gate`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import acos, cos, isfinite
+from typing import NamedTuple
+
+from kybflow.core.geometry import Vec3, distance
+from kybflow.core.signals import NEVER, NS, Measurement, Pose, Time
+from kybflow.dsl.plan import VehiclePlan
+from kybflow.runtime.events import Events
+from kybflow.runtime.monitoring.findings import (
+    MEMORY,
+    STEP,
+    Finding,
+    Streak,
+    Trouble,
+    nearest,
+    reach,
+    tell,
+)
+
+LOST, FROZE = "body_lost", "body_froze"
+
+
+class BodyBounds(NamedTuple):
+    """Seconds, radians, rad/s, metres, m/s. unknown: in place of `lost` until three poses have
+    come."""
+
+    lost: float = 0.25
+    unknown: float = 0.6
+    frozen: float = 0.5
+    turn: float = 0.8
+    rate: float = 12.0
+    near: float = 0.15
+    pace: float = 2.0
+
+
+class Bodies:
+    """The bodies of a fleet."""
+
+    def __init__(self, bounds: BodyBounds = BodyBounds()) -> None:  # noqa: B008 - immutable
+        self._bounds = bounds
+        self._near = STEP**2
+        self._aligned = cos(0.5 * bounds.turn)
+        self._bodies: dict[str, _Body] = {}
+
+    def judge(
+        self, name: str, poses: Sequence[Pose], now: Time, in_air: bool = True
+    ) -> tuple[list[Pose], list[Finding]]:
+        """The new poses of a body, oldest first: those that are measurements, and what is found.
+        To be asked whenever poses have come, and without any from `due` on. in_air: whether its
+        vehicle is."""
+        body = self._bodies.get(name)
+        if body is None:
+            body = self._bodies[name] = _Body(now)
+        passed: list[Pose] = []
+        findings: list[Finding] = []
+        for pose in poses:
+            if not _is_sound(pose) or pose.time <= body.stamp:
+                continue
+            body.come(pose.time)
+            if body.repeats(pose, in_air):
+                self._froze(name, body, findings)
+            else:
+                passed.append(pose)
+                self._follow(name, body, pose, findings)
+        bound, newest = self._timeout(body), max(body.stamp, body.began)
+        body.due = newest + round(bound * NS)
+        age = (now - newest) / NS
+        if age > bound and not body.trouble.is_told(LOST):
+            body.trouble.good = 0
+            findings.append(body.found(Finding("body_lost", name, age, bound, time=now)))
+        return passed, findings
+
+    def due(self, name: str) -> Time:
+        """When a body is lost should nothing come; to be asked once it was judged."""
+        return self._bodies[name].due
+
+    def _timeout(self, body: _Body) -> float:
+        if body.interval is None:
+            return self._bounds.unknown
+        return max(self._bounds.lost, 3.0 * body.interval)
+
+    def _froze(self, name: str, body: _Body, findings: list[Finding]) -> None:
+        since, bound = (body.stamp - body.changed) / NS, self._bounds.frozen
+        if since > bound and not body.trouble.is_told(FROZE):
+            findings.append(body.found(Finding("body_froze", name, since, bound, time=body.stamp)))
+        body.trouble.good = 0
+
+    def _follow(self, name: str, body: _Body, pose: Pose, findings: list[Finding]) -> None:
+        """A pose that is a new one: does the body recover, did it jump?"""
+        if body.trouble.is_over():
+            findings.append(Finding("body_recovered", name, time=pose.time))
+        place, elsewhere = body.place, body.elsewhere
+        if place is None or self._off(place, pose) is None:
+            body.place, elsewhere.seen = pose, []
+            return
+        if elsewhere.seen and self._off(elsewhere.seen[-1], pose) is not None:
+            elsewhere.seen = []
+        first = elsewhere.confirmed(pose)
+        if first is None:
+            return
+        value, bound = self._off(place, first) or (0.0, 0.0)
+        other = nearest(first.position, self._others(name, first))
+        found = Finding("body_jumped", name, value, bound, time=first.time)
+        if other:
+            found = Finding("body_swapped", name, value, bound, other, first.time)
+        findings.append(found)
+        body.left, body.place = place, pose
+
+    def _off(self, last: Pose, pose: Pose) -> tuple[float, float] | None:
+        """By how much, and how much can be, where no flight explains how it came there."""
+        (x, y, z), (u, v, w) = pose.position, last.position
+        (a, b, c, d), (e, f, g, h) = pose.attitude, last.attitude
+        product = abs(a * e + b * f + c * g + d * h)
+        if (x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2 <= self._near and product >= self._aligned:
+            return None  # as nearly always
+        return self._how_far_off(last, pose, product)
+
+    def _how_far_off(self, last: Pose, pose: Pose, product: float) -> tuple[float, float] | None:
+        b = self._bounds
+        seconds = (pose.time - last.time) / NS
+        off, most = distance(pose.position, last.position), reach(seconds)
+        if off > most:
+            return off, most
+        turned, most = 2.0 * acos(min(1.0, product)), b.turn + b.rate * min(seconds, MEMORY)
+        return (turned, most) if turned > most else None
+
+    def _others(self, name: str, pose: Pose) -> Iterator[tuple[str, Vec3, float]]:
+        """Where the other bodies were at about the time of `pose`."""
+        for other, body in self._bodies.items():
+            for place in () if other == name else (body.place, body.left):
+                t = 0.0 if place is None else abs(pose.time - place.time) / NS
+                if place is not None and t <= MEMORY:
+                    yield other, place.position, self._bounds.near + self._bounds.pace * t
+
+
+class _Body:
+    """What is remembered of one. stamp: of its newest pose. interval: the shorter of the last two
+    between poses, seconds, None before. due: when it is lost should nothing come. changed: since
+    when, in the air, the pose is the same. place: where it is believed, left: where it was before
+    it jumped, elsewhere: poses that may become a jump."""
+
+    __slots__ = (
+        "_before", "_last", "began", "changed", "due", "elsewhere", "interval", "left", "place",
+        "stamp", "trouble",
+    )  # fmt: skip
+
+    def __init__(self, now: Time) -> None:
+        self.began = self.due = now
+        self.stamp: Time = -NEVER
+        self.changed: Time = 0
+        self.place: Pose | None = None
+        self.left: Pose | None = None
+        self.elsewhere: Streak[Pose] = Streak()
+        self.trouble = Trouble()
+        self.interval: float | None = None
+        self._before: float | None = None
+        self._last: Pose | None = None
+
+    def found(self, finding: Finding) -> Finding:
+        """From now on that is wrong with it."""
+        self.trouble.finding = finding
+        return finding
+
+    def come(self, stamp: Time) -> None:
+        """A pose of this time is new."""
+        if self._last is not None:
+            passed = (stamp - self.stamp) / NS
+            if self._before is not None:
+                self.interval = min(passed, self._before)
+            self._before = passed
+        self.stamp = stamp
+
+    def repeats(self, pose: Pose, in_air: bool) -> bool:
+        """Take note of a pose; whether it is the one before it, bit by bit, and must not be."""
+        last, self._last = self._last, pose
+        same = last is not None and last[1:] == pose[1:]
+        if same and (in_air or self.trouble.is_told(FROZE)):
+            return True
+        self.changed = pose.time
+        return False
+
+
+def _is_sound(pose: Pose) -> bool:
+    (x, y, z), (a, b, c, d) = pose.position, pose.attitude
+    return 0.8 < a * a + b * b + c * c + d * d < 1.25 and isfinite(x + y + z)
+
+
+class BodyMonitor:
+    """Tells what is found of one vehicle's body, and withholds the poses that are no measurements.
+    `bodies` judges those of the whole fleet. Poses that no estimator asks for are judged where they
+    come, and nobody misses them. due: when to be asked without any."""
+
+    def __init__(self, plan: VehiclePlan, bodies: Bodies, events: Events) -> None:
+        self._name, self._bodies, self._events = plan.name, bodies, events
+        parts = (estimator.part for estimator in plan.estimators)
+        asking = [p.at for p in parts if Pose in p.cls.uses(p.params)]
+        self._at = asking[0] if asking else plan.at
+        self._is_needed = bool(asking)
+        self.due: Time = 0 if asking else NEVER
+
+    def measured(
+        self, measurements: Sequence[Measurement], now: Time, in_air: bool
+    ) -> Sequence[Measurement]:
+        """The measurements without the poses that are no measurements. in_air: whether the vehicle
+        is."""
+        poses = [m for m in measurements if type(m) is Pose] if measurements else ()
+        if not poses and now < self.due:
+            return measurements
+        passed, findings = self._bodies.judge(self._name, poses, now, in_air)
+        if self._is_needed:
+            self.due = self._bodies.due(self._name)
+        for found in findings:
+            tell(
+                self._events, found, self._name, self._at,
+                other=found.other, value=found.value, bound=found.bound,
+            )  # fmt: skip
+        if len(passed) == len(poses):
+            return measurements
+        good = set(map(id, passed))
+        return [m for m in measurements if type(m) is not Pose or id(m) in good]

@@ -1,0 +1,344 @@
+"""The cameras of a vehicle: what is wrong with their frames, and with what they show.
+
+By the times and the images of a camera's frames. lost: no frame for longer than
+
+    max(SILENT, 3 / rate),   rate = the camera's frames a second
+
+froze: frames with fresh times whose image is the one before it, in the air, for longer than
+
+    max(SAME, 1.5 / rate)
+
+The noise of a sensor makes two equal images impossible, so 1,200 pixels or so of each are enough to
+compare. An image of one brightness is none that froze: it is dark, or blinded. On the ground
+nothing is said of it, as a simulated sensor without noise gives the same again while it stands. A
+camera counts from its first frame on. Why there was none, its sensor knows.
+
+By the poses that were found in the frames. tags lost: frames arrive in the air, and for longer than
+
+    max(BLIND, 2.5 / rate),   rate = frames a second of the fastest camera
+
+no pose was found in them; found: poses are found again. jumped: a pose is further than
+
+    NEAR + 4 s + 4 p
+
+from where the vehicle believed to be when the frame was taken (s: the estimate's spread, p: the
+pose's standard deviation), and the next poses go on from there; a single one is an error, and no
+finding. The estimate had not seen the frame then: in most vehicles it is what the IMU predicts. So
+it looks when a camera was knocked aside, and when the floor was. swapped: it jumped, and the pose
+is within that of where another vehicle believed to be.
+
+recovered: so many good frames in a row since it was lost or froze. After a jump: the poses went
+back, or were lost meanwhile, and so many in a row are where the vehicle believes to be. Where an
+estimator followed the camera they are not, and it is told of another jump.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import sqrt
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy
+
+from kybflow.core.geometry import Vec3, distance
+from kybflow.core.signals import NEVER, NS, Frame, Measurement, Time
+from kybflow.dsl.plan import VehiclePlan
+from kybflow.runtime.events import Events
+from kybflow.runtime.monitoring.estimate_history import EstimateHistory
+from kybflow.runtime.monitoring.findings import Finding, Streak, Trouble, nearest, reach, tell
+from kybflow.runtime.vehicle.candidate import Candidate
+from kybflow.world.cameras import Camera
+
+if TYPE_CHECKING:
+    from kybflow.vision.locating.fit import Located
+    from kybflow.vision.locating.locator import Sighting
+
+LOST, FROZE, SWAPPED = "camera_lost", "camera_froze", "camera_swapped"
+SILENT, SAME = 0.15, 0.1
+"""Seconds. Both are told before the estimate is a quarter of a second old, from 15 Hz on."""
+_ACROSS = 40
+"""Pixels of a row that are compared."""
+BLIND, NEAR = 0.15, 0.2
+_AND = ", "
+
+
+class CameraStreams:
+    """The frames of one vehicle's cameras. due: when one of them is lost should nothing come."""
+
+    def __init__(self, cameras: Mapping[str, Camera]) -> None:
+        self._cameras = cameras
+        self._streams: dict[str, _CameraStream] = {}
+        self.due: Time = NEVER
+
+    @property
+    def wrong(self) -> dict[str, str]:
+        """What was told last of each camera that has not recovered."""
+        return {n: s.trouble.finding.event for n, s in self._streams.items() if s.trouble.finding}
+
+    def judge(self, frames: Sequence[Frame], now: Time, in_air: bool) -> list[Finding]:
+        """What is found with these new frames. To be asked whenever some have come, and without any
+        from `due` on. in_air: whether the vehicle is."""
+        findings: list[Finding] = []
+        for frame in frames:
+            stream = self._streams.get(frame.camera)
+            if stream is None:
+                stream = _CameraStream(frame.camera, self._cameras[frame.camera].rate)
+                self._streams[frame.camera] = stream
+            stream.heard = now
+            findings += stream.look(frame, in_air)
+        for stream in self._streams.values():
+            findings += stream.miss(now)
+        waiting = (s for s in self._streams.values() if not s.trouble.is_told(LOST))
+        self.due = min((s.heard + round(s.timeout * NS) for s in waiting), default=NEVER)
+        return findings
+
+
+class _CameraStream:
+    """The frames of one camera. timeout, freeze_timeout: seconds without a frame, or without a new
+    image, at most. heard: when its last frame came."""
+
+    __slots__ = ("_changed", "_name", "_sample", "freeze_timeout", "heard", "timeout", "trouble")
+
+    def __init__(self, name: str, rate: float) -> None:
+        self._name = name
+        self.timeout, self.freeze_timeout = max(SILENT, 3.0 / rate), max(SAME, 1.5 / rate)
+        self.heard: Time = 0
+        self.trouble = Trouble()
+        self._changed: Time = 0
+        self._sample: Any = None
+
+    def look(self, frame: Frame, in_air: bool) -> Iterator[Finding]:
+        """What is found with the next frame."""
+        trouble = self.trouble
+        if self._repeats(frame) and (in_air or trouble.is_told(FROZE)):
+            since = (frame.time - self._changed) / NS
+            if since > self.freeze_timeout and not trouble.is_told(FROZE):
+                yield self._found(Finding("camera_froze", self._name, since, self.freeze_timeout))
+            trouble.good = 0
+            return
+        self._changed = frame.time
+        if trouble.is_over():
+            yield Finding("camera_recovered", self._name)
+
+    def miss(self, now: Time) -> Iterator[Finding]:
+        """What is found where no frame comes."""
+        silence = (now - self.heard) / NS
+        if silence > self.timeout and not self.trouble.is_told(LOST):
+            self.trouble.good = 0
+            yield self._found(Finding("camera_lost", self._name, silence, self.timeout))
+
+    def _found(self, finding: Finding) -> Finding:
+        self.trouble.finding = finding
+        return finding
+
+    def _repeats(self, frame: Frame) -> bool:
+        """Take note of a frame; whether its image is the one before it."""
+        step = max(1, frame.image.shape[1] // _ACROSS)
+        sample, last = frame.image[::step, ::step], self._sample
+        if last is None or not numpy.array_equal(sample, last):
+            self._sample = sample.copy()  # who took the image may write the next one over it
+            return False
+        return bool(sample.min() != sample.max())
+
+
+class _Place(NamedTuple):
+    """Where a camera's frames show the vehicle. bound: how far off that might be, value: how far it
+    is, metres."""
+
+    time: Time
+    position: Vec3
+    value: float
+    bound: float
+
+    def follows(self, last: _Place) -> bool:
+        """Whether the body of `last` can be here."""
+        return distance(self.position, last.position) <= reach((self.time - last.time) / NS)
+
+
+class Sightings:
+    """What one vehicle's cameras show. lost: whether no tags are found. is_blind: whether no pose
+    was found in the newest frames."""
+
+    def __init__(self, vehicle: str, cameras: Mapping[str, Camera], fleet: EstimateHistory) -> None:
+        self._vehicle, self._fleet = vehicle, fleet
+        self._timeout = max(BLIND, 2.5 / max((c.rate for c in cameras.values()), default=30.0))
+        self._posed: Time | None = None
+        self._tracks: dict[str, _Track] = {}
+        self.lost = self.is_blind = False
+
+    @property
+    def wrong(self) -> dict[str, Finding]:
+        """What was told last of each camera, as long as it goes on."""
+        found = {name: track.trouble.finding for name, track in self._tracks.items()}
+        return {name: finding for name, finding in found.items() if finding is not None}
+
+    def judge(self, sighting: Sighting, in_air: bool) -> list[Finding]:
+        """What is found with a new sighting. in_air: whether the vehicle is."""
+        time, located = sighting.frames[0].time, sighting.located
+        self.is_blind = located is None
+        if located is None:
+            return self._blind(time, in_air)
+        self._posed = time
+        findings: list[Finding] = []
+        if self.lost:
+            self.lost = False
+            findings.append(Finding("tags_found"))
+        if not in_air:  # it may be carried about
+            self._tracks.clear()
+            return findings
+        place = self._placed(time, located)
+        if place is not None:
+            camera = _names(located)
+            track = self._tracks.setdefault(camera, _Track(self._timeout))
+            findings += track.follow(place, camera, self._whose)
+            if place.value <= place.bound:
+                findings += self._agreed(camera)
+        return findings
+
+    def _agreed(self, cameras: str) -> Iterator[Finding]:
+        """Cameras that told a good pose together: what each did wrong alone is over."""
+        for name, track in self._tracks.items():
+            if name != cameras and name in cameras.split(_AND) and track.trouble.is_over():
+                yield Finding("camera_recovered", name)
+
+    def _blind(self, time: Time, in_air: bool) -> list[Finding]:
+        if self._posed is None or not in_air:
+            self._posed = time
+            return []
+        since = (time - self._posed) / NS
+        if since <= self._timeout or self.lost:
+            return []
+        self.lost = True
+        return [Finding("tags_lost", "", since, self._timeout)]
+
+    def _placed(self, time: Time, located: Located) -> _Place | None:
+        believed = self._fleet.at(self._vehicle, time)
+        if believed is None:
+            return None
+        off = distance(located.position, believed.position)
+        deviation = sqrt(max(0.0, *located.covariance.diagonal()[:3].tolist()))
+        return _Place(time, located.position, off, NEAR + 4.0 * (believed.spread + deviation))
+
+    def _whose(self, place: _Place) -> str:
+        """The other vehicle that believed to be where `place` is; empty when none did."""
+        others = self._fleet.others(self._vehicle, place.time)
+        return nearest(place.position, ((o, b.position, NEAR + 4.0 * b.spread) for o, b in others))
+
+
+class _Track:
+    """The poses of one camera, or of several that told them together. `trouble.good` counts since
+    they went back, or came again after `timeout` seconds. elsewhere: those that may become a
+    jump."""
+
+    def __init__(self, timeout: float) -> None:
+        self._timeout = round(timeout * NS)
+        self.trouble = Trouble()
+        self._last: _Place | None = None
+        self._elsewhere: Streak[_Place] = Streak()
+
+    def follow(
+        self, place: _Place, camera: str, whose: Callable[[_Place], str]
+    ) -> Iterator[Finding]:
+        """What is found with the next one. whose: the vehicle that is there."""
+        trouble, elsewhere = self.trouble, self._elsewhere
+        last, self._last = self._last, place
+        went = last is not None and (
+            place.time - last.time > self._timeout or not place.follows(last)
+        )
+        is_off = place.value > place.bound
+        if went:
+            elsewhere.seen, trouble.good = [], 0
+        if trouble.finding is not None and not is_off and (went or trouble.good):
+            if trouble.is_over():
+                yield Finding("camera_recovered", camera)
+            return
+        if not (elsewhere.seen or (is_off and (went or trouble.finding is None))):
+            return
+        first = elsewhere.confirmed(place)
+        if first is not None:
+            other = whose(first)
+            trouble.finding = Finding("camera_jumped", camera, first.value, first.bound)
+            if other:
+                trouble.finding = Finding("camera_swapped", camera, first.value, first.bound, other)
+            yield trouble.finding
+
+
+def _names(located: Located) -> str:
+    """The cameras whose frames told it."""
+    names = (view.camera.name for view in located.views if len(view.tags))
+    return _AND.join(dict.fromkeys(names))
+
+
+class CameraMonitor:
+    """Tells what is found of one vehicle's cameras, and withholds frozen frames; estimators know
+    nothing of it. `fleet` is where the vehicles believe to be. Where no estimator asks for frames,
+    nobody misses them, and nothing is told."""
+
+    def __init__(self, plan: VehiclePlan, fleet: EstimateHistory, events: Events) -> None:
+        self._name, self._events = plan.name, events
+        parts = (estimator.part for estimator in plan.estimators)
+        asking = [p.at for p in parts if Frame in p.cls.uses(p.params)]
+        self._at = asking[0] if asking else ""
+        self.is_asked = bool(asking)
+        fleet.is_asked = fleet.is_asked or self.is_asked
+        self._streams = CameraStreams(plan.cameras)
+        self._sightings = Sightings(plan.name, plan.cameras, fleet)
+        self._seen: dict[str, object] = {}
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether frames arrive, and the newest tell no pose."""
+        return self._sightings.is_blind
+
+    @property
+    def trouble(self) -> str | None:
+        """What is known to be wrong, in words; None where nothing is."""
+        said = []
+        for name, event in self._streams.wrong.items():
+            if event == FROZE:
+                said.append(f"the camera `{name}` froze")
+            elif event == LOST:
+                said.append(f"the camera `{name}` gives no frames")
+        for name, found in self._sightings.wrong.items():
+            if found.event == SWAPPED:
+                said.append(f"the camera `{name}` shows where `{found.other}` is")
+            else:
+                said.append(f"what the camera `{name}` shows jumped by {found.value:.2f} m")
+        if self._sightings.lost:
+            said.append("no tag is found in the frames")
+        return "; ".join(said) or None
+
+    def measured(
+        self, measurements: Sequence[Measurement], now: Time, in_air: bool
+    ) -> Sequence[Measurement]:
+        """The measurements without the frames that froze, which show nothing of now. in_air:
+        whether the vehicle is."""
+        frames = [m for m in measurements if type(m) is Frame] if measurements else ()
+        if frames or now >= self._streams.due:
+            self._tell(self._streams.judge(frames, now, in_air))
+        if not frames:
+            return measurements
+        frozen = [name for name, event in self._streams.wrong.items() if event == FROZE]
+        if not frozen:
+            return measurements
+        return [m for m in measurements if type(m) is not Frame or m.camera not in frozen]
+
+    def see(self, candidates: Sequence[Candidate], in_air: bool) -> None:
+        """What estimators made of them; of a frozen image nothing new can be found."""
+        fresh = []
+        for candidate in candidates:
+            sighting = candidate.part.sighting
+            if sighting is not None and self._seen.get(candidate.name) is not sighting:
+                self._seen[candidate.name] = sighting
+                if not any(frame.camera in self._streams.wrong for frame in sighting.frames):
+                    fresh.append(sighting)
+        if fresh:
+            best = next((s for s in fresh if s.located is not None), fresh[0])
+            self._tell(self._sightings.judge(best, in_air))
+
+    def _tell(self, findings: Sequence[Finding]) -> None:
+        for found in findings:
+            tell(
+                self._events, found, self._name, self._at,
+                camera=found.subject, value=found.value, bound=found.bound, other=found.other,
+            )  # fmt: skip
