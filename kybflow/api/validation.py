@@ -37,7 +37,7 @@ class Checked:
     @property
     def annotations(self) -> list[str]:
         """What GitHub Actions shows beside the lines, one command a finding."""
-        from kybflow.dsl.diagnostics.github import to_annotation
+        from kybflow.dsl.diagnostics.formats import to_annotation
 
         return [to_annotation(d) for d in self.result.diagnostics]
 
@@ -83,7 +83,7 @@ def _as_json(files: Sequence[Checked]) -> str:
 
 
 def _as_sarif(files: Sequence[Checked]) -> str:
-    from kybflow.dsl.diagnostics.sarif import to_sarif
+    from kybflow.dsl.diagnostics.formats import to_sarif
 
     return to_sarif(d for file in files for d in file.result.diagnostics)
 

@@ -24,20 +24,20 @@ from kybflow.dsl.diagnostics.diagnostic import (
     in_order,
     passed,
 )
+from kybflow.dsl.diagnostics.spans import SET
 from kybflow.dsl.document import Document, Parameter
 from kybflow.dsl.lowering.lower import lower
 from kybflow.dsl.plan import Plan, SourceFile
 from kybflow.dsl.reading.reader import Source, read
-from kybflow.dsl.reading.source import SET
 from kybflow.dsl.resolving.loading import Files
 from kybflow.dsl.resolving.parameters import parse_settings
 from kybflow.dsl.resolving.resolve import resolve, resolve_library
 from kybflow.dsl.resolving.unused import unused_names
 from kybflow.dsl.schema.judge import is_library, judge_mission
 from kybflow.dsl.shaping import targets
-from kybflow.dsl.shaping.library_parts import judge_library
+from kybflow.dsl.shaping.library import judge_library
 from kybflow.dsl.shaping.shape import shape
-from kybflow.dsl.writing.written import written
+from kybflow.dsl.writing.mission import written
 
 if TYPE_CHECKING:
     from kybflow.dsl.reading.nodes import Node

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.geometry import Vec3
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.plan import Cause
-from kybflow.dsl.reading.source import Span, Text
 from kybflow.parts import Footprint
 from kybflow.parts.observables import chains_of
 from kybflow.world.cameras import Camera

@@ -17,7 +17,7 @@ from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Frame, Measurement, Time
 from kybflow.core.units import Duration
 from kybflow.dsl.diagnostics.diagnostic import did_you_mean
-from kybflow.dsl.shaping.world.calibration import read_calibration
+from kybflow.dsl.reading.calibration import read_calibration
 from kybflow.parts import Link, Objection, Sensor, Stream
 from kybflow.parts.sensor import frames_of
 from kybflow.sensors._capture import Captured, Grabber

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kybflow.core.units import ANGLE, DURATION, LENGTH, RATIO
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import (
     Aggregate,
     Always,
@@ -31,7 +32,6 @@ from kybflow.dsl.expressions import (
     describe,
     parse,
 )
-from kybflow.dsl.reading.source import Span, Text
 
 VEHICLES = {"a": ("up", "eight", "hover", "landed"), "b": ("up", "landed")}
 CONDITION = Scope("condition", VEHICLES, "a", {"a": ("mocap", "inertial")})

@@ -10,9 +10,8 @@ from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.github import to_annotation
-from kybflow.dsl.diagnostics.sarif import to_sarif
-from kybflow.dsl.reading.source import Span
+from kybflow.dsl.diagnostics.formats import to_annotation, to_sarif
+from kybflow.dsl.diagnostics.spans import Span
 
 IMPORTED = Span("m.yaml", 3, 9, 3, 20)
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from looked_at import LookedAt
 
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import GroupInState, Not, Scope, Separation, describe, parse
-from kybflow.dsl.reading.source import Span, Text
 from kybflow.runtime.conditions import bind
 
 VEHICLES = dict.fromkeys("abc", ("up", "hover")) | {"d": ("up",)}

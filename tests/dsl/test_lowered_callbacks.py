@@ -9,16 +9,7 @@ from test_written import without_places
 
 from kybflow.dsl.compiler import Result, compile_mission
 from kybflow.dsl.expressions import InState
-from kybflow.dsl.plan import (
-    CallbackPlan,
-    Emit,
-    Enable,
-    EnterPhase,
-    Log,
-    SetOption,
-    Stop,
-    Switch,
-)
+from kybflow.dsl.plan import CallbackPlan, Emit, Enable, EnterPhase, Log, SetOption, Stop, Switch
 from kybflow.parts.catalog import load_catalog
 
 HEAD = """\

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kybflow.core.units import LENGTH
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import And, Compare, Condition, Not, Number, Or, Read, Scope, parse
 from kybflow.dsl.expressions.reasoning import always_holds, implies, natural, never_holds
 from kybflow.dsl.expressions.tree import Operator
-from kybflow.dsl.reading.source import Span, Text
 
 SCOPE = Scope("condition", {"a": ("up", "down", "hover"), "b": ("up", "hover")}, "a")
 NATURE = natural(600.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from kybflow.cli.colour import coloured
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.render import render, to_json
-from kybflow.dsl.reading.source import Span
+from kybflow.dsl.diagnostics.spans import Span
 
 
 def finding(line: int, start: int, end: int, message: str = "wrong") -> Diagnostic:

@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 
 from kybflow.dsl.reading.nodes import to_json
 from kybflow.dsl.reading.reader import read
-from kybflow.dsl.schema.part_schema import params_schema
+from kybflow.dsl.schema.building import params_schema
 from kybflow.dsl.schema.published import schema_text
 from kybflow.parts.catalog import BASES, load_catalog
 

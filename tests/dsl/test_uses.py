@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from kybflow.dsl.diagnostics.diagnostic import collect
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import Scalar
-from kybflow.dsl.reading.source import Span
 from kybflow.dsl.shaping.uses import Uses
 from kybflow.parts.catalog import Catalog
 

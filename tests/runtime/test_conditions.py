@@ -6,8 +6,8 @@ import pytest
 from looked_at import LookedAt
 
 from kybflow.core.units import LENGTH
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import Aggregate, Compare, Number, Read, Scope, parse
-from kybflow.dsl.reading.source import Span, Text
 from kybflow.runtime.conditions import bind
 
 VEHICLES = {"a": ("up", "hover"), "b": ("up", "hover"), "c": ("up",)}

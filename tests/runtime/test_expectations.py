@@ -7,9 +7,9 @@ from math import sqrt
 import pytest
 from looked_at import LookedAt
 
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.plan import ExpectationPlan
-from kybflow.dsl.reading.source import Span, Text
 from kybflow.runtime.expectations import Judge, Verdict
 
 VEHICLES = {"a": ("up", "eight", "landed"), "b": ("up", "landed")}

@@ -8,14 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from kybflow.drivers.sim import Sim
-from kybflow.dsl.plan import (
-    EstimatorPlan,
-    PartPlan,
-    Plan,
-    StatePlan,
-    TransitionPlan,
-    VehiclePlan,
-)
+from kybflow.dsl.plan import EstimatorPlan, PartPlan, Plan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import Behavior, Leg, Link, Seat, Session
 from kybflow.parts.catalog import load_catalog
 from kybflow.world.shapes import Box

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from kybflow.api.findings import Answer, answer
-from kybflow.dsl.graph.drawing import mermaid, svg
+from kybflow.dsl.graph.mermaid import mermaid
+from kybflow.dsl.graph.svg import svg
 
 
 def draw_mission(path: Path, form: str, target: str | None, sets: tuple[str, ...]) -> Answer:

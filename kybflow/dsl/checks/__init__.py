@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.document import Document
-from kybflow.dsl.reading.source import Span
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog

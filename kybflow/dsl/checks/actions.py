@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.goals import wrong_goal
+from kybflow.dsl.checks.case import Case, wrong_goal
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect, did_you_mean
+from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionUse
 from kybflow.dsl.names.option_names import members, option_values, unknown_vehicle
-from kybflow.dsl.reading.source import Text
 from kybflow.dsl.reading.values import shown_value
 
 _TIGHTEN = "its parameters can be tightened with `set`"

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, TypeVar, cast
 
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean, goals_like
+from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, State, Vehicle
 from kybflow.dsl.expressions import Condition, Scope, parse
 from kybflow.dsl.expressions.reasoning import natural
+from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.scopes import Scopes
-from kybflow.dsl.reading.source import Text
 from kybflow.parts import Behavior, Flight, Leg
 
 if TYPE_CHECKING:
@@ -24,6 +26,10 @@ NO_TARGET = frozenset({"fault"})
 
 TARGETS = tuple(name for name in BUILT_IN if name not in NO_TARGET)
 """The built-in states that an arrow of a mission may lead to."""
+
+
+WORDS = KEYWORDS | {"all", "any", "start", "operator"}
+"""Words that no vehicle, behavior, group or flow may be called by."""
 
 
 class Case:
@@ -77,3 +83,32 @@ class Case:
 def part_of(vehicle: Vehicle, state: str) -> str:
     """The name of the part behind a state."""
     return vehicle.states[state].part.name.text if state in vehicle.states else BUILT_IN[state]
+
+
+def wrong_goal(code: str, name: Text, vehicle: Vehicle) -> Diagnostic | None:
+    """The finding for a goal that the vehicle does not have; None for one that it has."""
+    if vehicle.goal(name.text) in vehicle.states or name.text in TARGETS:
+        return None
+    if name.text not in NO_TARGET:
+        return no_state(code, name, vehicle, TARGETS)
+    return Diagnostic(
+        code,
+        f"`{name.text}` can't be chosen",
+        name.span,
+        label="entered by the failsafe alone",
+        help="use `auto_land` or `land_blind` to come down",
+    )
+
+
+def no_state(code: str, name: Text, vehicle: Vehicle, more: tuple[str, ...] = ()) -> Diagnostic:
+    """The finding for a name that is no state or chain of the vehicle, nor one of `more`."""
+    key = "inner goals" if "." in name.text else "goals"
+    if key not in vehicle.known:
+        vehicle.known[key] = sorted(goals_like(name.text, vehicle.states))
+    return Diagnostic(
+        code,
+        f"`{vehicle.name.text}` has no behavior `{name.text}`",
+        name.span,
+        label="unknown",
+        help=did_you_mean(name.text, (*vehicle.known[key], *more)),
+    )

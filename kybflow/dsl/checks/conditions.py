@@ -1,13 +1,35 @@
-"""Conditions, health and expectations, read and typed: KYB210 to KYB214
-(`kybflow.dsl.expressions.errors`)."""
+"""Conditions, health and expectations: read and typed (KYB210 to KYB214,
+`kybflow.dsl.expressions.errors`), times that never come and answers that are known before the
+flight (KYB253, KYB254, KYB259), and what no flight can answer (KYB257, KYB258)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from typing import NamedTuple
 
+from kybflow.core.signals import Battery
+from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.expressions import parse
+from kybflow.dsl.checks.transitions import reached_states
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.document import Transition, Vehicle
+from kybflow.dsl.expressions import (
+    Always,
+    Compare,
+    Condition,
+    Eventually,
+    Finally,
+    GroupInState,
+    InState,
+    Read,
+    Word,
+    parse,
+)
+from kybflow.dsl.expressions.reasoning import always_holds, never_holds
+from kybflow.dsl.expressions.tree import Aggregate
+from kybflow.parts.observables import chains_of
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:
@@ -39,3 +61,226 @@ def expectations(case: Case) -> Iterator[Diagnostic]:
     scope = case.scopes.expectation()
     for expectation in case.document.expect:
         yield from parse(expectation, scope)[1]
+
+
+class Asked(NamedTuple):
+    """A condition as written and as understood. `own` is the vehicle that asks, None for an
+    expectation, a callback and a flow."""
+
+    text: Text
+    meant: Condition
+    own: str | None
+
+
+def never_true(case: Case) -> Iterator[Diagnostic]:
+    """KYB253: a condition that can never hold: what it asks of one value leaves none, or the value
+    is never there.
+
+    No speed, distance, age or time is below zero, no share outside 0 % to 100 %, no tilt above 180
+    degrees, no time beyond the mission's `time_limit`, and no vehicle is in two states at once. An
+    arrow with such a condition never fires, an estimator with such a `healthy` is never used, and
+    an expectation fails whatever is flown.
+    """
+    for text, meant, _ in case.once(everything_asked):
+        if never_holds(meant, case.nature):
+            message = f"`{text.as_written}` can never hold"
+            hint = "mend the bound, or write `or` where both can't hold at once"
+            yield Diagnostic("KYB253", message, text.span, label="never true", help=hint)
+
+
+def always_true(case: Case) -> Iterator[Diagnostic]:
+    """KYB254: a condition that holds whenever it can be asked, so that it says nothing.
+
+    An arrow with it fires in the first tick of its state; an expectation with it can't fail.
+    """
+    for text, meant, _ in case.once(everything_asked):
+        if always_holds(meant, case.nature):
+            message = f"`{text.as_written}` always holds"
+            hint = "mend the bound, or leave the condition away"
+            yield Diagnostic(
+                "KYB254",
+                message,
+                text.span,
+                label="always true",
+                help=hint,
+                severity=Severity.WARNING,
+            )
+
+
+def after_the_end(case: Case) -> Iterator[Diagnostic]:
+    """KYB259: an arrow that waits for longer than the run lasts, so that it never fires.
+
+    A run ends after `time_limit`, 600 s unless the mission says otherwise. Often a unit is wrong:
+    `min` for `ms`.
+    """
+    limit = case.document.time_limit
+    for arrow in _arrows(case):
+        waits = max(arrow.after or 0.0, arrow.hold)
+        if waits < limit:
+            continue
+        yield Diagnostic(
+            "KYB259",
+            f"`{arrow.target.text}` is never reached by a wait of {_seconds(waits)}",
+            arrow.span,
+            label="the run is over before",
+            notes=(f"its `time_limit` is {_seconds(limit)}",),
+            help="wait for less, or write a longer `time_limit`",
+        )
+
+
+def _seconds(value: float) -> str:
+    return format_quantity(value, DURATION)
+
+
+def _arrows(case: Case) -> Iterator[Transition]:
+    for _, state in case.states():
+        yield from state.transitions
+    for flow in case.document.flows.values():
+        for phase in flow.phases.values():
+            yield from phase.transitions
+
+
+def everything_asked(case: Case) -> Iterator[Asked]:
+    """Every condition, `healthy` and expectation that can be understood."""
+    yield from case.once(conditions_of)
+    yield from health_of(case)
+    yield from case.once(expectations_of)
+
+
+def conditions_of(case: Case) -> Iterator[Asked]:
+    """Every condition of an arrow, a callback, a phase and a fault that can be understood."""
+    document, scopes = case.document, case.scopes
+    asked = [
+        (arrow.when, vehicle.name.text)
+        for vehicle, state in case.states()
+        for arrow in state.transitions
+    ]
+    asked += [(f.when, f.vehicle.text) for f in document.faults]
+    shared = [callback.when for callback in document.callbacks]
+    for flow in document.flows.values():
+        shared += [arrow.when for phase in flow.phases.values() for arrow in phase.transitions]
+    for text, own in asked:
+        meant = case.condition(text, scopes.condition(own))
+        if text is not None and meant is not None:
+            yield Asked(text, meant, own)
+    for text in shared:
+        meant = case.condition(text, scopes.flow())
+        if text is not None and meant is not None:
+            yield Asked(text, meant, None)
+
+
+def health_of(case: Case) -> Iterator[Asked]:
+    """Every `healthy` that can be understood."""
+    for vehicle in case.vehicles():
+        own = vehicle.name.text
+        for text in (estimator.healthy for estimator in vehicle.estimators):
+            meant = case.condition(text, case.scopes.health(own))
+            if text is not None and meant is not None:
+                yield Asked(text, meant, own)
+
+
+def expectations_of(case: Case) -> Iterator[Asked]:
+    """What every expectation asks, without its `always`, `eventually` or `finally`."""
+    for text in case.document.expect:
+        match parse(text, case.scopes.expectation())[0]:
+            case Always(meant) | Eventually(meant) | Finally(meant):
+                yield Asked(text, meant, None)
+            case Compare(left=Aggregate()) as meant:
+                yield Asked(text, meant, None)
+
+
+_ESTIMATED = ("state.", "estimate.", "position_error", "velocity_error", "estimator")
+
+
+def never_entered(case: Case) -> Iterator[Diagnostic]:
+    """KYB257: a condition or an expectation asks for a state that its vehicle never enters.
+
+    The state exists, but no arrow, callback or flow leads to it; it came through `like`, else
+    KYB204 would say so. A statistic of it is of no tick, an `eventually` of it fails.
+    """
+    never = {v.name.text: _never(v) for v in case.vehicles()}
+    if not any(never.values()):
+        return
+    for asked in (*case.once(conditions_of), *case.once(expectations_of)):
+        for vehicle, state in _states(asked):
+            if state in never.get(vehicle, ()):
+                yield Diagnostic(
+                    "KYB257",
+                    f"`{vehicle}` never enters `{state}`",
+                    asked.text.span,
+                    label="nothing to look at",
+                    help=f"let an arrow lead to `{state}`, or ask for another state",
+                )
+
+
+def _never(vehicle: Vehicle) -> frozenset[str]:
+    reached = reached_states(vehicle)
+    if not vehicle.states.keys() & reached:
+        return frozenset()
+    entered = {name for state in reached for name in (state, *chains_of(state))}
+    inherited = [name for name, state in vehicle.states.items() if state.inherited]
+    known = {name for state in inherited for name in (state, *chains_of(state))}
+    return frozenset(known - entered)
+
+
+def _states(asked: Asked) -> Iterator[tuple[str, str]]:
+    for node in _nodes(asked.meant):
+        match node:
+            case InState(vehicle, state):
+                yield vehicle, state
+            case GroupInState(_, _, vehicles, state):
+                yield from ((vehicle, state) for vehicle in vehicles)
+            case Aggregate(_, _, str(vehicle), str(state)):
+                yield vehicle, state
+            case Compare(_, Read(vehicle, "behavior"), Word(state)):
+                yield vehicle or asked.own or "", state
+
+
+def not_measured(case: Case) -> Iterator[Diagnostic]:
+    """KYB258: a condition or an expectation asks for a value that the vehicle never has.
+
+    The battery is known where the target's driver reports it; where the vehicle is, and how far
+    from its setpoint, where it has an estimator. A comparison with a value that is not known is
+    false.
+    """
+    if not any(_lacking(v, name) for v in case.vehicles() for name in ("battery.", *_ESTIMATED)):
+        return
+    for asked in (*case.once(conditions_of), *case.once(expectations_of)):
+        for node in _nodes(asked.meant):
+            vehicle = case.document.vehicles.get(_subject(node, asked))
+            if vehicle is None or not isinstance(node, Read):
+                continue
+            lacking = _lacking(vehicle, node.name)
+            if lacking:
+                yield Diagnostic(
+                    "KYB258",
+                    f"`{node.name}` of `{vehicle.name.text}` is never known",
+                    asked.text.span,
+                    label=lacking,
+                    help="ask for something else, or change what the vehicle has",
+                )
+
+
+def _subject(node: object, asked: Asked) -> str:
+    return (node.vehicle or asked.own or "") if isinstance(node, Read) else ""
+
+
+def _lacking(vehicle: Vehicle, name: str) -> str:
+    """What the vehicle would need to know a value; empty when it has that."""
+    driver = vehicle.driver
+    if name.startswith("battery.") and Battery not in driver.spec.cls.provides:
+        return f"`{driver.name.text}` reports no battery"
+    if name.startswith(_ESTIMATED) and not vehicle.estimators:
+        return f"`{vehicle.name.text}` has no estimator"
+    return ""
+
+
+def _nodes(node: object) -> Iterator[object]:
+    """A node of an expression and all below it."""
+    yield node
+    if isinstance(node, tuple):
+        for inner in node:
+            yield from _nodes(inner)
+    elif is_dataclass(node):
+        for field in fields(node):
+            yield from _nodes(getattr(node, field.name))

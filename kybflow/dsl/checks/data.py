@@ -16,8 +16,7 @@ from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.shaping.rates import divides
-from kybflow.dsl.shaping.sensors import provided
+from kybflow.dsl.shaping.targets import divides, provided
 from kybflow.parts import Leg
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from kybflow.core.signals import kind_name
 from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.document import FaultUse
 from kybflow.dsl.expressions import parse
-from kybflow.dsl.reading.source import Span, Text
 
 
 def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:

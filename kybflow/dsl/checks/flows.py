@@ -1,22 +1,21 @@
-"""Flows: their names, their phases, and that none of these blocks for ever: KYB191 to KYB197,
-KYB240."""
+"""Groups and flows: their names, their phases, and that none of these blocks for ever: KYB190 to
+KYB197 and KYB240."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
-from kybflow.dsl.checks.arrows import WORDS
-from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.goals import wrong_goal
-from kybflow.dsl.checks.phases import phases, reached, wishes
-from kybflow.dsl.checks.told import OPERATOR
+from kybflow.dsl.checks.case import WORDS, Case, wrong_goal
+from kybflow.dsl.checks.events import OPERATOR
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
-from kybflow.dsl.document import Document, Flow, Phase, Transition
+from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.document import Document, Flow, Phase, Transition, Vehicle
 from kybflow.dsl.expressions import parse
+from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members, unknown_vehicle
 from kybflow.dsl.plan import END
-from kybflow.dsl.reading.source import Text
 
 
 def flow_names(case: Case) -> Iterator[Diagnostic]:
@@ -187,3 +186,110 @@ def phase_conditions(case: Case) -> Iterator[Diagnostic]:
         for arrow in phase.transitions:
             if arrow.when is not None:
                 yield from parse(arrow.when, scope)[1]
+
+
+def groups(case: Case) -> Iterator[Diagnostic]:
+    """KYB190: a group that can't be one.
+
+    Its name is no vehicle's and no word of the language; it has a member at least; each is a
+    vehicle of the mission, and named once.
+    """
+    document = case.document
+    for name, own in document.groups.items():
+        span = document.group_spans[name]
+        if name in document.vehicles:
+            message, hint = f"`{name}` is a vehicle already", "give the group another name"
+            yield Diagnostic("KYB190", message, span, label="a group", help=hint)
+        elif name in WORDS:
+            message = f"a group can't be called `{name}`"
+            yield Diagnostic("KYB190", message, span, label="a word of the language")
+        if not own:
+            message = f"the group `{name}` is empty"
+            yield Diagnostic("KYB190", message, span, help="name a vehicle, or remove it")
+        yield from _members(name, own, document)
+
+
+def _members(group: str, members: tuple[Text, ...], document: Document) -> Iterator[Diagnostic]:
+    first: dict[str, Text] = {}
+    for member in members:
+        if member.text in first:
+            message = f"`{member.text}` is in `{group}` twice"
+            yield Diagnostic("KYB190", message, member.span, help="name it once")
+        elif member.text not in document.vehicles:
+            is_group = member.text in document.groups
+            hint = did_you_mean(member.text, document.vehicles)
+            if is_group:
+                hint = "a group holds vehicles: name each of them"
+            message = f"there is no vehicle `{member.text}`"
+            label = "a group" if is_group else "unknown"
+            yield Diagnostic("KYB190", message, member.span, label=label, help=hint)
+        first.setdefault(member.text, member)
+
+
+class Wish(NamedTuple):
+    """What a phase asks of one vehicle: to enter a state, or to be given to a flow. `who` is the
+    vehicle or the group as written."""
+
+    vehicle: str
+    who: Text
+    goal: Text
+
+
+def phases(document: Document) -> Iterator[tuple[Flow, Phase]]:
+    """Every phase of every flow."""
+    for flow in document.flows.values():
+        for phase in flow.phases.values():
+            yield flow, phase
+
+
+def wishes(document: Document, pairs: tuple[tuple[Text, Text], ...]) -> Iterator[Wish]:
+    """The `run` or the `give` of a phase, vehicle by vehicle; unknown names are left out."""
+    for who, goal in pairs:
+        for vehicle in members(document, who.text):
+            if vehicle in document.vehicles:
+                yield Wish(vehicle, who, goal)
+
+
+def gifts(document: Document, phase: Phase) -> Iterator[Wish]:
+    """The `give` of a phase, vehicle by vehicle, to flows that exist."""
+    yield from (w for w in wishes(document, phase.give) if w.goal.text in document.flows)
+
+
+def all_known(document: Document) -> bool:
+    """Whether every vehicle and state that phases ask for exists."""
+    asked = [(who.text, state.text) for _, phase in phases(document) for who, state in phase.run]
+    return all(
+        bool(members(document, who))
+        and all(
+            has_state(document.vehicles[v], state) or state in BUILT_IN
+            for v in members(document, who)
+        )
+        for who, state in asked
+    )
+
+
+def has_state(vehicle: Vehicle, state: str) -> bool:
+    """Whether a mission's own state, or a chain of them, has that name."""
+    return vehicle.goal(state) in vehicle.states
+
+
+def reached(document: Document, flow: Flow) -> set[str]:
+    """The phases that arrows lead to from the first, or from one that a callback asks for."""
+    waiting = [flow.begin.text, *_asked(document, flow)]
+    found = set(waiting)
+    while waiting:
+        phase = flow.phases.get(waiting.pop())
+        for arrow in phase.transitions if phase else ():
+            if arrow.target.text not in found:
+                found.add(arrow.target.text)
+                waiting.append(arrow.target.text)
+    return found - {END}
+
+
+def _asked(document: Document, flow: Flow) -> Iterator[str]:
+    """The phases of the flow that callbacks enter."""
+    for callback in document.callbacks:
+        for action in callback.actions:
+            named = action.target is None or action.target.text == flow.name.text
+            if action.name.text == "phase" and named and action.value.text in flow.phases:
+                yield action.value.text

@@ -8,9 +8,8 @@ from math import hypot, inf
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.units import LENGTH, format_quantity
-from kybflow.dsl.checks.aims import aim_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.space import extent, footprints, shown_point
+from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import ObstacleUse, State, Vehicle
 from kybflow.parts import GROUND, Footprint

@@ -1,81 +1,291 @@
-"""What several checks ask of flows: which phases are reached, who asks what of whom."""
+"""Flows, phase by phase: which of them drives a vehicle (KYB198, KYB199, KYB242), and whether the
+vehicle can enter the state that a phase asks it for (KYB243).
+
+The first walk begins in a flow's first phase with the vehicles that it has from the start. A
+vehicle that it gave away is its own again when it hears `FLOW.finished` of the flow that it gave it
+to; after any other way out of the phase nobody can tell, and the runtime decides.
+
+In the second, a vehicle that waits in `landed` is on the ground until a phase asks something of it;
+a way out whose condition says in which state a vehicle is, says where it is when the next phase
+begins. Of all else nothing is known, and the runtime decides.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from kybflow.dsl.document import Document, Flow, Phase, Vehicle
-from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.names.option_names import members
-from kybflow.dsl.plan import END
-from kybflow.dsl.reading.source import Text
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.flows import Wish, gifts, phases, wishes
+from kybflow.dsl.checks.reachability import PHRASES
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.document import Document, Flow, Phase, Transition
+from kybflow.dsl.expressions import And, Condition, GroupInState, InState
+from kybflow.dsl.shaping.flows import GROUNDED, named_vehicles, own_vehicles
+from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 
-class Wish(NamedTuple):
-    """What a phase asks of one vehicle: to enter a state, or to be given to a flow. `who` is the
-    vehicle or the group as written."""
+class _Holder(NamedTuple):
+    """Who has a vehicle: the flow itself, or `flow` that it gave it to at `given`; `is_sure` when
+    that holds along every way here."""
 
-    vehicle: str
-    who: Text
-    goal: Text
+    flow: str
+    given: Span | None = None
+    is_sure: bool = True
 
-
-def phases(document: Document) -> Iterator[tuple[Flow, Phase]]:
-    """Every phase of every flow."""
-    for flow in document.flows.values():
-        for phase in flow.phases.values():
-            yield flow, phase
+    @property
+    def doubtful(self) -> _Holder:
+        return self._replace(is_sure=False)
 
 
-def wishes(document: Document, pairs: tuple[tuple[Text, Text], ...]) -> Iterator[Wish]:
-    """The `run` or the `give` of a phase, vehicle by vehicle; unknown names are left out."""
-    for who, goal in pairs:
-        for vehicle in members(document, who.text):
-            if vehicle in document.vehicles:
-                yield Wish(vehicle, who, goal)
+_Holders = dict[str, _Holder]
 
 
-def gifts(document: Document, phase: Phase) -> Iterator[Wish]:
-    """The `give` of a phase, vehicle by vehicle, to flows that exist."""
-    yield from (w for w in wishes(document, phase.give) if w.goal.text in document.flows)
+def two_drivers(case: Case) -> Iterator[Diagnostic]:
+    """KYB198: two flows have a vehicle from the start.
+
+    A flow has every vehicle that it names and that no other flow gives it. A vehicle is driven by
+    one flow at a time: let one give it to the other.
+    """
+    first: dict[str, Flow] = {}
+    for flow in case.document.flows.values():
+        for vehicle in own_vehicles(case.document, flow):
+            if vehicle not in first:
+                first[vehicle] = flow
+                continue
+            other = first[vehicle]
+            yield Diagnostic(
+                "KYB198",
+                f"`{flow.name.text}` and `{other.name.text}` both drive `{vehicle}`",
+                _named_at(case.document, flow, vehicle),
+                label=f"`{other.name.text}` has it from the start",
+                help=f"let a phase of one give it: `give: {{{vehicle}: {flow.name.text}}}`",
+            )
 
 
-def all_known(document: Document) -> bool:
-    """Whether every vehicle and state that phases ask for exists."""
-    asked = [(who.text, state.text) for _, phase in phases(document) for who, state in phase.run]
-    return all(
-        bool(members(document, who))
-        and all(
-            has_state(document.vehicles[v], state) or state in BUILT_IN
-            for v in members(document, who)
-        )
-        for who, state in asked
+def _named_at(document: Document, flow: Flow, vehicle: str) -> Span:
+    """Where a flow names a vehicle first."""
+    for phase in flow.phases.values():
+        for wish in wishes(document, (*phase.run, *phase.give)):
+            if wish.vehicle == vehicle:
+                return wish.who.span
+    return flow.span
+
+
+def not_driven(case: Case) -> Iterator[Diagnostic]:
+    """KYB199: a phase runs or gives a vehicle that another flow drives then; where that holds
+    along some ways into the phase only, it is a warning."""
+    for flow in case.document.flows.values():
+        holders = _holders(case.document, flow)
+        for name, phase in flow.phases.items():
+            held = dict(holders.get(name, {}))
+            for wish in gifts(case.document, phase):
+                yield from _taken(wish, held, flow, phase)
+                held[wish.vehicle] = _Holder(wish.goal.text, wish.who.span)
+            for wish in wishes(case.document, phase.run):
+                yield from _taken(wish, held, flow, phase)
+
+
+def _taken(wish: Wish, held: _Holders, flow: Flow, phase: Phase) -> Iterator[Diagnostic]:
+    holder = held.get(wish.vehicle)
+    if holder is None or holder.flow == flow.name.text:
+        return
+    sure, given = holder.is_sure, holder.given
+    yield Diagnostic(
+        "KYB199",
+        f"`{holder.flow}` {'drives' if sure else 'may drive'} `{wish.vehicle}` in the phase "
+        f"`{phase.name.text}`",
+        wish.who.span,
+        label=f"`{flow.name.text}` {'does' if sure else 'may'} not have it",
+        notes=(f"it was given at {given.at}",) if given is not None else (),
+        help=_way_out(holder),
+        severity=Severity.ERROR if sure else Severity.WARNING,
     )
 
 
-def has_state(vehicle: Vehicle, state: str) -> bool:
-    """Whether a mission's own state, or a chain of them, has that name."""
-    return vehicle.goal(state) in vehicle.states
+def _way_out(holder: _Holder) -> str:
+    if holder.given is None:
+        return "give a flow all of its vehicles in one phase"
+    return f"wait for its return with `{{event: {holder.flow}.finished, go: ...}}`"
 
 
-def reached(document: Document, flow: Flow) -> set[str]:
-    """The phases that arrows lead to from the first, or from one that a callback asks for."""
-    waiting = [flow.begin.text, *_asked(document, flow)]
-    found = set(waiting)
+def _holders(document: Document, flow: Flow) -> dict[str, _Holders]:
+    """Who has each vehicle when a phase is entered."""
+    own = _Holder(flow.name.text)
+    entered: dict[str, _Holders] = {flow.begin.text: _first(document, flow)}
+    waiting = [flow.begin.text]
     while waiting:
         phase = flow.phases.get(waiting.pop())
-        for arrow in phase.transitions if phase else ():
-            if arrow.target.text not in found:
-                found.add(arrow.target.text)
-                waiting.append(arrow.target.text)
-    return found - {END}
+        if phase is None:
+            continue
+        held = dict(entered[phase.name.text])
+        for wish in gifts(document, phase):
+            held[wish.vehicle] = _Holder(wish.goal.text, wish.who.span)
+        for arrow in phase.transitions:
+            event = "" if arrow.event is None else arrow.event.text
+            left = {v: _held_after(holder, own, event) for v, holder in held.items()}
+            target = arrow.target.text
+            before = entered.get(target)
+            merged = left if before is None else {v: _merged(before[v], left[v]) for v in left}
+            if merged != before:
+                entered[target] = merged
+                waiting.append(target)
+    return entered
 
 
-def _asked(document: Document, flow: Flow) -> Iterator[str]:
-    """The phases of the flow that callbacks enter."""
-    for callback in document.callbacks:
-        for action in callback.actions:
-            named = action.target is None or action.target.text == flow.name.text
-            if action.name.text == "phase" and named and action.value.text in flow.phases:
-                yield action.value.text
+def _first(document: Document, flow: Flow) -> _Holders:
+    """Who has each vehicle when the flow begins: one that waits has what every giver gives it."""
+    own, had = _Holder(flow.name.text), own_vehicles(document, flow)
+    givers = [
+        (other.name.text, {w.vehicle for w in given})
+        for other, phase in phases(document)
+        if (given := [w for w in wishes(document, phase.give) if w.goal.text == flow.name.text])
+    ]
+    held: _Holders = {}
+    for vehicle in named_vehicles(document, flow):
+        sure = vehicle in had or (not had and all(vehicle in given for _, given in givers))
+        giver = next((name for name, given in givers if vehicle in given), flow.name.text)
+        held[vehicle] = own if sure else _Holder(giver, is_sure=False)
+    return held
+
+
+def _held_after(holder: _Holder, own: _Holder, event: str) -> _Holder:
+    """Who has a vehicle after a way out of a phase."""
+    if holder.flow == own.flow or event == f"{holder.flow}.finished":
+        return own
+    return holder.doubtful
+
+
+def _merged(a: _Holder, b: _Holder) -> _Holder:
+    """Along two ways; in doubt the one that is not the flow's own."""
+    if a == b:
+        return a
+    return (a if a.given is not None else b).doubtful
+
+
+def asked_twice(case: Case) -> Iterator[Diagnostic]:
+    """KYB242: a phase asks one vehicle for two things, by its name and by a group's, or by two
+    groups'."""
+    for _, phase in phases(case.document):
+        for pairs in (phase.run, phase.give):
+            first: dict[str, Wish] = {}
+            for wish in wishes(case.document, pairs):
+                before = first.setdefault(wish.vehicle, wish)
+                if before.goal.text != wish.goal.text:
+                    yield Diagnostic(
+                        "KYB242",
+                        f"`{wish.vehicle}` is asked for `{before.goal.text}` and for "
+                        f"`{wish.goal.text}`",
+                        wish.who.span,
+                        label="a second time",
+                        notes=(f"first as `{before.who.text}`",),
+                        help="name each vehicle once in a phase",
+                    )
+
+
+_ANY = frozenset({GROUND, AIR, MOVING})
+_Places = dict[str, frozenset[Flight]]
+"""Where each vehicle can be."""
+_DISTURBING = frozenset({"switch", "phase"})
+
+
+def can_not_enter(case: Case) -> Iterator[Diagnostic]:
+    """KYB243: a phase runs a state that its vehicle can't enter where it surely is then, such as a
+    flight on the ground.
+
+    Nothing is said where callbacks switch vehicles or enter phases, because anything may be then.
+    """
+    actions = [action for callback in case.document.callbacks for action in callback.actions]
+    if any(a.name.text in _DISTURBING or a.part is not None for a in actions):
+        return
+    for flow in case.document.flows.values():
+        for name, places in _flight_conditions(case, flow).items():
+            for wish in wishes(case.document, flow.phases[name].run):
+                yield from _impossible(case, wish, places[wish.vehicle])
+
+
+def _impossible(case: Case, wish: Wish, places: frozenset[Flight]) -> Iterator[Diagnostic]:
+    vehicle = case.document.vehicles[wish.vehicle]
+    goal = vehicle.goal(wish.goal.text)
+    starts = {leg.start for leg in case.legs(vehicle, goal)}
+    if not starts or not starts.isdisjoint(places):
+        return
+    fits = [s for s in vehicle.states if any(case.accepts(vehicle, s, p) for p in places)]
+    yield Diagnostic(
+        "KYB243",
+        f"`{wish.vehicle}` can't enter `{wish.goal.text}` here",
+        wish.goal.span,
+        label=f"needs a vehicle {_said(starts)}",
+        notes=(f"`{wish.vehicle}` is {_said(places)} when this phase begins",),
+        help=f"did you mean `{fits[0]}`?" if fits else "",
+    )
+
+
+def _said(places: set[Flight] | frozenset[Flight]) -> str:
+    return " or ".join(PHRASES[place] for place in (GROUND, AIR, MOVING) if place in places)
+
+
+def _flight_conditions(case: Case, flow: Flow) -> dict[str, _Places]:
+    """Where each vehicle can be when a phase is entered."""
+    document = case.document
+    own = own_vehicles(document, flow)
+    first = {
+        name: frozenset({GROUND})
+        if name in own and document.vehicles[name].begin.text == GROUNDED
+        else _ANY
+        for name in named_vehicles(document, flow)
+    }
+    entered = {flow.begin.text: first} if flow.begin.text in flow.phases else {}
+    waiting = list(entered)
+    while waiting:
+        phase = flow.phases[waiting.pop()]
+        for arrow in phase.transitions:
+            target, left = (
+                arrow.target.text,
+                _conditions_after(case, phase, arrow, entered[phase.name.text]),
+            )
+            before = entered.get(target)
+            merged = left if before is None else {v: left[v] | before[v] for v in left}
+            if target in flow.phases and merged != before:
+                entered[target] = merged
+                waiting.append(target)
+    return entered
+
+
+def _conditions_after(case: Case, phase: Phase, arrow: Transition, places: _Places) -> _Places:
+    """Where each vehicle can be after a way out of a phase."""
+    document = case.document
+    asked = {wish.vehicle for wish in wishes(document, phase.run)}
+    asked |= {wish.vehicle for wish in gifts(document, phase)}
+    still = frozenset({GROUND})
+    left = {v: p if p == still and v not in asked else _ANY for v, p in places.items()}
+    for vehicle, state in _said_states(case.condition(arrow.when, case.scopes.flow())):
+        if vehicle in left:
+            left[vehicle] = _places_of(case, vehicle, state)
+    return left
+
+
+def _said_states(when: Condition | None) -> Iterator[tuple[str, str]]:
+    """(vehicle, state) of everything that a condition requires."""
+    match when:
+        case InState(vehicle, state):
+            yield vehicle, state
+        case GroupInState("all", _, vehicles, state):
+            yield from ((vehicle, state) for vehicle in vehicles)
+        case And(parts):
+            for part in parts:
+                yield from _said_states(part)
+
+
+def _places_of(case: Case, vehicle: str, state: str) -> frozenset[Flight]:
+    """Where a vehicle in a state can be: between the ends of a take-off or a landing it moves."""
+    owner = case.document.vehicles[vehicle]
+    if state not in owner.states and owner.goal(state) != state:
+        return _ANY  # a chain of states
+    legs = case.legs(owner, state)
+    return frozenset(
+        place
+        for leg in legs
+        for place in ((leg.start,) if leg.start is leg.end else (MOVING, leg.end))
+    )

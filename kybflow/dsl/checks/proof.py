@@ -12,10 +12,16 @@ from collections.abc import Set as AbstractSet
 from functools import partial
 
 from kybflow.dsl.checks.case import TARGETS, Case
-from kybflow.dsl.checks.entries import endless_states
-from kybflow.dsl.checks.flights import Flights, Link, Node, comes_down, flights_of
-from kybflow.dsl.checks.links import reached_states
-from kybflow.dsl.checks.told import OPERATOR
+from kybflow.dsl.checks.events import OPERATOR
+from kybflow.dsl.checks.reachability import (
+    Flights,
+    Link,
+    Node,
+    comes_down,
+    endless_states,
+    flights_of,
+)
+from kybflow.dsl.checks.transitions import reached_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import Transition, Vehicle
 from kybflow.dsl.expressions import Compare, Number, Read

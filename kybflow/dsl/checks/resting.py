@@ -8,15 +8,13 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.units import LENGTH, format_quantity
-from kybflow.dsl.checks.aims import aim_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.entries import endless_states, entries_of
-from kybflow.dsl.checks.flights import may_end
-from kybflow.dsl.checks.space import shown_point
+from kybflow.dsl.checks.reachability import endless_states, entries_of, may_end
+from kybflow.dsl.checks.space import aim_of, shown_point
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.document import State, Vehicle
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.reading.source import Span
 from kybflow.parts import GROUND
 
 _BELOW = frozenset({"landed", "brake", "hover", "auto_land"})

@@ -1,18 +1,19 @@
-"""Where it goes and how fast: KYB311 to KYB315, KYB320 and KYB372."""
+"""Where a vehicle goes and how fast, and whether anything keeps it in the room: KYB311 to KYB315,
+KYB320 to KYB322 and KYB372."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from math import inf
+from collections.abc import Iterable, Iterator
+from math import hypot, inf
 
 from kybflow.core.geometry import ZERO, Vec3, distance
 from kybflow.core.units import LENGTH, SPEED, format_quantity
-from kybflow.dsl.checks.aims import aim_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.entries import Entries, entries_of
+from kybflow.dsl.checks.reachability import Entries, entries_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.document import State, Vehicle
-from kybflow.parts import GROUND, Footprint
+from kybflow.parts import AIR, GROUND, Footprint
 from kybflow.world.shapes import Box
 
 _ROUNDING = 1e-6
@@ -206,3 +207,70 @@ def extent(fence: Box) -> str:
 def shown_point(point: Vec3) -> str:
     """A point as reports show it; rounding leaves no -0 and no 1e-17."""
     return "[" + ", ".join(f"{round(c, 6) + 0.0:.4g}" for c in point) + "] m"
+
+
+def unfenced(case: Case) -> Iterator[Diagnostic]:
+    """KYB321: there is a fence, but no processor of a vehicle keeps its setpoints inside; the
+    supervisor lands it only when it is outside."""
+    fence = case.document.fence
+    for vehicle in case.vehicles() if fence is not None else ():
+        boxes = (p.spec.cls.keeps_inside(p.params, fence) for p in vehicle.processors)
+        if any(box is not None for box in boxes):
+            continue
+        yield Diagnostic(
+            "KYB321",
+            f"no processor keeps `{vehicle.name.text}` inside the fence",
+            vehicle.name.span,
+            label="lands only when it is outside",
+            help="add `fence` to its processors",
+            severity=Severity.WARNING,
+        )
+
+
+def without_a_fence(case: Case) -> Iterator[Diagnostic]:
+    """KYB322: the mission has no fence, so that neither the supervisor nor the processor `fence`
+    keeps a vehicle that flies anywhere. It is told once, for the first of them.
+
+    Where the world itself ends no flight, outdoors, it still tells the failsafe when to land.
+    """
+    if case.document.fence is not None:
+        return
+    flying = [v for v in case.vehicles() if any(map(_flies, v.states.values()))]
+    if flying:
+        others = ", ".join(f"`{v.name.text}`" for v in flying[1:])
+        yield Diagnostic(
+            "KYB322",
+            f"nothing keeps `{flying[0].name.text}` in the room: the mission has no fence",
+            flying[0].name.span,
+            label="may fly anywhere",
+            notes=(f"nor {others}",) if others else (),
+            help="under `world`, write its bounds: `fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}`",
+            severity=Severity.WARNING,
+        )
+
+
+def _flies(state: State) -> bool:
+    return any(AIR in leg for leg in state.part.spec.cls.flight)
+
+
+_SAME = 1e-6
+
+
+def aim_of(state: State, footprint: Footprint) -> Span:
+    """The place that the behavior was told to go to, where it was; else the behavior's name."""
+    part = state.part
+    way = (*footprint.points, *footprint.path, *([footprint.exit] if footprint.exit else []))
+    for field in part.spec.fields:
+        if field.dimension is not LENGTH or field.shape not in ("vector", "path"):
+            continue
+        value = getattr(part.params, field.name)
+        if field.name not in part.spans or value is None:
+            continue
+        if _leads((value,) if field.shape == "vector" else value, way):
+            return part.spans[field.name]
+    return part.name.span
+
+
+def _leads(told: Iterable[Vec3], way: tuple[Vec3, ...]) -> bool:
+    """Whether the way touches or passes above one of the places: the middle of a circle is none."""
+    return any(hypot(t[0] - w[0], t[1] - w[1]) < _SAME for t in told for w in way)

@@ -1,1 +1,3 @@
-"""Findings: what one is, how it is rendered, and what each code means."""
+"""Diagnostics: what one is, the span that it marks, how it is rendered for people and for programs,
+and what each code means. Every other folder of the compiler makes diagnostics; none is made here.
+"""

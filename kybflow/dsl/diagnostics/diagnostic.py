@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from enum import Enum
 from typing import Generic, NamedTuple, TypeVar
 
-from kybflow.dsl.reading.source import Span
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.parts.observables import chains_of
 
 T = TypeVar("T")

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.placed import ways_to
-from kybflow.dsl.reading.source import Span
+from kybflow.dsl.diagnostics.spans import Span
 
 _WIDEST = 160
 """Longer source lines are cut around the marked text."""
@@ -56,6 +55,14 @@ def _source(span: Span, label: str, texts: dict[str, str]) -> Iterator[str]:
     marks = "^" * min(end - start, _WIDEST - (start - first))
     yield f"{span.line:>5} | {shown}"
     yield f"      | {' ' * (start - first)}{marks} {label}".rstrip()
+
+
+def ways_to(span: Span) -> Iterator[str]:
+    """How the place was reached, the nearest first, a line each."""
+    for reached in reversed(span.via):
+        yield f"imported from {reached.at}"
+    for use in reversed(span.used):
+        yield f"used at {use.at}"
 
 
 def render_all(diagnostics: Iterable[Diagnostic], texts: dict[str, str]) -> list[str]:

@@ -11,10 +11,10 @@ from kybflow.core.errors import UnitError
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.units import Dimension, parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, goals_like
+from kybflow.dsl.diagnostics.spans import PREFIX, Text
 from kybflow.dsl.expressions import errors
 from kybflow.dsl.expressions.tokens import Token, tokens_of
 from kybflow.dsl.expressions.tree import Aggregate, Operator, Value
-from kybflow.dsl.reading.source import PREFIX, Text
 from kybflow.parts.observables import OBSERVABLES
 
 HEALTH: Mapping[str, str] = {"age": "estimate.age", "spread": "estimate.spread"}

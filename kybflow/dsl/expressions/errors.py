@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.expressions.tokens import Token
 from kybflow.dsl.reading.nodes import no_commas
-from kybflow.dsl.reading.source import Text
 
 _HABITS = {
     "=": "write `==`",

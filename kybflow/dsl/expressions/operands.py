@@ -13,6 +13,7 @@ from __future__ import annotations
 from typing import cast, get_args
 
 from kybflow.core.units import DURATION, LENGTH, Dimension
+from kybflow.dsl.diagnostics.spans import PREFIX
 from kybflow.dsl.expressions import errors
 from kybflow.dsl.expressions.cursor import HEALTH, Operand, is_quantity
 from kybflow.dsl.expressions.tokens import Token
@@ -27,7 +28,6 @@ from kybflow.dsl.expressions.tree import (
     Value,
 )
 from kybflow.dsl.expressions.types import Types
-from kybflow.dsl.reading.source import PREFIX
 from kybflow.parts.observables import OBSERVABLES
 
 _FUNCTIONS = frozenset(get_args(Function))

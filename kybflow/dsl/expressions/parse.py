@@ -18,6 +18,7 @@ from typing import cast, get_args
 
 from kybflow.core.units import DURATION
 from kybflow.dsl.diagnostics.diagnostic import Found
+from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.expressions import errors
 from kybflow.dsl.expressions.cursor import Scope
 from kybflow.dsl.expressions.operands import Operands
@@ -40,7 +41,6 @@ from kybflow.dsl.expressions.tree import (
     Or,
     Quantifier,
 )
-from kybflow.dsl.reading.source import Text
 
 __all__ = ["Scope", "parse"]
 

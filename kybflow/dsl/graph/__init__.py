@@ -1,1 +1,3 @@
-"""Drawings of state machines: Mermaid and SVG."""
+"""Drawings of a plan's state machines: what is drawn, its layout, and its text as Mermaid and SVG.
+Knows plans and no YAML. Whoever shows a plan calls it.
+"""

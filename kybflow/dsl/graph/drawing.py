@@ -1,5 +1,5 @@
-"""Draws the state machines of a plan, of vehicles and of flows: what is drawn, and its text for
-Mermaid.
+"""What is drawn of the state machines of a plan, of vehicles and of flows, before anything has a
+place on the page.
 
 Arrows that are taken when all goes well or as the mission says are drawn; the failure arrows that
 the language adds are not. Vehicles with the same machine share a drawing.
@@ -9,41 +9,72 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from kybflow.core.units import DURATION
 from kybflow.dsl.expressions import describe
 from kybflow.dsl.expressions.describe import quantity
-from kybflow.dsl.graph.asked import Asked, asked
-from kybflow.dsl.graph.mermaid import text
-from kybflow.dsl.graph.svg import picture
-from kybflow.dsl.graph.types import Box, Drawing, Edge
 from kybflow.dsl.plan import (
     END,
     FlowPlan,
     PhasePlan,
     Plan,
     StatePlan,
+    Switch,
     TransitionPlan,
     VehiclePlan,
 )
 
-FOOTNOTE = (
-    "A behavior that fails and does not say what follows brakes, hovers and lands; "
-    "a take-off lands. The dot is where a machine begins."
-)
+
+class Box(NamedTuple):
+    """A state: its name, its part, its flight type in words. A phase has none, and for a part what
+    it asks. An asker is no state: a flow or a callback that may ask for states."""
+
+    name: str
+    part: str
+    flight: str
+    is_built_in: bool
+    is_asker: bool = False
+
+
+class Edge(NamedTuple):
+    """All arrows from one state to another, a label each; `is_asked`: from who may ask for it."""
+
+    source: str
+    target: str
+    labels: tuple[str, ...]
+    is_implied: bool
+    is_asked: bool = False
+
+
+class Drawing(NamedTuple):
+    """One machine; `title` names the vehicles that have it, or its flow."""
+
+    title: str
+    begin: str
+    boxes: tuple[Box, ...]
+    edges: tuple[Edge, ...]
+
+
+Asked = Mapping[str, tuple[str, ...]]
+"""The states that are asked for, by who asks."""
+
+
+def asked(plan: Plan, vehicle: str) -> Asked:
+    """Who asks `vehicle` for what, each state once."""
+    found: dict[str, dict[str, None]] = {}
+    for flow in plan.flows:
+        for phase in flow.phases.values():
+            if vehicle in phase.run:
+                found.setdefault(f"flow {flow.name}", {})[phase.run[vehicle]] = None
+    for callback in plan.callbacks:
+        for action in callback.actions:
+            if isinstance(action, Switch) and action.vehicle == vehicle:
+                found.setdefault(f"on {callback.event}", {})[action.state] = None
+    return {name: tuple(states) for name, states in found.items()}
 
 
 Groups = Mapping[str, tuple[str, ...]]
-
-
-def svg(plan: Plan) -> str:
-    """The state machines as a self-contained SVG."""
-    return picture(plan.mission, plan.summary, drawings(plan), FOOTNOTE)
-
-
-def mermaid(plan: Plan) -> str:
-    """The state machines as one Mermaid `stateDiagram-v2`, each in a box of its own."""
-    return text(plan.mission, drawings(plan))
 
 
 def drawings(plan: Plan) -> list[Drawing]:
@@ -142,14 +173,14 @@ def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
             labels.setdefault((phase.name, arrow.target), []).append(cause_of(arrow))
         if not phase.transitions:
             labels[phase.name, END] = ["done"]
-    boxes = [Box(p.name, _asked(p, groups), "", False) for p in flow.phases.values()]
+    boxes = [Box(p.name, _phase_text(p, groups), "", False) for p in flow.phases.values()]
     if any(target == END for _, target in labels):
         boxes.append(Box(END, "the flow is over", "", True))
     edges = tuple(Edge(*ends, tuple(text), False) for ends, text in labels.items())
     return Drawing(f"flow {flow.name}", flow.begin, tuple(boxes), edges)
 
 
-def _asked(phase: PhasePlan, groups: Groups) -> str:
+def _phase_text(phase: PhasePlan, groups: Groups) -> str:
     """What a phase asks of whom."""
     asked = {**phase.run, **phase.chains}
     texts = [f"{names}: {state}" for names, state in _together(asked, groups)]

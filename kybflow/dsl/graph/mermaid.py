@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from kybflow.dsl.graph.drawing import Drawing, drawings
+from kybflow.dsl.plan import Plan
 
-from kybflow.dsl.graph.types import Drawing
 
-
-def text(title: str, drawings: Sequence[Drawing]) -> str:
-    """One `stateDiagram-v2`, each machine in a box of its own."""
-    lines = ["---", f"title: {title}", "---", "stateDiagram-v2"]
-    for number, drawing in enumerate(drawings, start=1):
+def mermaid(plan: Plan) -> str:
+    """The state machines as one `stateDiagram-v2`, each in a box of its own."""
+    lines = ["---", f"title: {plan.mission}", "---", "stateDiagram-v2"]
+    for number, drawing in enumerate(drawings(plan), start=1):
         lines += _box(f"m{number}", drawing)
     return "\n".join(lines) + "\n"
 

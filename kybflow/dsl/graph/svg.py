@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import pairwise
 
+from kybflow.dsl.graph.drawing import Box, Drawing, Edge, drawings
 from kybflow.dsl.graph.layout import Layout, Size, arranged
-from kybflow.dsl.graph.types import Box, Drawing, Edge
+from kybflow.dsl.plan import Plan
 
 _HEIGHT = 46.0
 _MARGIN = 28.0
@@ -37,17 +38,22 @@ _ARROW = (
 )
 
 Point = tuple[float, float]
+_FOOTNOTE = (
+    "A behavior that fails and does not say what follows brakes, hovers and lands; "
+    "a take-off lands. The dot is where a machine begins."
+)
 
 
-def picture(title: str, summary: str, drawings: Sequence[Drawing], footnote: str) -> str:
-    """All drawings in rows under a title."""
-    drawn = [_drawing(drawing) for drawing in drawings]
+def svg(plan: Plan) -> str:
+    """The state machines as a self-contained SVG, in rows under the mission's name."""
+    title, summary = plan.mission, plan.summary
+    drawn = [_drawing(drawing) for drawing in drawings(plan)]
     places, right, bottom = _in_rows([(width, height) for _, width, height in drawn])
     parts = [
         f'<g transform="translate({x:.1f} {y:.1f})">{body}</g>'
         for (body, _, _), (x, y) in zip(drawn, places, strict=True)
     ]
-    texts = (_width(title, 11.0), _width(summary, 6.6), _width(footnote, 6.0))
+    texts = (_width(title, 11.0), _width(summary, 6.6), _width(_FOOTNOTE, 6.0))
     width = max(right + _MARGIN, max(texts) + 2 * _MARGIN)
     height = bottom + 2.2 * _MARGIN
     return "\n".join(
@@ -59,7 +65,7 @@ def picture(title: str, summary: str, drawings: Sequence[Drawing], footnote: str
             _text(_MARGIN, 40, title, "title"),
             _text(_MARGIN, 61, summary, "summary"),
             *parts,
-            _text(_MARGIN, height - 18, footnote, "part faint-text", 'style="text-anchor: start"'),
+            _text(_MARGIN, height - 18, _FOOTNOTE, "part faint-text", 'style="text-anchor: start"'),
             "</svg>\n",
         ]
     )

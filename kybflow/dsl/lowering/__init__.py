@@ -1,1 +1,3 @@
-"""The document to the plan: frozen, SI, groups resolved to vehicles."""
+"""The document to the plan: frozen, in SI, groups resolved to vehicles. Finds nothing: a document
+gets here without errors. Only the compiler calls it.
+"""

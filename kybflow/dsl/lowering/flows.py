@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.diagnostics.diagnostic import collect
+from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, Flow, Phase, Transition
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.names.option_names import members, option_values
 from kybflow.dsl.plan import FlowPlan, PhasePlan, SetOption, TransitionPlan
-from kybflow.dsl.reading.source import Text
 from kybflow.dsl.shaping.flows import given_vehicles, own_vehicles
 
 if TYPE_CHECKING:

@@ -1,22 +1,16 @@
-"""The document to the plan: expressions parsed, built-in states and implied arrows added, spans
-reduced to `file:line`."""
+"""The document to the plan: expressions parsed, built-in states and implied arrows added, the files
+that parameters name recorded, spans reduced to `file:line`."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from kybflow.dsl.document import (
-    Document,
-    FaultUse,
-    PartUse,
-    SensorUse,
-    State,
-    Transition,
-    Vehicle,
-)
+from kybflow.core.files import File
+from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.document import Document, FaultUse, PartUse, SensorUse, State, Transition, Vehicle
 from kybflow.dsl.expressions import Expression, Scope, parse
-from kybflow.dsl.lowering.attachments import attachments_of, files_of
 from kybflow.dsl.lowering.callbacks import callback_plans
 from kybflow.dsl.lowering.flows import flow_plans
 from kybflow.dsl.names.built_in import BUILT_IN, end_of, failure_of
@@ -33,7 +27,7 @@ from kybflow.dsl.plan import (
     TransitionPlan,
     VehiclePlan,
 )
-from kybflow.dsl.reading.source import Text
+from kybflow.dsl.schema.world import TagFile
 from kybflow.world.cameras import Camera
 from kybflow.world.tags import TagMap
 
@@ -208,3 +202,42 @@ def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:
 
 def _implied(cause: str, target: str) -> TransitionPlan:
     return TransitionPlan(cause, target, implied=True)  # type: ignore[arg-type]
+
+
+def attachments_of(document: Document) -> tuple[SourceFile, ...]:
+    """Every file that a parameter of the mission names, once."""
+    found: dict[str, SourceFile] = {}
+    for file, beside in _named(document):
+        path = os.path.normpath(os.path.join(beside, file.name))
+        found[path] = SourceFile(path, file.sha256)
+    return tuple(found.values())
+
+
+def files_of(document: Document) -> tuple[File, ...]:
+    """What every file held that a parameter of the mission names; once for each name."""
+    return tuple(dict.fromkeys(file for file, _ in _named(document)))
+
+
+def _named(document: Document) -> Iterator[tuple[File, str]]:
+    """Each file that a parameter names, and the folder beside which it does."""
+    for use in _uses(document):
+        for field in use.spec.fields:
+            file = getattr(use.params, field.name)
+            if isinstance(file, File):
+                yield file, os.path.dirname(use.spans[field.name].file)
+    for tags in document.tags:
+        if isinstance(tags.params, TagFile):
+            yield tags.params.file, os.path.dirname(tags.span.file)
+    for vehicle in document.vehicles.values():
+        for camera in vehicle.cameras:
+            if camera.params.calibration is not None:
+                beside = os.path.dirname(camera.spans["calibration"].file)
+                yield camera.params.calibration, beside
+
+
+def _uses(document: Document) -> Iterator[PartUse]:
+    for vehicle in document.vehicles.values():
+        yield from (s.part for s in vehicle.sensors)
+        yield from (e.part for e in vehicle.estimators)
+        yield from (*vehicle.processors, vehicle.tracker, *vehicle.supervisors, vehicle.driver)
+        yield from (state.part for state in vehicle.states.values())

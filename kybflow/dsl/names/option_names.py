@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.params import Field
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, did_you_mean, every
+from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionUse, Document, Vehicle
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.reading.source import Text
 from kybflow.dsl.reading.values import decode
 
 if TYPE_CHECKING:

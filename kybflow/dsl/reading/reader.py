@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.composer import LONG, compose
 from kybflow.dsl.reading.nodes import Node
-from kybflow.dsl.reading.source import Span
 
 CODES = {
     "KYB001": "The file can't be opened or is no regular file.",

@@ -14,10 +14,10 @@ from typing import Any, TypeVar
 from kybflow.core.errors import FileError, UnitError
 from kybflow.core.files import File, FilePath
 from kybflow.core.params import Field
-from kybflow.core.units import Dimension, article, format_quantity, parse_quantity
+from kybflow.core.units import DIMENSIONS, Dimension, article, format_quantity, parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
+from kybflow.dsl.diagnostics.spans import PREFIX
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe
-from kybflow.dsl.reading.source import PREFIX
 
 CODES = {
     "KYB104": "A value of another type, a quantity of another dimension or without its unit.",
@@ -43,6 +43,11 @@ _SHAPES = {
     "file": "the name of a file",
     "file path": "the name of a file",
 }
+
+
+QUANTITIES: dict[str, Dimension] = {d.name.replace(" ", "_"): d for d in DIMENSIONS.values()}
+TYPES = (*QUANTITIES, "position", "integer", "text", "boolean")
+"""The types of a mission's parameters."""
 
 
 def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bounds: Any) -> Field:

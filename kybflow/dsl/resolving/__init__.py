@@ -1,1 +1,3 @@
-"""Nodes to one tree: imports, libraries, `like`, stacks, chains, parameters and points away."""
+"""Nodes to one tree: imports, libraries, `like`, stacks, chains and parameters away. Decodes no
+values but those of parameters. Only the compiler calls it, and what lists libraries.
+"""

@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 from kybflow.core.params import RESERVED
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, did_you_mean, every
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, Sequence, entries_of
-from kybflow.dsl.reading.source import Span
 from kybflow.dsl.resolving.offers import Offers, chain_of
 from kybflow.dsl.resolving.parameters import Parameters, Setting, declare
 from kybflow.dsl.resolving.substitution import Substitution, known, names_in, unused_parameter

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, Sequence
-from kybflow.dsl.reading.source import Span
 
 CODES = {
     "KYB124": "`like`, `airframe`, `stack`, `world` or `do: chain.` names what doesn't exist.",

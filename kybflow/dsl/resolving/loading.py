@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import Source
-from kybflow.dsl.reading.source import Span
 from kybflow.dsl.resolving.imports import Library, Place, find, installed, read_library, shown_path
 from kybflow.dsl.resolving.offers import EMPTY, Offers
 from kybflow.dsl.resolving.parameters import Parameters, Setting, declare

@@ -6,17 +6,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity, did_you_mean
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, Sequence, entries_of, is_null
-from kybflow.dsl.reading.source import Span
 from kybflow.dsl.resolving.imports import Place, installed, read_library
 from kybflow.dsl.resolving.like import merge
 from kybflow.dsl.resolving.parameters import Parameters
+from kybflow.dsl.schema.building import LISTS
 
 CODES = {
     "KYB157": "A stack that has nothing for the list in which it stands.",
 }
-LISTS = ("estimators", "processors", "supervisors")
-"""The lists of a vehicle in which stacks may stand."""
 _CHAIN = 20
 EMPTY = Mapping({}, Span("", 1, 1, 1, 1))
 _STANDARD = "kybflow/airframes"

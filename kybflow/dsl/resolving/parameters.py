@@ -11,13 +11,20 @@ from math import inf
 from typing import Any, NamedTuple
 
 from kybflow.core.params import Field
-from kybflow.core.units import DIMENSIONS, LENGTH, NUMBER, RATIO, Dimension
+from kybflow.core.units import LENGTH, NUMBER, RATIO
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.spans import PREFIX, SET, Span
 from kybflow.dsl.document import Parameter
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import NAME, Entry, Mapping, Node, Scalar, Sequence
-from kybflow.dsl.reading.source import PREFIX, SET, Span
-from kybflow.dsl.reading.values import bounds_of, decode, quantity_field, shown_value
+from kybflow.dsl.reading.values import (
+    QUANTITIES,
+    TYPES,
+    bounds_of,
+    decode,
+    quantity_field,
+    shown_value,
+)
 
 CODES = {
     "KYB131": "A value for a parameter that the mission, the library or the chain doesn't have.",
@@ -26,8 +33,6 @@ CODES = {
     "KYB135": "A `--set` that is not `name=value`.",
     "KYB136": "A parameter whose bounds leave no value.",
 }
-QUANTITIES: dict[str, Dimension] = {d.name.replace(" ", "_"): d for d in DIMENSIONS.values()}
-TYPES = (*QUANTITIES, "position", "integer", "text", "boolean")
 _BOUNDS = ("above", "at_least", "below", "at_most")
 
 

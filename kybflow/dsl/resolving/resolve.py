@@ -7,10 +7,10 @@ from collections.abc import Mapping as MappingOf
 from typing import NamedTuple
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, passed
+from kybflow.dsl.diagnostics.spans import PREFIX, Span
 from kybflow.dsl.document import Parameter
 from kybflow.dsl.reading.nodes import Entry, Mapping, count, entries_of
 from kybflow.dsl.reading.reader import Source
-from kybflow.dsl.reading.source import PREFIX, Span
 from kybflow.dsl.resolving.chains import Chains
 from kybflow.dsl.resolving.imports import judged
 from kybflow.dsl.resolving.like import UsedAt

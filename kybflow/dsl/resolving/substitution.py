@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity, did_you_mean, every
+from kybflow.dsl.diagnostics.spans import Inset, Span
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence
-from kybflow.dsl.reading.source import Inset, Span
 from kybflow.dsl.resolving.parameters import Declared, Parameters
 
 CODES = {

@@ -8,8 +8,8 @@ from collections.abc import Mapping as MappingOf
 from itertools import chain
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics.spans import PREFIX
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, entries_of, is_null, items_of, texts_in
-from kybflow.dsl.reading.source import PREFIX
 from kybflow.dsl.resolving.loading import Files
 from kybflow.dsl.resolving.parameters import Setting
 

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
+from kybflow.core.errors import UnitError
 from kybflow.core.params import Field
-from kybflow.core.units import DIMENSIONS, NUMBER, article
+from kybflow.core.units import DIMENSIONS, NUMBER, article, parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect, did_you_mean
-from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, describe, head_of
-from kybflow.dsl.reading.values import decode, quantity_field
-from kybflow.dsl.resolving.parameters import TYPES
-from kybflow.dsl.schema.explain_commas import cut_by_yaml
-from kybflow.dsl.schema.explain_parts import how_to_write, meant
+from kybflow.dsl.reading.nodes import (
+    NAME,
+    Entry,
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    describe,
+    head_of,
+    is_cut,
+    is_null,
+    no_commas,
+)
+from kybflow.dsl.reading.values import TYPES, decode, quantity_field
 
 CODES = {
     "KYB101": "A key that the language doesn't have there.",
@@ -228,3 +239,89 @@ _EXPLAINERS = {
     "minProperties": _explain_empty,
     "minItems": _explain_few,
 }
+
+
+_COMPARED = re.compile(r"[<>=]|\w in \w")
+_JOIN = "the language has no commas: write `and` where both must hold"
+_TEXTS = frozenset({"log", "stop", "summary", "help"})
+_QUOTE = "put the text in quotes"
+
+
+def cut_by_yaml(node: Mapping, key: str, known: Iterable[str]) -> Diagnostic | None:
+    """What YAML made of `when: distance(a, b) < 1 m`, `when: a in look, elapsed > 2 s` and
+    `log: up, up and away` inside of {...}: two keys, the second of them without a value. None for a
+    key that can be one of those `known`, misspelt."""
+    keys, entry = list(node.entries), node.entries[key]
+    before = node.entries[keys[keys.index(key) - 1]] if key != keys[0] else None
+    name, is_name = before.key.text if before else "", NAME.match(key) is not None
+    if before and not is_name and isinstance(before.value, Scalar) and is_cut(before.value):
+        hint = no_commas(f"{before.value.text}, {key}")
+        return _cut(name, entry, (f"`{name}` is `{before.value.text}`",), hint)
+    if not is_null(entry.value) or get_close_matches(key.split(" ", maxsplit=1)[0], known):
+        return None
+    if name in _CONDITIONS or (not is_name and _COMPARED.search(key)):
+        return _cut(name if name in _CONDITIONS else "when", entry, (), _JOIN)
+    return _cut(name, entry, (), _QUOTE) if name in _TEXTS else None
+
+
+def _cut(name: str, entry: Entry, notes: tuple[str, ...], hint: str) -> Diagnostic:
+    key = entry.key
+    message = f"YAML ends `{name}` at the comma and reads `{key.text}` as a key"
+    return Diagnostic("KYB101", message, key.span, notes=notes, help=hint)
+
+
+_SURE = 0.75
+Schemas = dict[str, dict[str, Any]]
+
+
+def meant(part: str, key: str, node: Mapping, known: Schemas, beside: frozenset[str]) -> str:
+    """What `key` could mean: a parameter with a name like it, a key beside the parameters, the one
+    parameter that can have its value; else every parameter."""
+    if not known:
+        return f"`{part}` has no parameters"
+    near = get_close_matches(key, known) or get_close_matches(key, beside, cutoff=_SURE)
+    if beside and not near:
+        return did_you_mean(key, {*known, *beside})
+    if not near:
+        free = {name: schema for name, schema in known.items() if name not in node.entries}
+        fitting = list(_fitting(node.entries[key].value, free))
+        near = fitting if len(fitting) == 1 else []
+    if near:
+        return did_you_mean(near[0], {*known, *beside})
+    names = ", ".join(f"`{name}`" for name in sorted(known))
+    return f"the parameters of `{part}` are {names}"
+
+
+def _fitting(value: Node, known: Schemas) -> Iterator[str]:
+    """The parameters that can have a value: lists of the same depth, quantities with its unit."""
+    for name, schema in known.items():
+        dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
+        if isinstance(value, Sequence) and "items" in schema:
+            is_path = "items" in schema["items"]
+            if is_path == any(isinstance(item, Sequence) for item in value.items):
+                yield name
+        if isinstance(value, Scalar) and dimension is not None and "items" not in schema:
+            try:
+                parse_quantity(value.text, dimension)
+            except UnitError:
+                continue
+            if not value.text.strip()[-1:].isdigit():
+                yield name
+
+
+def how_to_write(name: str, schema: dict[str, Any]) -> str:
+    """A parameter as an author writes it, and what it is."""
+    about = str(schema.get("description", "")).split(". ")[0].rstrip(".")
+    example = _example(schema)
+    how = f"write `{name}: {example}`" if example else f"write `{name}: ...`"
+    return f"{how}: {about[:1].lower()}{about[1:]}" if about else how
+
+
+def _example(schema: dict[str, Any]) -> str:
+    """A value that a schema allows; empty where only its author knows one."""
+    if "items" in schema and "items" in schema["items"]:
+        return f"[{_example(schema['items'])}, ...]"
+    dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
+    if dimension is None:
+        return ""
+    return f"[{', '.join([dimension.example] * 3)}]" if "items" in schema else dimension.example

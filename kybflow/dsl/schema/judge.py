@@ -12,9 +12,9 @@ from jsonschema import Draft202012Validator
 from kybflow.core.params import fields_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Stopped
 from kybflow.dsl.reading.nodes import Mapping, Node, Sequence, describe, head_of, to_json
+from kybflow.dsl.schema.building import nullable, params_schema
 from kybflow.dsl.schema.explain import Fault, explain
-from kybflow.dsl.schema.part_schema import nullable, params_schema
-from kybflow.dsl.schema.skeleton import library_schema, skeleton
+from kybflow.dsl.schema.mission import library_schema, skeleton
 
 
 @functools.cache

@@ -6,9 +6,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from kybflow.dsl.resolving.offers import LISTS
-from kybflow.dsl.schema.part_schema import Schema, nullable, params_schema
-from kybflow.dsl.schema.skeleton import skeleton
+from kybflow.dsl.schema.building import LISTS, Schema, nullable, params_schema
+from kybflow.dsl.schema.mission import skeleton
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog

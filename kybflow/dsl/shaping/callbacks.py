@@ -1,9 +1,11 @@
-"""`on:` of the tree to the document's callbacks: events, filters, actions as written."""
+"""`on:` and `faults:` of the tree to the document: events, filters and actions as written, and what
+breaks when."""
 
 from __future__ import annotations
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
-from kybflow.dsl.document import ActionUse, Callback, PartUse
+from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.document import ActionUse, Callback, FaultUse, PartUse
 from kybflow.dsl.reading.nodes import (
     Entry,
     Mapping,
@@ -15,16 +17,17 @@ from kybflow.dsl.reading.nodes import (
     is_null,
     items_of,
 )
-from kybflow.dsl.reading.source import Text
-from kybflow.dsl.schema.explain_commas import cut_by_yaml
+from kybflow.dsl.schema.explain import cut_by_yaml
+from kybflow.dsl.shaping.states import duration
 from kybflow.dsl.shaping.uses import Uses, params_of
 from kybflow.parts.action import BUILT_IN
 
 CODES = {
     "KYB170": "An action that neither the language nor an installed package has.",
     "KYB171": "A callback that does nothing, or an action that is not one key with a value.",
+    "KYB180": "A fault that does not say when, or says it twice.",
 }
-_OWN = frozenset({"event", "when", "do"})
+_CALLBACK_KEYS = frozenset({"event", "when", "do"})
 
 
 def callbacks(node: Node | None, uses: Uses) -> Diagnosed[tuple[Callback, ...]]:
@@ -45,7 +48,9 @@ def _callback(node: Mapping, uses: Uses) -> Diagnosed[Callback]:
         fields=tuple(
             (entry.key.as_text, entry.value.as_text)
             for key, entry in node.entries.items()
-            if key not in _OWN and isinstance(entry.value, Scalar) and not entry.value.is_null
+            if key not in _CALLBACK_KEYS
+            and isinstance(entry.value, Scalar)
+            and not entry.value.is_null
         ),
         when=when.as_text if isinstance(when, Scalar) else None,
         actions=tuple(action for several in actions for action in several),
@@ -111,3 +116,32 @@ def _part(entry: Entry, uses: Uses) -> Diagnosed[PartUse | None]:
         return None
     spans = {key: own.value.span for key, own in body.entries.items()}
     return PartUse(name.as_text, spec, params, name.text, name.span, spans)
+
+
+_FAULT_KEYS = frozenset({"at", "when", "on", "for"})
+
+
+def faults_of(node: Node | None, uses: Uses) -> Diagnosed[tuple[FaultUse, ...]]:
+    """The faults of `faults:`; one with errors is left out."""
+    items = (item for item in items_of(node) if isinstance(item, Mapping))
+    decoded = yield from every(_fault(item, uses) for item in items)
+    return tuple(fault for fault in decoded if fault is not None)
+
+
+def _fault(node: Mapping, uses: Uses) -> Diagnosed[FaultUse | None]:
+    vehicle, when = node.get("on"), node.get("when")
+    assert isinstance(vehicle, Scalar)
+    at = yield from duration(node, "at")
+    lasts = yield from duration(node, "for", above=0.0)
+    if (node.get("at") is None) is (when is None):
+        both = when is not None
+        name = node.get("inject")
+        what = f"`{name.text}`" if isinstance(name, Scalar) else "a fault"
+        message = f"{what} says twice when" if both else f"nothing says when {what} is injected"
+        span = node.entries["when"].key.span if both else head_of(node)
+        yield Diagnostic("KYB180", message, span, help="write one: `at: 20 s` or `when: CONDITION`")
+    part = yield from uses.one("faults", node, _FAULT_KEYS, "inject")
+    if part is None:
+        return None
+    text = when.as_text if isinstance(when, Scalar) else None
+    return FaultUse(part, vehicle.as_text, at, text, lasts, part.span)

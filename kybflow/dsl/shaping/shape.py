@@ -7,23 +7,25 @@ from typing import TYPE_CHECKING, Any
 
 from kybflow.core.units import DURATION, FREQUENCY, Dimension
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, passed
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.document import AirframeUse, Document, PartUse, Vehicle
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of, items_of
-from kybflow.dsl.reading.source import Span, Text
 from kybflow.dsl.reading.values import decode, quantity_field
-from kybflow.dsl.resolving.points import placed, with_points
 from kybflow.dsl.resolving.resolve import Resolved
-from kybflow.dsl.shaping.asked import with_asked
-from kybflow.dsl.shaping.callbacks import callbacks
-from kybflow.dsl.shaping.faults import faults_of
-from kybflow.dsl.shaping.flows import flows_of, groups_of, with_waiting
-from kybflow.dsl.shaping.rates import needed_rate
-from kybflow.dsl.shaping.sensors import with_sensors
-from kybflow.dsl.shaping.targets import drivers_of, other_targets, target_of, with_trackers
+from kybflow.dsl.shaping.callbacks import callbacks, faults_of
+from kybflow.dsl.shaping.cameras import cameras_of, without_cameras
+from kybflow.dsl.shaping.flows import flows_of, groups_of, with_asked, with_waiting
+from kybflow.dsl.shaping.targets import (
+    drivers_of,
+    needed_rate,
+    other_targets,
+    target_of,
+    with_sensors,
+    with_trackers,
+)
 from kybflow.dsl.shaping.uses import Uses, params_of
 from kybflow.dsl.shaping.vehicles import vehicle_of
-from kybflow.dsl.shaping.world.cameras import cameras_of, without_cameras
-from kybflow.dsl.shaping.world.world import world_of
+from kybflow.dsl.shaping.world import placed, with_points, world_of
 from kybflow.world.vehicle_context import Airframe
 
 if TYPE_CHECKING:

@@ -11,16 +11,20 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
+from kybflow.core.units import DURATION
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
+from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ChainUse, PartUse, State, Transition
 from kybflow.dsl.names.built_in import failure_of
 from kybflow.dsl.plan import Cause
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, items_of
-from kybflow.dsl.reading.source import Text
-from kybflow.dsl.shaping.arrows import duration, next_arrow
+from kybflow.dsl.reading.values import decode, quantity_field
 from kybflow.dsl.shaping.uses import Uses
 from kybflow.parts.observables import chains_of
 
+CODES = {
+    "KYB143": "A transition that says nothing of when, or how long of nothing.",
+}
 KEYS = frozenset({"then", "next", "failed", "within", "estimators"})
 _OF_CHAINS = KEYS - {"estimators"}
 
@@ -135,3 +139,39 @@ def _joined(
 
 def _first_of(cause: str, levels: Iterable[Iterable[Transition]]) -> Transition | None:
     return next((arrow for level in levels for arrow in level if arrow.cause == cause), None)
+
+
+def next_arrow(node: Mapping) -> Diagnosed[Transition]:
+    """The arrow that an item of `next` is; its shape is judged already."""
+    when, event, goal = node.get("when"), node.get("event"), node.get("go")
+    assert isinstance(goal, Scalar)
+    if when is None and event is None and node.get("after") is None:
+        message = f"nothing says when to go to `{goal.text}`"
+        hint = "add `when: CONDITION`, `event: NAME` or `after: 10 s`"
+        yield Diagnostic("KYB143", message, goal.span, help=hint)
+    elif when is None and node.get("for") is not None:
+        message = f"nothing says what must hold before it goes to `{goal.text}`"
+        span, hint = node.entries["for"].key.span, "`for` belongs to a `when`"
+        yield Diagnostic("KYB143", message, span, help=hint)
+    after = yield from duration(node, "after")
+    hold = yield from duration(node, "for")
+    return Transition(
+        "next",
+        goal.as_text,
+        node.span,
+        when=when.as_text if isinstance(when, Scalar) else None,
+        event=event.as_text if isinstance(event, Scalar) else None,
+        after=after,
+        hold=hold or 0.0,
+    )
+
+
+def duration(keys: Mapping, key: str, above: float | None = None) -> Diagnosed[float | None]:
+    """The seconds of `key`; None when it is not written or has errors."""
+    node = keys.get(key)
+    if node is None:
+        return None
+    at_least = 0.0 if above is None else None
+    field = quantity_field(key, DURATION, above=above, at_least=at_least)
+    value: float | None = yield from decode(node, field)
+    return value

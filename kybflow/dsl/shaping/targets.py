@@ -1,23 +1,25 @@
-"""Where the mission flies: the chosen target, each vehicle's driver and tracker on it."""
+"""Where the mission flies: the chosen target, each vehicle's driver, tracker and sensors on it, and
+the control rate that the drivers need."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from kybflow.core.errors import KybflowError
+from kybflow.core.signals import MeasurementKind
 from kybflow.dsl.diagnostics.diagnostic import (
     Diagnosed,
     Diagnostic,
     Severity,
     collect,
     did_you_mean,
+    every,
 )
-from kybflow.dsl.document import PartUse, Vehicle
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, entries_of
-from kybflow.dsl.reading.source import Span, Text
-from kybflow.dsl.shaping.sensors import sensors_of
+from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.document import PartUse, SensorUse, Vehicle
+from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, entries_of, is_null, items_of
 from kybflow.dsl.shaping.uses import Uses
 
 if TYPE_CHECKING:
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 CODES = {
     "KYB150": "A target that the mission doesn't have.",
     "KYB151": "A target that names a vehicle which doesn't exist, or leaves one without a driver.",
+    "KYB390": "A sensor under a name that no estimator of the vehicle has.",
 }
 _NOT_HERE = frozenset({"KYB140", "KYB141", "KYB370"})
 FILE = "--target"
@@ -72,7 +75,7 @@ def drivers_of(root: Mapping, target: Text, uses: Uses) -> Diagnosed[dict[str, P
     vehicles = entries_of(root.get("vehicles"))
     targets = entries_of(root.get("targets"))
     entries = entries_of(targets[target.text].value) if target.text in targets else {}
-    decoded = yield from _decoded(entries, vehicles, uses)
+    decoded = yield from _decoded_drivers(entries, vehicles, uses)
     if "all" not in decoded and not vehicles.keys() <= decoded.keys():
         implied = yield from _implied(target, uses)
         if implied is not None:
@@ -130,7 +133,7 @@ def _tracker(entry: Entry | None) -> Node | None:
     return entry.value.get("tracker") if entry and isinstance(entry.value, Mapping) else None
 
 
-def _decoded(
+def _decoded_drivers(
     entries: dict[str, Entry], vehicles: dict[str, Entry], uses: Uses
 ) -> Diagnosed[dict[str, PartUse | None]]:
     """The drivers that are written; trackers are looked at as well."""
@@ -155,7 +158,119 @@ def other_targets(root: Mapping, chosen: Text, catalog: Catalog) -> Iterator[Dia
     for name, entry in entries_of(root.get("targets")).items():
         if name != chosen.text:
             entries, uses = entries_of(entry.value), Uses(catalog)
-            found = collect(_decoded(entries, vehicles, uses)).diagnostics
+            found = collect(_decoded_drivers(entries, vehicles, uses)).diagnostics
             found += collect(sensors_of(entries, vehicles, uses)).diagnostics
             for d in found:
                 yield replace(d, severity=Severity.WARNING) if d.code in _NOT_HERE else d
+
+
+def with_sensors(
+    root: Mapping, target: Text, uses: Uses, vehicles: dict[str, Vehicle]
+) -> Diagnosed[dict[str, Vehicle]]:
+    """The vehicles with their sensors on `target`: for each estimator the vehicle's own, else that
+    of `all`; then those that the driver brings."""
+    chosen = entries_of(root.get("targets")).get(target.text)
+    entries = {} if chosen is None else entries_of(chosen.value)
+    written = entries_of(root.get("vehicles"))
+    decoded = yield from sensors_of(entries, written, uses)
+    whole: dict[str, Vehicle] = {}
+    for name, vehicle in vehicles.items():
+        labels = set(_estimators(written[name].value))
+        named = {k: v for k, v in decoded.get("all", {}).items() if k in labels}
+        lists = {**named, **decoded.get(name, {})}.values()
+        sensors = tuple(use for several in lists for use in several)
+        brought = yield from _brought(replace(vehicle, sensors=sensors), target, uses)
+        whole[name] = replace(vehicle, sensors=(*sensors, *brought))
+    return whole
+
+
+def provided(vehicle: Vehicle) -> frozenset[MeasurementKind]:
+    """What the vehicle's driver and sensors measure."""
+    sources = (vehicle.driver, *(use.part for use in vehicle.sensors))
+    return frozenset(kind for part in sources for kind in part.spec.cls.provides)
+
+
+def sensors_of(
+    target: dict[str, Entry], vehicles: dict[str, Entry], uses: Uses
+) -> Diagnosed[dict[str, dict[str, list[SensorUse]]]]:
+    """The sensors of each entry of a target, by estimator."""
+    decoded: dict[str, dict[str, list[SensorUse]]] = {}
+    for name, entry in target.items():
+        if name == "all":
+            known = [label for other in vehicles.values() for label in _estimators(other.value)]
+        elif name in vehicles:
+            known = list(_estimators(vehicles[name].value))
+        else:
+            continue
+        decoded[name] = yield from _decoded_sensors(name, entry.value, known, uses)
+    return decoded
+
+
+def _decoded_sensors(
+    name: str, target: Node, known: list[str], uses: Uses
+) -> Diagnosed[dict[str, list[SensorUse]]]:
+    decoded: dict[str, list[SensorUse]] = {}
+    sensors = target.get("sensors") if isinstance(target, Mapping) else None
+    for label, entry in entries_of(sensors).items():
+        if is_null(entry.value):
+            continue
+        if label not in known:
+            whose = "no vehicle has" if name == "all" else f"`{name}` has no"
+            message = f"{whose} {'an ' if name == 'all' else ''}estimator `{label}`"
+            hint = did_you_mean(label, known) or "name one under `estimators` of the vehicle"
+            yield Diagnostic("KYB390", message, entry.key.span, help=hint)
+        nodes = items_of(entry.value) or (entry.value,)
+        parts = yield from every(uses.one("sensors", node) for node in nodes)
+        if label in known:
+            whole = [(p, i) for i, p in enumerate(parts) if p is not None]
+            decoded[label] = [SensorUse(entry.key.as_text, part, i) for part, i in whole]
+    return decoded
+
+
+def _estimators(vehicle: Node) -> Iterator[str]:
+    """What the estimators of a vehicle are called, whether they can be decoded or not."""
+    for item in items_of(vehicle.get("estimators") if isinstance(vehicle, Mapping) else None):
+        name: Node | None = item
+        if isinstance(item, Mapping):
+            name = item.get("as") or item.get("use")
+        if isinstance(name, Scalar):
+            yield name.text
+
+
+def _brought(vehicle: Vehicle, target: Text, uses: Uses) -> Diagnosed[list[SensorUse]]:
+    """The sensors that the driver brings for what nothing else gives an estimator; they stand where
+    the first of those does."""
+    given = provided(vehicle)
+    driver = vehicle.driver
+    shows = driver.spec.cls.shows(driver.params)
+    parts = [use.part for use in vehicle.estimators]
+    lacking = [(p, kinds) for p in parts if (kinds := p.spec.cls.uses(p.params) - given)]
+    brought: list[SensorUse] = []
+    for name in driver.spec.cls.brings if lacking else ():
+        part = yield from uses.one("sensors", Scalar(name, lacking[0][0].span))
+        if part is None or part.spec.cls.simulated > shows:
+            continue
+        if part.spec.cls.provides & {k for _, kinds in lacking for k in kinds}:
+            lacking = [(p, kinds - part.spec.cls.provides) for p, kinds in lacking]
+            brought.append(SensorUse(Text("", target.span, verbatim=False), part))
+    return brought
+
+
+CONTROL_RATE = 250
+"""Hz."""
+
+
+def needed_rate(drivers: Iterable[PartUse]) -> int:
+    """The lowest (Hz) that all drivers are content with; where it does not fall on the steps of
+    each of them, the usual one that does. Where that doesn't either, KYB303 tells so."""
+    used = [(use.spec.cls, use.params) for use in drivers]
+    needed = max((driver.control_rate(params) for driver, params in used), default=CONTROL_RATE)
+    steps = [rate for driver, params in used if (rate := driver.step_rate(params)) is not None]
+    fitting = (r for r in (needed, CONTROL_RATE) if all(divides(r, step) for step in steps))
+    return next(fitting, needed)
+
+
+def divides(control: int, steps: float) -> bool:
+    """Whether every tick at `control` falls on a step, of `steps` a second."""
+    each = round(steps / control)
+    return each >= 1 and abs(steps / control - each) < 1e-9

@@ -7,15 +7,14 @@ from typing import Any
 from kybflow.core.geometry import ZERO
 from kybflow.core.units import ANGLE, LENGTH
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
 from kybflow.dsl.reading.nodes import Entry, Mapping, Scalar, entries_of
-from kybflow.dsl.reading.source import Span, Text
 from kybflow.dsl.reading.values import decode, quantity_field
-from kybflow.dsl.schema.skeleton import ESTIMATOR_KEYS
-from kybflow.dsl.shaping.arrows import duration
-from kybflow.dsl.shaping.states import States, states_of
+from kybflow.dsl.schema.mission import ESTIMATOR_KEYS
+from kybflow.dsl.shaping.cameras import cameras_of, without_cameras
+from kybflow.dsl.shaping.states import States, duration, states_of
 from kybflow.dsl.shaping.uses import Uses, params_of
-from kybflow.dsl.shaping.world.cameras import cameras_of, without_cameras
 from kybflow.world.vehicle_context import Airframe, Parcel
 
 

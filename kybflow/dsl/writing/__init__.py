@@ -1,1 +1,1 @@
-"""The document back to YAML, as `kybflow show --resolved` prints it."""
+"""The document back to YAML, as `kybflow show --resolved` prints it. Only the compiler calls it."""

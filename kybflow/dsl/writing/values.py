@@ -7,8 +7,8 @@ from typing import Any
 
 from kybflow.core.params import Field
 from kybflow.core.units import ANGLE, ANGULAR_RATE, DEG, DURATION, RATIO, Dimension, parse_quantity
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.document import PartUse, Transition
-from kybflow.dsl.reading.source import Span, Text
 
 Line = tuple[str, str]
 """A line of YAML, and where it came from; empty for a default."""

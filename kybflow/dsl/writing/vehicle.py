@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from kybflow.core.params import fields_of
 from kybflow.core.units import ANGLE, DURATION, LENGTH
 from kybflow.dsl.document import ChainUse, EstimatorUse, State, Transition, Vehicle
-from kybflow.dsl.shaping.world.camera_params import CameraParams
+from kybflow.dsl.schema.world import CameraParams
 from kybflow.dsl.writing.values import (
     Line,
     given,

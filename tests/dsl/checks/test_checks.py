@@ -13,7 +13,7 @@ import pytest
 
 from kybflow.dsl import checks as package
 from kybflow.dsl.checks import checks, checks_in
-from kybflow.dsl.checks.entries import Entries
+from kybflow.dsl.checks.reachability import Entries
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 

@@ -9,14 +9,10 @@ from plans import FENCE, NANO
 
 from kybflow.core.signals import Battery, CommandKind, Pose, SetpointKind
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.data import (
-    chains_that_do_not_connect,
-    control_rates,
-    missing_measurements,
-)
+from kybflow.dsl.checks.data import chains_that_do_not_connect, control_rates, missing_measurements
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.document import Document, EstimatorUse, PartUse, State, Vehicle
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.reading.source import Span, Text
 from kybflow.parts import AIR, GROUND, Leg
 from kybflow.parts.catalog import PartSpec
 

@@ -9,9 +9,9 @@ import pytest
 from plans import part
 
 from kybflow.core.signals import NS, Battery, Event
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.plan import FaultPlan, PartPlan
-from kybflow.dsl.reading.source import Span, Text
 from kybflow.parts import Effect, Fault, Rig
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.injection import Injection

@@ -1,10 +1,19 @@
-"""Findings as a SARIF 2.1.0 log, for code scanning (OASIS, Static Analysis Results Interchange
-Format). Columns count characters from 1; a place behind an import is a related one."""
+"""Findings for programs that review a change.
+
+`to_sarif` is a SARIF 2.1.0 log for code scanning (OASIS, Static Analysis Results Interchange
+Format); columns count characters from 1. `to_annotation` is a workflow command of GitHub Actions,
+in whose text `%`, CR and LF are escaped as `%25`, `%0D` and `%0A`, in a property also `:` and `,`
+as `%3A` and `%2C` (GitHub's own toolkit does so).
+
+A review shows only files of the folder under review, so a finding inside of an installed library
+stands at the place there that leads to it.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+import os.path
+from collections.abc import Iterable, Iterator
 from pathlib import PurePath
 from typing import Any
 from urllib.parse import quote
@@ -12,9 +21,30 @@ from urllib.parse import quote
 from kybflow import __version__
 from kybflow.dsl.diagnostics.codes import codes
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.placed import primary
-from kybflow.dsl.diagnostics.render import clipped, printable
-from kybflow.dsl.reading.source import Span
+from kybflow.dsl.diagnostics.render import clipped, printable, ways_to
+from kybflow.dsl.diagnostics.spans import Span
+
+_INSTALLED = frozenset({"site-packages", "dist-packages"})
+
+
+def primary(span: Span) -> Span:
+    """`span`, or where it is outside of the current folder the outermost use, else the outermost
+    import, that is inside."""
+    if not _is_outside(span.file):
+        return span
+    leads = (place for place in (*span.used, *span.via) if not _is_outside(place.file))
+    return next(leads, span)
+
+
+def _is_outside(file: str) -> bool:
+    if _INSTALLED.intersection(PurePath(file).parts):
+        return True
+    try:
+        steps = PurePath(os.path.relpath(file)).parts
+    except ValueError:  # another drive, or no path at all
+        return True
+    return steps[:1] == ("..",)
+
 
 SCHEMA = (
     "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
@@ -85,3 +115,26 @@ def _uri(file: str) -> str:
     """A reference as RFC 3986 wants it: a relative path stays one."""
     path = PurePath(file.encode("utf-8", "replace").decode())
     return path.as_uri() if path.is_absolute() else quote(path.as_posix())
+
+
+_TEXT = str.maketrans({"%": "%25", "\r": "%0D", "\n": "%0A"})
+_PROPERTY = str.maketrans({"%": "%25", "\r": "%0D", "\n": "%0A", ":": "%3A", ",": "%2C"})
+
+
+def to_annotation(diagnostic: Diagnostic) -> str:
+    """The workflow command of one finding, a line."""
+    span = primary(diagnostic.span)
+    properties = {"file": printable(span.file), "line": span.line, "endLine": span.end_line}
+    if span.line == span.end_line:  # columns of several lines are refused
+        properties |= {"col": span.column, "endColumn": span.end_column}
+    properties["title"] = f"kybflow {diagnostic.code}"
+    told = ",".join(f"{key}={str(v).translate(_PROPERTY)}" for key, v in properties.items())
+    text = "\n".join((message_of(diagnostic), *_places(diagnostic.span, span)))
+    return f"::{diagnostic.severity.value} {told}::{text.translate(_TEXT)}"
+
+
+def _places(span: Span, shown: Span) -> Iterator[str]:
+    """Where it is when it is `shown` elsewhere, and how that was reached."""
+    if shown is not span:
+        yield printable(f"in {span.at}:{span.column}")
+    yield from map(printable, ways_to(span))

@@ -1,8 +1,7 @@
-"""JSON Schema from the parts' declarations: what editors complete from and `jsonschema` judges by.
+"""What the schemas are built of: quantities and vectors, a part's parameters from their
+declaration, names, mappings, uses of parts.
 
-The skeleton knows the language's keys and no part; each part has a schema of its own. The published
-schema is the skeleton with every part's schema behind an `if do == X then ...`. `x-dimension` names
-the dimension of a quantity, so that a finding can say which was needed.
+`x-dimension` names the dimension of a quantity, so that a finding can say which was needed.
 """
 
 from __future__ import annotations
@@ -11,13 +10,17 @@ from dataclasses import replace
 from typing import Any
 
 from kybflow.core.params import Field
-from kybflow.core.units import Dimension, article
+from kybflow.core.units import DURATION, Dimension, article
 from kybflow.dsl.reading.values import bounds_of, shown_value
 
 Schema = dict[str, Any]
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 _PARAMETER = r"\$[A-Za-z_]\w*"
 _PLACE = rf"^{_PARAMETER}$|^world\.points\.[A-Za-z_]\w*$"
+
+
+LISTS = ("estimators", "processors", "supervisors")
+"""The lists of a vehicle in which stacks may stand."""
 
 
 def quantity(dimension: Dimension, help: str, **bounds: Any) -> Schema:
@@ -141,3 +144,74 @@ def _with_null(schema: Any) -> Any:
         return schema
     kinds = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
     return {**schema, "type": [*kinds, "null"]}
+
+
+NAME = r"^[A-Za-z_][A-Za-z0-9_]*(?!\n)$"
+"""Python's `$` alone would let a line break end the name."""
+DOTTED = r"^[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*(?!\n)$"
+
+
+def title() -> Schema:
+    """The name of a file's content; a run's folder is called by it."""
+    return {"description": "Its name.", "type": "string", "pattern": NAME, "maxLength": 60}
+
+
+def text(help: str) -> Schema:
+    return {"description": help, "type": "string"}
+
+
+def named(help: str, value: Schema, **more: Any) -> Schema:
+    """A mapping of names to `value`."""
+    names = {"pattern": NAME}
+    return {
+        "description": help, "type": "object", "propertyNames": names,
+        "additionalProperties": value, **more,
+    }  # fmt: skip
+
+
+def mapping(title: str, help: str, properties: Schema, **more: Any) -> Schema:
+    return {
+        "title": title, "description": help, "type": "object", "properties": properties,
+        "additionalProperties": False, **more,
+    }  # fmt: skip
+
+
+def use(title: str, help: str, extra: Schema | None = None) -> Schema:
+    """A part by its bare name, or a mapping with `use` and its parameters."""
+    properties = {
+        "use": text("Name of the part."),
+        "as": text("A name of its own, when the same part is used twice."),
+        **(extra or {}),
+    }
+    return {
+        "title": title, "description": help, "type": ["string", "object"],
+        "properties": properties, "required": ["use"],
+    }  # fmt: skip
+
+
+def uses(title: str, help: str, extra: Schema | None = None) -> Schema:
+    """A list of parts and of stacks of them."""
+    part = use(title, "One of them.", extra)
+    stack = text("A stack: its parts for this list stand here.")
+    properties = {**part["properties"], "stack": stack}
+    either = {
+        "if": {"type": "object", "required": ["stack"]},
+        "then": mapping("stack's place", "A stack.", {"stack": stack}),
+        "else": {"title": title, "properties": properties, "required": part.pop("required")},
+    }
+    items = {**part, "properties": properties, **either}
+    return {"description": help, "type": "array", "items": items}
+
+
+NEXT = mapping(
+    "transition",
+    "One way out of a behavior: all of `when`, `event` and `after` that are written must hold.",
+    {
+        "when": text("A condition, like `state.altitude > 1 m`."),
+        "event": text("An event to hear."),
+        "after": quantity(DURATION, "Time in the behavior.", minimum=0),
+        "for": quantity(DURATION, "How long the condition must hold.", minimum=0),
+        "go": text("The behavior to go to."),
+    },
+    required=["go"],
+)

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 from kybflow.core.params import fields_of
 from kybflow.core.units import ANGLE, DURATION, FREQUENCY, LENGTH
-from kybflow.dsl.resolving.parameters import TYPES
-from kybflow.dsl.schema.part_schema import Schema, params_schema, quantity, vector
-from kybflow.dsl.schema.skeleton_base import DOTTED, NEXT, mapping, named, text, title, use, uses
-from kybflow.dsl.schema.skeleton_faults import faults_schema
-from kybflow.dsl.schema.skeleton_flows import flows_schema, groups_schema
-from kybflow.dsl.schema.skeleton_on import on_schema
-from kybflow.dsl.schema.skeleton_world import world, worlds
-from kybflow.dsl.shaping.world.camera_params import CameraParams
+from kybflow.dsl.reading.values import TYPES
+from kybflow.dsl.schema.building import (
+    DOTTED,
+    NEXT,
+    Schema,
+    mapping,
+    named,
+    params_schema,
+    quantity,
+    text,
+    title,
+    use,
+    uses,
+    vector,
+)
+from kybflow.dsl.schema.flows import faults_schema, flows_schema, groups_schema, on_schema
+from kybflow.dsl.schema.world import CameraParams, world, worlds
 from kybflow.world.vehicle_context import Airframe, Parcel
 
 STATE: Schema = {

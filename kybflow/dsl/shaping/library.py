@@ -7,15 +7,16 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect
+from kybflow.dsl.diagnostics.spans import PREFIX, Span
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, entries_of, items_of
-from kybflow.dsl.reading.source import PREFIX, Span
-from kybflow.dsl.resolving.offers import EMPTY, LISTS, chain_of, stack_of
-from kybflow.dsl.schema.skeleton import ESTIMATOR_KEYS
+from kybflow.dsl.resolving.offers import EMPTY, chain_of, stack_of
+from kybflow.dsl.schema.building import LISTS
+from kybflow.dsl.schema.mission import ESTIMATOR_KEYS
 from kybflow.dsl.shaping.flows import flows_of
 from kybflow.dsl.shaping.shape import airframes_of
 from kybflow.dsl.shaping.states import KEYS
 from kybflow.dsl.shaping.uses import Uses
-from kybflow.dsl.shaping.world.world import world_of
+from kybflow.dsl.shaping.world import world_of
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog

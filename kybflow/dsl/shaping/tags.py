@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from math import pi
 from typing import TypeVar
 
 from kybflow.core.files import File
+from kybflow.core.geometry import LEVEL, Quat, Vec3, add, from_axes, from_heading, multiply, rotate
 from kybflow.core.params import fields_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.document import TagsUse
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, entries_of
-from kybflow.dsl.reading.source import Span
+from kybflow.dsl.reading.tag_table import read_tags
 from kybflow.dsl.reading.values import decode
+from kybflow.dsl.schema.world import GridParams, TagFile, TagParams
 from kybflow.dsl.shaping.uses import params_of
-from kybflow.dsl.shaping.world.tag_params import GridParams, TagFile, TagParams, tag_of, tags_of
-from kybflow.dsl.shaping.world.tag_table import read_tags
 from kybflow.vision.families import FAMILIES
+from kybflow.world.tags import Tag
 
 P = TypeVar("P")
 
@@ -24,6 +28,20 @@ CODES = {
     "KYB382": "A grid of tags that is none: its `count` is not two numbers, or it leaves out what "
     "it doesn't have, or everything.",
 }
+
+
+_NORTH: Vec3 = (0.0, 1.0, 0.0)
+_UP: Vec3 = (0.0, 0.0, 1.0)
+_EASTWARD = from_axes(_NORTH, _UP, (1.0, 0.0, 0.0))
+_FACING: dict[str, Quat] = {
+    "up": LEVEL,
+    "down": from_axes((-1.0, 0.0, 0.0), _NORTH, (0.0, 0.0, -1.0)),
+    "east": _EASTWARD,
+    "north": multiply(from_heading(pi / 2), _EASTWARD),
+    "west": multiply(from_heading(pi), _EASTWARD),
+    "south": multiply(from_heading(-pi / 2), _EASTWARD),
+}
+"""Attitude of a tag with heading 0 whose printed side looks there."""
 
 
 def tags_in(node: Node | None) -> Diagnosed[tuple[TagsUse, ...]]:
@@ -107,3 +125,24 @@ def _decoded(cls: type[P], own: Entry) -> Diagnosed[P | None]:
 
 
 _KINDS = {"grid": _grid, "tag": _tag, "file": _file}
+
+
+def tag_of(tag: TagParams) -> Tag:
+    return Tag(tag.family, tag.id, tag.size, tag.at, _attitude(tag))
+
+
+def tags_of(grid: GridParams) -> Iterator[Tag]:
+    """The tags of a grid whose `count` has two numbers, those left out not among them."""
+    (columns, rows), pitch = grid.count, grid.size + grid.spacing
+    down = -pitch if grid.rows == "down" else pitch
+    attitude, missing = _attitude(grid), frozenset(grid.leave_out)
+    for row in range(rows):
+        for column in range(columns):
+            number = grid.first + row * columns + column
+            if number not in missing:
+                at = add(grid.at, rotate(attitude, (column * pitch, row * down, 0.0)))
+                yield Tag(grid.family, number, grid.size, at, attitude)
+
+
+def _attitude(params: GridParams | TagParams) -> Quat:
+    return multiply(from_heading(params.heading), _FACING[params.facing])

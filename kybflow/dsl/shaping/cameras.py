@@ -4,20 +4,32 @@ from __future__ import annotations
 
 from math import tan
 
-from kybflow.core.geometry import from_euler, multiply
+from kybflow.core.geometry import Quat, from_axes, from_euler, multiply
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
 from kybflow.dsl.document import CameraUse
+from kybflow.dsl.reading.calibration import read_calibration
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, entries_of
+from kybflow.dsl.schema.world import CameraParams
 from kybflow.dsl.shaping.uses import params_of
-from kybflow.dsl.shaping.world.calibration import read_calibration
-from kybflow.dsl.shaping.world.camera_params import FACING, CameraParams
-from kybflow.world.cameras import Camera, Lens
+from kybflow.world.cameras import DOWN, Camera, Lens
 
 CODES = {
     "KYB385": "A camera whose lens is not described, or twice in one place: it has `calibration`, "
     "or `width`, `height` and `field_of_view`. Of what came through `like`, the nearer one counts.",
 }
 _LENS = ("width", "height", "field_of_view")
+
+
+_DOWNWARD = (0.0, 0.0, -1.0)
+FACING: dict[str, Quat] = {
+    "down": DOWN,
+    "up": from_axes((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    "forward": from_axes((0.0, -1.0, 0.0), _DOWNWARD, (1.0, 0.0, 0.0)),
+    "backward": from_axes((0.0, 1.0, 0.0), _DOWNWARD, (-1.0, 0.0, 0.0)),
+    "left": from_axes((1.0, 0.0, 0.0), _DOWNWARD, (0.0, 1.0, 0.0)),
+    "right": from_axes((-1.0, 0.0, 0.0), _DOWNWARD, (0.0, -1.0, 0.0)),
+}
+"""Optical frame to body. Down and up have the image's upper edge forward, the others up."""
 
 
 def without_cameras(airframe: Mapping) -> Mapping:

@@ -1,1 +1,0 @@
-"""The world of the document: fence, obstacles, printed tags and cameras."""
