@@ -1,6 +1,6 @@
-"""Makes the helpers in `support/` importable and hypothesis draw the same in every run, and lets
-programs that a test starts hear Ctrl-C, which a shell takes from what it runs in the background.
-
+"""Makes the helpers in `support/` importable and hypothesis draw the same in every run. Programs
+that a test starts hear Ctrl-C, which a shell takes from what it runs in the background; OpenCV
+takes one thread, for every core has a worker already.
 `run` flies a plan in the simulator; every event carries what the table of events says.
 """
 

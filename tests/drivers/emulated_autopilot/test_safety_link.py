@@ -23,18 +23,18 @@ from rehearsals import (
 
 HIGH, HIGH_AT = 2.2, 12.0
 """PX4 needs 2.2 s to be taken back, and sinks by 0.7 m/s meanwhile."""
-slow = pytest.mark.slow
+thorough = pytest.mark.thorough
 PATIENT = {"link": {"age": 10.0}}
 NOTICES = {"px4": 1.1, "ardupilot": 2.1}
 """When at the latest its own failsafe has it, seconds after the last word."""
 
 
 def each(*quick):
-    """Every autopilot with every length of the cut; those that are not `quick` are slow."""
+    """Every autopilot with every length of the cut; those that are not `quick` are thorough."""
     return pytest.mark.parametrize(
         ("autopilot", "seconds"),
         [
-            pytest.param(name, seconds, marks=[] if (name, seconds) in quick else [slow])
+            pytest.param(name, seconds, marks=[] if (name, seconds) in quick else [thorough])
             for name in AUTOPILOTS
             for seconds in (0.3, 1.0, 5.0)
         ],
@@ -61,7 +61,7 @@ def test_a_cut_link_is_nothing_when_it_is_short_and_else_lands_it(autopilot, sec
         assert flight.after(WRONG, LANDS[autopilot]) < NOTICES[autopilot]
 
 
-@pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=slow), "ardupilot"])
+@pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
 def test_where_silence_is_allowed_its_own_failsafe_is_an_alarm_and_lands_it(autopilot, tmp_path):
     cut = fault("link_cut", 2.5)
     flight = Rehearsal(autopilot, tmp_path, faults=[cut], supervisors=supervised(**PATIENT))
@@ -70,14 +70,14 @@ def test_where_silence_is_allowed_its_own_failsafe_is_an_alarm_and_lands_it(auto
     assert flight.after(WRONG, LANDS[autopilot]) < NOTICES[autopilot]
 
 
-@slow
+@thorough
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 @pytest.mark.parametrize("way", ["resume", "land"])
 def test_on_return_it_goes_on_or_lands_as_the_mission_says(autopilot, way, tmp_path):
     flight = Rehearsal(
         autopilot,
         tmp_path,
-        faults=[fault("link_cut", 1.3, at=HIGH_AT)],
+        faults=[fault("link_cut", 1.1, at=HIGH_AT)],
         driver={"after_failsafe": way},
         supervisors=supervised(**PATIENT),
         states=high(),
@@ -94,7 +94,7 @@ def test_on_return_it_goes_on_or_lands_as_the_mission_says(autopilot, way, tmp_p
         assert flight.flown.exit_code == 0
 
 
-@pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=slow), "ardupilot"])
+@pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
 def test_one_that_is_nearly_down_is_not_taken_back(autopilot, tmp_path):
     """It would be commanded up from the ground, or be believed to fly while it stands there."""
     mute = fault("link_cut", 2.5, way="to_vehicle")
@@ -122,7 +122,7 @@ def test_set_points_that_stall_are_a_matter_of_its_own_failsafe(autopilot, secon
         assert flight.path == ["up", "hold", "auto_land", "fault"]
 
 
-@slow
+@thorough
 def test_one_that_holds_by_itself_while_it_is_to_be_landed_is_landed(tmp_path):
     """It was landed by set-points already when it was found not to follow them."""
 
@@ -135,7 +135,7 @@ def test_one_that_holds_by_itself_while_it_is_to_be_landed_is_landed(tmp_path):
     assert flight.path[-2:] == ["auto_land", "fault"]
 
 
-@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=slow)])
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_when_the_program_dies_it_lands_and_stops_its_rotors(autopilot, tmp_path):
     def dies(flight):
         flight.go_on(60.0)

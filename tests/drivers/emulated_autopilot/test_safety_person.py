@@ -26,7 +26,7 @@ from kybflow.parts import Supervisor
 SWITCH = {"px4": ("POSCTL", "POSITION"), "ardupilot": ("LOITER", "LOITER")}
 """The pilot's mode as the emulated firmware and as the driver call it."""
 BACK = WRONG + 2.0
-slow = pytest.mark.slow
+thorough = pytest.mark.thorough
 
 
 def switches(flight):
@@ -47,7 +47,7 @@ SET_POINTS, COMMANDS = {82, 84, 86}, {76}
 """Numbers of the messages that steer."""
 
 
-@pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=slow), "ardupilot"])
+@pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
 def test_a_pilot_has_it_at_once_and_until_it_is_asked_for(autopilot, tmp_path):
     deeds, resume = [(WRONG, switches)], (BACK, "operator.resume")
     flight = Rehearsal(autopilot, tmp_path, deeds=deeds, emitted=[resume])
@@ -65,7 +65,7 @@ def test_a_pilot_has_it_at_once_and_until_it_is_asked_for(autopilot, tmp_path):
     assert flight.is_safe()
 
 
-@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=slow)])
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_a_pilot_who_lands_it_ends_the_run(autopilot, tmp_path):
     def lands(flight):
         state = flight.pilot.state
@@ -83,7 +83,7 @@ def interrupted(times):
     return lambda flight: setattr(flight.engine, "interrupts", times)
 
 
-@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=slow)])
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_ctrl_c_lands_it_by_its_own_mode(autopilot, tmp_path):
     flight = Rehearsal(autopilot, tmp_path, deeds=[(WRONG, interrupted(1))])
     assert flight.only("land_mode_started").at == DRIVER
@@ -92,7 +92,7 @@ def test_ctrl_c_lands_it_by_its_own_mode(autopilot, tmp_path):
     assert flight.is_safe()
 
 
-@pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=slow), "ardupilot"])
+@pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
 def test_a_second_ctrl_c_cuts_the_stream_and_it_lands_by_itself(autopilot, tmp_path):
     deeds = [(WRONG, interrupted(2))]
     flight = Rehearsal(autopilot, tmp_path, deeds=deeds)

@@ -15,7 +15,9 @@ DRIFT = 1.2
 """Metres, blind from 0.6 m to the ground."""
 
 
-@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "autopilot", ["px4", pytest.param("ardupilot", marks=pytest.mark.thorough)]
+)
 def test_motion_capture_lost_for_good(autopilot, tmp_path):
     flight = Rehearsal(autopilot, tmp_path, faults=[fault("mocap_dropout")])
     lost = flight.only("estimate_lost")
@@ -29,7 +31,7 @@ def test_motion_capture_lost_for_good(autopilot, tmp_path):
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_an_estimate_that_jumps_by_a_metre_is_not_followed(autopilot, tmp_path):
     flight = Rehearsal(autopilot, tmp_path, faults=[fault("mocap_jump")])
     jumped = flight.only("body_jumped")

@@ -11,7 +11,7 @@ pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
 from flights import down, hold, up
 from plans import part, state, then
-from rehearsals import AUTOPILOTS, DRIVER, UP, Rehearsal
+from rehearsals import AUTOPILOTS, DRIVER, UP, Rehearsal, supervised
 from typer.testing import CliRunner
 
 from kybflow.cli.app import app
@@ -19,7 +19,7 @@ from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.dsl.plan import TransitionPlan
 from kybflow.world.vehicle_context import Parcel
 
-slow = pytest.mark.slow
+thorough = pytest.mark.thorough
 STARTS = "behavior_started"
 WORDS = {
     "leans": {"px4": "Attitude failure", "ardupilot": "Leaning"},
@@ -65,7 +65,7 @@ def mission(**arrows):
 @pytest.mark.parametrize(
     ("autopilot", "what"),
     [
-        pytest.param(name, what, marks=[] if (name, what) in QUICK else [slow])
+        pytest.param(name, what, marks=[] if (name, what) in QUICK else [thorough])
         for name in AUTOPILOTS
         for what in BROKEN
     ],
@@ -73,7 +73,8 @@ def mission(**arrows):
 def test_it_will_not_arm(autopilot, what, tmp_path):
     breaks = (STARTS, broken(**{what: BROKEN[what]}))
     states = mission() if (autopilot, what) in QUICK else None
-    flight = Rehearsal(autopilot, tmp_path, on=breaks, states=states)
+    unasked = supervised(battery={"warn_below": 0.05, "land_below": 0.05})  # ours is not asked
+    flight = Rehearsal(autopilot, tmp_path, on=breaks, states=states, supervisors=unasked)
     refused = flight.only("arming_refused")
     assert refused.at == UP
     assert WORDS[what][autopilot] in refused.fields["reason"]
@@ -124,7 +125,7 @@ def starts_watching(flight):
     flight.pilot.change = watched
 
 
-@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=slow)])
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_its_servo_is_not_set_up(autopilot, tmp_path):
     output = profile_of(autopilot).output(1, True).parameter
 
