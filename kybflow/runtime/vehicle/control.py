@@ -49,7 +49,7 @@ class Control:
         self._activity, self._reactions, self._output = activity, reactions, output
         self._events, self._entry = events, entry
         self._tracker_label = plan.tracker.label
-        self._at_work = ""
+        self._raised = ""
         self.renew()
 
     def renew(self) -> None:
@@ -102,18 +102,21 @@ class Control:
 
     def _tracked(self, setpoint: Setpoint, tick: Tick) -> Command | None:
         """Process and track a setpoint; None where a processor's alarm puts it out of date."""
-        for label, process in self._active:
-            self._at_work = label
-            output = process(setpoint, tick)
-            if isinstance(output, Alarm):
-                self._at_work = ""
-                if self._reactions.alarm(label, output, tick):
-                    return None
-            elif output is not setpoint:
-                setpoint = checked_setpoint(output)
-        self._at_work = self._tracker_label
-        command = checked_command(self._tracker.update(setpoint, tick))
-        self._at_work = ""
+        part = ""
+        try:
+            for part, process in self._active:
+                output = process(setpoint, tick)
+                if isinstance(output, Alarm):
+                    processor, part = part, ""
+                    if self._reactions.alarm(processor, output, tick):
+                        return None
+                elif output is not setpoint:
+                    setpoint = checked_setpoint(output)
+            part = self._tracker_label
+            command = checked_command(self._tracker.update(setpoint, tick))
+        except Exception:
+            self._raised = part
+            raise
         self.followed = setpoint
         return self._turning(command)
 
@@ -138,7 +141,7 @@ class Control:
     def blame(self, error: Exception) -> tuple[PartFailed, bool]:
         """Return what failed when `error` was raised, and whether nothing can do without it: a
         processor is left out from now on."""
-        part, self._at_work = self._at_work or self._activity.state.behavior.label, ""
+        part, self._raised = self._raised or self._activity.state.behavior.label, ""
         failure = error if isinstance(error, PartFailed) else PartFailed(part, error)
         self._active = tuple(active for active in self._active if active[0] != failure.part)
         return failure, self._processors.pop(failure.part, None) is None

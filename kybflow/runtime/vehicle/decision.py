@@ -36,6 +36,8 @@ class Decision:
     def decide(self, tick: Tick) -> Tick:
         """Decide; return the tick as the active behavior sees it."""
         activity = self._activity
+        if activity.hold is not None:
+            activity.wait(tick.dt)
         heard = self._failsafe.check(tick, activity.airborne)
         if heard is not None:
             self._reactions.react(heard, tick)

@@ -191,8 +191,6 @@ class Vehicle:
     def _commanded(self, tick: Tick) -> Commanded:
         """Return the command of this tick, whatever fails."""
         try:
-            if self.activity.hold is not None:
-                self.activity.wait(tick.dt)
             tick = self._decision.decide(tick)
             return self._steered(tick)
         except Exception as error:  # a part may raise anything; it fails this vehicle alone
