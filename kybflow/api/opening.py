@@ -14,7 +14,7 @@ from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.bodies import Bodies
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
-from kybflow.runtime.monitoring.sensing import Opened
+from kybflow.runtime.monitoring.sensing import OpenSensor
 from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
@@ -25,7 +25,7 @@ class Devices(NamedTuple):
     """What is open: the drivers' sessions, and each vehicle's sensors beside them, by name."""
 
     sessions: list[Session]
-    sensors: dict[str, list[Opened]]
+    sensors: dict[str, list[OpenSensor]]
 
     def close(self) -> list[str]:
         """Close everything; what would not be closed, and why."""
@@ -64,7 +64,7 @@ def open_devices(plan: Plan, seed: int) -> Devices:
             context, link = context_of(plan, vehicle), links[vehicle.name]
             for sensor in vehicle.sensors:
                 own = random.Random(f"{seed} {vehicle.name} {sensor.part.label}")
-                opened.append(Opened(sensor, _stream(sensor.part, context, link, own)))
+                opened.append(OpenSensor(sensor, _stream(sensor.part, context, link, own)))
     except BaseException:
         devices.close()
         raise

@@ -43,7 +43,7 @@ class Driver(Part[P]):
     `lands_blind`: one that comes down by a barometer of its own where there is no position.
     `grips`: they can have a servo that holds a payload, which `Link.grip` moves.
     `brings`: the sensors that a vehicle on it has without being told, where an estimator needs what
-    they measure. `patience`: seconds in which its vehicles must have become ready to fly.
+    they measure. `preflight_timeout`: seconds in which its vehicles must have become ready to fly.
     `targets`: the targets that every mission has on it without a word, each with the driver's
     parameters there."""
 
@@ -55,7 +55,7 @@ class Driver(Part[P]):
     lands_blind: ClassVar[bool] = False
     grips: ClassVar[bool] = False
     brings: ClassVar[tuple[str, ...]] = ()
-    patience: ClassVar[float] = 5.0
+    preflight_timeout: ClassVar[float] = 5.0
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {}
 
     @classmethod

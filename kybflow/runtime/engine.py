@@ -18,22 +18,20 @@ from kybflow.runtime.clock import Clock
 from kybflow.runtime.conditions import bind
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Judge
-from kybflow.runtime.fleet.action_context import Reach
+from kybflow.runtime.fleet.action_context import RunControls
 from kybflow.runtime.fleet.callbacks import Callbacks
-from kybflow.runtime.fleet.collisions import Collisions
-from kybflow.runtime.fleet.drops import Drops
 from kybflow.runtime.fleet.flows import Flows
+from kybflow.runtime.fleet.ground_truth import Collisions, PayloadDrops
 from kybflow.runtime.fleet.injection import Injection
 from kybflow.runtime.fleet.operator import Operator
 from kybflow.runtime.options import Options
-from kybflow.runtime.preflight import Line, preflight
-from kybflow.runtime.preflight_timeout import Patience
+from kybflow.runtime.preflight import Line, PreflightTimeout, preflight
 from kybflow.runtime.vehicle.vehicle import Vehicle
-from kybflow.runtime.views import Actual, Believed
+from kybflow.runtime.views import BelievedView, TrueView
 
-LANDING_PATIENCE, SLOWEST_DESCENT = 60.0, 0.2
-"""Seconds in which vehicles that are still in the air at the time limit must have landed, longer
-under a high fence: as long as its height takes at so many m/s."""
+LANDING_TIMEOUT, SLOWEST_DESCENT = 60.0, 0.2
+"""Seconds after the time limit in which vehicles must have landed, or as long as a descent from the
+top of the fence takes at so many m/s."""
 _OBSERVED_EVERY = NS // 20
 
 Observer = Callable[["Engine"], None]
@@ -56,12 +54,12 @@ class Engine:
     ) -> None:
         self.plan, self.clock, self.events = plan, clock, events
         self.vehicles = tuple(vehicles)
-        self._believed = _views(Believed, vehicles)
+        self._believed = _views(BelievedView, vehicles)
         self.options = Options(self.vehicles, events)
-        self.judge = Judge(plan.expectations, _views(Actual, vehicles), self.seconds)
+        self.judge = Judge(plan.expectations, _views(TrueView, vehicles), self.seconds)
         self.flows = Flows(plan, self.vehicles, self._condition(None), events, self.options)
         self.operator = Operator([v.requests for v in vehicles], events, self.stop, emitted)
-        self.callbacks = Callbacks(plan.callbacks, self._reach(), self._condition(None))
+        self.callbacks = Callbacks(plan.callbacks, self._run_controls(), self._condition(None))
         self.interrupts = 0
         self.flying = False
         self._sessions, self._observers = tuple(sessions), tuple(observers)
@@ -69,7 +67,7 @@ class Engine:
         rigs = {name: link.rig for name, link in links.items() if link.rig is not None}
         self.injection = Injection(plan.faults, rigs, self._condition, events, seed)
         self.collisions = Collisions(links, events)
-        self.drops = Drops(self.vehicles, events)
+        self.drops = PayloadDrops(self.vehicles, events)
         self._next_look: Time = 0
         self._ticked: Time | None = None
         self._landing: str | None = None
@@ -96,15 +94,15 @@ class Engine:
                 self._land("interrupted")
             elif late >= 0.0:
                 self._land(f"not finished within the time limit of {self.plan.time_limit:g} s")
-            if late >= self._patience():
+            if late >= self._landing_timeout():
                 break
             self.tick()
         self.collisions.step()
         return self._landing or self.injection.failure or self.collisions.first
 
-    def _patience(self) -> float:
+    def _landing_timeout(self) -> float:
         height = 0.0 if self.plan.fence is None else self.plan.fence.high[2]
-        return max(LANDING_PATIENCE, height / SLOWEST_DESCENT)
+        return max(LANDING_TIMEOUT, height / SLOWEST_DESCENT)
 
     def _over(self) -> bool:
         """Whether nothing moves any more: every vehicle rests, and no flow will ask it for more."""
@@ -155,13 +153,13 @@ class Engine:
 
     def inspect(self) -> list[Line]:
         """The lines of the preflight, once all are green or its time is over. Nothing arms."""
-        patience = Patience(self.plan, self.events)
+        timeout = PreflightTimeout(self.plan, self.events)
         while not self.interrupts:
             self.events.turn(self.clock.now)
             for vehicle in self.vehicles:
                 vehicle.sense(self.clock.now)
             lines = [line for v in self.vehicles for line in preflight(v, self.vehicles)]
-            if patience.ends(lines, self.seconds()):
+            if timeout.ends(lines, self.seconds()):
                 return lines
             self._advance()
         return []
@@ -190,9 +188,9 @@ class Engine:
             vehicle.begin(self._condition(vehicle.name))
         self.flying = True
 
-    def _reach(self) -> Reach:
+    def _run_controls(self) -> RunControls:
         requests = {vehicle.name: vehicle.requests for vehicle in self.vehicles}
-        return Reach(requests, self.options, self.events, self.flows.enter, self.stop)
+        return RunControls(requests, self.options, self.events, self.flows.enter, self.stop)
 
     def _condition(self, own: str | None) -> Callable[[Expression], Callable[[], bool]]:
         return lambda expression: bind(expression, self._believed, own, self.seconds)
@@ -205,5 +203,5 @@ class Engine:
                 vehicle.land(reason)
 
 
-def _views(kind: type[Believed], vehicles: Sequence[Vehicle]) -> Mapping[str, Believed]:
+def _views(kind: type[BelievedView], vehicles: Sequence[Vehicle]) -> Mapping[str, BelievedView]:
     return {vehicle.name: kind(vehicle) for vehicle in vehicles}

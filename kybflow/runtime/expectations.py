@@ -32,7 +32,7 @@ from kybflow.runtime.statistics import Samplers
 Now = Callable[[], float]
 
 
-class Found(NamedTuple):
+class Assessment(NamedTuple):
     """What an expectation came to. value: what was measured (for `always` the worst), None when it
     never was. margin: how far inside its bound it stayed, negative when outside, None without a
     bound. Both in `unit` (SI)."""
@@ -56,7 +56,7 @@ class Verdict(NamedTuple):
 
 class Expectation(Protocol):
     def sample(self) -> None: ...
-    def found(self, finished_at: float | None) -> Found: ...
+    def found(self, finished_at: float | None) -> Assessment: ...
 
 
 class Judge:
@@ -121,12 +121,12 @@ class _Statistic(_AtTheEnd):
         self._right = _reader(right, samplers)
         self._unit = _unit(left)
 
-    def found(self, finished_at: float | None) -> Found:
+    def found(self, finished_at: float | None) -> Assessment:
         value, bound = self._left(), self._right()
         if value is None or bound is None:
-            return Found(False, None, None, self._unit)
+            return Assessment(False, None, None, self._unit)
         held = OPERATORS[self._operator](value, bound)
-        return Found(held, value, _margin(self._operator, value, bound), self._unit)
+        return Assessment(held, value, _margin(self._operator, value, bound), self._unit)
 
 
 class _Bound:
@@ -153,10 +153,10 @@ class _Bound:
             self._margin, self._value = margin, value
             self._held = self._holds(value, bound)
 
-    def found(self, finished_at: float | None) -> Found:
+    def found(self, finished_at: float | None) -> Assessment:
         if self._value is None:
-            return Found(False, None, None, self._unit)
-        return Found(self._held, self._value, self._margin, self._unit)
+            return Assessment(False, None, None, self._unit)
+        return Assessment(self._held, self._value, self._margin, self._unit)
 
 
 class _Unbroken:
@@ -170,8 +170,8 @@ class _Unbroken:
         if self._held is not False:
             self._held = self._condition()
 
-    def found(self, finished_at: float | None) -> Found:
-        return Found(bool(self._held), None, None, "")
+    def found(self, finished_at: float | None) -> Assessment:
+        return Assessment(bool(self._held), None, None, "")
 
 
 class _Once:
@@ -185,12 +185,12 @@ class _Once:
         if self._at is None and self._condition():
             self._at = self._now()
 
-    def found(self, finished_at: float | None) -> Found:
+    def found(self, finished_at: float | None) -> Assessment:
         if self._at is None:
-            return Found(False, None, None, "s")
+            return Assessment(False, None, None, "s")
         if self._within is None:
-            return Found(True, self._at, None, "s")
-        return Found(self._at <= self._within, self._at, self._within - self._at, "s")
+            return Assessment(True, self._at, None, "s")
+        return Assessment(self._at <= self._within, self._at, self._within - self._at, "s")
 
 
 class _Last(_AtTheEnd):
@@ -202,9 +202,9 @@ class _Last(_AtTheEnd):
         if isinstance(condition, Compare) and condition.operator in _ORDERS:
             self._bound = _Bound(condition, views, now)
 
-    def found(self, finished_at: float | None) -> Found:
+    def found(self, finished_at: float | None) -> Assessment:
         if self._bound is None:
-            return Found(self._condition(), None, None, "")
+            return Assessment(self._condition(), None, None, "")
         self._bound.sample()
         return self._bound.found(finished_at)
 
@@ -215,11 +215,11 @@ class _InTime(_AtTheEnd):
     def __init__(self, within: float) -> None:
         self._within = within
 
-    def found(self, finished_at: float | None) -> Found:
+    def found(self, finished_at: float | None) -> Assessment:
         if finished_at is None:
-            return Found(False, None, None, "s")
+            return Assessment(False, None, None, "s")
         margin = self._within - finished_at
-        return Found(margin >= 0.0, finished_at, margin, "s")
+        return Assessment(margin >= 0.0, finished_at, margin, "s")
 
 
 _ORDERS: Mapping[str, float] = {"<": 1.0, "<=": 1.0, ">": -1.0, ">=": -1.0}

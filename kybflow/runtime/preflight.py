@@ -11,11 +11,15 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import Estimate, Imu, kind_name
+from kybflow.dsl.plan import Plan
+from kybflow.runtime.events import Events
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.runtime.vehicle.resting_bias import LONG
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.shapes import Box
 
+TIMEOUT = 5.0
+"""Seconds that the preflight waits once the vehicles are ready."""
 LINK_AGE = 1.0
 """Seconds in which the link must have delivered something."""
 LEAST_RATE = 4.0
@@ -149,3 +153,41 @@ def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[Line]:
         reason = f"{room:.2f} m from `{name}` ({context.airframe.arm:.2f} m needed)"
         green = room >= context.airframe.arm
         yield Line(vehicle.name, "obstacles", green, reason, vehicle.plan.at)
+
+
+class PreflightTimeout:
+    """How long the preflight waits for what is not green yet.
+
+    `TIMEOUT` seconds, counted from when the vehicles themselves were ready to fly, for which they
+    have their driver's `preflight_timeout`: an autopilot's filter settles, a receiver finds its
+    satellites. What only a person can mend is not waited for longer. What it waits for is told
+    once.
+    """
+
+    def __init__(self, plan: Plan, events: Events) -> None:
+        longest: list[float] = [vehicle.driver.cls.preflight_timeout for vehicle in plan.vehicles]
+        self._longest = max(TIMEOUT, *longest)
+        self._events = events
+        self._ready = 0.0
+        self._told: set[tuple[str, str]] = set()
+
+    def ends(self, lines: Sequence[Line], seconds: float) -> bool:
+        """Return whether it is over: all is green, or red for too long."""
+        if all(line.green for line in lines):
+            return True
+        waiting = [line for line in lines if line.waits]
+        if waiting:
+            self._ready = seconds
+        hopeless = any(line.waits is False and not line.green for line in lines)
+        bound = TIMEOUT if hopeless else self._ready + TIMEOUT
+        late: bool = seconds >= min(bound, self._longest)
+        if seconds >= TIMEOUT and not late:
+            self._tell(waiting)
+        return late
+
+    def _tell(self, waiting: Sequence[Line]) -> None:
+        for vehicle, check, _, reason, at, _ in waiting:
+            if (vehicle, check) not in self._told:
+                self._told.add((vehicle, check))
+                tell = self._events.tell
+                tell("preflight_waits", vehicle, at, check=check, reason=reason)

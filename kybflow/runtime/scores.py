@@ -65,7 +65,7 @@ class BehaviorScore:
         }
 
 
-class EstimatorUse(NamedTuple):
+class EstimatorInterval(NamedTuple):
     """From when on an estimator was used; an empty name: none was healthy."""
 
     name: str
@@ -78,7 +78,7 @@ class VehicleScore:
     def __init__(self, name: str) -> None:
         self.name = name
         self.behaviors: list[BehaviorScore] = []
-        self.estimators: list[EstimatorUse] = []
+        self.estimators: list[EstimatorInterval] = []
         self.min_battery: float | None = None
         self.failures: list[str] = []
         self._position, self._velocity = Errors(), Errors()
@@ -107,7 +107,7 @@ class VehicleScore:
 
     def estimator(self, name: str, t_s: float) -> None:
         """From now on this estimator is used."""
-        self.estimators.append(EstimatorUse(name, t_s))
+        self.estimators.append(EstimatorInterval(name, t_s))
 
     def battery(self, remaining: float) -> None:
         """A battery report, 0 to 1."""

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from kybflow.runtime.vehicle.vehicle import Vehicle
 
 
-class Believed:
+class BelievedView:
     """The vehicle as it believes itself to be: for conditions."""
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -93,7 +93,7 @@ class Believed:
         return estimate
 
 
-class Actual(Believed):
+class TrueView(BelievedView):
     """The vehicle as it is, where a simulator knows it: for expectations."""
 
     @property

@@ -118,12 +118,12 @@ def test_an_empty_battery_keeps_it_from_a_second_take_off(run):
 def test_going_home_it_lands_where_another_is_in_the_way():
     from kybflow.core.signals import Tick
     from kybflow.runtime.events import Events
-    from kybflow.runtime.safety.failsafe import Failsafe, Heard
+    from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 
     failsafe = Failsafe("a", {}, {}, Events())
     failsafe.latched = Reaction.GO_HOME
     tick = Tick(0, 0.004, 0.0, object(), None, None, {})  # type: ignore[arg-type]
-    near = Heard(Alarm("too_close", Reaction.BRAKE, "near", 0.1, 0.2), "")
+    near = RaisedAlarm(Alarm("too_close", Reaction.BRAKE, "near", 0.1, 0.2), "")
     assert failsafe.decide(near, tick, True, "auto_home") is Reaction.LAND
 
 

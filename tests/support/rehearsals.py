@@ -45,7 +45,7 @@ def opening(autopilot: str, **params: Any) -> tuple[PartPlan, list[Any]]:
     opened: list[Any] = []
 
     class Opening(own.cls):
-        patience = 6.0
+        preflight_timeout = 6.0
 
         @classmethod
         def open(cls, seats: Sequence[Seat], generator: Any) -> Any:

@@ -44,7 +44,7 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
     lands_blind: ClassVar[bool] = True
     grips: ClassVar[bool] = True
     brings = ("simulated_camera",)
-    patience = Mavlink.patience
+    preflight_timeout = Mavlink.preflight_timeout
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {
         "emulated_px4": {"autopilot": "px4"},
         "emulated_ardupilot": {"autopilot": "ardupilot"},

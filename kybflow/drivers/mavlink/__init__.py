@@ -44,7 +44,7 @@ class Mavlink(Driver[MavlinkParams]):
     lands_blind: ClassVar[bool] = True
     grips: ClassVar[bool] = True
     brings = ("simulated_camera", "simulated_motion_capture")
-    patience = 60.0
+    preflight_timeout = 60.0
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {
         name: {"autopilot": name, "simulator": True} for name in firmware_names("mavlink")
     }

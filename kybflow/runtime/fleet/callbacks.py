@@ -28,7 +28,7 @@ from kybflow.dsl.plan import (
 )
 from kybflow.parts import Action, ActionContext
 from kybflow.runtime.events import Events, Fields
-from kybflow.runtime.fleet.action_context import CallbackContext, Reach
+from kybflow.runtime.fleet.action_context import CallbackContext, RunControls
 
 Do = Callable[[Event], None]
 
@@ -39,14 +39,14 @@ class Callbacks:
     def __init__(
         self,
         plans: Sequence[CallbackPlan],
-        reach: Reach,
+        controls: RunControls,
         conditions: Callable[[Expression], Callable[[], bool]],
     ) -> None:
-        self._events = reach.events
+        self._events = controls.events
         self._listening: dict[tuple[str, str], list[_Callback]] = {}
         for plan in plans:
             when = None if plan.when is None else conditions(plan.when)
-            callback = _Callback(plan, when, CallbackContext(reach, plan.at))
+            callback = _Callback(plan, when, CallbackContext(controls, plan.at))
             for vehicle in plan.vehicles:
                 self._listening.setdefault((vehicle, plan.event), []).append(callback)
 

@@ -9,33 +9,24 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Protocol
 
 from kybflow.core.errors import EventRefused
 from kybflow.core.signals import NS, Time
 from kybflow.dsl.diagnostics.diagnostic import did_you_mean
 from kybflow.dsl.plan import ActionPlan, Call, Emit, Plan
 from kybflow.runtime.events import Events
+from kybflow.runtime.vehicle.requests import Requests
 
 BY = "operator"
 PREFIX = "operator."
 
 
-class Commanded(Protocol):
-    """A vehicle, as the operator sees it."""
-
-    def retire(self, reason: str) -> None: ...
-    def pause(self, by: str, at: str = "") -> None: ...
-    def resume(self, by: str, at: str = "") -> None: ...
-    def reset(self, by: str, at: str = "") -> None: ...
-
-
 LAND = "operator.land"
-_ORDERS: Mapping[str, Callable[[Commanded], None]] = {
-    "operator.pause": lambda vehicle: vehicle.pause(BY),
-    "operator.resume": lambda vehicle: vehicle.resume(BY),
-    LAND: lambda vehicle: vehicle.retire("a person landed it"),
-    "operator.reset": lambda vehicle: vehicle.reset(BY),
+_ORDERS: Mapping[str, Callable[[Requests], None]] = {
+    "operator.pause": lambda requests: requests.pause(BY),
+    "operator.resume": lambda requests: requests.resume(BY),
+    LAND: lambda requests: requests.retire("a person landed it"),
+    "operator.reset": lambda requests: requests.reset(BY),
 }
 STOP = "operator.stop"
 COMMANDS = (*_ORDERS, STOP)
@@ -47,12 +38,12 @@ class Operator:
 
     def __init__(
         self,
-        vehicles: Sequence[Commanded],
+        requests: Sequence[Requests],
         events: Events,
         stop: Callable[[str], None],
         scheduled: Iterable[tuple[float, str]] = (),
     ) -> None:
-        self._vehicles, self._events, self._stop = tuple(vehicles), events, stop
+        self._requests, self._events, self._stop = tuple(requests), events, stop
         times = sorted((round(seconds * NS), name) for seconds, name in scheduled)
         self._waiting: deque[tuple[Time, str]] = deque(times)
 
@@ -71,8 +62,8 @@ class Operator:
         self._events.tell(name)
         order = _ORDERS.get(name)
         if order is not None:
-            for vehicle in self._vehicles:
-                order(vehicle)
+            for requests in self._requests:
+                order(requests)
         elif name == STOP:
             self._stop("stopped by the operator")
 

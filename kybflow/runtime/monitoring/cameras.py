@@ -36,17 +36,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import NEVER, NS, Frame, Measurement, Time
 from kybflow.dsl.plan import VehiclePlan
+from kybflow.parts import Estimator
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
 from kybflow.runtime.monitoring.findings import Finding, Streak, Trouble, nearest, reach, tell
-from kybflow.runtime.vehicle.candidate import Candidate
 from kybflow.world.cameras import Camera
 
 if TYPE_CHECKING:
@@ -269,6 +269,13 @@ def _names(located: Located) -> str:
     return _AND.join(dict.fromkeys(names))
 
 
+class SeeingEstimator(Protocol):
+    """One of a vehicle's estimators, by its name in the mission."""
+
+    name: str
+    part: Estimator[Any]
+
+
 class CameraMonitor:
     """Tells what is found of one vehicle's cameras, and withholds frozen frames; estimators know
     nothing of it. `fleet` is where the vehicles believe to be. Where no estimator asks for frames,
@@ -323,13 +330,13 @@ class CameraMonitor:
             return measurements
         return [m for m in measurements if type(m) is not Frame or m.camera not in frozen]
 
-    def see(self, candidates: Sequence[Candidate], in_air: bool) -> None:
+    def see(self, estimators: Sequence[SeeingEstimator], in_air: bool) -> None:
         """What estimators made of them; of a frozen image nothing new can be found."""
         fresh = []
-        for candidate in candidates:
-            sighting = candidate.part.sighting
-            if sighting is not None and self._seen.get(candidate.name) is not sighting:
-                self._seen[candidate.name] = sighting
+        for estimator in estimators:
+            sighting = estimator.part.sighting
+            if sighting is not None and self._seen.get(estimator.name) is not sighting:
+                self._seen[estimator.name] = sighting
                 if not any(frame.camera in self._streams.wrong for frame in sighting.frames):
                     fresh.append(sighting)
         if fresh:

@@ -30,7 +30,7 @@ _BY_TIME = attrgetter("time")
 _Note = Callable[[Sequence[Measurement], Time], None]
 
 
-class Opened(NamedTuple):
+class OpenSensor(NamedTuple):
     """A sensor and what it has open."""
 
     plan: SensorPlan
@@ -40,7 +40,7 @@ class Opened(NamedTuple):
 class Sensing:
     """`streams` are what is open, by the sensor's label."""
 
-    def __init__(self, plan: VehiclePlan, opened: Sequence[Opened], events: Events) -> None:
+    def __init__(self, plan: VehiclePlan, opened: Sequence[OpenSensor], events: Events) -> None:
         self._vehicle, self._driver = plan.name, plan.driver
         self._opened, self._events = opened, events
         self._failed: dict[str, str] = {}
@@ -80,7 +80,7 @@ class Sensing:
                     return trouble
         return None
 
-    def _read(self, sensor: Opened, now: Time, note: _Note) -> Sequence[Measurement]:
+    def _read(self, sensor: OpenSensor, now: Time, note: _Note) -> Sequence[Measurement]:
         part = sensor.plan.part
         name = _name(sensor)
         try:
@@ -109,7 +109,7 @@ class Sensing:
         self._began = now if self._began is None else self._began
         return now - self._began >= PATIENCE * NS
 
-    def _fail(self, sensor: Opened, reason: str) -> None:
+    def _fail(self, sensor: OpenSensor, reason: str) -> None:
         """Tell it, once until the sensor works again."""
         name = _name(sensor)
         if name not in self._failed:
@@ -118,7 +118,7 @@ class Sensing:
             self._events.tell("sensor_failed", self._vehicle, at, sensor=name, reason=reason)
 
 
-def _trouble(sensor: Opened) -> str | None:
+def _trouble(sensor: OpenSensor) -> str | None:
     """Why nothing can come from it, as far as it knows."""
     try:
         return sensor.stream.trouble()
@@ -126,7 +126,7 @@ def _trouble(sensor: Opened) -> str | None:
         return described(error)
 
 
-def _name(sensor: Opened) -> str:
+def _name(sensor: OpenSensor) -> str:
     """The sensor's, as events say it."""
     return sensor.plan.part.label.partition(".")[2]
 

@@ -42,7 +42,7 @@ _Check = tuple[str, Callable[[Tick, bool], Alarm | None]]
 """A supervisor's label and what it is asked by."""
 
 
-class Heard(NamedTuple):
+class RaisedAlarm(NamedTuple):
     """An alarm, and the mission line of the part that raised it."""
 
     alarm: Alarm
@@ -65,13 +65,13 @@ class Failsafe:
         self._checks: tuple[_Check, ...] = tuple((n, s.check) for n, s in supervisors.items())
         self._hurried = tuple(c for c in self._checks if not supervisors[c[0]].unhurried)
         self._all_due: Time = 0
-        self._failed: Heard | None = None
+        self._failed: RaisedAlarm | None = None
         self._last: dict[str, Time] = {}
         self._braking: dict[str, Time] = {}
         self._released: dict[str, Time] = {}
         self._for_good = False
 
-    def check(self, tick: Tick, airborne: bool) -> Heard | None:
+    def check(self, tick: Tick, airborne: bool) -> RaisedAlarm | None:
         """Ask every supervisor that is due; the severest alarm, None when all is well."""
         worst, self._failed = self._failed, None
         asked = self._hurried
@@ -110,16 +110,16 @@ class Failsafe:
         """A part failed that a landing may do without; `check` asks for the landing."""
         self._failed = self.failure(failure, Reaction.LAND)
 
-    def failure(self, failure: PartFailed, reaction: Reaction, at: str = "") -> Heard:
+    def failure(self, failure: PartFailed, reaction: Reaction, at: str = "") -> RaisedAlarm:
         """Tell that a part failed; the alarm for it."""
         reason, at = str(failure), at or self._lines.get(failure.part, "")
         self._events.tell("part_failed", self._vehicle, at, part=failure.part, reason=reason)
         alarm = Alarm("part_failed", reaction, f"`{failure.part}` failed: {reason}")
-        return Heard(alarm, at)
+        return RaisedAlarm(alarm, at)
 
-    def tell(self, label: str, alarm: Alarm, now: Time) -> Heard:
+    def tell(self, label: str, alarm: Alarm, now: Time) -> RaisedAlarm:
         """Make an alarm of the part `label` an event, once as long as it goes on."""
-        heard = Heard(alarm, self._lines.get(label, ""))
+        heard = RaisedAlarm(alarm, self._lines.get(label, ""))
         last = self._last.get(alarm.event)
         self._last[alarm.event] = now
         if alarm.reaction is Reaction.BRAKE and alarm.event in self._braking:
@@ -128,14 +128,14 @@ class Failsafe:
             self._tell(alarm.event, heard, alarm.reaction)
         return heard
 
-    def _tell(self, event: str, heard: Heard, reaction: Reaction) -> None:
+    def _tell(self, event: str, heard: RaisedAlarm, reaction: Reaction) -> None:
         alarm, at = heard
         numbers = {"value": alarm.value, "bound": alarm.bound}
         fields = {name: number for name, number in numbers.items() if number is not None}
         name = reaction.name.lower()
         self._events.tell(event, self._vehicle, at, reaction=name, reason=alarm.reason, **fields)
 
-    def decide(self, heard: Heard, tick: Tick, airborne: bool, state: str) -> Reaction | None:
+    def decide(self, heard: RaisedAlarm, tick: Tick, airborne: bool, state: str) -> Reaction | None:
         """What to do about an alarm, None when the vehicle may stay as it is. On the ground every
         reaction is to stay there, in `fault`."""
         alarm = heard.alarm

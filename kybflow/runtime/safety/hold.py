@@ -87,7 +87,7 @@ class _WayBack:
         return motion.setpoint(heading, copysign(turned.speed, self._turn))
 
 
-class Blend:
+class SetpointBlend:
     """Takes what the tracker followed last over into what a behavior asks for.
 
     With the gap d and the difference w of the velocities at its beginning, s = t / T,

@@ -16,7 +16,8 @@ from kybflow.core.signals import NS, Command, Time
 
 HANDED_OVER = Command(LEVEL, 0.0, ZERO, None)
 """What is recorded as the command meanwhile: armed, and nothing is asked of the rotors."""
-PATIENCE, SLOWEST = 10.0, 0.2
+TIMEOUT, SLOWEST = 10.0, 0.2
+"""Seconds, and m/s: a landing may take `TIMEOUT`, and as long as its height takes at `SLOWEST`."""
 
 
 class LandMode:
@@ -24,11 +25,11 @@ class LandMode:
 
     def __init__(self, land: Callable[[Time], bool], now: Time, height: float) -> None:
         self._land = land
-        self._patience = PATIENCE + max(height, 0.0) / SLOWEST
-        self._until = now + round(self._patience * NS)
+        self._timeout = TIMEOUT + max(height, 0.0) / SLOWEST
+        self._until = now + round(self._timeout * NS)
 
     def has_landed(self, now: Time) -> bool:
         """Ask for it, once a tick. Raises Refused."""
         if now > self._until:
-            raise Refused(f"it has not landed within {self._patience:.0f} s")
+            raise Refused(f"it has not landed within {self._timeout:.0f} s")
         return self._land(now)

@@ -15,7 +15,7 @@ from kybflow.dsl.plan import StatePlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Flight, Leg
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety import take_off_tolerance
-from kybflow.runtime.safety.hold import Blend, Hold, Holder
+from kybflow.runtime.safety.hold import Hold, Holder, SetpointBlend
 from kybflow.runtime.safety.land_mode import LandMode
 from kybflow.runtime.scores import VehicleScore
 
@@ -65,7 +65,7 @@ class Activity:
         self._wanted: Setpoint | None = None
         self._started: Behavior[Any] | None = None
         self._refused: frozenset[str] = frozenset()
-        self._blend: Blend | None = None
+        self._blend: SetpointBlend | None = None
         self._resumes = False
 
     def begin(
@@ -147,7 +147,7 @@ class Activity:
         self._wanted = output
         if self._resumes:
             self._resumes = False
-            self._blend = Blend(tick.now, tick.setpoint, output)
+            self._blend = SetpointBlend(tick.now, tick.setpoint, output)
         return output if self._blend is None else self._blended(output, tick.now)
 
     def _blended(self, asked: Setpoint, now: Time) -> Setpoint:

@@ -42,7 +42,7 @@ OVER = 8.0
 """Seconds after which nothing that counts is left, 20 micrometres of the largest offset."""
 
 
-class Blend:
+class EstimateBlend:
     """The offset from a switch at `time` on."""
 
     __slots__ = ("_position", "_pull", "_turn", "_velocity", "time")
@@ -53,7 +53,7 @@ class Blend:
         self._pull = add(velocity, scale(position, DECAY))
 
     @classmethod
-    def between(cls, last: Estimate, new: Estimate) -> tuple[float, Blend | None]:
+    def between(cls, last: Estimate, new: Estimate) -> tuple[float, EstimateBlend | None]:
         """(metres from `new` to where the `last` output would be now, the blend of the two; None
         where the estimate is to step)."""
         gone = (new.time - last.time) / NS

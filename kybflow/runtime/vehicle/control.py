@@ -17,7 +17,7 @@ from kybflow.runtime.finite import checked_command, checked_setpoint
 from kybflow.runtime.making import make
 from kybflow.runtime.safety.land_mode import HANDED_OVER
 from kybflow.runtime.vehicle.activity import Activity
-from kybflow.runtime.vehicle.output import RESTING, Output
+from kybflow.runtime.vehicle.output import RESTING, CommandOutput
 from kybflow.runtime.vehicle.reactions import Reactions
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -40,7 +40,7 @@ class Control:
         params: dict[str, Any],
         activity: Activity,
         reactions: Reactions,
-        output: Output,
+        output: CommandOutput,
         events: Events,
         entry: Callable[[], Any],
     ) -> None:
@@ -107,7 +107,7 @@ class Control:
             for part, process in self._active:
                 output = process(setpoint, tick)
                 if isinstance(output, Alarm):
-                    processor, part = part, ""
+                    processor, part = part, ""  # noqa: PLW2901 - what raises is not the processor
                     if self._reactions.alarm(processor, output, tick):
                         return None
                 elif output is not setpoint:

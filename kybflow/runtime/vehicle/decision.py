@@ -10,7 +10,7 @@ from kybflow.runtime.safety.failsafe import Failsafe
 from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.control import Control
 from kybflow.runtime.vehicle.knowledge import Knowledge
-from kybflow.runtime.vehicle.output import Output
+from kybflow.runtime.vehicle.output import CommandOutput
 from kybflow.runtime.vehicle.reactions import Reactions
 from kybflow.runtime.vehicle.requests import Requests
 
@@ -25,7 +25,7 @@ class Decision:
         reactions: Reactions,
         requests: Requests,
         control: Control,
-        output: Output,
+        output: CommandOutput,
         knowledge: Knowledge,
         entry: Callable[[], Entry],
     ) -> None:

@@ -27,7 +27,7 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.bodies import Bodies, BodyMonitor
 from kybflow.runtime.monitoring.cameras import CameraMonitor
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
-from kybflow.runtime.monitoring.sensing import Opened, Sensing
+from kybflow.runtime.monitoring.sensing import OpenSensor, Sensing
 from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.estimation import Estimation
@@ -66,7 +66,7 @@ class Knowledge:
         observer: VehicleObserver,
         score: VehicleScore,
         report: Callable[[PartFailed], None],
-        sensors: Sequence[Opened] = (),
+        sensors: Sequence[OpenSensor] = (),
         bodies: Bodies | None = None,
         fleet: EstimateHistory | None = None,
     ) -> None:

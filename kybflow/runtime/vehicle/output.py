@@ -19,7 +19,7 @@ RESTING = Command(LEVEL, 0.0, ZERO, None, False)
 """What a vehicle on the ground is sent: rotors at rest."""
 
 
-class Output:
+class CommandOutput:
     """sent: the last command. arming: the command for which the vehicle is being armed, None when
     it is not; the behavior's time stands still meanwhile."""
 

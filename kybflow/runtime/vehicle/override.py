@@ -13,7 +13,7 @@ from kybflow.core.signals import Alarm, Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND, Entry, Override
 from kybflow.runtime.events import Events
-from kybflow.runtime.safety.failsafe import Failsafe, Heard
+from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.control import Control
@@ -70,7 +70,7 @@ class ManualOverride:
                 self._lost = override
                 self._tell("control_lost", reason=override.reason)
             lost = Alarm("control_lost", Reaction.LAND, override.reason)
-            self._reactions.react(Heard(lost, self._plan.driver.at), tick)
+            self._reactions.react(RaisedAlarm(lost, self._plan.driver.at), tick)
             self._bring_down(override, tick.now)
         else:
             self._stand_by(override, tick, answer)

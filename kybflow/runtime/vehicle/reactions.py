@@ -10,12 +10,12 @@ from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND, Entry
 from kybflow.runtime.events import Events
-from kybflow.runtime.safety.failsafe import STATES, Failsafe, Heard
+from kybflow.runtime.safety.failsafe import STATES, Failsafe, RaisedAlarm
 from kybflow.runtime.safety.land_mode import LandMode
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.link import LinkOut
-from kybflow.runtime.vehicle.output import Output
+from kybflow.runtime.vehicle.output import CommandOutput
 
 _FALL = 2 * NS
 """For how long a vehicle whose rotors were cut is watched falling."""
@@ -30,7 +30,7 @@ class Reactions:
         activity: Activity,
         failsafe: Failsafe,
         link: LinkOut,
-        output: Output,
+        output: CommandOutput,
         events: Events,
         score: VehicleScore,
         entry: Callable[[], Entry],
@@ -49,7 +49,7 @@ class Reactions:
         """Return whether the rotors were cut just now."""
         return self._cut is not None and now - self._cut < _FALL
 
-    def react(self, heard: Heard, tick: Tick) -> bool:
+    def react(self, heard: RaisedAlarm, tick: Tick) -> bool:
         """Let the failsafe decide on an alarm; return whether the vehicle now does something
         else."""
         activity, airborne = self._activity, self.airborne
@@ -77,7 +77,7 @@ class Reactions:
     def lost_estimate(self, tick: Tick) -> bool:
         """React to the loss of the estimate that the behavior needs."""
         lost = Alarm("estimate_lost", Reaction.LAND_BLIND, "no estimate to fly by")
-        return self.react(Heard(lost, self._activity.state.at), tick)
+        return self.react(RaisedAlarm(lost, self._activity.state.at), tick)
 
     def failed(self, failure: PartFailed, is_needed: bool, tick: Tick) -> None:
         """A part raised. The vehicle lands; blind when what a landing needs has failed. Its rotors

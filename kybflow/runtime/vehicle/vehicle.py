@@ -28,9 +28,9 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.making import make, parts_of
 from kybflow.runtime.monitoring.bodies import Bodies
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
-from kybflow.runtime.monitoring.sensing import Opened
+from kybflow.runtime.monitoring.sensing import OpenSensor
 from kybflow.runtime.observer import VehicleObserver
-from kybflow.runtime.safety.failsafe import Failsafe, Heard
+from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.safety.land_mode import HANDED_OVER
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.activity import Activity
@@ -39,7 +39,7 @@ from kybflow.runtime.vehicle.decision import Decision
 from kybflow.runtime.vehicle.external_position import ExternalPosition
 from kybflow.runtime.vehicle.knowledge import Knowledge
 from kybflow.runtime.vehicle.link import LinkHealth, LinkIn, LinkOut
-from kybflow.runtime.vehicle.output import RESTING, Output
+from kybflow.runtime.vehicle.output import RESTING, CommandOutput
 from kybflow.runtime.vehicle.override import ManualOverride
 from kybflow.runtime.vehicle.reactions import Reactions
 from kybflow.runtime.vehicle.requests import Requests
@@ -62,7 +62,7 @@ class Vehicle:
         events: Events,
         observer: VehicleObserver,
         score: VehicleScore,
-        sensors: Sequence[Opened] = (),
+        sensors: Sequence[OpenSensor] = (),
         bodies: Bodies | None = None,
         fleet: EstimateHistory | None = None,
     ) -> None:
@@ -81,7 +81,7 @@ class Vehicle:
         )
         activity = Activity(plan, params, events, score, self._objection)
         entry = self.entry
-        output = Output(
+        output = CommandOutput(
             plan, link_out, activity, knowledge.payload, knowledge.resting, events, entry
         )
         reactions = Reactions(plan, activity, failsafe, link_out, output, events, score, entry)
@@ -226,7 +226,7 @@ class Vehicle:
         self.requests.retired = self.requests.retired or reason
         if not self.rests:
             alarm = Alarm("interrupted", Reaction.LAND, reason)
-            self._reactions.react(Heard(alarm, ""), self._standing())
+            self._reactions.react(RaisedAlarm(alarm, ""), self._standing())
 
     def parameters(self) -> dict[str, Any]:
         """Return each part's parameters, by label."""

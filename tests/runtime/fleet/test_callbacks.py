@@ -25,7 +25,7 @@ from kybflow.dsl.plan import (
 )
 from kybflow.parts import Action, ActionContext
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.action_context import Reach
+from kybflow.runtime.fleet.action_context import RunControls
 from kybflow.runtime.fleet.callbacks import Callbacks, filled
 from kybflow.runtime.vehicle.requests import Requester
 
@@ -74,8 +74,8 @@ class Bench:
         self.vehicle = FakeVehicle()
         self.asked = self.vehicle.asked
         self._refuses = refuses
-        reach = Reach({"a": self.vehicle}, self, self.events, self._phase, self._stop)
-        self.callbacks = Callbacks(plans, reach, lambda _: lambda: self.holds)
+        controls = RunControls({"a": self.vehicle}, self, self.events, self._phase, self._stop)
+        self.callbacks = Callbacks(plans, controls, lambda _: lambda: self.holds)
         self.holds = True
 
     def set(self, name: str, value: object, by: str, at: str = "") -> None:

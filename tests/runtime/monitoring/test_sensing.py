@@ -22,7 +22,7 @@ from kybflow.dsl.plan import PartPlan, SensorPlan
 from kybflow.parts import Link, Sensor, Stream
 from kybflow.recording.layout import dtype_spec
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.sensing import AHEAD, Opened, Sensing
+from kybflow.runtime.monitoring.sensing import AHEAD, OpenSensor, Sensing
 from kybflow.world.cameras import Camera, Lens
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -78,7 +78,7 @@ DOWN = Camera("down", Lens(4, 4, 4.0, 4.0, 2.0, 2.0), (0.0, 0.0, 0.0))
 def sensing(at: Any, cls: type[Scripted] = Scripted) -> tuple[Sensing, list[Event]]:
     told: list[Event] = []
     source = sensor(at, cls)
-    opened = Opened(source, Played(source.part.params))
+    opened = OpenSensor(source, Played(source.part.params))
     driver = replace(part("drivers", "sim"), at="m.yaml:9")
     body = vehicle("a", [down()], cameras={"down": DOWN}, driver=driver)
     return Sensing(body, [opened], Events((told.append,))), told
@@ -128,7 +128,7 @@ GONE = "no VRPN server at here: Connection refused"
 def test_one_that_knows_why_nothing_comes_has_failed() -> None:
     source = sensor(lambda now: [] if 3 <= now // MS < 8 else [pose(now)])
     said, told = source.part.params.trouble, []
-    opened = [Opened(source, Played(source.part.params))]
+    opened = [OpenSensor(source, Played(source.part.params))]
     sense = Sensing(vehicle("a", [down()]), opened, Events((told.append,)))
     for k in range(5):
         joined(sense, [], k * MS)
@@ -151,7 +151,7 @@ def test_one_that_is_still_connecting_has_a_second() -> None:
     source.part.params.trouble.append("not connected yet")
     told: list[Event] = []
     body = vehicle("a", [down()])
-    sense = Sensing(body, [Opened(source, Played(source.part.params))], Events((told.append,)))
+    sense = Sensing(body, [OpenSensor(source, Played(source.part.params))], Events((told.append,)))
     for now in (7 * NS, 8 * NS - 1):
         joined(sense, [], now)
     assert told == []

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale, sub
 from kybflow.core.signals import NS, Setpoint, SetpointKind
-from kybflow.runtime.safety.hold import Blend, Hold
+from kybflow.runtime.safety.hold import Hold, SetpointBlend
 
 HERE = (0.0, 0.0, 1.0)
 STEP = round(DT * NS)
@@ -34,7 +34,7 @@ def resumed(velocity: Vec3, held: float, push: Vec3 = ZERO) -> list[Setpoint]:
             hold.leave("pause", now)
         samples.append(setpoint)
         now += STEP
-    resumed_at, blend = now, Blend(now, samples[-1], moving(DT, velocity))
+    resumed_at, blend = now, SetpointBlend(now, samples[-1], moving(DT, velocity))
     blended: Setpoint | None = None
     while (blended := blend.added(moving((now - resumed_at) / NS + DT, velocity), now)) is not None:
         samples.append(blended)
@@ -62,7 +62,7 @@ def test_a_vehicle_that_was_pushed_away_is_flown_back_to_where_it_was():
 
 def test_a_velocity_is_blended_in_too():
     asked = Setpoint(SetpointKind.VELOCITY, None, (0.5, 0.0, 0.0), ZERO, ZERO, 0.0)
-    blend = Blend(0, at_rest(HERE), asked)
+    blend = SetpointBlend(0, at_rest(HERE), asked)
     speeds = [blend.added(asked, round(t * NS)) for t in (0.0, 0.2, 0.4)]
     east = [s.velocity[0] for s in speeds]
     assert east[0] == pytest.approx(0.0)

@@ -291,12 +291,12 @@ def test_what_a_vehicle_checks_itself_is_part_of_the_preflight(run):
         def checks(self, now):
             return [Check("parameters", False, "FS_GCS_ENABLE is 0", waits=False)]
 
-    ready = wrapped(lambda _, link: Settling(link, "slow"), patience=20.0)
+    ready = wrapped(lambda _, link: Settling(link, "slow"), preflight_timeout=20.0)
     flown, told = run(flight(ready, 1.0))
     [waits] = named(told, "preflight_waits")
     assert waits.fields == {"check": "position", "reason": "EKF flags 167"}
     assert flown.exit_code == 0
-    wrong = wrapped(lambda _, link: Wrong(link, "slow"), patience=20.0)
+    wrong = wrapped(lambda _, link: Wrong(link, "slow"), preflight_timeout=20.0)
     flown, told = run(flight(wrong, 1.0))
     assert "FS_GCS_ENABLE is 0" in flown.summary["reason"]
     assert flown.summary["sim_time_s"] == pytest.approx(5.0, abs=0.1)
