@@ -1,11 +1,13 @@
-"""Makes the helpers in `support/` importable and hypothesis draw the same in every run. Programs
-that a test starts hear Ctrl-C, which a shell takes from what it runs in the background; OpenCV
-takes one thread, for every core has a worker already.
-`run` flies a plan in the simulator; every event carries what the table of events says.
+"""Makes the helpers in `support/` importable and hypothesis draw the same in every run.
+
+Programs that a test starts hear Ctrl-C, which a shell takes from what it runs in the background.
+OpenCV takes one thread, for every core has a worker already. `run` flies a plan in the simulator;
+every event carries what the table of events says.
 """
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -18,6 +20,8 @@ sys.path.insert(0, str(Path(__file__).parent / "support"))
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # programs that a test starts inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
 
 settings.register_profile("seeded", derandomize=True, database=None, deadline=None)
 settings.load_profile("seeded")

@@ -38,7 +38,7 @@ class Server:
         self.ask("shutdown", None)
         self.tell("exit", None)
         with self._process:
-            self._process.wait(timeout=30)
+            self._process.wait(timeout=300)
 
     def open(self, path: Path, text: str) -> str:
         """Open a text as if it were the file at `path`."""

@@ -201,6 +201,6 @@ def test_no_driver_is_imported_for_a_target_that_does_not_need_it(tmp_path: Path
         "print(json.dumps([m for m in sys.modules if m.startswith('kybflow.drivers.')]))"
     )
     result = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=300
     )
     assert json.loads(result.stdout) == ["kybflow.drivers.sim"]

@@ -355,7 +355,7 @@ def test_a_second_take_off_asks_where_it_landed(run):
 
 def kybflow(*words: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "kybflow", "preflight", *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
 
 
 MISSIONS = Path(__file__).parents[2] / "missions"

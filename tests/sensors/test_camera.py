@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from flying import SITE
+from waiting import until
 
 from kybflow.core.errors import DriverError
 from kybflow.core.files import File, FilePath
@@ -157,11 +158,10 @@ class Stick:
         self.released = True
 
 
-def until(holds: Callable[[], bool], stick: Stick) -> None:
-    """Wait for the thread, that has taken everything out of the queue, to act on it."""
+def acted_on(stick: Stick, holds: Callable[[], bool]) -> None:
+    """Wait for the thread to take everything out of the queue, and to act on it."""
     stick.images.join()
-    while not holds():
-        pass
+    until(holds, "the grabber")
 
 
 @pytest.mark.parametrize("end", [None, RuntimeError("unplugged")])
@@ -176,11 +176,11 @@ def test_a_lost_device_is_told_and_opened_again(end: Exception | None) -> None:
     first, second = sticks
     first.images.put("a")
     first.images.put(end)
-    until(lambda: grabber.error is not None, first)
+    acted_on(first, lambda: grabber.error is not None)
     assert grabber.error == "the camera was lost"
     assert [one.image for one in grabber.taken()] == ["a"]
     second.images.put("b")
-    until(lambda: grabber.error is None, second)
+    acted_on(second, lambda: grabber.error is None)
     assert first.released
     assert [one.image for one in grabber.taken()] == ["b"]
     grabber._stop.set()

@@ -1,21 +1,14 @@
-"""`kybflow emulate autopilot` as a program of its own, on a port of this machine that is free."""
+"""`kybflow emulate autopilot` as a program of its own."""
 
 from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 from contextlib import contextmanager
 
-UDP, TCP = socket.SOCK_DGRAM, socket.SOCK_STREAM
-
-
-def free_port(kind=UDP):
-    with socket.socket(socket.AF_INET, kind) as taken:
-        taken.bind(("127.0.0.1", 0))
-        return taken.getsockname()[1]
+from waiting import HANGS
 
 
 @contextmanager
@@ -29,7 +22,7 @@ def emulated(*arguments):
         assert "speaks at" in program.stdout.readline()
         yield program
         program.send_signal(signal.SIGINT)
-        _, errors = program.communicate(timeout=300)
+        _, errors = program.communicate(timeout=HANGS)
         assert (program.returncode, errors) == (0, "")
     finally:
         program.kill()

@@ -20,10 +20,8 @@ PROGRAM = shutil.which("mavproxy.py", path=f"{Path(sys.executable).parent}:{os.e
 if PROGRAM is None:
     pytest.skip("MAVProxy is not installed: pip install MAVProxy", allow_module_level=True)
 
-from served_autopilots import TCP, emulated, free_port  # noqa: E402
-
-DEADLINE = 300.0
-"""Seconds after which a line that doesn't come hangs; it takes a few."""
+from served_autopilots import emulated  # noqa: E402
+from waiting import HANGS, free_port  # noqa: E402
 
 pytestmark = [pytest.mark.peer, pytest.mark.filterwarnings("ignore")]
 
@@ -51,7 +49,7 @@ class Prompt:
 
     def reads(self, pattern, again=None):
         """Wait until a line matches; meanwhile type `again` every second."""
-        deadline = time.monotonic() + DEADLINE
+        deadline = time.monotonic() + HANGS
         while time.monotonic() < deadline:
             try:
                 line = self._lines.get(timeout=1.0)
@@ -72,7 +70,7 @@ class Prompt:
 
 
 def test_a_person_at_its_prompt_flies_an_emulated_ardupilot(tmp_path):
-    port = free_port(TCP)
+    port = free_port()
     with emulated("--vehicle", "ardupilot", "--address", f"tcpin:127.0.0.1:{port}"):
         prompt = Prompt(tmp_path, f"--master=tcp:127.0.0.1:{port}")
         try:

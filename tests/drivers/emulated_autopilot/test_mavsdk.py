@@ -15,10 +15,8 @@ if not hasattr(mavsdk, "System"):
     pytest.skip("this mavsdk has no System: pip install 'mavsdk<4'", allow_module_level=True)
 
 from mavsdk.offboard import PositionNedYaw
-from served_autopilots import TCP, emulated, free_port
-
-DEADLINE = 300.0
-"""Seconds after which a flight hangs; it takes about 20."""
+from served_autopilots import emulated
+from waiting import HANGS, free_port
 
 pytestmark = [pytest.mark.peer, pytest.mark.filterwarnings("ignore")]
 
@@ -27,12 +25,12 @@ def fly(port, flight):
     """Connect to an autopilot that speaks to `port`, and fly."""
 
     async def connected():
-        drone = mavsdk.System(port=free_port(TCP))
+        drone = mavsdk.System(port=free_port())
         await drone.connect(system_address=f"udpin://127.0.0.1:{port}")
         await first(drone.core.connection_state(), lambda state: state.is_connected)
         await flight(drone)
 
-    asyncio.run(asyncio.wait_for(connected(), DEADLINE))
+    asyncio.run(asyncio.wait_for(connected(), HANGS))
 
 
 async def first(stream, is_wanted):

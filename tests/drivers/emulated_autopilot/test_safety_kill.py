@@ -12,14 +12,13 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from served_autopilots import TCP, UDP, emulated, free_port
+from served_autopilots import emulated
+from waiting import HANGS, free_port
 
 from kybflow.drivers.mavlink.protocol.framing import Framing
 from kybflow.drivers.mavlink.transport import open_wire
 
 pytestmark = pytest.mark.thorough
-DEADLINE = 300.0
-"""Seconds after which it hangs; it takes a few."""
 ARMED, IN_AIR, ON_GROUND = 128, 2, 1
 MISSION = """
 kybflow: 1
@@ -54,7 +53,7 @@ class Onlooker:
 
     def until(self, found):
         """Look until `found` holds; whether it does before the deadline."""
-        end = time.monotonic() + DEADLINE
+        end = time.monotonic() + HANGS
         while time.monotonic() < end:
             now = time.monotonic()
             if now - self._said > 1.0:
@@ -81,7 +80,7 @@ class Onlooker:
 
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_it_lands_when_the_program_is_killed(autopilot, tmp_path):
-    ours, third = free_port(UDP), free_port(TCP)
+    ours, third = free_port(), free_port()
     file = tmp_path / "killed.yaml"
     text = MISSION.format(autopilot=autopilot, address=f"udpout:127.0.0.1:{ours}")
     file.write_text(text, encoding="utf-8")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import socket
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from typing import Any
 
 import pytest
+from waiting import HANGS, free_port, until
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS
@@ -18,15 +18,7 @@ from kybflow.drivers.mavlink.transport.address import Address
 from kybflow.drivers.mavlink.transport.sockets import MOST_AT_ONCE, TcpServer, UdpIn
 from kybflow.drivers.mavlink.transport.wire import Pipe, Wire, memory_wires
 
-PATIENCE = 60.0
-"""Seconds after which what does not come never will; never waited for in full."""
 HOST = "127.0.0.1"
-
-
-def until(holds: Callable[[], Any], what: str) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not holds():
-        assert time.monotonic() < deadline, f"waited {PATIENCE:g} s in vain: {what}"
 
 
 def received(wire: Wire, now: int = 0, least: int = 1) -> bytes:
@@ -46,7 +38,7 @@ def received(wire: Wire, now: int = 0, least: int = 1) -> bytes:
 def datagrams() -> Iterator[socket.socket]:
     with socket.socket(type=socket.SOCK_DGRAM) as opened:
         opened.bind((HOST, 0))
-        opened.settimeout(PATIENCE)
+        opened.settimeout(HANGS)
         yield opened
 
 
@@ -60,13 +52,6 @@ def tcpin(port: int = 0) -> TcpServer:
     wire = open_wire(Address("tcpin", HOST, port))
     assert isinstance(wire, TcpServer)
     return wire
-
-
-def free_port() -> int:
-    with socket.socket() as stream:
-        stream.bind((HOST, 0))
-        port: int = stream.getsockname()[1]
-        return port
 
 
 def test_datagrams_are_answered_where_they_came_from() -> None:
@@ -129,7 +114,7 @@ def test_udpout_tells_that_nobody_listens_until_somebody_does() -> None:
         assert wire.trouble() == f"udpout:{HOST}:{port}: connection refused"
         with socket.socket(type=socket.SOCK_DGRAM) as vehicle:
             vehicle.bind((HOST, port))
-            vehicle.settimeout(PATIENCE)
+            vehicle.settimeout(HANGS)
             wire.send(b"hello")
             vehicle.sendto(b"welcome", vehicle.recvfrom(99)[1])
             assert received(wire) == b"welcome"

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from flying import SITE
-from servers import until
+from waiting import until
 
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Measurement, Pose
@@ -45,7 +45,7 @@ def test_bodies_of_the_mock_arrive_by_one_program() -> None:
     assert came["other"] == []
     arrivals = [pose.time for pose in came["a"]]
     assert arrivals == sorted(set(arrivals))
-    assert not [t for t in threading.enumerate() if t.name == "mocap mock"]
+    until(lambda: "mocap mock" not in {t.name for t in threading.enumerate()}, "its end")
 
 
 def test_a_system_that_never_answers_stops_nobody() -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from servers import CppClient, cpp_server, free_port, until
+from cpp_vrpn import CppClient, cpp_server
+from waiting import free_port, until
 
 from kybflow.sensors.vrpn.client import Report, subscribe
 from kybflow.sensors.vrpn.link import Address

@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from servers import free_port
+from waiting import free_port
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS, Event, Pose

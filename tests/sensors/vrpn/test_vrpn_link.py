@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 import socket
 import threading
-import time
 from collections.abc import Iterator
 
 import pytest
-from servers import free_port, until
+from waiting import HANGS, free_port, until
 
 from kybflow.core.errors import DriverError
-from kybflow.core.signals import NS
-from kybflow.sensors.vrpn.client import Report, Subscription, subscribe
+from kybflow.core.signals import NS, Time
+from kybflow.sensors.vrpn.client import Client, Key, Report, Subscription, subscribe
 from kybflow.sensors.vrpn.codec import COOKIE, POSE, PoseReport, encode_lob, encode_pose
 from kybflow.sensors.vrpn.link import Address, read_address
 from kybflow.sensors.vrpn.peer import Peer
@@ -97,7 +95,7 @@ def test_a_new_reader_after_the_last_opens_the_link_again(server: Server) -> Non
         reader = subscribe(address, "a", 0)
         taken(reader, server)
         reader.close()
-    assert not [t for t in threading.enumerate() if t.name == f"vrpn {address}"]
+    until(lambda: f"vrpn {address}" not in {t.name for t in threading.enumerate()}, "its end")
 
 
 @OPENINGS
@@ -121,36 +119,34 @@ def test_a_server_of_another_time_is_on_our_clock(server: Server, direct: bool) 
 
 def test_one_stamp_far_ahead_misdates_and_silences_nobody(server: Server) -> None:
     """Of two bodies; one has a stamp that is 0.6 s ahead, as a server can have it that was asked to
-    set its clock."""
-    address = Address("127.0.0.1", server.port)
-    readers = [subscribe(address, body, 0) for body in ("a", "b")]
+    set its clock. The client's clock goes on only when what was published has arrived."""
+    now = [1_000 * NS]
+    client = Client(Address("127.0.0.1", server.port), lambda: now[0])
+    readers = [client.add(Key(body, 0)) for body in ("a", "b")]
+    client.start()
     came: list[list[Report]] = [[], []]
-    counter = itertools.count()
 
-    def publish(body: str, x: float, ahead: int = 0) -> None:
-        stamp = time.monotonic_ns() + 1_000 * NS
-        server.publish(body, (x, stamp / NS, 0.0), LEVEL, stamp + ahead)
-
-    def enough(count: int) -> bool:
-        x = float(next(counter))
-        for body, mine, reader in zip(("a", "b"), came, readers, strict=True):
-            publish(body, x)
+    def arrived() -> bool:
+        for mine, reader in zip(came, readers, strict=True):
             mine.extend(reader.take())
-        return all(len(mine) > count for mine in came)
+        return all(came)
 
-    until(lambda: enough(50), "poses")
-    publish("a", -1.0, 600 * NS // 1000)
-    until(lambda: enough(150), "poses after it")
+    def publish(x: int, ahead: Time = 0) -> None:
+        for body in ("a", "b"):
+            stamp = now[0] + 1_000 * NS
+            server.publish(body, (float(x), 0.0, 0.0), LEVEL, stamp + ahead * (body == "a"))
+
+    until(lambda: publish(-1) or arrived(), "the first poses")  # type: ignore[func-returns-value]
+    for x in range(100):
+        now[0] += NS // 100
+        publish(x, 600 * NS // 1000 if x == 50 else 0)
+        until(lambda x=x: arrived() and all(m[-1].position[0] == x for m in came), f"pose {x}")  # type: ignore[misc]
     for reader in readers:
         reader.close()
-    (wrong,) = [report for report in came[0] if report.position[0] == -1.0]
-    assert wrong.time == wrong.arrival
     for mine in came:
-        true = [report for report in mine[3:] if report is not wrong]
-        counts = [int(report.position[0]) for report in true]
-        assert counts == list(range(counts[0], counts[0] + len(true))), "none is left out"
-        offsets = [report.time / NS - report.position[1] for report in true]
-        assert max(offsets) - min(offsets) < 0.3
+        reports = [report for report in mine if report.position[0] >= 0.0]
+        assert [report.position[0] for report in reports] == list(range(100)), "none is left out"
+        assert all(report.time == report.arrival for report in reports)
 
 
 def test_what_is_wrong_is_said(server: Server) -> None:
@@ -236,7 +232,7 @@ def test_our_server_bears_hostile_clients(server: Server) -> None:
     for words in (b"GET / HTTP/1.1\r\n\r\n", COOKIE + b"\xff" * 100):
         with socket.create_connection(place) as stream:
             stream.sendall(words)
-            stream.settimeout(60)
+            stream.settimeout(HANGS)
             while stream.recv(1000):
                 pass
     with socket.create_connection(place) as stream:
@@ -259,13 +255,13 @@ def test_a_client_that_can_not_be_let_in_stops_nobody(
 
     monkeypatch.setattr("kybflow.sensors.vrpn.server._Guest", none)
     with socket.create_connection(place) as stream:
-        stream.settimeout(60)
+        stream.settimeout(HANGS)
         assert stream.recv(1) == b""
     with socket.create_server(("127.0.0.1", 0)) as door, socket.socket(type=socket.SOCK_DGRAM) as s:
         s.sendto(encode_lob("127.0.0.1", door.getsockname()[1]), place)
         called, _ = door.accept()
         with called:
-            called.settimeout(60)
+            called.settimeout(HANGS)
             assert called.recv(1) == b""
     assert taken(reader, server)
     reader.close()
@@ -294,7 +290,7 @@ def test_our_server_lets_in_so_many(server: Server) -> None:
     streams = [socket.create_connection(("127.0.0.1", server.port)) for _ in range(MOST_CLIENTS)]
     until(lambda: server.clients == MOST_CLIENTS, "all")
     with socket.create_connection(("127.0.0.1", server.port)) as one_more:
-        one_more.settimeout(60)
+        one_more.settimeout(HANGS)
         assert one_more.recv(1) == b""
     for stream in streams:
         stream.close()

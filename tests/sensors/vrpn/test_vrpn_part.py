@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from flying import SITE
-from servers import until
+from waiting import until
 
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from servers import free_port, until
 from typer.testing import CliRunner
+from waiting import free_port, until
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.cli.app import app

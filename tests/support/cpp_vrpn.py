@@ -1,43 +1,23 @@
-"""Peers on loopback for the tests of VRPN, and waiting for them with a deadline."""
+"""The C++ library of VRPN, inside the wheel `motioncapture`, as peers: a server and a client, each
+a program of its own on this machine."""
 
 from __future__ import annotations
 
-import socket
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
 HERE = Path(__file__).parent
-PATIENCE = 60.0
-"""Seconds after which a peer that does nothing has failed; never waited for in full."""
-
-
-def until(condition: Callable[[], bool], what: str) -> None:
-    """Wait for it."""
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline, f"waited {PATIENCE:g} s in vain: {what}"
-        time.sleep(0.002)
-
-
-def free_port() -> int:
-    """A port on which nobody listens, neither by TCP nor by datagrams."""
-    with socket.socket() as stream, socket.socket(type=socket.SOCK_DGRAM) as datagrams:
-        stream.bind(("127.0.0.1", 0))
-        port: int = stream.getsockname()[1]
-        datagrams.bind(("127.0.0.1", port))
-        return port
 
 
 @contextmanager
 def cpp_server(port: int, *names: str) -> Iterator[subprocess.Popen[str]]:
     """The C++ library as a server."""
-    program = [sys.executable, str(HERE / "cpp_server.py"), str(port), *names]
+    program = [sys.executable, str(HERE / "cpp_vrpn_server.py"), str(port), *names]
     with subprocess.Popen(
         program, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as process:
@@ -55,7 +35,7 @@ class CppClient:
     def __init__(self, host: str) -> None:
         self.lines: list[tuple[str, tuple[float, ...]]] = []
         self._process = subprocess.Popen(
-            [sys.executable, str(HERE / "cpp_client.py"), host],
+            [sys.executable, str(HERE / "cpp_vrpn_client.py"), host],
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
         )  # fmt: skip
         self._thread = threading.Thread(target=self._read)

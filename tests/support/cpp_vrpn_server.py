@@ -1,7 +1,7 @@
 """A VRPN server made of the C++ library in the wheel `motioncapture`; run as a program of its own,
 because a wrong call would end the whole process.
 
-    python cpp_server.py PORT NAME...
+    python cpp_vrpn_server.py PORT NAME...
 
 Each tracker NAME has two sensors; the pose of sensor s of tracker i at its k-th report is
 (i, s, k / 1000) with the attitude x y z w = (0, 0, 0.6, 0.8).

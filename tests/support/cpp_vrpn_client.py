@@ -1,6 +1,6 @@
 """The VRPN client in the wheel `motioncapture` as a program of its own: prints each pose it sees.
 
-python cpp_client.py HOST
+python cpp_vrpn_client.py HOST
 """
 
 import sys
