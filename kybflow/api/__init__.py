@@ -1,3 +1,5 @@
-"""Joins plan, drivers, engine and recording: validate, open, inspect, fly. The command line and
-studies call it; nothing below does.
+"""What the command line and campaigns can do with a mission: `validation` checks it, `flight` flies
+it or looks at it before take-off, `opening` opens its devices, `library` and `scaffold` find and
+copy what packages ship. It alone joins the plan, the drivers, the engine and the recording; it
+prints nothing, and nothing below it calls it.
 """

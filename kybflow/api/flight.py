@@ -1,22 +1,41 @@
-"""One run from a plan to a run folder: opens the drivers, flies, and writes what the run leaves."""
+"""From a plan to a run folder: opens the drivers, flies, and writes what the run leaves; or only
+looks, for a preflight."""
 
 from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from kybflow.api.expected_faults import foreseen_faults
-from kybflow.api.opening import Devices, build_vehicles, check_pace, clock_for, open_devices
+from kybflow.api.opening import (
+    Devices,
+    build_vehicles,
+    check_pace,
+    clock_for,
+    open_devices,
+    real_time_sensor,
+)
 from kybflow.core.errors import DriverError, PartFailed
 from kybflow.core.geometry import norm
 from kybflow.core.signals import Event
-from kybflow.dsl.plan import Plan
+from kybflow.dsl.expressions import (
+    And,
+    Compare,
+    Eventually,
+    Expression,
+    Finally,
+    GroupInState,
+    InState,
+    Or,
+    Read,
+    Word,
+)
+from kybflow.dsl.plan import ExpectationPlan, Plan
 from kybflow.recording.outcome import EXIT_CODES, Ending, summarise
 from kybflow.recording.pictures import Pictures
 from kybflow.recording.recorder import Recorder
@@ -26,10 +45,13 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
 from kybflow.runtime.fleet.operator import check_emitted
 from kybflow.runtime.interrupts import Interrupts
+from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.options import check_options
+from kybflow.runtime.preflight import Line
 from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
+FAULT = "fault"
 _AT_REST, _MISTAKEN = 0.3, 0.3
 """At the end a simulated vehicle on the ground is no faster (m/s), and no higher above where it
 believes itself to be (m)."""
@@ -105,6 +127,28 @@ def fly(
         recorder.close()
         folder.close()
     return Flown(folder.path, summary, run.never_given)
+
+
+class Inspected(NamedTuple):
+    """Every line of every vehicle. driver_failed: what a link said that failed while it was looked
+    at, as where nobody is at the other end; None where all work."""
+
+    lines: list[Line]
+    driver_failed: str | None
+
+
+def inspect(plan: Plan, seed: int = 0) -> Inspected:
+    """Look at every vehicle. Raises DriverError where one can't be opened, and PartFailed."""
+    events = Events()
+    devices = open_devices(plan, seed)
+    try:
+        vehicles = build_vehicles(plan, devices, events, lambda _: VehicleObserver(), Score(plan))
+        clock = clock_for(plan, 1.0 if real_time_sensor(plan) else None)
+        lines = Engine(plan, clock, devices.sessions, vehicles, events).inspect()
+        failed = next((v.link_error for v in vehicles if v.link_error), None)
+        return Inspected(lines, failed)
+    finally:
+        devices.close()
 
 
 def _pictures(plan: Plan, folder: RunFolder) -> list[Observer]:
@@ -205,7 +249,7 @@ class _Run:
             driver=self._driver_failed,
             recording=recording,
             airborne=[v.name for v in engine.vehicles if in_the_air(v)] if engine else (),
-            foreseen=foreseen_faults(self._plan.expectations),
+            expected_faults=expected_faults(self._plan.expectations),
         )
         return summarise(
             self._plan,
@@ -217,3 +261,27 @@ class _Run:
             wall_time_s=wall_time_s,
             flows=engine.flows.record() if engine else {},
         )
+
+
+def expected_faults(expectations: Iterable[ExpectationPlan]) -> frozenset[str]:
+    """The vehicles that the mission expects to end in `fault`, which is then no failure of the run.
+
+    `finally sick in fault`, or `eventually`, says so, also as `sick.behavior == fault`, of a group,
+    and as a part of `and` and `or`. What stands under `not` expects the opposite.
+    """
+    return frozenset(name for plan in expectations for name in _expected(plan.expression))
+
+
+def _expected(expression: Expression) -> Iterator[str]:
+    match expression:
+        case Finally(condition) | Eventually(condition, _):
+            yield from _expected(condition)
+        case And(parts) | Or(parts):
+            for part in parts:
+                yield from _expected(part)
+        case InState(vehicle, state) if state == FAULT:
+            yield vehicle
+        case GroupInState(_, _, vehicles, state) if state == FAULT:
+            yield from vehicles
+        case Compare("==", Read(str(vehicle), "behavior"), Word(state)) if state == FAULT:
+            yield vehicle

@@ -1,18 +1,17 @@
-"""`kybflow library`: the libraries and missions that installed packages ship, and one of them."""
+"""What installed packages ship for missions: libraries and missions, and what a file imports."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from itertools import takewhile
 from pathlib import Path
+from typing import NamedTuple
 
-from kybflow.dsl.diagnostics.diagnostic import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import collect
 from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import Source, read
-from kybflow.dsl.resolving.imports import GROUP, installed
+from kybflow.dsl.resolving.imports import GROUP, Place, find, installed
 from kybflow.dsl.resolving.offers import SECTIONS
 
 OWN = "kybflow"
@@ -21,8 +20,7 @@ OWN = "kybflow"
 
 @dataclass(frozen=True, slots=True)
 class Shipped:
-    """A file that an installed package ships, as it is called: what missions import or start
-    from."""
+    """A YAML file that missions import or start from, and the name by which they call it."""
 
     name: str
     source: Source
@@ -30,7 +28,7 @@ class Shipped:
 
     @property
     def summary(self) -> str:
-        return _text(self.root.get("summary")) if self.root else ""
+        return text_of(self.root.get("summary")) if self.root else ""
 
     @property
     def root(self) -> Mapping | None:
@@ -76,69 +74,37 @@ def read_file(name: str, path: Path) -> Shipped:
     return Shipped(name, read(path, str(path)), path)
 
 
-def list_shipped() -> str:
-    """Everything at hand, by file."""
-    blocks = ["\n".join(contents(one)) for one in libraries()]
-    shipped = missions()
-    width = max((len(one.name) for one in shipped), default=0)
-    rows = [f"  {one.name:<{width}}  {one.summary}".rstrip() for one in shipped]
-    return "\n\n".join([*blocks, "\n".join(["missions, for `kybflow new NAME --from`", *rows])])
+class Import(NamedTuple):
+    """An import of a file: its name there, the text that names the library, and that library, None
+    where there is none."""
+
+    name: str
+    written: str
+    library: Shipped | None
 
 
-def contents(one: Shipped) -> Iterator[str]:
-    """The name of a file and what it offers, a line each."""
-    yield f"{one.name}  {one.summary}".rstrip()
-    by_section: dict[str, list[str]] = {}
-    for section, name, entry in one.entries():
-        by_section.setdefault(section, []).append(f"{name}{_signature(entry.value)}")
-    if one.root and one.root.get("parameters") is not None:
-        by_section["with"] = [_signature(one.root)[1:-1]]
-    for section, names in by_section.items():
-        yield f"  {section:<9}  {', '.join(names)}"
+def imports_of(one: Shipped) -> Iterator[Import]:
+    """The imports of a file."""
+    root = one.path.parent
+    for name, entry in entries_of(one.root.get("import") if one.root else None).items():
+        text = _from(entry.value)
+        if text is not None:
+            place = collect(find(text, Place(one.path, str(one.path)), root)).value
+            yield Import(name, text.text, _library(text.text, place) if place else None)
 
 
-def _signature(node: Node) -> str:
-    """The parameters of a chain or a library in brackets, with their defaults; nothing where it has
-    none."""
-    parameters = entries_of(node.get("parameters")) if isinstance(node, Mapping) else {}
-    shown = []
-    for name, entry in parameters.items():
-        body = entry.value if isinstance(entry.value, Mapping) else None
-        default = _text(body.get("default")) if body else ""
-        shown.append(f"{name} = {default}" if default else name)
-    return f"({', '.join(shown)})" if shown else ""
+def _library(written: str, place: Place) -> Shipped:
+    """The library at `place`, called as every mission may import it."""
+    shipped = (one for one in libraries() if one.path.samefile(place.path))
+    return next(shipped, None) or read_file(written, place.path)
 
 
-def _text(node: Node | None) -> str:
+def _from(node: Node) -> Scalar | None:
+    """What an import names."""
+    inner = node.get("from") if isinstance(node, Mapping) else node
+    return inner if isinstance(inner, Scalar) else None
+
+
+def text_of(node: Node | None) -> str:
+    """The text of a scalar, empty for anything else."""
     return node.text if isinstance(node, Scalar) else ""
-
-
-def show_shipped(name: str) -> str | None:
-    """The text of the file called `name`, or of every entry of that name; None when there is
-    none."""
-    for one in (*libraries(), *missions()):
-        if name in (one.name, one.name.removeprefix(f"{OWN}/")):
-            return f"# {one.path}\n{one.source.text}".rstrip()
-    found = [
-        entry_text(one, section, entry)
-        for one in libraries()
-        for section, own, entry in one.entries()
-        if name in (own, f"{one.name}.{own}")
-    ]
-    return "\n\n".join(found) or None
-
-
-def entry_text(one: Shipped, section: str, entry: Entry) -> str:
-    """The lines of an entry; a block of YAML ends before what is indented as its key is."""
-    key = entry.key.span
-    first, *rest = one.source.text.split("\n")[key.line - 1 : entry.value.span.end_line]
-    inside = list(takewhile(lambda line: line[: key.column].isspace() or not line, rest))
-    text = textwrap.dedent("\n".join([first, *inside])).rstrip()
-    return f"# {section[:-1]} of {one.name}\n{text}"
-
-
-def unknown_name(name: str) -> str:
-    """What to say of a name that nothing has."""
-    known = [one.name for one in (*libraries(), *missions())]
-    known += [own for one in libraries() for _, own, _ in one.entries()]
-    return f"nothing at hand is called `{name}`; {did_you_mean(name, known)}"

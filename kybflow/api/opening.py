@@ -40,7 +40,7 @@ class Devices(NamedTuple):
         return reasons
 
 
-def goes_by_the_wall(plan: Plan) -> PartPlan | None:
+def real_time_sensor(plan: Plan) -> PartPlan | None:
     """A sensor that measures in real time beside vehicles that are all simulated."""
     sensors = (s.part for v in plan.vehicles for s in v.sensors) if plan.simulated else ()
     return next((part for part in sensors if part.cls.real_time(part.params)), None)
@@ -48,7 +48,7 @@ def goes_by_the_wall(plan: Plan) -> PartPlan | None:
 
 def check_pace(plan: Plan, speed: float | None) -> None:
     """Raises DriverError for a pace of the simulated clock that a sensor can't keep."""
-    part = goes_by_the_wall(plan)
+    part = real_time_sensor(plan)
     if part is not None and speed != 1.0:
         reason = f"`{part.name}` ({part.at}) measures in real time, so the simulation must go at"
         raise DriverError(f"{reason} its pace: fly with `--speed 1`")

@@ -1,4 +1,4 @@
-"""`kybflow validate`: every mission under some paths, one after the other."""
+"""Validation: what the compiler finds in missions, as text for people and for programs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kybflow.parts.catalog import load_catalog
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class ValidatedFile:
     """One file after its validation, and how long that took."""
 
     path: str
@@ -26,7 +26,7 @@ class Checked:
 
     @property
     def reports(self) -> list[str]:
-        """What is to be printed for it, one text a finding and a last line."""
+        """A text for each finding and, for a valid file, a last line."""
         texts = render_all(self.result.diagnostics, self.result.texts)
         count = len(texts)
         if self.valid:
@@ -36,14 +36,14 @@ class Checked:
 
     @property
     def annotations(self) -> list[str]:
-        """What GitHub Actions shows beside the lines, one command a finding."""
+        """A GitHub Actions command for each finding."""
         from kybflow.dsl.diagnostics.formats import to_annotation
 
         return [to_annotation(d) for d in self.result.diagnostics]
 
     @property
     def summary(self) -> dict[str, Any]:
-        """All of it for programs."""
+        """The findings for programs."""
         return {
             "path": self.path,
             "valid": self.valid,
@@ -52,17 +52,25 @@ class Checked:
         }
 
 
+def findings(result: Result, path: Path) -> list[str]:
+    """A text for each finding of a compilation; where a mission is needed, that `path` is a library
+    is one."""
+    found = render_all(result.diagnostics, result.texts)
+    if result.plan is None and result.valid:
+        found.append(f"{path} is a library, no mission")
+    return found
+
+
 def validate_paths(
     paths: Iterable[Path], target: str | None, sets: Sequence[str]
-) -> Iterator[Checked]:
-    """Each mission of `paths`; a folder stands for the missions and libraries in it and
-    below."""
+) -> Iterator[ValidatedFile]:
+    """Validate each of `paths`; a folder stands for the missions and libraries in it and below."""
     catalog = load_catalog()
     for path in _missions(paths):
         begin = time.perf_counter()
         result = check_mission(path, catalog=catalog, target=target, sets=sets)
         took = (time.perf_counter() - begin) * 1e3
-        yield Checked(str(path), result, took, result.valid)
+        yield ValidatedFile(str(path), result, took, result.valid)
 
 
 def _missions(paths: Iterable[Path]) -> Iterator[Path]:
@@ -73,7 +81,7 @@ def _missions(paths: Iterable[Path]) -> Iterator[Path]:
             yield path
 
 
-def _as_json(files: Sequence[Checked]) -> str:
+def _as_json(files: Sequence[ValidatedFile]) -> str:
     whole = {
         "kybflow": 1,
         "valid": all(f.valid for f in files),
@@ -82,11 +90,11 @@ def _as_json(files: Sequence[Checked]) -> str:
     return json.dumps(whole, indent=2)
 
 
-def _as_sarif(files: Sequence[Checked]) -> str:
+def _as_sarif(files: Sequence[ValidatedFile]) -> str:
     from kybflow.dsl.diagnostics.formats import to_sarif
 
     return to_sarif(d for file in files for d in file.result.diagnostics)
 
 
-WHOLE: dict[str, Callable[[Sequence[Checked]], str]] = {"json": _as_json, "sarif": _as_sarif}
-"""The formats that say everything in one text, at the end."""
+WHOLE: dict[str, Callable[[Sequence[ValidatedFile]], str]] = {"json": _as_json, "sarif": _as_sarif}
+"""The formats that hold all files in one text."""

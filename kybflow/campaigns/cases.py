@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from kybflow.api.findings import findings
 from kybflow.api.flight import Flown, RunRequest, fly
+from kybflow.api.validation import findings
 from kybflow.campaigns.coverage import Arrow, State, Traces, written
 from kybflow.core.details import headline
 from kybflow.core.errors import KybflowError

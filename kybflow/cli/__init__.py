@@ -1,3 +1,4 @@
-"""The command line. A command is a module of `commands/`, what it prints is made in `printing/`;
-`app` gathers them. Nothing imports this but `python -m kybflow`.
+"""The command line. A command is a module of `commands/`, `printing/` makes the text of those that
+print much, `arguments` and `output` are what commands share; `app` gathers them. Only
+`python -m kybflow` and the console script import it.
 """

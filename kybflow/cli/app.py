@@ -10,7 +10,7 @@ from typing import Annotated, TextIO, cast
 
 import typer
 
-from kybflow.cli.arguments import INVALID, UNWRITTEN, echo
+from kybflow.cli.arguments import INVALID
 from kybflow.cli.commands import (
     emulate,
     explain,
@@ -28,7 +28,7 @@ from kybflow.cli.commands import (
     test,
     validate,
 )
-from kybflow.cli.output import Outlet, Unwritable
+from kybflow.cli.output import UNWRITTEN, GuardedStream, Unwritable, echo
 from kybflow.core.errors import KybflowError
 
 app = typer.Typer(
@@ -78,9 +78,9 @@ app.add_typer(emulate.app, name="emulate")
 
 def main() -> None:
     """The console's entry."""
-    # whoever read the output has seen enough: what is being done goes on, and ends as it would have
-    sys.stdout = cast(TextIO, Outlet(_open(sys.stdout), BrokenPipeError))
-    sys.stderr = cast(TextIO, Outlet(_open(sys.stderr)))
+    # a reader that went away (`| head`) has seen enough: the command goes on and ends as usual
+    sys.stdout = cast(TextIO, GuardedStream(_open(sys.stdout), BrokenPipeError))
+    sys.stderr = cast(TextIO, GuardedStream(_open(sys.stderr)))
     try:
         try:
             _run(sys.argv[1:])
@@ -95,7 +95,7 @@ def main() -> None:
 
 
 def _open(stream: TextIO | None) -> TextIO:
-    """`stream`, able to write whatever there is to say; nowhere, where it was closed (`>&-`)."""
+    """`stream`, able to write every character; /dev/null for one that was closed (`>&-`)."""
     if stream is None:
         return open(os.devnull, "w", encoding="utf-8")
     reconfigure = getattr(stream, "reconfigure", None)

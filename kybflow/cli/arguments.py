@@ -1,21 +1,21 @@
-"""What the commands share: their arguments, and how they print."""
+"""The arguments that several commands have, and what becomes of them."""
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kybflow.cli.output import echo
+
 if TYPE_CHECKING:
-    from rich.console import Console
+    from kybflow.dsl.compiler import Result
+    from kybflow.dsl.plan import Plan
 
 INVALID = 2
 """The exit code of a mission or a command line that is invalid."""
-UNWRITTEN = 1
-"""The exit code of a command whose output can't be written."""
-
 
 Target = Annotated[str | None, typer.Option("--target", help="Where to fly; `sim` by default.")]
 Sets = Annotated[
@@ -31,7 +31,24 @@ def examples(*lines: str) -> str:
     return "\n\n".join(("Examples:", *lines))
 
 
+def compiled(
+    mission: Path, target: str | None = None, sets: Sequence[str] | None = None
+) -> tuple[Plan, Result]:
+    """Compile a mission and print its findings. Exits with INVALID where it has no plan."""
+    from kybflow.api.validation import findings
+    from kybflow.dsl.compiler import compile_mission
+    from kybflow.parts.catalog import load_catalog
+
+    result = compile_mission(mission, catalog=load_catalog(), target=target, sets=tuple(sets or ()))
+    for text in findings(result, mission):
+        echo(text, err=True)
+    if result.plan is None:
+        raise typer.Exit(INVALID)
+    return result.plan, result
+
+
 def write(path: Path, text: str, option: str) -> None:
+    """Write the file that `option` names."""
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -39,20 +56,16 @@ def write(path: Path, text: str, option: str) -> None:
         raise typer.BadParameter(message, param_hint=option) from None
 
 
-def echo(text: str, err: bool = False) -> None:
-    """Print `text`, in colour where there is a terminal."""
-    stream = sys.stderr if err else sys.stdout
-    if stream.isatty():
-        from kybflow.cli.colour import coloured
-
-        text = coloured(text)
-    stream.write(f"{text}\n")
-
-
-def console(stream: IO[str]) -> Console:
-    """A console that nothing can stop: a vehicle flies."""
-    from rich.console import Console
-
-    from kybflow.cli.output import Outlet
-
-    return Console(file=cast(IO[str], Outlet(stream)), emoji=False)
+def published(
+    text: Callable[[], str], command: str, write_to: Path | None, check: Path | None
+) -> bool:
+    """Write the generated file to `write_to`, or exit with INVALID unless `check` is current;
+    whether either was asked for. command: what makes the file, for the message."""
+    if write_to is not None:
+        write(write_to, text(), "--write")
+    elif check is not None and not (
+        check.is_file() and check.read_text(encoding="utf-8") == text()
+    ):
+        echo(f"{check} is not current; mend it with: {command} --write {check}", err=True)
+        raise typer.Exit(INVALID)
+    return write_to is not None or check is not None

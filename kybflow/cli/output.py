@@ -1,22 +1,39 @@
-"""Standard output whose reader may go away."""
+"""How the commands print: to streams whose reader may go away, in colour on a terminal."""
 
 from __future__ import annotations
 
 import os
-from typing import IO, Any
+import re
+import sys
+from typing import IO, TYPE_CHECKING, Any, cast
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+UNWRITTEN = 1
+"""The exit code of a command whose output can't be written."""
+
+_STYLES = (
+    (r"(?m)^.*error\[KYB\d+\]:.*$", "bold"),
+    (r"error\[KYB\d+\]", "bold red"),
+    (r"warning\[KYB\d+\]", "bold yellow"),
+    (r"(?m)^ {6}\| .*$", "red"),
+    (r"(?m)^ +\d+ \|| {6}[|=]", "blue"),
+    (r"\bhelp:", "green"),
+)
 
 
 class Unwritable(OSError):
-    """Output that can't be written, and must have been."""
+    """Output that must be written can't be."""
 
 
-class Outlet:
-    """A stream that goes nowhere from the first error on. One that is `lost` is nobody's concern: a
-    reader that has gone (`| head`), or a full disk while something flies, must not end, or change
-    the exit code of, what is being done. Any other is raised, once, as Unwritable."""
+class GuardedStream:
+    """A stream that drops everything from its first error on, so that a reader that goes away
+    (`| head`) or a full disk neither ends a flight nor changes its exit code. Errors other than
+    `ignored` are raised once, as Unwritable."""
 
-    def __init__(self, stream: IO[str], lost: type[OSError] = OSError) -> None:
-        self._stream, self._lost = stream, lost
+    def __init__(self, stream: IO[str], ignored: type[OSError] = OSError) -> None:
+        self._stream, self._ignored = stream, ignored
 
     def write(self, text: str) -> int:
         try:
@@ -35,8 +52,36 @@ class Outlet:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self._stream.fileno())
         os.close(nowhere)
-        if not isinstance(error, self._lost):
+        if not isinstance(error, self._ignored):
             raise Unwritable(error.errno, error.strerror) from None
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
+
+
+def echo(text: str, err: bool = False) -> None:
+    """Print `text`, in colour on a terminal."""
+    stream = sys.stderr if err else sys.stdout
+    stream.write(f"{coloured(text) if stream.isatty() else text}\n")
+
+
+def console(stream: IO[str]) -> Console:
+    """A console for a flight: no error of its stream reaches the writer."""
+    from rich.console import Console
+
+    return Console(file=cast(IO[str], GuardedStream(stream)), emoji=False)
+
+
+def coloured(text: str) -> str:
+    """`text` of a finding with the terminal's colour codes."""
+    from rich.console import Console
+    from rich.text import Text
+
+    styled = Text(text)
+    for pattern, style in _STYLES:
+        for match in re.finditer(pattern, text):
+            styled.stylize(style, *match.span())
+    console = Console(force_terminal=True, highlight=False)
+    with console.capture() as capture:
+        console.print(styled, end="", soft_wrap=True)
+    return capture.get()

@@ -47,8 +47,8 @@ class Ending:
 
     reason: why the mission was not flown to its end, None when it was. driver: what a driver or
     device said when it failed. recording: why the recording stopped before the run did. airborne:
-    the vehicles that were not on the ground at the end. foreseen: those that the mission expects to
-    end in `fault`.
+    the vehicles that were not on the ground at the end. expected_faults:
+    those that the mission expects to end in `fault`.
     """
 
     reason: str | None = None
@@ -56,7 +56,7 @@ class Ending:
     driver: str | None = None
     recording: str | None = None
     airborne: Collection[str] = ()
-    foreseen: Collection[str] = ()
+    expected_faults: Collection[str] = ()
 
 
 def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[Outcome, str | None]:
@@ -68,7 +68,7 @@ def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[O
     reasons = [
         ending.reason,
         _failures(score),
-        _faults(score, ending.foreseen),
+        _faults(score, ending.expected_faults),
         _in_the_air(ending.airborne),
         _broken(verdicts),
         ending.recording,
@@ -111,16 +111,15 @@ def summarise(
 
 
 def _failures(score: Score) -> str:
-    """Behaviors that failed where the mission does not say what then; a `failed` arrow foresees
-    it."""
+    """Behaviors that failed where the mission has no `failed` transition for it."""
     found = [f"{v.name}: {failure}" for v in score.vehicles.values() for failure in v.failures]
     return "; ".join(found)
 
 
-def _faults(score: Score, foreseen: Collection[str]) -> str:
+def _faults(score: Score, expected: Collection[str]) -> str:
     """Vehicles that the failsafe brought down where the mission does not expect it."""
     ended = {v.name: v.behaviors[-1].name for v in score.vehicles.values() if v.behaviors}
-    names = [name for name, state in ended.items() if state == "fault" and name not in foreseen]
+    names = [name for name, state in ended.items() if state == "fault" and name not in expected]
     return f"{' and '.join(names)} ended in `fault`" if names else ""
 
 

@@ -8,9 +8,9 @@ import pytest
 from packaged import package
 from typer.testing import CliRunner
 
-from kybflow.api.beginning import SCHEMA, begin_mission
 from kybflow.api.flight import RunRequest, fly
 from kybflow.api.library import libraries, missions
+from kybflow.api.scaffold import SCHEMA, scaffold
 from kybflow.cli.app import app
 from kybflow.core.errors import KybflowError
 from kybflow.dsl.compiler import compile_mission
@@ -61,30 +61,31 @@ def test_a_package_ships_libraries_and_missions(
 
 @pytest.mark.parametrize("origin", [one.name for one in missions()])
 def test_a_new_mission_is_valid_in_an_empty_folder(origin: str, tmp_path: Path) -> None:
-    begun = begin_mission("mine", origin, tmp_path)
-    result = compile_mission(begun.mission, catalog=load_catalog())
+    scaffold("mine", origin, tmp_path)
+    mission = tmp_path / "mine.yaml"
+    result = compile_mission(mission, catalog=load_catalog())
     assert [d.message for d in result.diagnostics] == []
     assert result.plan is not None
     assert result.plan.mission == "mine"
     assert (tmp_path / SCHEMA).is_file()
-    assert f"$schema={SCHEMA}" in begun.mission.read_text().splitlines()[0]
+    assert f"$schema={SCHEMA}" in mission.read_text().splitlines()[0]
 
 
 def test_a_new_mission_flies(tmp_path: Path) -> None:
-    begun = begin_mission("hop", "first_flight", tmp_path)
-    plan = compile_mission(begun.mission, catalog=load_catalog()).plan
+    scaffold("hop", "first_flight", tmp_path)
+    plan = compile_mission(tmp_path / "hop.yaml", catalog=load_catalog()).plan
     assert plan is not None
     assert fly(plan, RunRequest(out=tmp_path / "run")).summary["outcome"] == "succeeded"
 
 
 def test_a_new_mission_brings_the_files_that_it_names(tmp_path: Path) -> None:
-    begun = begin_mission("mine", "trajectory", tmp_path)
+    written = scaffold("mine", "trajectory", tmp_path)
     brought = tmp_path / "trajectories" / "clover.csv"
-    assert begun.written == (brought, tmp_path / "mine.yaml", tmp_path / SCHEMA)
-    assert begin_mission("other", "trajectory", tmp_path).written == (tmp_path / "other.yaml",)
+    assert written == (brought, tmp_path / "mine.yaml", tmp_path / SCHEMA)
+    assert scaffold("other", "trajectory", tmp_path) == (tmp_path / "other.yaml",)
     brought.write_text("mine")
     with pytest.raises(KybflowError, match="is there already"):
-        begin_mission("third", "trajectory", tmp_path)
+        scaffold("third", "trajectory", tmp_path)
     assert not (tmp_path / "third.yaml").exists()
 
 
@@ -113,7 +114,7 @@ def test_new_overwrites_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 )
 def test_new_says_what_is_wrong(name: str, origin: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(KybflowError) as refused:
-        begin_mission(name, origin, tmp_path)
+        scaffold(name, origin, tmp_path)
     assert said in str(refused.value)
     assert list(tmp_path.iterdir()) == []
 

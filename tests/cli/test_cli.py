@@ -91,7 +91,10 @@ def test_schema_prints_writes_and_checks(tmp_path: Path) -> None:
 
 
 def test_the_plainest_call_loads_nothing_heavy() -> None:
-    heavy = "numpy", "mujoco", "rich", "transitions", "plotly", "pydantic", "foxglove", "asyncio"
+    heavy = (
+        "numpy", "mujoco", "rich", "transitions", "plotly", "jinja2", "pydantic", "foxglove",
+        "asyncio",
+    )  # fmt: skip
     code = (
         "import sys; from kybflow.cli.app import main\n"
         "sys.argv = ['kybflow', 'validate', sys.argv[1]]\n"

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import pytest
 from flights import down, up
 from plans import plan, vehicle, wrapped
-from rich.console import Console
 
-from kybflow.api.flight import Flown
-from kybflow.api.inspection import inspect
-from kybflow.api.running import _tell
-from kybflow.cli.commands.preflight import _look, table
-from kybflow.cli.live_table import sentence
+from kybflow.api.flight import Flown, inspect
+from kybflow.cli.commands.preflight import _inspect, table
+from kybflow.cli.printing.run import outcome, sentence
 from kybflow.core.details import detailed, details, headline
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Event
@@ -65,9 +61,7 @@ def told(factor: float | None, *, has_pace: bool, reason: str | None = None) -> 
         "mission": "m", "outcome": "failed" if reason else "succeeded", "reason": reason,
         "expectations": [], "sim_time_s": 3.0, "wall_time_s": 10.0, "real_time_factor": factor,
     }  # fmt: skip
-    out = io.StringIO()
-    _tell(Flown(Path("runs/x"), summary), Console(file=out), has_pace=has_pace)
-    return out.getvalue().splitlines()
+    return list(outcome(Flown(Path("runs/x"), summary), has_pace=has_pace))
 
 
 @pytest.mark.parametrize(
@@ -108,5 +102,5 @@ def test_the_preflight_of_a_missing_device_ends_as_its_run_does(run, capsys):
     assert found.driver_failed == "DriverError: system 1 was not heard for 10 s"
     assert [line.check for line in found.lines] == ["link"]
     flown, _ = run(own)
-    assert _look(plan(own), 0) == flown.exit_code == EXIT_CODES["driver_failed"]
+    assert _inspect(plan(own), 0) == flown.exit_code == EXIT_CODES["driver_failed"]
     assert "RED    a  link  DriverError: system 1 was not heard for 10 s" in capsys.readouterr().out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from kybflow.cli.colour import coloured
+from kybflow.cli.output import coloured
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.render import render, to_json
 from kybflow.dsl.diagnostics.spans import Span

@@ -96,8 +96,8 @@ def test_the_one_that_is_over_is_told_by_its_name(mission: Path, tmp_path: Path)
 
 
 def test_they_are_shown_by_their_names(mission: Path) -> None:
-    text = show_mission(mission, False, "replay", ()).text
-    assert text is not None
+    plan = compiled(mission)
+    text = show_mission(plan, {})
     assert "senses by  camera (fusion), camera (fusion.1)\n" in text
 
 

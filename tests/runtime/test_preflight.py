@@ -15,7 +15,7 @@ from alarming import alarming
 from flights import down, named, path, up
 from plans import part, plan, state, then, vehicle, wrapped
 
-from kybflow.api.inspection import inspect
+from kybflow.api.flight import inspect
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Battery, Estimate, Frame, Pose, Reaction

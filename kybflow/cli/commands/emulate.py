@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from kybflow.cli.arguments import INVALID, Seed, echo, examples
+from kybflow.cli.arguments import INVALID, Seed, examples
+from kybflow.cli.output import echo
 
 if TYPE_CHECKING:
     from kybflow.drivers.emulated_autopilot.breaking import Break
@@ -224,8 +225,8 @@ def _seats(mission: Path | None, airframe: str, count: int) -> list[Seat]:
 
 def _compiled(path: Path, mission: Path | None) -> list[Seat]:
     """The seats of a mission; ends with what is wrong with it."""
-    from kybflow.api.findings import findings
     from kybflow.api.opening import context_of
+    from kybflow.api.validation import findings
     from kybflow.dsl.compiler import compile_mission
     from kybflow.parts import Seat
     from kybflow.parts.catalog import load_catalog

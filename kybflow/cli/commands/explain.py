@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from kybflow.cli.arguments import INVALID, echo, examples, write
+from kybflow.cli.arguments import examples, published
+from kybflow.cli.output import echo
 
 EXAMPLES = examples(
     "kybflow explain",
@@ -23,16 +24,12 @@ def explain(
     ] = None,
     check: Annotated[Path | None, typer.Option(help="Fail unless this page is current.")] = None,
 ) -> None:
-    """What a finding means and how it is mended; without a code, all of them by family."""
+    """What a finding means and how to mend it; without a code, all of them by family."""
     from kybflow.dsl.diagnostics.codes import codes, list_codes, page, show_code, unknown_code
 
-    if write_to is not None:
-        write(write_to, page(), "--write")
-    elif check is not None:
-        if not check.is_file() or check.read_text(encoding="utf-8") != page():
-            echo(f"{check} is not current; mend it with: kybflow explain --write {check}", err=True)
-            raise typer.Exit(INVALID)
-    elif code is None:
+    if published(page, "kybflow explain", write_to, check):
+        return
+    if code is None:
         echo(list_codes())
     elif code.upper() in codes():
         echo(show_code(codes()[code.upper()]))

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from kybflow.cli.arguments import INVALID, Sets, Target, echo, examples, write
+from kybflow.cli.arguments import Sets, Target, compiled, examples, write
 
 EXAMPLES = examples(
     "kybflow graph missions/figure_eight.yaml",
@@ -17,27 +17,25 @@ EXAMPLES = examples(
 )
 
 
-class Drawing(StrEnum):
+class GraphFormat(StrEnum):
     MERMAID = "mermaid"
     SVG = "svg"
 
 
 def graph(
     mission: Annotated[Path, typer.Argument(help="The mission to draw.")],
-    format: Annotated[Drawing, typer.Option(help="How to draw it.")] = Drawing.MERMAID,
+    format: Annotated[GraphFormat, typer.Option(help="How to draw it.")] = GraphFormat.MERMAID,
     out: Annotated[Path | None, typer.Option(help="Write it to this file.")] = None,
     target: Target = None,
     sets: Sets = None,
 ) -> None:
     """Draw each vehicle's state machine, with flight types and conditions."""
-    from kybflow.cli.printing.drawing import draw_mission
+    from kybflow.dsl.graph.mermaid import mermaid
+    from kybflow.dsl.graph.svg import svg
 
-    drawn = draw_mission(mission, format.value, target, tuple(sets or ()))
-    for text in drawn.reports:
-        echo(text, err=True)
-    if drawn.text is None:
-        raise typer.Exit(INVALID)
+    plan, _ = compiled(mission, target, sets)
+    drawn = (svg if format is GraphFormat.SVG else mermaid)(plan)
     if out is None:
-        sys.stdout.write(drawn.text)
+        sys.stdout.write(drawn)
     else:
-        write(out, drawn.text, "--out")
+        write(out, drawn, "--out")

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from kybflow.cli.arguments import INVALID, echo, examples
+from kybflow.cli.arguments import INVALID, examples
+from kybflow.cli.output import echo
 from kybflow.core.errors import KybflowError
 
 EXAMPLES = examples(
@@ -28,14 +29,20 @@ def library(
 ) -> None:
     """What installed packages ship: airframes, vehicles, chains, stacks, worlds and missions. Of a
     file: what it offers, and what it imports."""
-    from kybflow.api.library import list_shipped, show_shipped, unknown_name
-    from kybflow.api.library_imports import is_file, show_file, show_import
+    from kybflow.cli.printing.library import (
+        list_shipped,
+        show_file,
+        show_import,
+        show_shipped,
+        unknown_name,
+    )
 
     if name is None:
         echo(list_shipped())
         return
     try:
-        text = show_file(Path(name)) if is_file(name) else show_shipped(name) or show_import(name)
+        is_file = Path(name).suffix in (".yaml", ".yml")
+        text = show_file(Path(name)) if is_file else show_shipped(name) or show_import(name)
     except KybflowError as error:
         echo(str(error), err=True)
         raise typer.Exit(INVALID) from None

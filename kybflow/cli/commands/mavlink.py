@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
-from kybflow.cli.arguments import echo, examples
+from kybflow.cli.arguments import examples
+from kybflow.cli.output import echo
 from kybflow.drivers import firmware_names
 
 if TYPE_CHECKING:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kybflow.cli.arguments import INVALID, RunOut, Seed, Sets, Target, console, echo, examples
+from kybflow.cli.arguments import RunOut, Seed, Sets, Target, compiled, examples
+from kybflow.cli.output import echo
 
 if TYPE_CHECKING:
     from kybflow.core.geometry import Vec3
+    from kybflow.dsl.plan import Plan
     from kybflow.sensors.vrpn.server import Server
 
 EXAMPLES = examples(
@@ -55,49 +56,25 @@ def mocap_server(
     places = dict(_place(text) for text in still or ())
     from kybflow.sensors.vrpn.server import Server
 
-    settings = tuple(sets or ())
-    if mission is not None:
-        _check(mission, target, settings)
+    plan = None if mission is None else compiled(mission, target, sets)[0]
     server = Server(host, port)
     try:
         echo(f"VRPN server on {host}:{server.port} (HOST:PORT or tcp://HOST:PORT); Ctrl-C ends it")
-        if mission is None:
+        if plan is None:
             _stand(places, server, seed)
         else:
-            raise typer.Exit(_fly(mission, server, target, settings, seed, out))
+            raise typer.Exit(_fly(plan, server, tuple(sets or ()), seed, out))
     finally:
         server.close()
 
 
-def _check(mission: Path, target: str | None, sets: tuple[str, ...]) -> None:
-    """End with what is wrong with the mission, before anything is said to listen."""
-    from kybflow.api.findings import findings
-    from kybflow.dsl.compiler import compile_mission
-    from kybflow.parts.catalog import load_catalog
-
-    result = compile_mission(mission, catalog=load_catalog(), target=target, sets=sets)
-    if result.plan is None:
-        for text in findings(result, mission):
-            echo(text, err=True)
-        raise typer.Exit(INVALID)
-
-
-def _fly(
-    mission: Path,
-    server: Server,
-    target: str | None,
-    sets: tuple[str, ...],
-    seed: int,
-    out: Path | None,
-) -> int:
+def _fly(plan: Plan, server: Server, sets: tuple[str, ...], seed: int, out: Path | None) -> int:
     from kybflow.api.flight import RunRequest
-    from kybflow.api.running import Asked, run_mission
+    from kybflow.cli.commands.run import fly_plan
     from kybflow.sensors.vrpn.publishing import published, to
 
     request = RunRequest(seed, out, 1.0, sets=sets)
-    asked = Asked(mission, target, request, live=False, plain=False, report=False)
-    screen, errors = (console(stream) for stream in (sys.stdout, sys.stderr))
-    return run_mission(asked, screen, errors, lambda plan: published(plan, to(server)))
+    return fly_plan(published(plan, to(server)), request, report=False)
 
 
 def _stand(places: dict[str, Vec3], server: Server, seed: int) -> None:

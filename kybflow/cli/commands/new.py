@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from kybflow.cli.arguments import INVALID, echo, examples
+from kybflow.cli.arguments import INVALID, examples
+from kybflow.cli.output import echo
 from kybflow.core.errors import KybflowError
 
 EXAMPLES = examples(
@@ -26,13 +27,13 @@ def new(
 
     The files that the mission names are written beside it,
     and the schema that editors complete from."""
-    from kybflow.api.beginning import begin_mission
+    from kybflow.api.scaffold import scaffold
 
     try:
-        begun = begin_mission(name, origin, Path())
+        written = scaffold(name, origin, Path())
     except KybflowError as error:
         echo(f"kybflow: {error}", err=True)
         raise typer.Exit(INVALID) from None
-    for path in begun.written:
+    for path in written:
         echo(f"wrote {path}")
-    echo(f"fly it: kybflow run {begun.mission}")
+    echo(f"fly it: kybflow run {name}.yaml")

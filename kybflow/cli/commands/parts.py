@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from kybflow.cli.arguments import INVALID, echo, examples, write
+from kybflow.cli.arguments import examples, published
+from kybflow.cli.output import echo
 
 EXAMPLES = examples(
     "kybflow parts",
@@ -25,17 +26,12 @@ def parts(
 ) -> None:
     """What behaviors, estimators, processors, trackers, supervisors, drivers, faults and actions
     there are."""
-    from kybflow.cli.printing.parts import list_parts, show_part, unknown_part
-    from kybflow.cli.printing.parts_page import page
+    from kybflow.cli.printing.parts import list_parts, page, show_part, unknown_part
     from kybflow.parts.catalog import load_catalog
 
-    if write_to is not None:
-        write(write_to, page(), "--write")
-    elif check is not None:
-        if not check.is_file() or check.read_text(encoding="utf-8") != page():
-            echo(f"{check} is not current; mend it with: kybflow parts --write {check}", err=True)
-            raise typer.Exit(INVALID)
-    elif name is None:
+    if published(page, "kybflow parts", write_to, check):
+        return
+    if name is None:
         echo(list_parts(load_catalog()))
     else:
         catalog = load_catalog()

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kybflow.cli.arguments import INVALID, Seed, Sets, Target, echo, examples
+from kybflow.cli.arguments import Seed, Sets, Target, compiled, examples
+from kybflow.cli.output import echo
 from kybflow.core.details import details, headline
 
 if TYPE_CHECKING:
@@ -37,20 +38,12 @@ def preflight(
     2: the mission is invalid.
     3: a driver or device failed.
     """
-    from kybflow.api.findings import findings
-    from kybflow.dsl.compiler import compile_mission
-    from kybflow.parts.catalog import load_catalog
-
-    result = compile_mission(mission, catalog=load_catalog(), target=target, sets=tuple(sets or ()))
-    for text in findings(result, mission):
-        echo(text, err=True)
-    if result.plan is None:
-        raise typer.Exit(INVALID)
-    raise typer.Exit(_look(result.plan, seed))
+    plan, _ = compiled(mission, target, sets)
+    raise typer.Exit(_inspect(plan, seed))
 
 
-def _look(plan: Plan, seed: int) -> int:
-    from kybflow.api.inspection import inspect
+def _inspect(plan: Plan, seed: int) -> int:
+    from kybflow.api.flight import inspect
     from kybflow.core.errors import DriverError, PartFailed
 
     try:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kybflow.cli.arguments import RunOut, Seed, Sets, Target, console, examples
-from kybflow.core.errors import UnitError
+from kybflow.cli.arguments import INVALID, RunOut, Seed, Sets, Target, compiled, examples
+from kybflow.cli.output import console
+from kybflow.core.errors import KybflowError, UnitError
 from kybflow.core.units import DURATION, parse_quantity
+
+if TYPE_CHECKING:
+    from kybflow.api.flight import RunRequest
+    from kybflow.dsl.plan import Plan
 
 EXAMPLES = examples(
     "kybflow run missions/figure_eight.yaml",
@@ -63,15 +69,58 @@ def run(
     130: interrupted.
     """
     from kybflow.api.flight import RunRequest
-    from kybflow.api.running import Asked, run_mission
 
     pace = 1.0 if live and speed is None else speed
     changes = tuple(_pair(option) for option in options or ())
     given = tuple(_timed(emit) for emit in emits or ())
+    plan, _ = compiled(mission, target, sets)
     request = RunRequest(seed, out, pace, changes, given, tuple(sets or ()))
-    asked = Asked(mission, target, request, live, plain, report)
+    raise typer.Exit(fly_plan(plan, request, live=live, plain=plain, report=report))
+
+
+def fly_plan(
+    plan: Plan, request: RunRequest, *, live: bool = False, plain: bool = False, report: bool = True
+) -> int:
+    """Fly a plan, show it and write its report; the exit code. live: in the drivers' own window.
+    plain: events as lines also on a terminal."""
+    from kybflow.api.flight import fly
+    from kybflow.cli.printing.run import LivePanel, PlainPanel, outcome
+    from kybflow.recording.outcome import EXIT_CODES
+
     screen, errors = (console(stream) for stream in (sys.stdout, sys.stderr))
-    raise typer.Exit(run_mission(asked, screen, errors))
+    try:
+        plan = _with_window(plan) if live else plan
+        panel = PlainPanel if plain or not screen.is_terminal else LivePanel
+        with panel(screen) as shown:
+            flown = fly(plan, request, (shown.hear,), (shown.look,))
+    except KybflowError as error:
+        errors.print(f"error: {error}", markup=False, soft_wrap=True)
+        return INVALID
+    for line in outcome(flown, has_pace=plan.simulated):
+        screen.print(line, markup=False, soft_wrap=True)
+    if report:
+        from kybflow.report.page import write_report  # after the flight: plotly takes its time
+
+        try:
+            page = write_report(flown.folder)
+        except KybflowError as error:
+            errors.print(f"error: {error}", markup=False, soft_wrap=True)
+            return flown.exit_code or EXIT_CODES["failed"]
+        screen.print(f"report: {page}", markup=False, soft_wrap=True)
+    return flown.exit_code
+
+
+def _with_window(plan: Plan) -> Plan:
+    """The plan with its drivers' own view switched on. Raises KybflowError where there is none."""
+    vehicles = []
+    for vehicle in plan.vehicles:
+        driver = vehicle.driver
+        if not hasattr(driver.params, "live"):
+            raise KybflowError(f"the driver `{driver.name}` has no view of its own for --live")
+        params = dataclasses.replace(driver.params, live=True)
+        driver = dataclasses.replace(driver, params=params)
+        vehicles.append(dataclasses.replace(vehicle, driver=driver))
+    return dataclasses.replace(plan, vehicles=tuple(vehicles))
 
 
 def _timed(emit: str) -> tuple[float, str]:

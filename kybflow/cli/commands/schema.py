@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from kybflow.cli.arguments import INVALID, echo, examples, write
+from kybflow.cli.arguments import examples, published
 
 EXAMPLES = examples(
     "kybflow schema > mission.schema.json",
@@ -26,11 +26,5 @@ def schema(
     from kybflow.parts.catalog import load_catalog
 
     text = schema_text(load_catalog())
-    if write_to is not None:
-        write(write_to, text, "--write")
-    elif check is not None:
-        if not check.is_file() or check.read_text(encoding="utf-8") != text:
-            echo(f"{check} is not current; mend it with: kybflow schema --write {check}", err=True)
-            raise typer.Exit(INVALID)
-    else:
+    if not published(lambda: text, "kybflow schema", write_to, check):
         sys.stdout.write(text)

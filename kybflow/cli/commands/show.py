@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from kybflow.cli.arguments import INVALID, Sets, Target, echo, examples
+from kybflow.cli.arguments import Sets, Target, compiled, examples
+from kybflow.cli.output import echo
 
 EXAMPLES = examples(
     "kybflow show missions/figure_eight.yaml",
@@ -27,9 +28,5 @@ def show(
     """What a mission does: its vehicles, states and parameters; or all of it, line by line."""
     from kybflow.cli.printing.mission import show_mission
 
-    shown = show_mission(mission, resolved, target, tuple(sets or ()))
-    for text in shown.reports:
-        echo(text, err=True)
-    if shown.text is None:
-        raise typer.Exit(INVALID)
-    echo(shown.text)
+    plan, found = compiled(mission, target, sets)
+    echo(plan.resolved.rstrip() if resolved else show_mission(plan, found.parameters))

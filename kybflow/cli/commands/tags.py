@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kybflow.cli.arguments import INVALID, echo, examples
+from kybflow.cli.arguments import compiled, examples
+from kybflow.cli.output import echo
 from kybflow.vision import WAY_OUT
 
 if TYPE_CHECKING:
@@ -100,25 +101,13 @@ def _asked(
             raise typer.BadParameter(
                 "a mission says its tags itself; leave out --ids, --size and --family"
             )
-        return _sorts(_tags_of(mission), mission)
+        plan, _ = compiled(mission)
+        return _sorts(plan.tags, mission)
     if ids is None or size is None:
         raise typer.BadParameter("say which tags: MISSION, or --ids and --size")
     family = family or "36h11"
     side = _size(size)
     return [(family, side, _numbers(ids, family))]
-
-
-def _tags_of(mission: Path) -> TagMap:
-    from kybflow.api.findings import findings
-    from kybflow.dsl.compiler import compile_mission
-    from kybflow.parts.catalog import load_catalog
-
-    result = compile_mission(mission, catalog=load_catalog())
-    for text in findings(result, mission):
-        echo(text, err=True)
-    if result.plan is None:
-        raise typer.Exit(INVALID)
-    return result.plan.tags
 
 
 def _sorts(tags: TagMap, mission: Path) -> list[tuple[str, float, list[int]]]:

@@ -8,11 +8,12 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kybflow.cli.arguments import INVALID, Sets, Target, echo, examples
+from kybflow.cli.arguments import INVALID, Sets, Target, examples
+from kybflow.cli.output import console, echo
 
 if TYPE_CHECKING:
     from kybflow.campaigns.cases import Case, Tried
@@ -79,19 +80,16 @@ def fly_tests(
 
 def _fly(cases: Sequence[Case], jobs: int, junit: Path | None, full: bool) -> int:
     """Fly them and tell what became of them; the exit code."""
-    from rich.console import Console
-
     from kybflow.campaigns.session import coverage_of, exit_code, run_cases
-    from kybflow.cli.output import Outlet
     from kybflow.cli.printing.test_results import Bar, show_table
 
-    console = Console(file=cast(IO[str], Outlet(sys.stdout)), emoji=False)
-    with Bar(console, len(cases)) as bar:
+    screen = console(sys.stdout)
+    with Bar(screen, len(cases)) as bar:
         tried = run_cases(cases, jobs, bar.done)
     coverage = coverage_of(tried)
-    show_table(console, tried, coverage)
+    show_table(screen, tried, coverage)
     if len(tried) < len(cases):
-        console.print(f"stopped after {len(tried)} of {len(cases)} flights", highlight=False)
+        screen.print(f"stopped after {len(tried)} of {len(cases)} flights", highlight=False)
     if junit is not None:
         _report(junit, tried)
     missed = full and any(one.missed for one in coverage.values())

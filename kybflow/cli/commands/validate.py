@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from kybflow.cli.arguments import INVALID, Sets, Target, echo, examples
+from kybflow.cli.arguments import INVALID, Sets, Target, examples
+from kybflow.cli.output import echo
 
 EXAMPLES = examples(
     "kybflow validate missions/figure_eight.yaml",

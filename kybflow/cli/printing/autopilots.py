@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from kybflow.cli.arguments import echo
+from kybflow.cli.output import echo
 
 if TYPE_CHECKING:
     from kybflow.core.signals import Time

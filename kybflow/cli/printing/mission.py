@@ -1,30 +1,45 @@
-"""`kybflow show`: a mission in a few lines, or whole after imports, parameters and defaults."""
+"""What `kybflow show` prints: a mission in a few lines."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
-from kybflow.api.findings import Answer, answer
-from kybflow.cli.printing.mission_sections import sections
+from kybflow.core.geometry import Vec3
 from kybflow.core.params import fields_of
-from kybflow.core.units import LENGTH, MASS, format_quantity
+from kybflow.core.units import DURATION, LENGTH, MASS, format_quantity
 from kybflow.dsl.document import Parameter
+from kybflow.dsl.expressions import describe
+from kybflow.dsl.expressions.describe import quantity
 from kybflow.dsl.graph.drawing import cause_of
-from kybflow.dsl.plan import PartPlan, Plan, StatePlan, VehiclePlan
+from kybflow.dsl.plan import (
+    ActionPlan,
+    Call,
+    CallbackPlan,
+    Emit,
+    Enable,
+    EnterPhase,
+    FaultPlan,
+    FlowPlan,
+    Log,
+    PartPlan,
+    PhasePlan,
+    Plan,
+    SetOption,
+    StatePlan,
+    Switch,
+    VehiclePlan,
+)
 from kybflow.dsl.reading.values import shown_value
 from kybflow.dsl.resolving.parameters import shown_parameter
 
 
-def show_mission(path: Path, resolved: bool, target: str | None, sets: tuple[str, ...]) -> Answer:
-    """The mission in `path` in a few lines, or all of it with the origin of each line."""
-    if resolved:
-        return answer(path, target, sets, lambda plan, _: plan.resolved.rstrip())
-    return answer(path, target, sets, lambda p, found: "\n".join(_summary(p, found.parameters)))
+def show_mission(plan: Plan, parameters: Mapping[str, Parameter]) -> str:
+    """A mission in a few lines: its parameters, its vehicles with their states, then the rest."""
+    return "\n".join(_lines(plan, parameters))
 
 
-def _summary(plan: Plan, parameters: Mapping[str, Parameter]) -> Iterator[str]:
+def _lines(plan: Plan, parameters: Mapping[str, Parameter]) -> Iterator[str]:
     yield f"{plan.mission}, on {plan.target}"
     if plan.summary:
         yield plan.summary
@@ -37,7 +52,7 @@ def _summary(plan: Plan, parameters: Mapping[str, Parameter]) -> Iterator[str]:
     for vehicle in plan.vehicles:
         yield ""
         yield from _vehicle(vehicle)
-    for heading, lines in sections(plan):
+    for heading, lines in _sections(plan):
         yield ""
         yield heading
         yield from (f"  {line}" for line in lines)
@@ -83,3 +98,99 @@ def _ways(state: StatePlan) -> str:
     """Its arrows, those that the language adds left out."""
     ways = [f"{cause_of(a)}: {a.target}" for a in state.transitions if not a.implied]
     return f" ({'; '.join(ways)})" if ways else ""
+
+
+def _sections(plan: Plan) -> Iterator[tuple[str, list[str]]]:
+    """Each section that the mission has: its heading and its lines."""
+    every = [
+        ("world", list(_world(plan))),
+        ("groups", [f"{name}: {', '.join(of)}" for name, of in plan.groups.items()]),
+        *((_flow_heading(flow), _flow(flow, plan.groups)) for flow in plan.flows),
+        ("callbacks", [_callback(callback) for callback in plan.callbacks]),
+        ("faults", [_fault(fault) for fault in plan.faults]),
+        ("expected", [expectation.text for expectation in plan.expectations]),
+    ]
+    return ((heading, lines) for heading, lines in every if lines)
+
+
+def _world(plan: Plan) -> Iterator[str]:
+    if plan.fence is not None:
+        yield f"fence from {_point(plan.fence.low)} to {_point(plan.fence.high)}"
+    for name, shape in plan.obstacles.items():
+        yield f"obstacle {name} ({type(shape).__name__.lower()})"
+    for name, point in plan.points.items():
+        yield f"point {name} at {_point(point)}"
+    for family in plan.tags.families:
+        sizes = sorted({tag.size for tag in plan.tags if tag.family == family})
+        count = sum(tag.family == family for tag in plan.tags)
+        across = ", ".join(f"{size * 100:.4g} cm" for size in sizes)
+        yield f"{count} tag{'s' if count > 1 else ''} of {family} ({across})"
+
+
+def _point(point: Vec3) -> str:
+    return f"[{', '.join(f'{value:.4g}' for value in point)}] m"
+
+
+def _flow_heading(flow: FlowPlan) -> str:
+    drives = ", ".join(flow.vehicles) or "what it is given"
+    return f"flow {flow.name} (drives {drives}; begins with {flow.begin})"
+
+
+def _flow(flow: FlowPlan, groups: dict[str, tuple[str, ...]]) -> list[str]:
+    width = max(map(len, flow.phases))
+    return [f"{name:<{width}}  {_phase(phase, groups)}" for name, phase in flow.phases.items()]
+
+
+def _phase(phase: PhasePlan, groups: dict[str, tuple[str, ...]]) -> str:
+    """What it asks for, and its arrows."""
+    states: dict[str, list[str]] = {}
+    for vehicle, state in phase.run.items():
+        states.setdefault(phase.chains.get(vehicle, state), []).append(vehicle)
+    names = {of: name for name, of in groups.items()}
+    asked = [f"{names.get(tuple(v), ', '.join(v))}: {state}" for state, v in states.items()]
+    asked += [f"give {vehicle} to {flow}" for vehicle, flow in phase.give.items()]
+    asked += [_action(option) for option in phase.set]
+    ways = "; ".join(f"{cause_of(arrow)}: {arrow.target}" for arrow in phase.transitions)
+    return "; ".join(asked) + (f" ({ways})" if ways else "")
+
+
+def _callback(callback: CallbackPlan) -> str:
+    """`d.battery_low, when elapsed > 3 s: stop`."""
+    whose = ", ".join(filter(None, callback.vehicles))
+    words = [f"{whose}.{callback.event}" if whose else callback.event]
+    words += [f"{name} {value}" for name, value in callback.fields]
+    if callback.when is not None:
+        words.append(f"when {describe(callback.when)}")
+    return f"{', '.join(words)}: {'; '.join(map(_action, callback.actions))}"
+
+
+def _action(action: ActionPlan) -> str:
+    match action:
+        case Switch(vehicle, state):
+            return f"switch {vehicle} to {state}"
+        case SetOption(option, value):
+            return f"set {option} to {f'{value:.4g}' if isinstance(value, float) else value}"
+        case Enable(vehicle, label, on):
+            return f"{'enable' if on else 'disable'} {label} of {vehicle}"
+        case Emit(name):
+            return f"emit {name}"
+        case EnterPhase(flow, phase):
+            return f"enter {phase} of {flow}"
+        case Log(text):
+            return f"log `{text}`"
+        case Call(part):
+            return f"call {part.name}"
+        case _:
+            return f"stop: {action.reason}"
+
+
+def _fault(fault: FaultPlan) -> str:
+    """`wind on mk, when behavior == square, for 3 s`."""
+    words = [f"{fault.part.name} on {fault.vehicle}"]
+    if fault.time is not None:
+        words.append(f"at {quantity(fault.time, DURATION)}")
+    if fault.when is not None:
+        words.append(f"when {describe(fault.when)}")
+    if fault.duration is not None:
+        words.append(f"for {quantity(fault.duration, DURATION)}")
+    return ", ".join(words)

@@ -1,13 +1,55 @@
-"""`kybflow parts`: what parts there are, and what one does."""
+"""What `kybflow parts` prints: all parts, one of them, or the page docs/parts.md."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from enum import Enum
+from typing import Any
 
-from kybflow.core.params import Field, type_of
+from kybflow.core.params import Field, fields_of, type_of
+from kybflow.core.signals import MeasurementKind, kind_name
 from kybflow.dsl.diagnostics.diagnostic import did_you_mean
 from kybflow.dsl.reading.values import bounds_of, shown_value
-from kybflow.parts.catalog import Catalog, PartSpec
+from kybflow.parts.catalog import Catalog, PartSpec, own_catalog
+from kybflow.world.vehicle_context import Airframe
+
+_INTRODUCTION = """\
+# Parts
+
+What a mission can name. `kybflow parts` lists the same, with the parts of packages that are
+installed beside kybflow; `kybflow parts NAME` says more of one: its equations, what it refuses.
+
+A number without a unit is SI; an angle always has one. `in flight` says how a parameter may change
+as an option while its vehicle flies: freely where nothing stands, in one direction where it keeps
+the vehicle safe, or never. What `ground → air` means: [the mission
+language](mission-language.md#behaviors-and-transitions).
+
+This page is made from the parts: `kybflow parts --write docs/parts.md`.
+"""
+_KINDS = {
+    "behaviors": "`do: NAME`: where the vehicle should be now.",
+    "estimators": "`estimators: [{use: NAME}]`: where the vehicle is ([Choose estimators]"
+    "(estimators.md)).",
+    "processors": "`processors: [{use: NAME}]`: what may bend the setpoint. A safety part can't be "
+    "switched off.",
+    "trackers": "`tracker: {use: NAME}`: the setpoint becomes a command.",
+    "supervisors": "`supervisors: [{use: NAME}]`: what watches a bound ([What happens when "
+    "something breaks](failsafe.md)).",
+    "drivers": "`targets: {lab: {all: {driver: {use: NAME}}}}`: how a vehicle is reached.",
+    "sensors": "`targets: {lab: {VEHICLE: {sensors: {ESTIMATOR: {use: NAME}}}}}`: where an "
+    "estimator's measurements come from, when the driver has none.",
+    "faults": "`faults: [{at: 5 s, on: VEHICLE, inject: NAME}]`: what breaks, in simulation only.",
+    "actions": "`on: [{event: ..., do: [{NAME: {...}}]}]`: what a callback does. The language's "
+    "own stand in [Callbacks](mission-language.md#callbacks); kybflow has no others, "
+    "[a package](your-own-parts.md#an-action) may.",
+}
+_AIRFRAMES = (
+    "`airframes: {NAME: {...}}`, in a mission or a library: what flies, as the controller believes "
+    "it. It is no part, and its keys are these, beside `like`."
+)
+_COLUMNS = ("parameter", "type", "default", "bounds", "in flight", "what it is")
+_NO_OPTIONS = ("drivers", "sensors", "faults", "actions")
+"""The kinds whose parameters stay what they are when a run begins."""
 
 
 def list_parts(catalog: Catalog) -> str:
@@ -55,3 +97,100 @@ def _part(spec: PartSpec) -> Iterator[str]:
 def _row(field: Field) -> tuple[str, str, str, str, str]:
     default = "needed" if field.required else shown_value(field.default, field)
     return field.name, type_of(field), default, bounds_of(field), field.help
+
+
+def page() -> str:
+    """`docs/parts.md`: kybflow's own parts. Those of installed packages are left out, so that the
+    page is the same on every machine."""
+    return "\n".join(_page()) + "\n"
+
+
+def _page() -> Iterator[str]:
+    catalog = own_catalog()
+    yield _INTRODUCTION
+    for kind in catalog.kinds():
+        names = ", ".join(f"`{name}`" for name in catalog.names(kind))
+        yield f"- [{kind.capitalize()}](#{kind}): {names or 'none'}"
+    yield "- [Airframes](#airframes)"
+    for kind in catalog.kinds():
+        yield f"\n## {kind.capitalize()}\n\n{_KINDS[kind]}"
+        for name in catalog.names(kind):
+            yield from _section(catalog.get(kind, name))
+    yield f"\n## Airframes\n\n{_AIRFRAMES}"
+    yield from _table(fields_of(Airframe), are_options=False)
+
+
+def _section(spec: PartSpec) -> Iterator[str]:
+    yield f"\n### {spec.name}\n\n{spec.summary}"
+    facts = "; ".join(_facts(spec))
+    if facts:
+        yield f"\n{facts[0].upper()}{facts[1:]}."
+    if not spec.fields:
+        yield "\nNo parameters."
+        return
+    yield from _table(spec.fields, spec.kind not in _NO_OPTIONS)
+
+
+def _table(fields: Iterable[Field], are_options: bool) -> Iterator[str]:
+    rows = [_COLUMNS, *map(_cells, fields)]
+    if not are_options:
+        rows = [row[:4] + row[5:] for row in rows]
+    head, *body = (f"| {' | '.join(row)} |" for row in rows)
+    yield f"\n{head}\n|{'---|' * len(rows[0])}"
+    yield from body
+
+
+def _cells(field: Field) -> tuple[str, ...]:
+    kind = type_of(field).replace("|", r"\|")
+    default = "needed" if field.required else shown_value(field.default, field)
+    return (f"`{field.name}`", kind, default, bounds_of(field), _in_flight(field), field.help)
+
+
+def _in_flight(field: Field) -> str:
+    if field.read_only or field.shape in ("path", "file", "file path", "integers"):
+        return "never"
+    if field.tightens is None:
+        return ""
+    if field.shape == "boolean":
+        return f"only to {'true' if field.tightens == 'up' else 'false'}"
+    return "only severer" if field.choices else f"only {field.tightens}"
+
+
+def _facts(spec: PartSpec) -> Iterator[str]:
+    """What the class declares beside its parameters."""
+    cls: Any = spec.cls
+    if spec.kind == "behaviors":
+        yield ", ".join(f"{leg.start.value} → {leg.end.value}" for leg in cls.flight)
+        yield f"gives {_values([cls.emits])}"
+        yield from ([] if cls.needs_estimate else ["needs no estimate"])
+    elif spec.kind == "processors":
+        yield from (["a safety part"] if cls.safety else [])
+        yield f"takes {_values(cls.accepts)}"
+    elif spec.kind == "trackers":
+        yield f"takes {_values(cls.accepts)}"
+        yield f"gives {_values(cls.kinds(spec.params()))}"
+    elif spec.kind == "supervisors":
+        yield "in every vehicle" if cls.always else "in the vehicles that name it"
+        yield from (f"its reaction is `{f.default}`" for f in spec.fields if f.name == "reaction")
+    elif spec.kind == "drivers":
+        yield "simulated" if cls.simulated else "hardware"
+        yield f"takes {_values(cls.accepts)}"
+        yield f"provides {_kinds(cls.provides)}"
+    elif spec.kind == "sensors":
+        yield from (["in a simulation only"] if cls.simulated else [])
+        yield f"provides {_kinds(cls.provides)}"
+    if getattr(cls, "needs", ()):
+        yield f"uses {_kinds(cls.needs)}"
+    if cls.events:
+        yield f"tells {', '.join(f'`{name}`' for name in cls.events)}"
+
+
+def _kinds(kinds: Iterable[MeasurementKind]) -> str:
+    return ", ".join(sorted(map(kind_name, kinds)))
+
+
+def _values(members: Iterable[Enum]) -> str:
+    """The members' values, in the order of their declaration."""
+    kept = set(members)
+    found = [member for kind in {type(m): None for m in kept} for member in kind if member in kept]
+    return ", ".join(str(member.value).replace("_", " and ") for member in found)

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from kybflow.cli.app import app
-from kybflow.cli.printing.parts_page import page
+from kybflow.cli.printing.parts import page
 from kybflow.core.params import fields_of
 from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.expressions.tree import Function

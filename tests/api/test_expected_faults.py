@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from recorded_run import make_plan
 
-from kybflow.api.expected_faults import foreseen_faults
+from kybflow.api.flight import expected_faults
 from kybflow.dsl.expressions import (
     And,
     Compare,
@@ -43,7 +43,7 @@ SICK, WELL = InState("sick", "fault"), InState("well", "landed")
     ],
 )
 def test_who_may_end_in_fault(expression: Expression, expected: set[str]) -> None:
-    assert foreseen_faults([ExpectationPlan("as written", expression, "m.yaml:9")]) == expected
+    assert expected_faults([ExpectationPlan("as written", expression, "m.yaml:9")]) == expected
 
 
 @pytest.mark.parametrize(
@@ -53,4 +53,4 @@ def test_who_may_end_in_fault(expression: Expression, expected: set[str]) -> Non
 def test_the_outcome_of_an_ending_in_fault(foreseen: tuple[str, ...], outcome: object) -> None:
     score = Score(make_plan("mk"))
     score.vehicle("mk").entered("fault", "wait_on_ground", 1.0)
-    assert decide(score, [], Ending(foreseen=foreseen)) == outcome
+    assert decide(score, [], Ending(expected_faults=foreseen)) == outcome

@@ -1,11 +1,10 @@
-"""`kybflow new`: a mission of one's own, begun from one that an installed package ships."""
+"""`kybflow new`: a mission of one's own, copied from one that an installed package ships."""
 
 from __future__ import annotations
 
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,14 +23,6 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,59}\Z", re.ASCII)
 _LINE = f"# yaml-language-server: $schema={SCHEMA}\n"
 
 
-@dataclass(frozen=True, slots=True)
-class Begun:
-    """What was written, in this order: the files that the mission names, itself, the schema."""
-
-    mission: Path
-    written: tuple[Path, ...]
-
-
 class _Change(NamedTuple):
     """A piece of one line and what takes its place."""
 
@@ -39,15 +30,15 @@ class _Change(NamedTuple):
     text: str
 
 
-def begin_mission(name: str, origin: str, folder: Path) -> Begun:
-    """Write the mission `name` into `folder`, from the shipped one called `origin`, and the schema
-    for editors where there is none; files that it names come along. Raises KybflowError, and
-    overwrites nothing."""
+def scaffold(name: str, origin: str, folder: Path) -> tuple[Path, ...]:
+    """Write the mission `name` into `folder`, from the shipped one called `origin`, with the files
+    that it names, and the schema for editors where there is none; the files written, in the order
+    attached files, mission, schema. Raises KybflowError, and overwrites nothing."""
     if not _NAME.match(name):
         raise KybflowError(f"`{name}` can't be the name of a mission: letters, digits and `_`")
     one, path, schema = _shipped(origin), folder / f"{name}.yaml", folder / SCHEMA
-    texts = {folder / file: one.path.parent / file for file in _attached(one)}
-    wanted = {target: source.read_text(encoding="utf-8") for target, source in texts.items()}
+    sources = {folder / file: one.path.parent / file for file in _attached(one)}
+    wanted = {target: source.read_text(encoding="utf-8") for target, source in sources.items()}
     wanted = {file: text for file, text in wanted.items() if not _holds(file, text)}
     wanted[path] = _rewritten(one, name)
     if not schema.exists():
@@ -57,7 +48,7 @@ def begin_mission(name: str, origin: str, folder: Path) -> Begun:
         raise KybflowError(f"`{taken}` is there already; nothing was written")
     for file, text in wanted.items():
         _write(file, text)
-    return Begun(path, tuple(wanted))
+    return tuple(wanted)
 
 
 def _attached(one: Shipped) -> Iterator[str]:

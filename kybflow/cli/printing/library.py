@@ -1,0 +1,132 @@
+"""What `kybflow library` prints: of what packages ship, of a file, and of a name."""
+
+from __future__ import annotations
+
+import itertools
+import textwrap
+from collections.abc import Iterator
+from itertools import takewhile
+from pathlib import Path
+
+from kybflow.api.library import (
+    OWN,
+    Shipped,
+    imports_of,
+    libraries,
+    missions,
+    read_file,
+    text_of,
+)
+from kybflow.core.errors import KybflowError
+from kybflow.dsl.diagnostics.diagnostic import did_you_mean
+from kybflow.dsl.diagnostics.render import render
+from kybflow.dsl.reading.nodes import Entry, Mapping, Node, entries_of
+
+_MOST_FILES = 200
+"""Files of a folder that are looked at."""
+
+
+def list_shipped() -> str:
+    """Every library with what it offers, then every mission."""
+    blocks = ["\n".join(_contents(one)) for one in libraries()]
+    shipped = missions()
+    width = max((len(one.name) for one in shipped), default=0)
+    rows = [f"  {one.name:<{width}}  {one.summary}".rstrip() for one in shipped]
+    return "\n\n".join([*blocks, "\n".join(["missions, for `kybflow new NAME --from`", *rows])])
+
+
+def _contents(one: Shipped) -> Iterator[str]:
+    """The name of a file and what it offers, a line each."""
+    yield f"{one.name}  {one.summary}".rstrip()
+    by_section: dict[str, list[str]] = {}
+    for section, name, entry in one.entries():
+        by_section.setdefault(section, []).append(f"{name}{_signature(entry.value)}")
+    if one.root and one.root.get("parameters") is not None:
+        by_section["with"] = [_signature(one.root)[1:-1]]
+    for section, names in by_section.items():
+        yield f"  {section:<9}  {', '.join(names)}"
+
+
+def _signature(node: Node) -> str:
+    """The parameters of a chain or a library in brackets, with their defaults; nothing where it has
+    none."""
+    parameters = entries_of(node.get("parameters")) if isinstance(node, Mapping) else {}
+    shown = []
+    for name, entry in parameters.items():
+        body = entry.value if isinstance(entry.value, Mapping) else None
+        default = text_of(body.get("default")) if body else ""
+        shown.append(f"{name} = {default}" if default else name)
+    return f"({', '.join(shown)})" if shown else ""
+
+
+def show_shipped(name: str) -> str | None:
+    """The text of the file called `name`, or of every entry of that name; None when there is
+    none."""
+    for one in (*libraries(), *missions()):
+        if name in (one.name, one.name.removeprefix(f"{OWN}/")):
+            return f"# {one.path}\n{one.source.text}".rstrip()
+    found = [
+        _entry_text(one, section, entry)
+        for one in libraries()
+        for section, own, entry in one.entries()
+        if name in (own, f"{one.name}.{own}")
+    ]
+    return "\n\n".join(found) or None
+
+
+def _entry_text(one: Shipped, section: str, entry: Entry) -> str:
+    """The lines of an entry; a block of YAML ends before what is indented as its key is."""
+    key = entry.key.span
+    first, *rest = one.source.text.split("\n")[key.line - 1 : entry.value.span.end_line]
+    inside = list(takewhile(lambda line: line[: key.column].isspace() or not line, rest))
+    text = textwrap.dedent("\n".join([first, *inside])).rstrip()
+    return f"# {section[:-1]} of {one.name}\n{text}"
+
+
+def unknown_name(name: str) -> str:
+    """The message for a name that nothing has."""
+    known = [one.name for one in (*libraries(), *missions())]
+    known += [own for one in libraries() for _, own, _ in one.entries()]
+    return f"nothing at hand is called `{name}`; {did_you_mean(name, known)}"
+
+
+def show_file(path: Path) -> str:
+    """What the file at `path` offers, and what each of its imports does. Raises KybflowError for
+    one that can't be read."""
+    one = read_file(str(path), path)
+    if one.root is None:
+        first = next(iter(one.source.found), None)
+        texts = {one.source.file: one.source.text}
+        raise KybflowError(render(first, texts) if first else f"`{path}` is no mission or library")
+    blocks = ["\n".join(_contents(one))]
+    for own in imports_of(one):
+        heading = f"import {own.name}, {own.written}"
+        if own.library is None:
+            blocks.append(f"{heading}: no such library")
+            continue
+        _, *lines = _contents(own.library)
+        blocks.append("\n".join([f"{heading}  {own.library.summary}".rstrip(), *lines]))
+    return "\n\n".join(blocks)
+
+
+def show_import(name: str) -> str | None:
+    """What the library has that a mission here, or else one that is shipped, imports as `name`; or
+    one entry of it, `name.ENTRY`. None where no mission imports anything by that name."""
+    alias, _, inner = name.partition(".")
+    for mission in (*_here(), *missions()):
+        library = next((i.library for i in imports_of(mission) if i.name == alias), None)
+        if library is None:
+            continue
+        if not inner:
+            what = f"# `{alias}` in {mission.path.name}"
+            return "\n".join([what, *_contents(library)])
+        found = [_entry_text(library, s, e) for s, own, e in library.entries() if own == inner]
+        if found:
+            return "\n\n".join(found)
+    return None
+
+
+def _here() -> Iterator[Shipped]:
+    """The YAML files of the present folder."""
+    for path in sorted(itertools.islice(Path().glob("*.yaml"), _MOST_FILES)):
+        yield read_file(str(path), path)
