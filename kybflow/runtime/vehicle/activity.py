@@ -22,9 +22,6 @@ from kybflow.runtime.scores import VehicleScore
 _SAFE = frozenset({"brake", "landed"})
 """Where a vehicle goes when nothing else will start."""
 
-Situation = Callable[[], Entry]
-"""Gives what a behavior is entered with, when one is entered."""
-
 
 class Activity:
     """`flight` is GROUND, AIR, or MOVING while a take-off or a landing is under way or was left.
@@ -49,9 +46,10 @@ class Activity:
         params: dict[str, Any],
         events: Events,
         score: VehicleScore,
+        entry: Callable[[], Entry],
         objection: Callable[[], str | None],
     ) -> None:
-        self.plan, self.flight = plan, GROUND
+        self.plan, self.flight, self.entry = plan, GROUND, entry
         self.entered: Time = 0
         self.begun = self.changed = False
         self._params, self._events, self._score = params, events, score
@@ -68,11 +66,8 @@ class Activity:
         self._blend: SetpointBlend | None = None
         self._resumes = False
 
-    def begin(
-        self, conditions: Callable[[Expression], Callable[[], bool]], situation: Situation
-    ) -> None:
+    def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
         """Enter the first state."""
-        self._situation = situation
         self.machine = VehicleMachine(
             self.plan,
             conditions,
@@ -96,17 +91,17 @@ class Activity:
     def stays_in_air(self) -> bool:
         return self.leg.start is AIR and self.leg.end is AIR
 
-    def step(self, tick: Tick, latched: bool, situation: Situation) -> None:
+    def step(self, tick: Tick, latched: bool) -> None:
         """Take the transition that is due in this tick, if one is. A latched vehicle that has
         landed rests in `fault`."""
         heard = self._events.heard(self.plan.name)
         self.machine.step(tick.elapsed, heard, self._outcome, tick.dt, latched)
 
-    def go(self, goal: str, situation: Situation) -> None:
+    def go(self, goal: str) -> None:
         """Enter a built-in state at once, whatever the mission's transitions say."""
         self.machine.failsafe(goal)
 
-    def switch(self, goal: str, at: str, situation: Situation) -> None:
+    def switch(self, goal: str, at: str) -> None:
         """Enter a state that somebody asked for. Raises Refused, and nothing has changed, when its
         behavior refuses to start; PartFailed when that raises anything else."""
         try:
@@ -114,12 +109,12 @@ class Activity:
         finally:
             self._started = None
 
-    def freeze(self, holder: Holder, situation: Situation) -> None:
+    def freeze(self, holder: Holder) -> None:
         """Come to rest and hold, for this holder too, until it and all others let go."""
         if self.hold is not None and self.hold.lasts:
             self.hold.holders.add(holder)
             return
-        self.hold = Hold(holder, situation(), self._wanted, not self.airborne)
+        self.hold = Hold(holder, self.entry(), self._wanted, not self.airborne)
 
     def wait(self, dt: float) -> None:
         """A tick in which the timers of the present state stand still."""
@@ -171,18 +166,18 @@ class Activity:
             self._end(estimate)
         return landed
 
-    def refuse(self, reason: str, situation: Situation) -> None:
+    def refuse(self, reason: str) -> None:
         """The vehicle would not arm: it stays on the ground, and its behavior never began."""
         self.flight = GROUND
         self.fail(reason)
         self._refused = frozenset()
         self.machine.refuse({self.state.name})
 
-    def thaw(self, holder: Holder, situation: Situation) -> None:
+    def thaw(self, holder: Holder) -> None:
         """A holder that moved the vehicle lets go of it: what was frozen begins where it is now."""
         before = self.hold
         if before is not None:
-            entry = situation()
+            entry = self.entry()
             self.hold = Hold(holder, entry, before.wanted, not self.airborne)
             self.hold.holders |= before.holders
             self.hold.leave(holder, entry.now)
@@ -204,7 +199,7 @@ class Activity:
     def _enter(self, name: str) -> None:
         """Build the behavior of the state that the machine has entered. One that refuses to start
         has failed."""
-        state, entry = self.plan.states[name], self._situation()
+        state, entry = self.plan.states[name], self.entry()
         self.entered, self.changed = entry.now, True
         self._score.entered(name, state.behavior.name, entry.now / NS)
         self._tell("behavior_started", state.at, part=state.behavior.name)
@@ -241,7 +236,7 @@ class Activity:
         """Build the behavior of a state that was asked for, before the present one is left."""
         state = self.plan.states[name]
         try:
-            self._started = self._built(state, self._situation())
+            self._started = self._built(state, self.entry())
         except Refused:
             raise
         except Exception as error:

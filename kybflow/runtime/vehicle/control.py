@@ -42,12 +42,11 @@ class Control:
         reactions: Reactions,
         output: CommandOutput,
         events: Events,
-        entry: Callable[[], Any],
     ) -> None:
         self.followed: Setpoint | None = None
         self._plan, self._context, self._params = plan, context, params
         self._activity, self._reactions, self._output = activity, reactions, output
-        self._events, self._entry = events, entry
+        self._events = events
         self._tracker_label = plan.tracker.label
         self._raised = ""
         self.renew()
@@ -134,7 +133,7 @@ class Control:
         except Refused as refusal:
             at, reason = plan.driver.at, str(refusal)
             self._events.tell("land_mode_refused", plan.name, at, reason=reason)
-            activity.go(activity.machine.state, self._entry)
+            activity.go(activity.machine.state)
             return None
         return (RESTING if landed else HANDED_OVER), None
 

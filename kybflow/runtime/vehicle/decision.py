@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from kybflow.core.signals import Tick, Time
-from kybflow.parts import AIR, GROUND, Entry
+from kybflow.parts import AIR, GROUND
 from kybflow.runtime.safety.failsafe import Failsafe
 from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.control import Control
@@ -27,11 +25,10 @@ class Decision:
         control: Control,
         output: CommandOutput,
         knowledge: Knowledge,
-        entry: Callable[[], Entry],
     ) -> None:
         self._activity, self._failsafe, self._reactions = activity, failsafe, reactions
         self._requests, self._control, self._output = requests, control, output
-        self._knowledge, self._entry = knowledge, entry
+        self._knowledge = knowledge
 
     def decide(self, tick: Tick) -> Tick:
         """Decide; return the tick as the active behavior sees it."""
@@ -48,7 +45,7 @@ class Decision:
         if activity.hold is not None:
             self._reactions.hold_on(tick.now)
         elif not activity.changed:
-            activity.step(tick, self._failsafe.latched is not None, self._entry)
+            activity.step(tick, self._failsafe.latched is not None)
         return self.settle(tick) if activity.changed else tick
 
     def answer(self, now: Time) -> None:

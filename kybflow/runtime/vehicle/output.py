@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import Command, Grip, Time
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.parts import Entry
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.link import LinkOut
@@ -31,12 +28,11 @@ class CommandOutput:
         payload: PayloadTracker,
         resting: RestingBias,
         events: Events,
-        entry: Callable[[], Entry],
     ) -> None:
         self.sent = RESTING
         self.arming: Command | None = None
         self._name, self._link, self._activity, self._events = plan.name, link, activity, events
-        self._payload, self._resting, self._entry = payload, resting, entry
+        self._payload, self._resting = payload, resting
 
     def deliver(self, command: Command, now: Time) -> Command:
         """Hand the command of a tick to the link; return what was sent. A vehicle on the ground
@@ -74,7 +70,7 @@ class CommandOutput:
         except Refused as refusal:
             activity, reason = self._activity, str(refusal)
             self._events.tell("arming_refused", self._name, activity.state.at, reason=reason)
-            activity.refuse(reason, self._entry)
+            activity.refuse(reason)
             return False
         self.arming = command
         return False

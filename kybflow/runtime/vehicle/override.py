@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from kybflow.core.signals import Alarm, Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.parts import GROUND, Entry, Override
+from kybflow.parts import GROUND, Override
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
@@ -34,12 +34,11 @@ class ManualOverride:
         control: Control,
         events: Events,
         score: VehicleScore,
-        entry: Callable[[], Entry],
     ) -> None:
         self.away = False
         self._plan, self._link, self._activity, self._failsafe = plan, link, activity, failsafe
         self._reactions, self._control = reactions, control
-        self._events, self._score, self._entry = events, score, entry
+        self._events, self._score = events, score
         self._landed_for: Override | None = None
         self._lost: Override | None = None
         self._refused = ""
@@ -82,7 +81,7 @@ class ManualOverride:
             self.away, self._control.followed = True, None
             self._tell("control_taken", reason=override.reason)
             self._failsafe.unbrake()
-            activity.freeze("pilot", self._entry)
+            activity.freeze("pilot")
         if override.refused and override.refused != self._refused:
             self._tell("control_refused", reason=override.refused)
         self._refused = override.refused
@@ -93,7 +92,7 @@ class ManualOverride:
             self.away = False
             self._score.failure(override.reason)
             activity.flight = GROUND
-            activity.go("landed", self._entry)
+            activity.go("landed")
 
     def _bring_down(self, override: Override, now: Time) -> None:
         """Land a vehicle that follows no commands by its own land mode, which is asked for once
@@ -109,7 +108,7 @@ class ManualOverride:
         """Go on with what was frozen, from where the vehicle is now."""
         if self.away:
             self.away = False
-            self._activity.thaw("pilot", self._entry)
+            self._activity.thaw("pilot")
 
     def _tell(self, event: str, **fields: str) -> None:
         self._events.tell(event, self._plan.name, self._plan.driver.at, **fields)

@@ -3,12 +3,10 @@ hold or the vehicle's own land mode."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from kybflow.core.errors import PartFailed
 from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.parts import GROUND, Entry
+from kybflow.parts import GROUND
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import STATES, Failsafe, RaisedAlarm
 from kybflow.runtime.safety.land_mode import LandMode
@@ -22,8 +20,6 @@ _FALL = 2 * NS
 
 
 class Reactions:
-    """`entry` gives what a behavior is entered with."""
-
     def __init__(
         self,
         plan: VehiclePlan,
@@ -33,10 +29,9 @@ class Reactions:
         output: CommandOutput,
         events: Events,
         score: VehicleScore,
-        entry: Callable[[], Entry],
     ) -> None:
         self._plan, self._activity, self._failsafe = plan, activity, failsafe
-        self._link, self._output, self._entry = link, output, entry
+        self._link, self._output = link, output
         self._events, self._score = events, score
         self._cut: Time | None = None
 
@@ -57,14 +52,14 @@ class Reactions:
         if reaction is None:
             return False
         if reaction is Reaction.BRAKE:
-            activity.freeze("brake", self._entry)
+            activity.freeze("brake")
             return True
         if not airborne:
             activity.flight = GROUND  # rotors at rest: it has not left the ground
         elif reaction is Reaction.CUT:
             activity.flight, self._cut = GROUND, tick.now
             self._link.cut(tick.now)
-        activity.go(STATES[reaction] if airborne else "fault", self._entry)
+        activity.go(STATES[reaction] if airborne else "fault")
         if airborne and self._link.lands_itself(reaction):
             self.land_itself(tick.now)
         return True
@@ -94,7 +89,7 @@ class Reactions:
 
     def land_itself(self, now: Time) -> None:
         """Land by the vehicle's own land mode in place of the state that was entered."""
-        entry = self._entry()
+        entry = self._activity.entry()
         height = _height(entry.estimate, entry.context.start[2])
         self._activity.land_mode = LandMode(self._link.land, now, height)
         self._events.tell("land_mode_started", self._plan.name, self._plan.driver.at)
@@ -110,7 +105,7 @@ class Reactions:
         if hold.lasts and self._activity.airborne and now - hold.since >= limit * NS:
             self._score.failure(f"held for {limit:g} s")
             failsafe.unbrake()
-            self._activity.go("auto_land", self._entry)
+            self._activity.go("auto_land")
 
 
 def _height(estimate: Estimate | None, ground: float) -> float:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from kybflow.core.errors import Refused
 from kybflow.core.signals import Reaction, Time
 from kybflow.dsl.plan import StatePlan, VehiclePlan
-from kybflow.parts import GROUND, Entry
+from kybflow.parts import GROUND
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import Failsafe
 from kybflow.runtime.vehicle.activity import Activity, unfit
@@ -60,7 +60,6 @@ class Requests:
         reactions: Reactions,
         override: ManualOverride,
         events: Events,
-        entry: Callable[[], Entry],
     ) -> None:
         self.waiting = False
         self.off: set[str] = set()
@@ -69,7 +68,6 @@ class Requests:
         self._orders: list[Callable[[Time], None]] = []
         self._plan, self._activity, self._failsafe = plan, activity, failsafe
         self._reactions, self._override, self._events = reactions, override, events
-        self._entry = entry
 
     def switch(self, state: str, by: Requester, at: str = "") -> None:
         """Ask the vehicle to enter one of its states."""
@@ -98,7 +96,7 @@ class Requests:
         activity = self._activity
         if self._failsafe.latched is None and activity.machine.state not in _STAYS:
             self._failsafe.unbrake()
-            activity.go("auto_land" if activity.airborne else "landed", self._entry)
+            activity.go("auto_land" if activity.airborne else "landed")
 
     @property
     def paused(self) -> bool:
@@ -138,7 +136,7 @@ class Requests:
             return "it is in `fault`, until a person resets it"
         if latched is not None and _SAFER.get(request.state, Reaction.WARN) <= latched:
             return f"the failsafe has it (`{latched.name.lower()}`)"
-        entry = self._entry()
+        entry = self._activity.entry()
         held = None if _comes_down(state) else self._held(request)
         return held or unfit(state, entry.flight, entry.estimate is not None)
 
@@ -155,7 +153,7 @@ class Requests:
     def _granted(self, request: SwitchRequest) -> str | None:
         """Switch; return why the behavior refused to start, None when it did not."""
         try:
-            self._activity.switch(request.state, request.at, self._entry)
+            self._activity.switch(request.state, request.at)
         except Refused as refusal:
             return str(refusal)
         self._failsafe.unbrake()
@@ -173,7 +171,7 @@ class Requests:
             has = "it is in `fault`" if latched is None else f"the failsafe has it ({latched.name})"
             self._tell("pause_refused", at, by=by, reason=has.lower())
         elif not self.paused:
-            self._activity.freeze("pause", self._entry)
+            self._activity.freeze("pause")
             self._tell("paused", at, by=by)
 
     def _resume(self, by: str, at: str, now: Time) -> None:
@@ -207,7 +205,7 @@ class Requests:
         self._failsafe.reset()
         self._activity.stands = None
         if self._activity.machine.state == "fault":
-            self._activity.go("landed", self._entry)
+            self._activity.go("landed")
         self._tell("reset", at, by=by)
 
     def _tell(self, event: str, at: str, **fields: str) -> None:

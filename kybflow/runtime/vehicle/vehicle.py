@@ -79,19 +79,18 @@ class Vehicle:
         knowledge = Knowledge(
             plan, context, link_in, events, observer, score, failsafe.report, sensors, bodies, fleet
         )
-        activity = Activity(plan, params, events, score, self._objection)
-        entry = self.entry
+        activity = Activity(plan, params, events, score, self.entry, self._objection)
         output = CommandOutput(
-            plan, link_out, activity, knowledge.payload, knowledge.resting, events, entry
+            plan, link_out, activity, knowledge.payload, knowledge.resting, events
         )
-        reactions = Reactions(plan, activity, failsafe, link_out, output, events, score, entry)
-        control = Control(plan, context, params, activity, reactions, output, events, entry)
+        reactions = Reactions(plan, activity, failsafe, link_out, output, events, score)
+        control = Control(plan, context, params, activity, reactions, output, events)
         override = ManualOverride(
-            plan, link_out, activity, failsafe, reactions, control, events, score, entry
+            plan, link_out, activity, failsafe, reactions, control, events, score
         )
-        self.requests = Requests(plan, activity, failsafe, reactions, override, events, entry)
+        self.requests = Requests(plan, activity, failsafe, reactions, override, events)
         self._decision = Decision(
-            activity, failsafe, reactions, self.requests, control, output, knowledge, entry
+            activity, failsafe, reactions, self.requests, control, output, knowledge
         )
         self.knowledge, self.activity, self.failsafe = knowledge, activity, failsafe
         self.link, self._link = link_out, link
@@ -158,7 +157,7 @@ class Vehicle:
     def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
         """Enter the first state."""
         try:
-            self.activity.begin(conditions, self.entry)
+            self.activity.begin(conditions)
         except Exception as error:  # see _commanded
             self._reactions.failed(*self._control.blame(error), self._standing())
 
