@@ -79,14 +79,13 @@ class _Facts:
     start just now.
     """
 
-    __slots__ = ("chains", "elapsed", "heard", "latched", "outcome", "refused")
+    __slots__ = ("chains", "elapsed", "heard", "outcome", "refused")
 
     def __init__(self) -> None:
         self.elapsed = 0.0
         self.chains: dict[str, float] = {}
         self.heard: AbstractSet[str] = _NOTHING
         self.outcome: Outcome = "running"
-        self.latched = False
         self.refused: AbstractSet[str] = _NOTHING
 
 
@@ -168,14 +167,12 @@ class StateMachine:
         heard: AbstractSet[str],
         outcome: Outcome,
         dt: float,
-        latched: bool = False,
     ) -> None:
         """Take the first transition that is due: `next` from the top, then the behavior's end, then
         `within`.
 
         Called once a tick: `elapsed` seconds in the state, the events `heard` since the last tick,
-        how the behavior stands, and `dt` seconds since the last call. A vehicle that its failsafe
-        has `latched` enters `fault` in place of `landed`.
+        how the behavior stands, and `dt` seconds since the last call.
         """
         facts = self._facts
         facts.elapsed, facts.heard, facts.outcome = elapsed, heard, outcome
@@ -183,7 +180,7 @@ class StateMachine:
             timer.count(dt)
         for guard in self._guards_while_running if outcome == "running" else self._guards:
             if guard():
-                facts.latched, facts.refused = latched, _NOTHING
+                facts.refused = _NOTHING
                 self._pull("step")
                 return
 
@@ -263,7 +260,8 @@ class VehicleMachine(StateMachine):
 
     `starts` builds the behavior of a state that is asked for before anything is left; what it
     raises leaves all as it was. `airborne` decides between `brake` and `landed` for a vehicle whose
-    behavior would not start and whose state has no other way out.
+    behavior would not start and whose state has no other way out. While its failsafe has `latched`
+    it enters `fault` in place of `landed` when it steps.
     """
 
     def __init__(
@@ -274,6 +272,7 @@ class VehicleMachine(StateMachine):
         on_exit: Callable[[Exit], None],
         starts: Callable[[str], bool],
         airborne: Callable[[], bool],
+        latched: Callable[[], bool],
     ) -> None:
         states = vehicle.states
         super().__init__(_START, states, on_enter, on_exit)
@@ -282,7 +281,9 @@ class VehicleMachine(StateMachine):
             for transition, guard in self._guarded(state.name, state.transitions, conditions):
                 target, may_enter = transition.target, partial(self._may_enter, transition.target)
                 if target == "landed":
-                    self._declare(state.name, "fault", transition, guard, self._is_latched)
+                    self._declare(
+                        state.name, "fault", transition, guard, latched, self._has_started
+                    )
                 self._declare(state.name, target, transition, guard, may_enter)
         self._declare_from(states, "step", "brake", self._has_refused, airborne)
         self._declare_from(states, "step", "landed", self._has_refused)
@@ -306,11 +307,11 @@ class VehicleMachine(StateMachine):
         state that has `refused` already, unless it is the last way out."""
         facts = self._facts
         facts.elapsed, facts.heard, facts.outcome = 0.0, _NOTHING, "failed"
-        facts.latched, facts.refused = False, refused
+        facts.refused = refused
         self._pull("step", _REFUSED)
 
-    def _is_latched(self) -> bool:
-        return self._facts.latched
+    def _has_started(self) -> bool:
+        return not self._facts.refused
 
     def _has_refused(self) -> bool:
         return bool(self._facts.refused)

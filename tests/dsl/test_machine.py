@@ -43,6 +43,7 @@ class Owner:
         holds: dict[Expression, bool] | None = None,
         refuses: tuple[str, ...] = (),
         airborne: bool = True,
+        latched: bool = False,
     ) -> None:
         self.told: list[str] = []
         self.exits: list[Exit] = []
@@ -60,6 +61,7 @@ class Owner:
             on_exit=self.exit,
             starts=self.starts,
             airborne=lambda: airborne,
+            latched=lambda: latched,
         )
 
     def enter(self, state: str) -> None:
@@ -86,10 +88,9 @@ class Owner:
         heard: set[str] | frozenset[str] = NOTHING,
         outcome: Any = "running",
         dt: float = 0.004,
-        latched: bool = False,
     ) -> str:
         """The state after one tick."""
-        self.machine.step(elapsed, heard, outcome, dt, latched)
+        self.machine.step(elapsed, heard, outcome, dt)
         return self.machine.state
 
 
@@ -275,8 +276,8 @@ def test_the_machine_knows_the_transitions_of_the_plan() -> None:
 
 @pytest.mark.parametrize(("latched", "rests"), [(False, "landed"), (True, "fault")])
 def test_a_latched_vehicle_that_lands_rests_in_fault(latched: bool, rests: str) -> None:
-    owner = begun(transition("then", "landed"))
-    assert rests == owner.ask(1.0, outcome="done", latched=latched)
+    owner = begun(transition("then", "landed"), latched=latched)
+    assert rests == owner.ask(1.0, outcome="done")
     assert owner.told == ["enter first", "exit first: done", f"enter {rests}"]
 
 

@@ -48,12 +48,13 @@ class Activity:
         score: VehicleScore,
         entry: Callable[[], Entry],
         objection: Callable[[], str | None],
+        latched: Callable[[], bool],
     ) -> None:
         self.plan, self.flight, self.entry = plan, GROUND, entry
         self.entered: Time = 0
         self.begun = self.changed = False
         self._params, self._events, self._score = params, events, score
-        self._objection = objection
+        self._objection, self._latched, self._name = objection, latched, plan.name
         self.hold: Hold | None = None
         self.land_mode: LandMode | None = None
         self.grip: Grip | None = None
@@ -75,6 +76,7 @@ class Activity:
             on_exit=self._exit,
             starts=self._starts,
             airborne=lambda: self.airborne,
+            latched=self._latched,
         )
         self.begun = True
         self.machine.begin()
@@ -91,11 +93,9 @@ class Activity:
     def stays_in_air(self) -> bool:
         return self.leg.start is AIR and self.leg.end is AIR
 
-    def step(self, tick: Tick, latched: bool) -> None:
-        """Take the transition that is due in this tick, if one is. A latched vehicle that has
-        landed rests in `fault`."""
-        heard = self._events.heard(self.plan.name)
-        self.machine.step(tick.elapsed, heard, self._outcome, tick.dt, latched)
+    def step(self, tick: Tick) -> None:
+        """Take the transition that is due in this tick, if one is."""
+        self.machine.step(tick.elapsed, self._events.heard(self._name), self._outcome, tick.dt)
 
     def go(self, goal: str) -> None:
         """Enter a built-in state at once, whatever the mission's transitions say."""
@@ -194,7 +194,7 @@ class Activity:
             self.flight = end
             self.stands = None if estimate is None else estimate.position
             if end is GROUND or start is GROUND:
-                self._events.tell("landed" if end is GROUND else "took_off", self.plan.name)
+                self._events.tell("landed" if end is GROUND else "took_off", self._name)
 
     def _enter(self, name: str) -> None:
         """Build the behavior of the state that the machine has entered. One that refuses to start
@@ -272,7 +272,7 @@ class Activity:
             self._score.failure(self._reason or f"not done within {after:g} s")
 
     def _tell(self, event: str, at: str, **fields: str) -> None:
-        self._events.tell(event, self.plan.name, at, behavior=self.machine.state, **fields)
+        self._events.tell(event, self._name, at, behavior=self.machine.state, **fields)
 
 
 def unfit(state: StatePlan, flight: Flight, estimated: bool) -> str | None:

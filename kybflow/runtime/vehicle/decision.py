@@ -45,7 +45,7 @@ class Decision:
         if activity.hold is not None:
             self._reactions.hold_on(tick.now)
         elif not activity.changed:
-            activity.step(tick, self._failsafe.latched is not None)
+            activity.step(tick)
         return self.settle(tick) if activity.changed else tick
 
     def answer(self, now: Time) -> None:

@@ -79,7 +79,15 @@ class Vehicle:
         knowledge = Knowledge(
             plan, context, link_in, events, observer, score, failsafe.report, sensors, bodies, fleet
         )
-        activity = Activity(plan, params, events, score, self.entry, self._objection)
+        activity = Activity(
+            plan,
+            params,
+            events,
+            score,
+            self.entry,
+            self._objection,
+            latched=lambda: failsafe.latched is not None,
+        )
         output = CommandOutput(
             plan, link_out, activity, knowledge.payload, knowledge.resting, events
         )
