@@ -32,8 +32,9 @@ from pymavlink.dialects.v20 import all as dialect
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.drivers.emulated_autopilot import EmulatedAutopilot
-from kybflow.drivers.emulated_autopilot.firmware.preparing import Plans
-from kybflow.drivers.emulated_autopilot.fleet import Fleet
+from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
+from kybflow.drivers.emulated_autopilot.session import open_fleet
+from kybflow.drivers.emulation.fleet import Fleet
 from kybflow.drivers.mavlink.session import MavlinkSession, open_session
 from kybflow.drivers.mavlink.transport import open_wire
 from kybflow.drivers.mavlink.transport.address import read_address
@@ -93,15 +94,15 @@ class Lockstep(Session):
     """The driver for real autopilots on one socket, and the emulator at its other end."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random, traffic: Traffic) -> None:
-        plans = Plans("px4", True, True, seats[0].params.own_system, {})
+        plan = SetupPlan("px4", True, True, seats[0].params.own_system, {})
         bare = load_catalog().get("drivers", "emulated_autopilot").params()
         contexts = [Seat(seat.context, bare) for seat in seats]
-        self._fleet = Fleet(contexts, [plans] * len(seats), generator)
+        self._fleet = open_fleet(contexts, [plan] * len(seats), generator)
         wire = Tapped(traffic)
         self._far: list[Wire] = []
         for member in self._fleet.members:
             self._far.append(open_wire(f"udpout:127.0.0.1:{wire.port}"))
-            member.autopilot.connect(self._far[-1])
+            member.onboard.connect(self._far[-1])
         self._near: MavlinkSession = open_session(seats, lambda _: wire)
         self.links = self._near.links
 

@@ -126,7 +126,7 @@ def _scan(found: dict[str, str], kind: str, home: str) -> None:
     except Exception as error:  # a lab's own package may raise anything while it is imported
         raise PartError(f"the package of {package} can't be imported: {error!r}") from error
     for info in pkgutil.iter_modules(spec.submodule_search_locations if spec else []):
-        if info.name.startswith("_"):
+        if info.name.startswith("_") or info.name in BASES[kind].helpers:
             continue
         module = f"{package}.{info.name}"
         if info.name in BASES[kind].reserved:

@@ -48,6 +48,7 @@ class Driver(Part[P]):
     parameters there."""
 
     kind = "drivers"
+    helpers = frozenset({"emulation"})
     accepts: ClassVar[frozenset[CommandKind]]
     provides: ClassVar[frozenset[MeasurementKind]]
     simulated: ClassVar[bool] = False

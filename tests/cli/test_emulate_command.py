@@ -8,7 +8,8 @@ from typer.testing import CliRunner
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
 from kybflow.cli.app import app
-from kybflow.drivers.emulated_autopilot.breaking import read_break
+from kybflow.drivers.emulated_autopilot.state import AutopilotFailures
+from kybflow.drivers.emulation.breaking import read_break
 
 
 @pytest.mark.parametrize(
@@ -30,4 +31,4 @@ def test_a_wrong_command_line_is_told(arguments, words):
 
 def test_what_fails_is_said_as_it_was_written():
     written = ("deaf", "pilot=POSCTL", "battery=0.06")
-    assert [str(read_break(f"{text}@20")) for text in written] == list(written)
+    assert [str(read_break(f"{text}@20", AutopilotFailures)) for text in written] == list(written)

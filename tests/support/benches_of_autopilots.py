@@ -10,8 +10,10 @@ from sims import QUIET, seat
 
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Imu, Pose, Position
-from kybflow.drivers.emulated_autopilot.autopilot import Autopilot, Body
-from kybflow.drivers.emulated_autopilot.firmware.preparing import FIRMWARES, as_built, prepared
+from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
+from kybflow.drivers.emulated_autopilot.firmware import as_built, emulated_firmware, prepared
+from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
+from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned, to_ned
 from kybflow.drivers.mavlink.protocol.framing import Framing
 from kybflow.drivers.mavlink.transport.wire import memory_wires
@@ -39,14 +41,14 @@ class Bench:
     def __init__(
         self, name="px4", outside=True, is_prepared=True, context=None, params=PLAIN, seed=1
     ):
-        self.firmware = FIRMWARES[name]
+        self.firmware = emulated_firmware(name)
         self.px4 = name == "px4"
         place = seat(params=params) if context is None else context
         self.world = World([place], random.Random(seed))
         self.vehicle = self.world.links[place.context.vehicle]
         kinds = {Imu} | (set() if outside else {Position})
         self.vehicle.subscribe(frozenset(kinds))
-        body = Body(
+        body = SimulatedBody(
             self.vehicle.send,
             self.vehicle.grip,
             self.vehicle.truth,
@@ -56,11 +58,13 @@ class Bench:
             if is_prepared
             else as_built(self.firmware, place.context, 1)
         )
-        self.pilot = Autopilot(
-            self.firmware, place.context, body, changes=changes, generator=random.Random(seed)
+        chance = random.Random(seed)
+        self.pilot = OnboardAutopilot(
+            self.firmware, place.context, body, changes=changes, generator=chance
         )
+        self.endpoint = MavlinkEndpoint(self.pilot, chance)
         mine, its = memory_wires()
-        self.channel = self.pilot.connect(its)
+        self.channel = self.endpoint.connect(its)
         self.wire, self.framing = mine, Framing(245)
         self.now = 0
         self.sees = outside
@@ -124,7 +128,7 @@ class Bench:
             self.say(mavlink.MAVLink_heartbeat_message(self.beats, 8, 0, 0, 4, 3))
         if self.wanted is not None and tick % 5 == 0:
             self.say(self.wanted())
-        self.pilot.step(self.now)
+        self.endpoint.step(self.now)
         for data, _ in self.wire.receive(self.now):
             self.heard += self.framing.parse(data)
 

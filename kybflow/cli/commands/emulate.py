@@ -4,22 +4,29 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
-from enum import StrEnum
+from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
 from kybflow.cli.arguments import INVALID, Seed, examples
 from kybflow.cli.output import echo
+from kybflow.drivers import firmware_names
 
 if TYPE_CHECKING:
-    from kybflow.drivers.emulated_autopilot.breaking import Break
-    from kybflow.drivers.emulated_autopilot.firmware.preparing import Plans
-    from kybflow.drivers.emulated_autopilot.fleet import Fleet
+    from kybflow.core.signals import Time
+    from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
+    from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
+    from kybflow.drivers.emulation.breaking import Break
+    from kybflow.drivers.emulation.fleet import Fleet
     from kybflow.parts import Seat
     from kybflow.parts.catalog import PartSpec
+
+    Firmware = str
+else:
+    Firmware = Literal[firmware_names("emulated_autopilot")]
 
 EXAMPLES = examples(
     "kybflow emulate autopilot --vehicle px4",
@@ -55,14 +62,9 @@ def _emulate() -> None:
     """Stand in for something that isn't there."""
 
 
-class Autopilot(StrEnum):
-    PX4 = "px4"
-    ARDUPILOT = "ardupilot"
-
-
 @app.command("autopilot", epilog=EXAMPLES)
 def autopilot(
-    vehicle: Annotated[Autopilot, typer.Option(help="Whose firmware is emulated.")],
+    vehicle: Annotated[Firmware, typer.Option(help="Whose firmware is emulated.")],
     mission: Annotated[
         Path | None, typer.Option(help="A mission whose vehicles and obstacles are taken.")
     ] = None,
@@ -119,21 +121,24 @@ def autopilot(
     shows what the firmware does.
     """
     from kybflow.core.errors import DriverError
-    from kybflow.drivers.emulated_autopilot.breaking import read_break
+    from kybflow.drivers.emulated_autopilot.state import AutopilotFailures
+    from kybflow.drivers.emulation.breaking import read_break
     from kybflow.drivers.mavlink.protocol.signing import read_key
 
-    breaks = [_given("--fail", read_break, text) for text in fail or ()]
+    breaks = [
+        _given("--fail", partial(read_break, kind=AutopilotFailures), text) for text in fail or ()
+    ]
     changes = dict(_given("--param", _setting, text) for text in parameter or ())
     secret = None if key is None else _given("--key", read_key, key)
     seats = _seats(mission, airframe, count)
     places = address or _defaults(vehicle)
     try:
-        from kybflow.drivers.emulated_autopilot.firmware.preparing import Plans, check_names
+        from kybflow.drivers.emulated_autopilot.firmware import SetupPlan, check_names
 
-        check_names(vehicle.value, changes)
-        plans = Plans(vehicle.value, not gps, not gps, own_system, changes)
+        check_names(vehicle, changes)
+        plan = SetupPlan(vehicle, not gps, not gps, own_system, changes)
         with ExitStack() as stack:
-            fleet = _opened(stack, seats, plans, places, system, secret, seed)
+            fleet = _opened(stack, seats, plan, places, system, secret, seed)
             sys.stdout.flush()
             _serve(fleet, breaks, speed)
     except DriverError as error:
@@ -144,66 +149,74 @@ def autopilot(
 def _opened(
     stack: ExitStack,
     seats: Sequence[Seat],
-    plans: Plans,
+    plan: SetupPlan,
     places: Sequence[str],
     first: int,
     secret: bytes | None,
     seed: int,
-) -> Fleet:
+) -> Fleet[MavlinkEndpoint]:
     """All vehicles, each on its wires. Raises DriverError."""
     import random
 
     from kybflow.drivers.mavlink.transport import open_wire
 
     driver = _driver().cls
-    fleet: Fleet = driver.fleet(seats, [plans] * len(seats), random.Random(seed), first)
+    fleet: Fleet[MavlinkEndpoint] = driver.fleet(
+        seats, [plan] * len(seats), random.Random(seed), first
+    )
     stack.callback(fleet.close)
     for number, member in enumerate(fleet.members):
         said = []
         for place in places:
             wire = open_wire(_shifted(place, number))
             stack.callback(wire.close)
-            member.autopilot.connect(wire, secret)
+            member.onboard.connect(wire, secret)
             said.append(wire.address)
-        name = f"{seats[number].context.vehicle} ({plans.firmware}, system {first + number})"
+        name = f"{seats[number].context.vehicle} ({plan.firmware}, system {first + number})"
         echo(f"{name} speaks at {', '.join(said)}; Ctrl-C ends it")
     return fleet
 
 
-def _serve(fleet: Fleet, breaks: Sequence[Break], speed: float) -> None:
+def _serve(fleet: Fleet[MavlinkEndpoint], breaks: Sequence[Break], speed: float) -> None:
     """Go on in the wall's time until Ctrl-C."""
     from kybflow.core.signals import NS
     from kybflow.runtime.clock import SimulatedClock
 
-    clock, waiting = SimulatedClock(RATE, speed), sorted(breaks)
-    try:
-        while True:
-            now = clock.step()
-            while waiting and waiting[0].at <= now:
-                what = waiting.pop(0)
-                echo(f"{now / NS:.1f} s: {what}")
-                sys.stdout.flush()
-                for member in fleet.members:
-                    what.apply(member.autopilot)
-            fleet.advance(now)
-    except KeyboardInterrupt:
-        return
+    def tell(failure: Break, now: Time) -> None:
+        echo(f"{now / NS:.1f} s: {failure}")
+        sys.stdout.flush()
+
+    clock = SimulatedClock(RATE, speed)
+    with suppress(KeyboardInterrupt):
+        fleet.serve(iter(clock.step, None), breaks, tell)
 
 
-def _defaults(vehicle: Autopilot) -> tuple[str, ...]:
+def _own_address(firmware: str, number: int = 0) -> str:
+    """Where the firmware's own simulator speaks to a driver. number: of several, from 0."""
+    from kybflow.drivers.mavlink.firmware import profile_of
+    from kybflow.drivers.mavlink.transport.address import read_address
+
+    theirs = read_address(profile_of(firmware).default_address(1 + number))
+    return str(theirs._replace(kind={"udpin": "udpout", "tcp": "tcpin"}[theirs.kind]))
+
+
+def _defaults(firmware: str) -> tuple[str, ...]:
     """Where the firmware's own simulator speaks."""
-    if vehicle is Autopilot.PX4:
-        return ("udpout:127.0.0.1:14540", "udpout:127.0.0.1:14550")
-    return ("tcpin:127.0.0.1:5760",)
+    from kybflow.drivers.emulated_autopilot.firmware import emulated_firmware
+
+    return (_own_address(firmware), *emulated_firmware(firmware).stations)
 
 
 def _shifted(place: str, number: int) -> str:
-    """The address of one of several vehicles: PX4's own goes up by one, all ground stations share
-    one, and where we listen every vehicle has its own."""
+    """The address of one of several vehicles: at the driver's port of a firmware's own simulator
+    that one's next, where we listen one of its own; all ground stations share one."""
     from kybflow.drivers.mavlink.transport.address import LISTENING, read_address
 
+    for firmware in firmware_names("emulated_autopilot"):
+        if place == _own_address(firmware):
+            return _own_address(firmware, number)
     address = _given("--address", read_address, place)
-    step = 10 if address.kind in LISTENING else int(place == "udpout:127.0.0.1:14540")
+    step = 10 if address.kind in LISTENING else 0
     return str(address._replace(number=address.number + step * number))
 
 

@@ -10,24 +10,30 @@ unless it is to come as the firmware does. It is no judge of anything: only the 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from kybflow.core.signals import CommandKind, Pose
+from kybflow.drivers import firmware_names
 from kybflow.drivers.mavlink import Mavlink
-from kybflow.drivers.mavlink.params import AutopilotLinkParams, FirmwareName
+from kybflow.drivers.mavlink.params import AutopilotLinkParams
 from kybflow.drivers.sim import SimParams
 from kybflow.parts import Driver, Seat, Session, param, params
 
 if TYPE_CHECKING:
     import random
 
-    from kybflow.drivers.emulated_autopilot.firmware.preparing import Plans
-    from kybflow.drivers.emulated_autopilot.fleet import Fleet
+    from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
+    from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
+    from kybflow.drivers.emulation.fleet import Fleet
+
+    EmulatedName = str
+else:
+    EmulatedName = Literal[firmware_names("emulated_autopilot")]
 
 
 @params
 class EmulatedAutopilotParams(AutopilotLinkParams, SimParams):
-    autopilot: FirmwareName = param("Whose firmware is emulated.", default="px4", read_only=True)
+    autopilot: EmulatedName = param("Whose firmware is emulated.", default="px4", read_only=True)
     prepared: bool = param(
         "Whether its parameters are those that kybflow needs; else they are the firmware's own.",
         default=True, read_only=True,
@@ -46,8 +52,7 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
     brings = ("simulated_camera",)
     preflight_timeout = Mavlink.preflight_timeout
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {
-        "emulated_px4": {"autopilot": "px4"},
-        "emulated_ardupilot": {"autopilot": "ardupilot"},
+        f"emulated_{name}": {"autopilot": name} for name in firmware_names("emulated_autopilot")
     }
 
     @classmethod
@@ -70,10 +75,10 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
 
     @classmethod
     def fleet(
-        cls, seats: Sequence[Seat], plans: Sequence[Plans], generator: random.Random, first: int
-    ) -> Fleet:
-        """The vehicles with their autopilots, for any client: whoever opens them connects their
-        wires. first: the system id of the first. Raises DriverError."""
-        from kybflow.drivers.emulated_autopilot.fleet import Fleet
+        cls, seats: Sequence[Seat], plans: Sequence[SetupPlan], generator: random.Random, first: int
+    ) -> Fleet[MavlinkEndpoint]:
+        """The vehicles with their autopilots, for any client; the caller connects their wires.
+        first: the system id of the first. Raises DriverError."""
+        from kybflow.drivers.emulated_autopilot.session import open_fleet
 
-        return Fleet(seats, plans, generator, first)
+        return open_fleet(seats, plans, generator, first)

@@ -1,4 +1,4 @@
-"""Emulated autopilots in lockstep: the world goes on, then they do, then the links hear them."""
+"""Emulated autopilots in lockstep: the world goes on, then they do, then the links read them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from dataclasses import fields, replace
 from operator import attrgetter
 
 from kybflow.core.signals import Measurement, Time, Truth
-from kybflow.drivers.emulated_autopilot.autopilot import Autopilot
-from kybflow.drivers.emulated_autopilot.firmware.preparing import Plans
-from kybflow.drivers.emulated_autopilot.fleet import Emulated, Fleet
+from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
+from kybflow.drivers.emulated_autopilot.firmware import SetupPlan, emulated_firmware
+from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
+from kybflow.drivers.emulation.body import SimulatedBody
+from kybflow.drivers.emulation.fleet import EmulatedVehicle, Fleet
 from kybflow.drivers.mavlink.firmware import Latency, profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
@@ -19,14 +21,39 @@ from kybflow.drivers.mavlink.transport.wire import Wire, memory_wires
 from kybflow.parts import Link, Seat, Session
 
 LATENCY = Latency(position=0.04, acceleration=0.1)
-"""By how much an emulated autopilot comes after its set-points."""
+"""How late an emulated autopilot follows its setpoints."""
+
+
+def open_fleet(
+    seats: Sequence[Seat], plans: Sequence[SetupPlan], generator: random.Random, first: int = 1
+) -> Fleet[MavlinkEndpoint]:
+    """The vehicles with their autopilots, not connected to any wire yet. first: the system id of
+    the first one. Raises DriverError."""
+
+    def build(
+        number: int, body: SimulatedBody, chance: random.Random
+    ) -> tuple[MavlinkEndpoint, bool]:
+        plan, context, system = plans[number], seats[number].context, first + number
+        autopilot = OnboardAutopilot(
+            emulated_firmware(plan.firmware),
+            context,
+            body,
+            system=system,
+            changes=plan.parameters(context, system),
+            generator=chance,
+        )
+        return MavlinkEndpoint(autopilot, chance), not plan.outside
+
+    return Fleet(seats, generator, build)
 
 
 class EmulatedLink(AutopilotLink):
-    """The link to a real autopilot, to an emulated one; the poses of simulated motion capture come
-    beside it. `wire` is our end; `autopilot`, what is at the other."""
+    """A link as to a real autopilot, with the poses of simulated motion capture beside it. `wire`:
+    our end. `autopilot`: what is at the other end."""
 
-    def __init__(self, seat: Seat, port: Port, wire: Wire, emulated: Emulated) -> None:
+    def __init__(
+        self, seat: Seat, port: Port, wire: Wire, emulated: EmulatedVehicle[MavlinkEndpoint]
+    ) -> None:
         shared = {
             field.name: getattr(seat.params, field.name) for field in fields(AutopilotLinkParams)
         }
@@ -38,8 +65,8 @@ class EmulatedLink(AutopilotLink):
         self.rig = emulated.vehicle.rig
 
     @property
-    def autopilot(self) -> Autopilot:
-        return self._emulated.autopilot
+    def autopilot(self) -> OnboardAutopilot:
+        return self._emulated.onboard.autopilot
 
     def look(self, now: Time) -> None:
         rig = self._emulated.vehicle.rig
@@ -62,21 +89,21 @@ class EmulatedLink(AutopilotLink):
 
 
 class EmulatedSession(Session):
-    """Raises DriverError as the simulator does."""
+    """The session of a run. Raises DriverError as the simulator does."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
-        own = MavlinkParams(autopilot="px4").own_system
+        own = MavlinkParams.own_system
         plans = [
-            Plans(s.params.autopilot, s.params.position == "outside", s.params.prepared, own)
+            SetupPlan(s.params.autopilot, s.params.position == "outside", s.params.prepared, own)
             for s in seats
         ]
-        self._fleet = Fleet(seats, plans, generator)
+        self._fleet = open_fleet(seats, plans, generator)
         self._links: list[EmulatedLink] = []
         wires = [memory_wires(f"memory:{seat.context.vehicle}") for seat in seats]
         self._hub = Router({ours.address: ours for ours, _ in wires}, own, None)
         for seat, (ours, theirs), emulated in zip(seats, wires, self._fleet.members, strict=True):
-            emulated.autopilot.connect(theirs)
-            port = self._hub.port(ours.address, emulated.autopilot.system)
+            emulated.onboard.connect(theirs)
+            port = self._hub.port(ours.address, emulated.onboard.autopilot.system)
             self._links.append(EmulatedLink(seat, port, ours, emulated))
         self.links: dict[str, Link] = {
             seat.context.vehicle: link for seat, link in zip(seats, self._links, strict=True)

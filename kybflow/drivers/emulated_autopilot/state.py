@@ -1,37 +1,53 @@
-"""What an emulated autopilot is doing: the state that its parts share."""
+"""The state of an emulated autopilot, shared by its controllers, its firmware and its messages."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import Enum
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3
-from kybflow.core.signals import Battery, Time
-from kybflow.drivers.emulated_autopilot.control.control import Goal
-from kybflow.drivers.emulated_autopilot.control.setpoints import Tilt
-from kybflow.drivers.emulated_autopilot.estimation.estimator import Estimator
-from kybflow.drivers.emulated_autopilot.firmware.firmware import Firmware, Mode
-from kybflow.drivers.emulated_autopilot.firmware.parameters import Parameters
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.emulated_autopilot.control.setpoints import AttitudeTarget
+from kybflow.drivers.emulated_autopilot.estimator import EmulatedEstimator
+from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
+from kybflow.drivers.emulation.body import BatteryMonitor
+from kybflow.drivers.emulation.breaking import Failures
+from kybflow.drivers.emulation.control import PositionTarget
 from kybflow.drivers.mavlink.protocol.frames import Tangent
+from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.world.vehicle_context import Airframe
 
 CRITICAL, WARNING, INFO = 2, 4, 6
-"""Severities of STATUSTEXT."""
+"""MAV_SEVERITY of texts."""
+PILOT_LOST: Time = 3 * NS // 2
+"""A transmitter that is silent for longer counts as lost."""
 
 
-class Landed(IntEnum):
-    """MAV_LANDED_STATE."""
+class Role(Enum):
+    """What a mode makes the vehicle do."""
 
-    GROUND = 1
-    AIR = 2
-    TAKING_OFF = 3
-    LANDING = 4
+    FOLLOW = "follow"
+    HOLD = "hold"
+    TAKE_OFF = "take off"
+    LAND = "land"
+    RETURN = "return"
+    PILOT = "pilot"
 
 
-class Sticks(NamedTuple):
-    """What a transmitter says: -1 to 1 (to the right, forward, clockwise), throttle 0 to 1."""
+class FlightMode(NamedTuple):
+    """A mode of a firmware. number: its custom_mode. needs_position: whether it can't be flown
+    without one."""
+
+    name: str
+    number: int
+    role: Role
+    needs_position: bool = True
+
+
+class PilotSticks(NamedTuple):
+    """The sticks of a transmitter: -1 to 1 (right, forward, clockwise), throttle 0 to 1."""
 
     time: Time
     roll: float
@@ -40,50 +56,62 @@ class Sticks(NamedTuple):
     throttle: float
 
 
-@dataclass
-class Failures:
-    """What is broken on purpose, for tests.
+class FailsafeAction(NamedTuple):
+    """What the autopilot does by itself: it changes to a mode, or stops its rotors where `mode` is
+    None. words: the text that it sends. cause: what it reacts to; each cause acts once."""
 
-    silent: it sends nothing. deaf: it hears nothing. blind: it does not see external vision.
-    battery: the charge that it believes to have, 0 to 1. refuses: words with which it will not
-    arm. bars: words with which it changes no mode. drops: the part of all messages that is lost, in
-    and out. leans: the tilt that it believes to have before it is armed, radians.
+    mode: int | None
+    words: str
+    cause: str
+
+
+@dataclass
+class AutopilotFailures(Failures):
+    """What is broken in an emulated autopilot.
+
+    blind: it does not see external vision. refuse: the words with which it refuses to arm. bar: the
+    words with which it refuses every mode. tilt: the tilt that it believes in before it is armed,
+    degrees. pilot: the mode into which a transmitter that is switched on takes it.
     """
 
-    silent: bool = False
-    deaf: bool = False
     blind: bool = False
-    battery: float | None = None
-    refuses: str = ""
-    bars: str = ""
-    drops: float = 0.0
-    leans: float = 0.0
+    refuse: str = ""
+    bar: str = ""
+    tilt: float = 0.0
+    pilot: str = ""
 
 
 @dataclass
-class State:
-    """mode: in force; asked: the last that somebody asked for. wanted, wanted_at: the last
-    set-point, and when it came. stations: when each ground station was heard last, by system id.
-    home: in the local frame. ground: the height at which it stood when it was armed."""
+class EmulatedState:
+    """The shared state.
 
-    firmware: Firmware
-    parameters: Parameters
+    modes: those of the firmware, by number. loss_parameter: the parameter with the seconds after
+    which setpoints count as lost. mode: in force; asked: the last that somebody asked for. wanted,
+    wanted_at: the last setpoint, and when it came. stations: when each ground station was last
+    heard, by system id. home: in the local frame. ground: the height at which the vehicle stood
+    when it was armed. climb_to: the height of a take-off under way. failed_over: the cause of the
+    failsafe in force.
+    """
+
+    modes: Mapping[int, FlightMode]
+    loss_parameter: str
+    parameters: EmulatedParameters
     airframe: Airframe
-    estimator: Estimator
+    estimator: EmulatedEstimator
+    failures: AutopilotFailures
+    battery: BatteryMonitor
     say: Callable[[str, int], None]
-    failures: Failures = field(default_factory=Failures)
-    mode: int = 0
-    asked: int = 0
+    mode: int
+    asked: int
     armed: bool = False
     armed_at: Time = 0
     has_flown: bool = False
-    landed: Landed = Landed.GROUND
+    landed: LandedState = LandedState.GROUND
     landed_at: Time = 0
-    battery: Battery | None = None
-    wanted: Goal | Tilt | None = None
+    wanted: PositionTarget | AttitudeTarget | None = None
     wanted_at: Time | None = None
     stations: dict[int, Time] = field(default_factory=dict)
-    sticks: Sticks | None = None
+    sticks: PilotSticks | None = None
     origin: Tangent | None = None
     home: Vec3 | None = None
     ground: float = 0.0
@@ -91,29 +119,19 @@ class State:
     failed_over: str = ""
 
     @property
-    def flying(self) -> Mode:
+    def flying(self) -> FlightMode:
         """The mode in force."""
-        return self.firmware.modes[self.mode]
+        return self.modes[self.mode]
 
     @property
     def is_down(self) -> bool:
-        return self.landed is Landed.GROUND
-
-    @property
-    def remaining(self) -> float:
-        """Charge that it believes to have, 0 to 1."""
-        if self.failures.battery is not None:
-            return self.failures.battery
-        return 1.0 if self.battery is None else self.battery.remaining
-
-    @property
-    def voltage(self) -> float:
-        """Of a pack with three cells where a charge is made up."""
-        if self.failures.battery is not None:
-            return 9.6 + 3.0 * self.failures.battery
-        return 0.0 if self.battery is None else self.battery.voltage
+        return self.landed is LandedState.GROUND
 
     def streams(self, now: Time) -> bool:
-        """Whether set-points come: two in a second at least, or as the parameter says."""
-        patience = self.parameters.get("COM_OF_LOSS_T", 1.0)
-        return self.wanted_at is not None and now - self.wanted_at <= patience * 1e9
+        """Whether setpoints arrive: the last one is not older than `loss_parameter` says."""
+        timeout = self.parameters.get(self.loss_parameter, 1.0)
+        return self.wanted_at is not None and now - self.wanted_at <= timeout * 1e9
+
+    def has_pilot(self, now: Time) -> bool:
+        """Whether a transmitter is heard."""
+        return self.sticks is not None and now - self.sticks.time < PILOT_LOST

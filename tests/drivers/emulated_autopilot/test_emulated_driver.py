@@ -20,7 +20,7 @@ from kybflow.drivers.emulated_autopilot import (
     EmulatedAutopilot,
     EmulatedAutopilotParams,
 )
-from kybflow.drivers.emulated_autopilot.autopilot import Autopilot
+from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 
@@ -69,4 +69,4 @@ def test_motion_capture_comes_beside_what_the_autopilot_tells(autopilot):
     assert {Pose, Odometry} <= {type(m) for m in measured}
     assert link.rig is not None
     assert link.truth() == link.view()
-    assert isinstance(link.autopilot, Autopilot)
+    assert isinstance(link.autopilot, OnboardAutopilot)

@@ -13,8 +13,9 @@ from benches_of_autopilots import ACCEPTED, ONBOARD, REJECTED, UNSUPPORTED, Benc
 from sims import QUIET, seat  # noqa: E402
 
 from kybflow.core.errors import DriverError  # noqa: E402
-from kybflow.drivers.emulated_autopilot.breaking import read_break  # noqa: E402
-from kybflow.drivers.emulated_autopilot.firmware.preparing import FIRMWARES  # noqa: E402
+from kybflow.drivers.emulated_autopilot.firmware import emulated_firmware  # noqa: E402
+from kybflow.drivers.emulated_autopilot.state import AutopilotFailures  # noqa: E402
+from kybflow.drivers.emulation.breaking import read_break  # noqa: E402
 from kybflow.drivers.mavlink.firmware import profile_of  # noqa: E402
 from kybflow.world.vehicle_context import Parcel  # noqa: E402
 
@@ -30,12 +31,12 @@ def kinds(bench):
 def test_its_firmware_has_every_parameter_that_kybflow_looks_at(name):
     profile = profile_of(name)
     named = {s.name for s in profile.indoors} | {d.name for d in profile.dangers}
-    assert named - set(FIRMWARES[name].parameters) == set()
+    assert named - set(emulated_firmware(name).parameters) == set()
 
 
 @BOTH
 def test_its_modes_have_the_numbers_of_the_profile(name):
-    assert set(FIRMWARES[name].modes) <= set(profile_of(name).names)
+    assert set(emulated_firmware(name).modes) <= set(profile_of(name).names)
 
 
 @BOTH
@@ -111,7 +112,7 @@ def test_px4_talks_to_ground_stations_alone_and_in_chunks():
     words = "Preflight Fail: " + "something that takes many words " * 3
     bench = Bench("px4")
     bench.beats = ONBOARD
-    bench.pilot.failures.refuses = words
+    bench.pilot.failures.refuse = words
     bench.run(1.0)
     assert bench.arm() == REJECTED
     assert bench.texts() == ""
@@ -226,13 +227,13 @@ def test_px4s_gripper_moves_only_while_it_is_armed_whatever_it_acknowledges():
 
 @pytest.mark.parametrize("text", ["blind@20", "battery=0.1", "refuse=no, never@3.5", "heal@1"])
 def test_what_fails_can_be_written(text):
-    what = read_break(text)
+    what = read_break(text, AutopilotFailures)
     bench = Bench("px4")
-    what.apply(bench.pilot)
+    what.apply(bench.pilot.failures)
     assert what.at == round(float(text.partition("@")[2] or 0.0) * 1e9)
 
 
 @pytest.mark.parametrize("text", ["nothing", "battery", "battery=full", "blind=1", "deaf@soon"])
 def test_what_can_t_fail_is_said(text):
     with pytest.raises(DriverError, match=r"can fail|value|is not"):
-        read_break(text)
+        read_break(text, AutopilotFailures)

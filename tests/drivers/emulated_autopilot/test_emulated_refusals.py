@@ -75,9 +75,9 @@ def test_px4_is_not_armed_in_the_mode_that_lands():
 @pytest.mark.parametrize(
     ("broken", "words"),
     [
-        ({"leans": 0.6}, "Attitude failure"),
+        ({"tilt": 35.0}, "Attitude failure"),
         ({"battery": 0.05}, "low battery"),
-        ({"refuses": "Preflight Fail: Accel 0 uncalibrated"}, "Accel 0 uncalibrated"),
+        ({"refuse": "Preflight Fail: Accel 0 uncalibrated"}, "Accel 0 uncalibrated"),
     ],
 )
 def test_px4_says_what_is_wrong(broken, words):
@@ -91,9 +91,9 @@ def test_px4_says_what_is_wrong(broken, words):
 @pytest.mark.parametrize(
     ("broken", "words"),
     [
-        ({"leans": 0.6}, "Arm: Leaning"),
+        ({"tilt": 35.0}, "Arm: Leaning"),
         ({"battery": 0.05}, "PreArm: Battery 1 low voltage failsafe"),
-        ({"refuses": "PreArm: Compass not calibrated"}, "PreArm: Compass not calibrated"),
+        ({"refuse": "PreArm: Compass not calibrated"}, "PreArm: Compass not calibrated"),
     ],
 )
 def test_ardupilot_says_what_is_wrong(broken, words):
@@ -155,6 +155,6 @@ def test_a_mode_that_it_has_not_is_refused(name):
 @pytest.mark.parametrize("name", ["px4", "ardupilot"])
 def test_a_mode_can_be_barred_with_given_words(name):
     bench = Bench(name)
-    bench.pilot.failures.bars = "Mode change failed: because"
+    bench.pilot.failures.bar = "Mode change failed: because"
     assert bench.mode(PX4_LAND if bench.px4 else GUIDED) in (REJECTED, FAILED)
     assert "because" in bench.texts()

@@ -68,8 +68,7 @@ def test_a_pilot_has_it_at_once_and_until_it_is_asked_for(autopilot, tmp_path):
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_a_pilot_who_lands_it_ends_the_run(autopilot, tmp_path):
     def lands(flight):
-        state = flight.pilot.state
-        flight.pilot.change(state.firmware.land, flight.pilot.now, asked=True)
+        flight.pilot.change(flight.pilot.firmware.land, flight.pilot.now, asked=True)
 
     deeds = [(WRONG, switches), (WRONG + 0.5, lands)]
     flight = Rehearsal(autopilot, tmp_path, deeds=deeds)

@@ -22,12 +22,12 @@ from kybflow.world.vehicle_context import Parcel
 thorough = pytest.mark.thorough
 STARTS = "behavior_started"
 WORDS = {
-    "leans": {"px4": "Attitude failure", "ardupilot": "Leaning"},
+    "tilt": {"px4": "Attitude failure", "ardupilot": "Leaning"},
     "battery": {"px4": "low battery", "ardupilot": "low voltage"},
-    "refuses": dict.fromkeys(AUTOPILOTS, "Compass not calibrated"),
+    "refuse": dict.fromkeys(AUTOPILOTS, "Compass not calibrated"),
 }
-BROKEN = {"leans": 0.6, "battery": 0.1, "refuses": "PreArm: Compass not calibrated"}
-QUICK = {("px4", "leans"), ("ardupilot", "refuses")}
+BROKEN = {"tilt": 35.0, "battery": 0.1, "refuse": "PreArm: Compass not calibrated"}
+QUICK = {("px4", "tilt"), ("ardupilot", "refuse")}
 MISSION = """
 kybflow: 1
 mission: bare
@@ -90,11 +90,11 @@ def test_it_will_not_arm(autopilot, what, tmp_path):
 
 @pytest.mark.parametrize(
     ("what", "check", "words"),
-    [("bars", "command mode", "not today"), ("blind", "position", "it has none")],
+    [("bar", "command mode", "not today"), ("blind", "position", "it has none")],
 )
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_it_does_not_pass_the_preflight(autopilot, what, check, words, tmp_path):
-    failure = {"bars": "Mode change denied: not today", "blind": True}[what]
+    failure = {"bar": "Mode change denied: not today", "blind": True}[what]
     flight = Rehearsal(autopilot, tmp_path, deeds=[(0.0, broken(**{what: failure}))])
     found = {event.fields["check"]: event for event in flight.events("preflight_failed")}
     assert found[check].at == DRIVER
@@ -116,7 +116,7 @@ def starts_watching(flight):
     flight.follows, change = [], flight.pilot.change
 
     def watched(mode, now, *, asked):
-        if mode == flight.pilot.state.firmware.follow and asked:
+        if mode == flight.pilot.firmware.follow and asked:
             flight.follows.append(flight.pilot.state.streams(now))
             if len(flight.follows) == 1:
                 flight.engine.interrupts = 1

@@ -9,12 +9,11 @@ from math import hypot
 
 from kybflow.core.geometry import ZERO, Quat, Vec3, from_heading, heading_of, integrate
 from kybflow.core.signals import NS, Command, Time
-from kybflow.drivers.emulated_autopilot.control.arming import has_pilot
-from kybflow.drivers.emulated_autopilot.control.control import Control, Goal, Speeds
-from kybflow.drivers.emulated_autopilot.control.setpoints import Tilt
-from kybflow.drivers.emulated_autopilot.firmware.ardupilot import SINKS
-from kybflow.drivers.emulated_autopilot.firmware.firmware import Role
-from kybflow.drivers.emulated_autopilot.state import Landed, State
+from kybflow.drivers.emulated_autopilot.control.setpoints import AttitudeTarget
+from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware
+from kybflow.drivers.emulated_autopilot.state import EmulatedState, Role
+from kybflow.drivers.emulation.control import PositionControl, PositionTarget
+from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 
 TAKES_HOLD, SLIGHT, SLOW = 0.6, 0.65, 0.25
 """It stands when for so many seconds its thrust is less than this part of its weight and it climbs
@@ -27,15 +26,19 @@ SPOOLS: Time = NS
 """How long rotors take to run up before a take-off."""
 STICK_SPEED, STICK_TURN = 2.0, 1.0
 """What a full stick asks for, m/s and rad/s."""
+SINKS = 2.4
+"""How fast it comes down in a pilot's mode without a pilot, m/s: the throttle stick reads zero."""
 FAST_ABOVE = 5.0
 """Above this height a landing is faster than it will be."""
 
 
-class Flight:
+class EmulatedFlight:
     """The flight of one vehicle. `attitude` is what the sent attitude means, for rates."""
 
-    def __init__(self, state: State, control: Control) -> None:
-        self._state, self._control = state, control
+    def __init__(
+        self, state: EmulatedState, firmware: EmulatedFirmware, control: PositionControl
+    ) -> None:
+        self._state, self._firmware, self._control = state, firmware, control
         self._held: Vec3 = ZERO
         self._heading = 0.0
         self._attitude: Quat = from_heading(0.0)
@@ -69,7 +72,8 @@ class Flight:
         """By PX4's mode for it, armed before or after."""
         state = self._state
         if state.flying.role is Role.TAKE_OFF and state.armed and state.is_down:
-            state.climb_to = state.ground + state.parameters["MIS_TAKEOFF_ALT"]
+            height = state.parameters[self._firmware.takeoff_parameter]
+            state.climb_to = state.ground + height
 
     def step(self, now: Time, dt: float) -> Command:
         """What the attitude loop is to do now, while armed."""
@@ -87,7 +91,7 @@ class Flight:
                 return self._reach(self._returning(), dt)
             case Role.PILOT:
                 return self._reach(self._steered(now), dt)
-        return self._reach(Goal(self._held, ZERO, heading=self._heading), dt)
+        return self._reach(PositionTarget(self._held, ZERO, heading=self._heading), dt)
 
     def watch(self, now: Time) -> None:
         """Notice that it has left the ground, or stands on it."""
@@ -96,11 +100,11 @@ class Flight:
         if state.is_down:
             high = state.estimator.position[2] - state.ground > LIFTED
             if share > LIFTS and high:
-                state.landed, state.has_flown, self._slight = Landed.AIR, True, None
+                state.landed, state.has_flown, self._slight = LandedState.AIR, True, None
         elif share < SLIGHT and abs(climb) < SLOW:
             self._slight = now if self._slight is None else self._slight
             if now - self._slight > TAKES_HOLD * NS:
-                state.landed, state.landed_at, self._slight = Landed.GROUND, now, None
+                state.landed, state.landed_at, self._slight = LandedState.GROUND, now, None
                 state.climb_to = None
         else:
             self._slight = None
@@ -109,8 +113,8 @@ class Flight:
     def _tell(self) -> None:
         role, climbing = self._state.flying.role, self._state.climb_to is not None
         taking_off = climbing and role in (Role.TAKE_OFF, Role.FOLLOW)
-        down = Landed.LANDING if role is Role.LAND else Landed.AIR
-        self._state.landed = Landed.TAKING_OFF if taking_off else down
+        down = LandedState.LANDING if role is Role.LAND else LandedState.AIR
+        self._state.landed = LandedState.TAKING_OFF if taking_off else down
 
     def _starts(self, now: Time) -> bool:
         """Whether it is asked to leave the ground."""
@@ -122,34 +126,34 @@ class Flight:
         role = state.flying.role
         if role is Role.PILOT:
             sticks = state.sticks
-            return has_pilot(state, now) and sticks is not None and sticks.throttle > 0.6
-        if role is not Role.FOLLOW or not state.firmware.obeys_on_ground or state.wanted is None:
+            return state.has_pilot(now) and sticks is not None and sticks.throttle > 0.6
+        if role is not Role.FOLLOW or not self._firmware.obeys_on_ground or state.wanted is None:
             return False
-        if isinstance(state.wanted, Tilt):
+        if isinstance(state.wanted, AttitudeTarget):
             return state.wanted.throttle > 0.2
         return self._rises(state.wanted)
 
-    def _rises(self, goal: Goal) -> bool:
-        z, climb = goal.position[2], goal.velocity[2]
+    def _rises(self, target: PositionTarget) -> bool:
+        z, climb = target.position[2], target.velocity[2]
         if z is not None:
             return z - self._state.estimator.position[2] > REACHED
         if climb is not None:
             return climb > 0.05
-        return (goal.acceleration[2] or 0.0) > 0.2
+        return (target.acceleration[2] or 0.0) > 0.2
 
     def _follow(self, now: Time, dt: float) -> Command:
         state = self._state
         if state.climb_to is not None:
             return self._reach(self._climbing(dt), dt)
         wanted = state.wanted
-        if isinstance(wanted, Tilt):
+        if isinstance(wanted, AttitudeTarget):
             return self._tilt(wanted, dt)
         self._turning = False
         if wanted is None:
-            wanted = Goal(self._held, ZERO, heading=self._heading)
+            wanted = PositionTarget(self._held, ZERO, heading=self._heading)
         return self._reach(wanted, dt)
 
-    def _tilt(self, wanted: Tilt, dt: float) -> Command:
+    def _tilt(self, wanted: AttitudeTarget, dt: float) -> Command:
         state, control, heading = self._state, self._control, self._state.estimator.attitude.heading
         rates = wanted.rates or ZERO
         if wanted.attitude is not None:
@@ -158,84 +162,77 @@ class Flight:
             begun = self._attitude if self._turning else state.estimator.attitude.value
             self._attitude = integrate(begun, rates, dt)
         self._turning = wanted.attitude is None
-        if state.firmware.name == "ardupilot" and not int(state.parameters["GUID_OPTIONS"]) & 8:
-            climb = (wanted.throttle - 0.5) * state.parameters["WPNAV_SPEED_UP"] / 50.0
-            level = Goal(velocity=(None, None, climb), heading=heading_of(self._attitude))
-            control.follow(level, *self._where(), self._speeds(), dt)
+        climb = self._firmware.climb_rate(state.parameters, wanted.throttle)
+        if climb is not None:
+            level = PositionTarget(velocity=(None, None, climb), heading=heading_of(self._attitude))
+            speeds = self._firmware.speeds(state.parameters)
+            control.follow(level, *self._where(), speeds, dt)
             return control.hold(self._attitude, control.thrust, rates, heading)
         thrust = wanted.throttle * state.airframe.max_thrust
         return control.hold(self._attitude, thrust, rates, heading)
 
-    def _climbing(self, dt: float) -> Goal:
+    def _climbing(self, dt: float) -> PositionTarget:
         """Up at a steady speed, then hold."""
         state, (x, y, z) = self._state, self._held
         to = self._held[2] if state.climb_to is None else state.climb_to
-        up = state.firmware.takes_off
+        up = self._firmware.takes_off
         z = min(to, max(z, state.estimator.position[2] - 0.3) + up * dt)
         self._held = (x, y, z)
         is_near = abs(state.estimator.position[2] - to) < REACHED
         if state.climb_to is not None and is_near and not state.is_down:
             state.climb_to, self._held = None, (x, y, to)
-        return Goal(self._held, (0.0, 0.0, up if z < to else 0.0), heading=self._heading)
+        return PositionTarget(self._held, (0.0, 0.0, up if z < to else 0.0), heading=self._heading)
 
-    def _landing(self, now: Time) -> Goal:
+    def _landing(self, now: Time) -> PositionTarget:
         """Straight down; without a position level."""
         state, (x, y, _) = self._state, self._held
-        down = self._land_speed()
+        down = self._firmware.land_speed(state.parameters)
         if state.estimator.position[2] - state.ground > FAST_ABOVE:
             down *= 2.0
         if not state.estimator.has_position(now):
-            return Goal((None, None, None), (None, None, -down), heading=self._heading)
-        return Goal((x, y, None), (0.0, 0.0, -down), heading=self._heading)
+            return PositionTarget((None, None, None), (None, None, -down), heading=self._heading)
+        return PositionTarget((x, y, None), (0.0, 0.0, -down), heading=self._heading)
 
-    def _land_speed(self) -> float:
-        p = self._state.parameters
-        return p["MPC_LAND_SPEED"] if self._state.firmware.bytewise else p["LAND_SPEED"] / 100.0
-
-    def _returning(self) -> Goal:
+    def _returning(self) -> PositionTarget:
         """Up, home, down."""
-        state, p = self._state, self._state.parameters
+        state, firmware = self._state, self._firmware
         hx, hy, _ = state.home or self._held
         x, y, z = state.estimator.position
         away = hypot(hx - x, hy - y)
-        up = p["RTL_RETURN_ALT"] if state.firmware.bytewise else p["RTL_ALT"] / 100.0
+        up = firmware.return_height(state.parameters)
         if self._is_home or away < 0.5:
             self._is_home = True
-            down = self._land_speed() * (2.0 if z - state.ground > FAST_ABOVE else 1.0)
-            return Goal((hx, hy, None), (0.0, 0.0, -down), heading=self._heading)
+            down = firmware.land_speed(state.parameters)
+            down *= 2.0 if z - state.ground > FAST_ABOVE else 1.0
+            return PositionTarget((hx, hy, None), (0.0, 0.0, -down), heading=self._heading)
         if z < state.ground + up - 0.5:
-            return Goal((*self._held[:2], state.ground + up), heading=self._heading)
-        return Goal((hx, hy, state.ground + up), heading=self._heading)
+            return PositionTarget((*self._held[:2], state.ground + up), heading=self._heading)
+        return PositionTarget((hx, hy, state.ground + up), heading=self._heading)
 
-    def _steered(self, now: Time) -> Goal:
+    def _steered(self, now: Time) -> PositionTarget:
         """A pilot flies, or nobody does: then the throttle reads zero."""
         state, sticks = self._state, self._state.sticks
-        if sticks is None or not has_pilot(state, now):
-            return Goal((*self._held[:2], None), (0.0, 0.0, -SINKS), heading=self._heading)
+        if sticks is None or not state.has_pilot(now):
+            return PositionTarget(
+                (*self._held[:2], None), (0.0, 0.0, -SINKS), heading=self._heading
+            )
         heading = state.estimator.attitude.heading
         vx, vy, vz = (
             STICK_SPEED * v for v in (sticks.pitch, -sticks.roll, 2.0 * sticks.throttle - 1.0)
         )
         if not state.is_down and max(abs(vx), abs(vy), abs(vz), abs(sticks.yaw)) < 0.1:
-            return Goal(self._held, ZERO, heading=self._heading)
+            return PositionTarget(self._held, ZERO, heading=self._heading)
         self.enter(now)
         w, _, _, z = from_heading(heading)
         c, s = w * w - z * z, 2.0 * w * z
         turn = -STICK_TURN * sticks.yaw
-        return Goal(velocity=(c * vx - s * vy, s * vx + c * vy, vz), heading_rate=turn)
+        return PositionTarget(velocity=(c * vx - s * vy, s * vx + c * vy, vz), heading_rate=turn)
 
-    def _reach(self, goal: Goal, dt: float) -> Command:
+    def _reach(self, target: PositionTarget, dt: float) -> Command:
         position, velocity, heading = self._where()
-        return self._control.follow(goal, position, velocity, heading, self._speeds(), dt)
+        speeds = self._firmware.speeds(self._state.parameters)
+        return self._control.follow(target, position, velocity, heading, speeds, dt)
 
     def _where(self) -> tuple[Vec3, Vec3, float]:
         estimator = self._state.estimator
         return estimator.position, estimator.velocity, estimator.attitude.heading
-
-    def _speeds(self) -> Speeds:
-        p = self._state.parameters
-        if self._state.firmware.bytewise:
-            along, up, down = "MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN"
-            return Speeds(p[along], p[up], p[down])
-        along, up, down = "WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN"
-        return Speeds(p[along] / 100.0, p[up] / 100.0, p[down] / 100.0)

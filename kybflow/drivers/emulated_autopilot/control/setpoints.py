@@ -1,5 +1,5 @@
-"""What a client asks an emulated autopilot to follow: SET_POSITION_TARGET_* and SET_ATTITUDE_TARGET
-become goals in its own local ENU frame."""
+"""Setpoint messages as targets: SET_POSITION_TARGET_* and SET_ATTITUDE_TARGET in the local ENU
+frame of an emulated autopilot."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.geometry import Quat, Vec3, add, from_heading, rotate
-from kybflow.drivers.emulated_autopilot.control.control import FREE, Axes, Goal
+from kybflow.drivers.emulation.control import FREE, Axes, PositionTarget
 from kybflow.drivers.mavlink.protocol.frames import attitude_from_ned, from_frd, heading_from_ned
 
 LOCAL, LOCAL_OFFSET, BODY, BODY_OFFSET, BODY_FRD = 1, 7, 8, 9, 12
@@ -18,7 +18,7 @@ _POSITION, _VELOCITY, _ACCELERATION = 0x007, 0x038, 0x1C0
 _ROLL_RATE, _PITCH_RATE, _TURN_RATE, _THRUST, _ATTITUDE = 1, 2, 4, 64, 128
 
 
-class Tilt(NamedTuple):
+class AttitudeTarget(NamedTuple):
     """An attitude, or where it is None body rates, and a throttle of 0 to 1. rates: None where
     they aren't said."""
 
@@ -27,7 +27,7 @@ class Tilt(NamedTuple):
     throttle: float
 
 
-def position_target(message: Any, at: Vec3, heading: float, by_axis: bool) -> Goal | None:
+def position_target(message: Any, at: Vec3, heading: float, by_axis: bool) -> PositionTarget | None:
     """What SET_POSITION_TARGET_LOCAL_NED asks for; None where it asks for nothing, or in a frame
     that isn't known. at, heading: where the vehicle is, for the frames that go with it. by_axis:
     whether an axis can be left out alone; otherwise its group is."""
@@ -52,10 +52,10 @@ def position_target(message: Any, at: Vec3, heading: float, by_axis: bool) -> Go
         rate = -m.yaw_rate
     if position == velocity == acceleration == FREE:
         return None
-    return Goal(position, velocity, acceleration, to, rate)
+    return PositionTarget(position, velocity, acceleration, to, rate)
 
 
-def attitude_target(message: Any) -> Tilt | None:
+def attitude_target(message: Any) -> AttitudeTarget | None:
     """What SET_ATTITUDE_TARGET asks for; None where it leaves out the thrust, or both attitude and
     rates."""
     mask = message.type_mask
@@ -68,7 +68,7 @@ def attitude_target(message: Any) -> Tilt | None:
     attitude = None if mask & _ATTITUDE else attitude_from_ned((w, x, y, z))
     if attitude is None and rates is None:
         return None
-    return Tilt(attitude, rates, message.thrust)
+    return AttitudeTarget(attitude, rates, message.thrust)
 
 
 def as_local(message: Any, ned: Vec3) -> Any:

@@ -1,1 +1,236 @@
-"""One file an emulated firmware, and what they have in common."""
+"""The emulated firmwares, as they were observed: what differs between them, as data and small
+functions.
+
+Each module of this folder is one, with the name of its profile in the MAVLink driver's `firmware`;
+its `EMULATED` is an `EmulatedFirmware`. A firmware without a module here is flown but not emulated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib import import_module
+from types import MappingProxyType
+from typing import NamedTuple
+
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS, Time
+from kybflow.drivers import firmware_names
+from kybflow.drivers.emulated_autopilot.control.payload import Outputs
+from kybflow.drivers.emulated_autopilot.control.setpoints import AttitudeTarget
+from kybflow.drivers.emulated_autopilot.estimator import Sources
+from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
+from kybflow.drivers.emulated_autopilot.state import EmulatedState, FailsafeAction, FlightMode
+from kybflow.drivers.emulation.control import Speeds
+from kybflow.drivers.mavlink.firmware import OWN, FirmwareProfile, profile_of
+from kybflow.drivers.mavlink.protocol.frames import Tangent
+from kybflow.dsl.diagnostics.diagnostic import did_you_mean
+from kybflow.world.vehicle_context import VehicleContext
+
+Values = EmulatedParameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class EmulatedFirmware:
+    """One firmware. Times are in seconds, lengths in metres.
+
+    version: of AUTOPILOT_VERSION. modes: by number; start, follow, hold, land, back: the modes in
+    which it starts, follows setpoints, waits, lands, returns. parameters: its own defaults;
+    integers are integers on the wire too. system_parameter: its system id. loss_parameter: see
+    `EmulatedState`. takeoff_parameter: the height of its mode for taking off, where it has one.
+    setpoint_timeout: the parameter with the seconds after which a setpoint other than a position is
+    dropped; None where the mode is left instead. streams: what it sends unasked, Hz by the
+    message's name. stations: addresses of ground stations to which its own simulator speaks too.
+
+    denied: its acknowledgement of what it cannot do now; unknown_mode: of a mode that it does not
+    have. armed_text, disarmed_text, not_landed_text: what it says when it is armed, disarmed, and
+    asked to disarm in the air. text_end: what ends its texts. mode_messages: what it sends when its
+    mode changes. servo_function: the output function that its owner gives to a payload's servo.
+    pulses: of an open and a closed servo, microseconds. vision_frames: the frames of ODOMETRY that
+    it takes. origin: where its simulator begins.
+
+    forgets: when its estimator gives up a position that is not seen any more. gives_up: when it
+    lands because of that. waits: from the first GPS fix to a position, for which real ones take
+    longer. takes_off: climb rate of its take-off. obeys_on_ground: setpoints alone make it leave
+    the ground. keeps_setpoints: it takes setpoints in any mode and keeps them across modes.
+    returns_to_mode: once disarmed it goes back to the mode that was last asked for. by_axis: a
+    setpoint may leave out single axes. takes_mocap: it fuses ATT_POS_MOCAP. speaks_to_all: it sends
+    texts to others than ground stations too. complains: it repeats why it cannot be armed.
+    every_heartbeat_counts: as a ground station's, for its failsafe. pauses_in_mode: a pause does
+    not change its mode.
+
+    sources: which sensors its parameters select. refusal: why it cannot be armed now, empty where
+    it can; refusal_texts: the texts that say so. mode_refusal: why it does not change to a mode
+    now, beyond what every firmware checks. failsafe: what it does by itself in the air; disarms: on
+    the ground. idle_status: MAV_STATE while disarmed. tells_position: whether it reports its
+    position. mode_number: the mode that the parameters of DO_SET_MODE ask for. move_output: obeys a
+    command to an output, with its acknowledgement. speeds, land_speed, return_height: as its
+    parameters say. climb_rate: the climb for which it takes a throttle; None where thrust is
+    thrust.
+    """
+
+    version: tuple[int, int, int]
+    modes: Mapping[int, FlightMode]
+    start: int
+    follow: int
+    hold: int
+    land: int
+    back: int
+    parameters: Mapping[str, float]
+    system_parameter: str
+    loss_parameter: str = ""
+    takeoff_parameter: str = ""
+    setpoint_timeout: str | None = None
+    streams: Mapping[str, float]
+    stations: tuple[str, ...] = ()
+    denied: int
+    unknown_mode: int
+    armed_text: str
+    disarmed_text: str
+    not_landed_text: str
+    text_end: str = ""
+    mode_messages: tuple[str, ...]
+    servo_function: int
+    pulses: tuple[int, int]
+    vision_frames: frozenset[int]
+    origin: Tangent
+    forgets: float
+    gives_up: float
+    waits: float
+    takes_off: float
+    obeys_on_ground: bool
+    keeps_setpoints: bool
+    returns_to_mode: bool
+    by_axis: bool
+    takes_mocap: bool
+    speaks_to_all: bool
+    complains: bool
+    every_heartbeat_counts: bool
+    pauses_in_mode: bool
+    sources: Callable[[Values], Sources]
+    refusal: Callable[[EmulatedState, Time], str]
+    refusal_texts: Callable[[str], tuple[str, ...]]
+    mode_refusal: Callable[[EmulatedState, FlightMode, Time], str]
+    failsafe: Callable[[EmulatedState, Time], FailsafeAction | None]
+    disarms: Callable[[EmulatedState, Time], FailsafeAction | None]
+    idle_status: Callable[[EmulatedState, Time], int]
+    tells_position: Callable[[EmulatedState, Time], bool]
+    mode_number: Callable[[tuple[float, ...]], int]
+    move_output: Callable[[Outputs, int, tuple[float, ...], Time], int]
+    speeds: Callable[[Values], Speeds]
+    land_speed: Callable[[Values], float]
+    return_height: Callable[[Values], float]
+    climb_rate: Callable[[Values, float], float | None]
+    name: str = ""
+
+    @property
+    def profile(self) -> FirmwareProfile:
+        """What the driver knows of this firmware."""
+        return profile_of(self.name)
+
+    def refuses_arming(self, state: EmulatedState, now: Time) -> str:
+        """Why it cannot be armed now in its mode; empty where it can."""
+        return state.failures.refuse or self.refusal(state, now)
+
+    def refuses_mode(self, state: EmulatedState, number: int, now: Time) -> str:
+        """Why it does not change to a mode now; empty where it does."""
+        mode = self.modes[number]
+        if state.failures.bar:
+            return state.failures.bar
+        if not state.armed:
+            return ""
+        if mode.needs_position and not state.estimator.has_position(now):
+            return f"Mode change to {mode.name} failed: requires position"
+        return self.mode_refusal(state, mode, now)
+
+    def acts(self, state: EmulatedState, now: Time) -> FailsafeAction | None:
+        """What it does now by itself, while armed."""
+        if state.is_down:
+            return self.disarms(state, now)
+        own = self.failsafe(state, now)
+        if own is None or own.mode == state.mode or own.cause == state.failed_over:
+            return None
+        return own
+
+    def drops_setpoint(self, state: EmulatedState, now: Time) -> bool:
+        """Whether the last setpoint is too old to be followed any more."""
+        wanted, at = state.wanted, state.wanted_at
+        if self.setpoint_timeout is None or wanted is None or at is None:
+            return False
+        is_lasting = not isinstance(wanted, AttitudeTarget) and None not in wanted.position
+        return not is_lasting and now - at > state.parameters[self.setpoint_timeout] * NS
+
+
+class SetupPlan(NamedTuple):
+    """How a vehicle's autopilot is set up. outside: its position comes from a client. prepared: its
+    owner has set it up for kybflow. station: the system id of the client that it obeys. changes: to
+    its parameters, on top."""
+
+    firmware: str
+    outside: bool
+    prepared: bool
+    station: int
+    changes: Mapping[str, float] = MappingProxyType({})
+
+    def parameters(self, context: VehicleContext, system: int) -> dict[str, float]:
+        """The parameters that differ from the firmware's own. system: the vehicle's system id."""
+        firmware = emulated_firmware(self.firmware)
+        found = (
+            prepared(firmware, context, system, outside=self.outside, station=self.station)
+            if self.prepared
+            else as_built(firmware, context, system)
+        )
+        return found | dict(self.changes)
+
+
+@cache
+def emulated_firmware(name: str) -> EmulatedFirmware:
+    """The emulated firmware of that name. Raises DriverError for one that is not emulated."""
+    names = firmware_names("emulated_autopilot")
+    if name not in names:
+        raise DriverError(f"no emulated autopilot {name!r}: there are {' and '.join(names)}")
+    firmware: EmulatedFirmware = import_module(f"{__name__}.{name}").EMULATED
+    return replace(firmware, name=name)
+
+
+def check_names(firmware: str, changes: Mapping[str, float]) -> None:
+    """Raises DriverError for a parameter that the emulated firmware does not have."""
+    profile = profile_of(firmware)
+    known = set(emulated_firmware(firmware).parameters)
+    known |= {setting.name for setting in profile.indoors}
+    known |= {danger.name for danger in profile.dangers}
+    for name in changes.keys() - known:
+        hint = did_you_mean(name, known)
+        raise DriverError(f"the emulated {firmware} has no parameter {name}; {hint}")
+
+
+def as_built(firmware: EmulatedFirmware, context: VehicleContext, system: int) -> dict[str, float]:
+    """The parameters that every airframe has of its own: its throttle in hover, its system id."""
+    hover = round(context.airframe.hover_thrust / context.airframe.max_thrust, 4)
+    return {firmware.profile.hover_parameter: hover, firmware.system_parameter: system}
+
+
+def prepared(
+    firmware: EmulatedFirmware, context: VehicleContext, system: int, *, outside: bool, station: int
+) -> dict[str, float]:
+    """The parameters of `as_built`, and those that kybflow needs. outside: the position comes from
+    kybflow; else the vehicle's own stays on. station: the system id of the program that flies
+    it."""
+    profile = firmware.profile
+    safe = {danger.name for danger in profile.dangers}
+    changes = as_built(firmware, context, system)
+    for setting in profile.indoors:
+        if outside or setting.name in safe or setting.value == OWN:
+            found = firmware.parameters.get(setting.name, 0.0)
+            if not setting.accepts(found, station):
+                changes[setting.name] = setting.wanted(station, found)
+    if context.payload is not None:
+        output = profile.output(context.payload.channel, True)
+        changes[output.parameter] = firmware.servo_function
+    return changes
+
+
+def by_number(*modes: FlightMode) -> dict[int, FlightMode]:
+    """The modes of a firmware by their numbers."""
+    return {mode.number: mode for mode in modes}

@@ -1,36 +1,186 @@
-"""ArduPilot Copter 4.5.7 as it was observed: modes, parameters, when it gives up."""
+"""ArduPilot Copter 4.5.7 as it was observed: modes, parameters, arming checks, failsafes."""
 
 from __future__ import annotations
 
-from kybflow.drivers.emulated_autopilot.firmware.firmware import Firmware, Mode, Role, by_number
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.core.geometry import tilt_of
+from kybflow.core.signals import NS, Time
+from kybflow.core.units import DEG
+from kybflow.drivers.emulated_autopilot.control.payload import (
+    ACCEPTED,
+    FAILED,
+    UNSUPPORTED,
+    Outputs,
+)
+from kybflow.drivers.emulated_autopilot.estimator import Sources
+from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware, by_number
+from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
+from kybflow.drivers.emulated_autopilot.state import (
+    INFO,
+    EmulatedState,
+    FailsafeAction,
+    FlightMode,
+    Role,
+)
+from kybflow.drivers.emulation.control import Speeds
 from kybflow.drivers.mavlink.protocol.frames import Tangent
 
-AUTOPILOT_ARDUPILOT = 3
-FAILED = 4
 EARTH = 6_378_100.0
 """Radius of the sphere that it takes the earth for, metres."""
-
+RESTS: Time = NS
+"""It disarms so long after a landing in a mode that lands."""
+GRIPPER, RELAY, FIRST_RELAY = 28, -1, 9
+"""Functions of an output, and the output that is relay 0."""
+LEANS = 20.0 * DEG
+"""The tilt from which on it cannot be armed."""
+THRUST_IS_THRUST = 8
+"""The bit of GUID_OPTIONS without which a throttle is a climb rate."""
 STABILIZE, GUIDED, LOITER, RETURN, LAND, BRAKE = 0, 4, 5, 6, 9, 17
-SINKS = 2.4
-"""How fast it comes down in a mode of a pilot's without a pilot: the throttle stick reads zero,
-m/s."""
 
-ARDUPILOT = Firmware(
-    name="ardupilot",
-    autopilot=AUTOPILOT_ARDUPILOT,
+
+def mode_number(p: tuple[float, ...]) -> int:
+    return int(p[1])
+
+
+def sources(p: EmulatedParameters) -> Sources:
+    has_vision, source = p["VISO_TYPE"] > 0, "EK3_SRC1_"
+    return Sources(
+        has_vision and p[f"{source}POSXY"] == 6,
+        has_vision and p[f"{source}POSZ"] == 6,
+        has_vision and p[f"{source}YAW"] == 6,
+        p["GPS_TYPE"] > 0 and p[f"{source}POSXY"] == 3,
+        p["COMPASS_ENABLE"] > 0 and p[f"{source}YAW"] == 1,
+    )
+
+
+def refusal(state: EmulatedState, now: Time) -> str:
+    estimator, mode, p = state.estimator, state.flying, state.parameters
+    if p["ARMING_CHECK"] == 0:
+        return ""
+    if not estimator.is_settled(now):
+        return "PreArm: AHRS: not healthy"
+    if 0.0 < state.battery.voltage < max(p["BATT_LOW_VOLT"], p["BATT_ARM_VOLT"]):
+        return "PreArm: Battery 1 low voltage failsafe"
+    if (state.failures.tilt * DEG or tilt_of(estimator.attitude.value)) > LEANS:
+        return "Arm: Leaning"
+    if mode.role in (Role.LAND, Role.RETURN, Role.HOLD):
+        return f"Arm: {mode.name} mode not armable"
+    return _position_lacks(state, now)
+
+
+def _position_lacks(state: EmulatedState, now: Time) -> str:
+    """What its position needs and does not have."""
+    estimator, has_vision = state.estimator, sources(state.parameters).vision
+    if has_vision and not estimator.sees(now):
+        return "PreArm: VisOdom: not healthy"
+    if has_vision and state.origin is None:
+        return "PreArm: AHRS: waiting for home"
+    if state.flying.needs_position and not estimator.has_position(now):
+        return "Arm: Need Position Estimate"
+    return ""
+
+
+def refusal_texts(reason: str) -> tuple[str, ...]:
+    return (reason,)
+
+
+def mode_refusal(_state: EmulatedState, _mode: FlightMode, _now: Time) -> str:
+    return ""
+
+
+def disarms(state: EmulatedState, now: Time) -> FailsafeAction | None:
+    p, stood = state.parameters, now - max(state.landed_at, state.armed_at)
+    if not state.has_flown:
+        is_idle = state.climb_to is None and 0.0 < p["DISARM_DELAY"] * NS <= stood
+        return FailsafeAction(None, "", "idle") if is_idle else None
+    lands = state.flying.role in (Role.LAND, Role.RETURN)
+    wait = RESTS if lands else p["DISARM_DELAY"] * NS
+    return FailsafeAction(None, "", "landed") if 0 < wait <= stood else None
+
+
+def failsafe(state: EmulatedState, now: Time) -> FailsafeAction | None:
+    p, role = state.parameters, state.flying.role
+    unseen, voltage = state.estimator.unseen(now), state.battery.voltage
+    if state.flying.needs_position and (unseen is None or unseen > EMULATED.gives_up):
+        return FailsafeAction(LAND, "EKF Failsafe: changed to LAND Mode", "position")
+    if 0.0 < voltage < p["BATT_LOW_VOLT"] and p["BATT_FS_LOW_ACT"] and role is not Role.LAND:
+        mode = LAND if p["BATT_FS_LOW_ACT"] == 1 else RETURN
+        return FailsafeAction(mode, "Battery Failsafe", "battery")
+    station = state.stations.get(int(p["SYSID_MYGCS"]))
+    if not p["FS_GCS_ENABLE"] or station is None or role is Role.LAND:
+        return None
+    if now - station <= p["FS_GCS_TIMEOUT"] * NS:
+        return None
+    mode = RETURN if p["FS_GCS_ENABLE"] in (1, 3, 4) else LAND
+    return FailsafeAction(mode, "GCS Failsafe", "station")
+
+
+def idle_status(state: EmulatedState, now: Time) -> int:
+    return 3 if state.estimator.is_settled(now) else 1
+
+
+def tells_position(state: EmulatedState, now: Time) -> bool:
+    return state.estimator.unseen(now) is not None and state.origin is not None
+
+
+def move_output(outputs: Outputs, command: int, p: tuple[float, ...], now: Time) -> int:
+    parameters = outputs.state.parameters
+    if command == mavlink.MAV_CMD_DO_SET_SERVO:
+        if parameters.get(f"SERVO{int(p[0])}_FUNCTION", -2.0) != 0.0:
+            return FAILED
+        outputs.move(int(p[0]), round(p[1]), now)
+        return ACCEPTED
+    if command == mavlink.MAV_CMD_DO_SET_RELAY:
+        channel = FIRST_RELAY + int(p[0])
+        if parameters.get(f"SERVO{channel}_FUNCTION") != RELAY:
+            return FAILED
+        outputs.move(channel, 1900 if p[1] else 1100, now)
+        return ACCEPTED
+    if command != mavlink.MAV_CMD_DO_GRIPPER:
+        return UNSUPPORTED
+    if parameters["GRIP_ENABLE"] != 1 or parameters["GRIP_TYPE"] != 1:
+        return FAILED
+    pulse = parameters["GRIP_GRAB"] if p[1] else parameters["GRIP_RELEASE"]
+    if not outputs.move_all("SERVO{}_FUNCTION", GRIPPER, round(pulse), now):
+        return FAILED
+    outputs.state.say("Gripper load grabbed" if p[1] else "Gripper load released", INFO)
+    return ACCEPTED
+
+
+def speeds(p: EmulatedParameters) -> Speeds:
+    along, up, down = p["WPNAV_SPEED"], p["WPNAV_SPEED_UP"], p["WPNAV_SPEED_DN"]
+    return Speeds(along / 100.0, up / 100.0, down / 100.0)
+
+
+def land_speed(p: EmulatedParameters) -> float:
+    return p["LAND_SPEED"] / 100.0
+
+
+def return_height(p: EmulatedParameters) -> float:
+    return p["RTL_ALT"] / 100.0
+
+
+def climb_rate(p: EmulatedParameters, throttle: float) -> float | None:
+    if int(p["GUID_OPTIONS"]) & THRUST_IS_THRUST:
+        return None
+    return (throttle - 0.5) * p["WPNAV_SPEED_UP"] / 50.0
+
+
+EMULATED = EmulatedFirmware(
     version=(4, 5, 7),
     modes=by_number(
-        Mode("STABILIZE", STABILIZE, Role.PILOT, needs_position=False),
-        Mode("ALT_HOLD", 2, Role.PILOT, needs_position=False),
-        Mode("AUTO", 3, Role.HOLD),
-        Mode("GUIDED", GUIDED, Role.FOLLOW),
-        Mode("LOITER", LOITER, Role.PILOT),
-        Mode("RTL", RETURN, Role.RETURN),
-        Mode("LAND", LAND, Role.LAND, needs_position=False),
-        Mode("POSHOLD", 16, Role.PILOT),
-        Mode("BRAKE", BRAKE, Role.HOLD),
-        Mode("GUIDED_NOGPS", 20, Role.FOLLOW, needs_position=False),
-        Mode("SMART_RTL", 21, Role.RETURN),
+        FlightMode("STABILIZE", STABILIZE, Role.PILOT, needs_position=False),
+        FlightMode("ALT_HOLD", 2, Role.PILOT, needs_position=False),
+        FlightMode("AUTO", 3, Role.HOLD),
+        FlightMode("GUIDED", GUIDED, Role.FOLLOW),
+        FlightMode("LOITER", LOITER, Role.PILOT),
+        FlightMode("RTL", RETURN, Role.RETURN),
+        FlightMode("LAND", LAND, Role.LAND, needs_position=False),
+        FlightMode("POSHOLD", 16, Role.PILOT),
+        FlightMode("BRAKE", BRAKE, Role.HOLD),
+        FlightMode("GUIDED_NOGPS", 20, Role.FOLLOW, needs_position=False),
+        FlightMode("SMART_RTL", 21, Role.RETURN),
     ),
     start=STABILIZE,
     follow=GUIDED,
@@ -82,13 +232,44 @@ ARDUPILOT = Firmware(
         "WPNAV_SPEED_DN": 150.0,
         "WPNAV_SPEED_UP": 250.0,
     },
-    bytewise=False,
+    system_parameter="SYSID_THISMAV",
+    setpoint_timeout="GUID_TIMEOUT",
     streams={},
     denied=FAILED,
+    unknown_mode=FAILED,
+    armed_text="Arming motors",
+    disarmed_text="Disarming motors",
+    not_landed_text="Disarm: not landed",
+    mode_messages=("HEARTBEAT",),
+    servo_function=0,
+    pulses=(1100, 1900),
+    vision_frames=frozenset({mavlink.MAV_FRAME_LOCAL_FRD}),
+    origin=Tangent.on_sphere(-35.363262, 149.165237, 584.0, EARTH),
     forgets=7.2,
     gives_up=7.9,
     waits=8.0,
     takes_off=0.5,
     obeys_on_ground=False,
-    origin=Tangent.on_sphere(-35.363262, 149.165237, 584.0, EARTH),
+    keeps_setpoints=False,
+    returns_to_mode=False,
+    by_axis=False,
+    takes_mocap=True,
+    speaks_to_all=True,
+    complains=True,
+    every_heartbeat_counts=True,
+    pauses_in_mode=True,
+    sources=sources,
+    refusal=refusal,
+    refusal_texts=refusal_texts,
+    mode_refusal=mode_refusal,
+    failsafe=failsafe,
+    disarms=disarms,
+    idle_status=idle_status,
+    tells_position=tells_position,
+    mode_number=mode_number,
+    move_output=move_output,
+    speeds=speeds,
+    land_speed=land_speed,
+    return_height=return_height,
+    climb_rate=climb_rate,
 )

@@ -1,12 +1,27 @@
-"""PX4 1.18 as it was observed: modes, parameters, what it streams, when it gives up."""
+"""PX4 1.18 as it was observed: modes, parameters, streams, arming checks, failsafes."""
 
 from __future__ import annotations
 
-from kybflow.drivers.emulated_autopilot.firmware.firmware import Firmware, Mode, Role, by_number
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.core.geometry import tilt_of
+from kybflow.core.signals import NS, Time
+from kybflow.core.units import DEG
+from kybflow.drivers.emulated_autopilot.control.payload import ACCEPTED, UNSUPPORTED, Outputs
+from kybflow.drivers.emulated_autopilot.estimator import Sources
+from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware, by_number
+from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
+from kybflow.drivers.emulated_autopilot.state import EmulatedState, FailsafeAction, FlightMode, Role
+from kybflow.drivers.emulation.control import Speeds
 from kybflow.drivers.mavlink.protocol.frames import Tangent
 
-AUTOPILOT_PX4 = 12
-TEMPORARILY_REJECTED = 1
+TEMPORARILY_REJECTED, DENIED = 1, 2
+VISION, VISION_HEIGHT, VISION_HEADING = 1, 2, 8
+"""Bits of EKF2_EV_CTRL."""
+GRIPPER, FIRST_SET, SETS = 430, 301, 6
+"""Functions of an output: the gripper, or one of six actuator sets."""
+LEANS = 20.0 * DEG
+"""The tilt from which on it cannot be armed."""
 
 
 def number(main: int, sub: int = 0) -> int:
@@ -18,22 +33,161 @@ OFFBOARD, TAKE_OFF, HOLD, RETURN, LAND = (
     number(6), number(4, 2), number(4, 3), number(4, 5), number(4, 6),
 )  # fmt: skip
 
-PX4 = Firmware(
-    name="px4",
-    autopilot=AUTOPILOT_PX4,
+
+def mode_number(p: tuple[float, ...]) -> int:
+    return number(int(p[1]), int(p[2]))
+
+
+def sources(p: EmulatedParameters) -> Sources:
+    bits = int(p["EKF2_EV_CTRL"])
+    gps = int(p["EKF2_GPS_CTRL"]) & 1 and p["SYS_HAS_GPS"]
+    compass = p["SYS_HAS_MAG"] and p["EKF2_MAG_TYPE"] != 5
+    return Sources(
+        bool(bits & VISION), bool(bits & VISION_HEIGHT), bool(bits & VISION_HEADING), bool(gps),
+        bool(compass),
+    )  # fmt: skip
+
+
+def refusal(state: EmulatedState, now: Time) -> str:
+    estimator, mode = state.estimator, state.flying
+    if not estimator.is_settled(now):
+        return "Preflight Fail: ekf2 missing data"
+    if (state.failures.tilt * DEG or tilt_of(estimator.attitude.value)) > LEANS:
+        return "Preflight Fail: Attitude failure (roll)"
+    if state.battery.remaining < state.parameters["BAT_LOW_THR"]:
+        return "Preflight Fail: low battery"
+    if mode.role in (Role.LAND, Role.RETURN):
+        return f"Arming denied: mode {mode.name} can't be armed in"
+    return _mode_lacks(state, now)
+
+
+def _mode_lacks(state: EmulatedState, now: Time) -> str:
+    """What the mode in force needs and does not have."""
+    mode = state.flying
+    if mode.role is Role.PILOT and not state.has_pilot(now):
+        return "Preflight Fail: No manual control input"
+    if mode.needs_position and not state.estimator.has_position(now):
+        return "Preflight Fail: No valid local position estimate"
+    if mode.role in (Role.HOLD, Role.TAKE_OFF) and state.origin is None:
+        return "Preflight Fail: No valid global position estimate"
+    if mode.role is Role.FOLLOW and not state.streams(now):
+        return "Preflight Fail: No offboard signal"
+    return ""
+
+
+def refusal_texts(reason: str) -> tuple[str, ...]:
+    if reason.startswith("Arming denied"):
+        return (reason,)
+    return (reason, "Arming denied: Resolve system health failures first")
+
+
+def mode_refusal(state: EmulatedState, mode: FlightMode, now: Time) -> str:
+    if mode.role is Role.FOLLOW and not state.streams(now):
+        return "Switching to mode 'Offboard' is currently not available"
+    if mode.role is Role.PILOT and not state.has_pilot(now):
+        return f"Switching to mode '{mode.name}' is currently not available"
+    return ""
+
+
+def disarms(state: EmulatedState, now: Time) -> FailsafeAction | None:
+    p, stood = state.parameters, now - max(state.landed_at, state.armed_at)
+    if state.has_flown:
+        wait = p["COM_DISARM_LAND"] * NS
+        return FailsafeAction(None, "Disarmed by landing", "landed") if 0 < wait <= stood else None
+    if state.flying.role is Role.FOLLOW and state.streams(now):
+        return None
+    if state.climb_to is None and 0.0 < p["COM_DISARM_PRFLT"] * NS <= stood:
+        return FailsafeAction(None, "Disarmed by auto preflight disarming", "idle")
+    return None
+
+
+def failsafe(state: EmulatedState, now: Time) -> FailsafeAction | None:
+    p, role = state.parameters, state.flying.role
+    unseen = state.estimator.unseen(now)
+    if state.flying.needs_position and (unseen is None or unseen > EMULATED.gives_up):
+        return FailsafeAction(LAND, "Failsafe activated: switching to Descend", "position")
+    if (low := _low_battery(state)) is not None:
+        return low
+    if role is Role.FOLLOW and not state.streams(now):
+        action = {4: LAND, 5: HOLD}.get(int(p["COM_OBL_RC_ACT"]), RETURN)
+        return FailsafeAction(action, "Failsafe activated: offboard signal lost", "set-points")
+    alone = {1: HOLD, 2: RETURN, 3: LAND}.get(int(p["NAV_DLL_ACT"]))
+    heard = max(state.stations.values(), default=None)
+    if alone is not None and heard is not None and now - heard > p["COM_DL_LOSS_T"] * NS:
+        return FailsafeAction(alone, "Failsafe activated: GCS connection lost", "station")
+    return None
+
+
+def _low_battery(state: EmulatedState) -> FailsafeAction | None:
+    p, role = state.parameters, state.flying.role
+    low, levels = p["COM_LOW_BAT_ACT"], ("BAT_CRIT_THR", "BAT_EMERGEN_THR")
+    critical, empty = (state.battery.remaining < p[level] for level in levels)
+    if low >= 2 and empty and role is not Role.LAND:
+        return FailsafeAction(LAND, "Failsafe activated: emergency battery", "battery")
+    if low in (1, 3) and critical and role not in (Role.LAND, Role.RETURN):
+        return FailsafeAction(RETURN, "Failsafe activated: critical battery", "battery")
+    if low == 2 and critical and role is not Role.LAND:
+        return FailsafeAction(LAND, "Failsafe activated: critical battery", "battery")
+    return None
+
+
+def idle_status(state: EmulatedState, now: Time) -> int:
+    return 0 if EMULATED.refuses_arming(state, now) else 3
+
+
+def tells_position(state: EmulatedState, now: Time) -> bool:
+    return state.estimator.has_position(now)
+
+
+def move_output(outputs: Outputs, command: int, p: tuple[float, ...], now: Time) -> int:
+    """Outputs do not move while it is disarmed, which it acknowledges all the same."""
+    if command == mavlink.MAV_CMD_DO_GRIPPER:
+        _move(outputs, GRIPPER, 2000 if p[1] else 1000, now)
+        return ACCEPTED
+    if command != mavlink.MAV_CMD_DO_SET_ACTUATOR:
+        return UNSUPPORTED
+    for place in range(SETS):
+        if p[place] == p[place]:
+            pulse = round(1500.0 + 500.0 * max(-1.0, min(1.0, p[place])))
+            _move(outputs, FIRST_SET + place, pulse, now)
+    return ACCEPTED
+
+
+def _move(outputs: Outputs, function: int, pulse: int, now: Time) -> None:
+    if outputs.state.armed:
+        outputs.move_all("PWM_MAIN_FUNC{}", function, pulse, now)
+
+
+def speeds(p: EmulatedParameters) -> Speeds:
+    return Speeds(p["MPC_XY_VEL_MAX"], p["MPC_Z_VEL_MAX_UP"], p["MPC_Z_VEL_MAX_DN"])
+
+
+def land_speed(p: EmulatedParameters) -> float:
+    return p["MPC_LAND_SPEED"]
+
+
+def return_height(p: EmulatedParameters) -> float:
+    return p["RTL_RETURN_ALT"]
+
+
+def climb_rate(_p: EmulatedParameters, _throttle: float) -> None:
+    return None
+
+
+EMULATED = EmulatedFirmware(
     version=(1, 18, 0),
     modes=by_number(
-        Mode("MANUAL", number(1), Role.PILOT, needs_position=False),
-        Mode("ALTCTL", number(2), Role.PILOT, needs_position=False),
-        Mode("POSCTL", number(3), Role.PILOT),
-        Mode("AUTO.TAKEOFF", TAKE_OFF, Role.TAKE_OFF),
-        Mode("AUTO.LOITER", HOLD, Role.HOLD),
-        Mode("AUTO.MISSION", number(4, 4), Role.HOLD),
-        Mode("AUTO.RTL", RETURN, Role.RETURN),
-        Mode("AUTO.LAND", LAND, Role.LAND, needs_position=False),
-        Mode("ACRO", number(5), Role.PILOT, needs_position=False),
-        Mode("OFFBOARD", OFFBOARD, Role.FOLLOW),
-        Mode("STABILIZED", number(7), Role.PILOT, needs_position=False),
+        FlightMode("MANUAL", number(1), Role.PILOT, needs_position=False),
+        FlightMode("ALTCTL", number(2), Role.PILOT, needs_position=False),
+        FlightMode("POSCTL", number(3), Role.PILOT),
+        FlightMode("AUTO.TAKEOFF", TAKE_OFF, Role.TAKE_OFF),
+        FlightMode("AUTO.LOITER", HOLD, Role.HOLD),
+        FlightMode("AUTO.MISSION", number(4, 4), Role.HOLD),
+        FlightMode("AUTO.RTL", RETURN, Role.RETURN),
+        FlightMode("AUTO.LAND", LAND, Role.LAND, needs_position=False),
+        FlightMode("ACRO", number(5), Role.PILOT, needs_position=False),
+        FlightMode("OFFBOARD", OFFBOARD, Role.FOLLOW),
+        FlightMode("STABILIZED", number(7), Role.PILOT, needs_position=False),
     ),
     start=HOLD,
     follow=OFFBOARD,
@@ -93,7 +247,9 @@ PX4 = Firmware(
         "SYS_HAS_GPS": 1,
         "SYS_HAS_MAG": 1,
     },
-    bytewise=True,
+    system_parameter="MAV_SYS_ID",
+    loss_parameter="COM_OF_LOSS_T",
+    takeoff_parameter="MIS_TAKEOFF_ALT",
     streams={
         "ALTITUDE": 10.0,
         "ATTITUDE": 99.0,
@@ -113,11 +269,43 @@ PX4 = Firmware(
         "SYS_STATUS": 5.0,
         "VFR_HUD": 10.0,
     },
+    stations=("udpout:127.0.0.1:14550",),
     denied=TEMPORARILY_REJECTED,
+    unknown_mode=DENIED,
+    armed_text="Armed by external command",
+    disarmed_text="Disarmed by external command",
+    not_landed_text="Disarming denied: not landed",
+    text_end="\t",
+    mode_messages=("HEARTBEAT", "CURRENT_MODE"),
+    servo_function=GRIPPER,
+    pulses=(1000, 2000),
+    vision_frames=frozenset({mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_FRD}),
+    origin=Tangent.on_ellipsoid(47.397742, 8.545594, 488.0),
     forgets=1.0,
     gives_up=5.0,
     waits=2.5,
     takes_off=1.5,
     obeys_on_ground=True,
-    origin=Tangent.on_ellipsoid(47.397742, 8.545594, 488.0),
+    keeps_setpoints=True,
+    returns_to_mode=True,
+    by_axis=True,
+    takes_mocap=False,
+    speaks_to_all=False,
+    complains=False,
+    every_heartbeat_counts=False,
+    pauses_in_mode=False,
+    sources=sources,
+    refusal=refusal,
+    refusal_texts=refusal_texts,
+    mode_refusal=mode_refusal,
+    failsafe=failsafe,
+    disarms=disarms,
+    idle_status=idle_status,
+    tells_position=tells_position,
+    mode_number=mode_number,
+    move_output=move_output,
+    speeds=speeds,
+    land_speed=land_speed,
+    return_height=return_height,
+    climb_rate=climb_rate,
 )

@@ -9,7 +9,7 @@ from typing import Any
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NEVER, NS, Time
-from kybflow.drivers.emulated_autopilot.state import Failures
+from kybflow.drivers.emulation.breaking import BreakableLink, Failures
 from kybflow.drivers.mavlink.protocol.framing import Counts, Packer, Parser
 from kybflow.drivers.mavlink.protocol.signing import Signing
 from kybflow.drivers.mavlink.transport.sockets import UdpIn
@@ -42,7 +42,7 @@ class Channel:
         self._signing = signing
         self._packer = Packer(system, signing)
         self._parsers: dict[Any, Parser] = {}
-        self._failures, self._generator = failures, generator
+        self._link = BreakableLink(failures, generator)
         self._streams: dict[str, tuple[Time, Time]] = {}
         self._usual, self._soonest = dict(streams), 0
         for name, rate in streams.items():
@@ -56,11 +56,11 @@ class Channel:
             if parser is None:
                 parser = self._parsers[sender] = Parser(self._signing, self.counts)
             heard += parser.parse(data)
-        return [] if self._failures.deaf else [m for m in heard if not self._is_lost()]
+        return self._link.heard(heard)
 
     def send(self, message: Any) -> None:
         """To everybody on this wire."""
-        if self._failures.silent or self._is_lost():
+        if not self._link.sends():
             return
         data = self._packer.pack(message, AUTOPILOT)
         if isinstance(self.wire, UdpIn):
@@ -101,9 +101,6 @@ class Channel:
                 self._streams[name] = (period, now + period if behind else at + period)
         self._soonest = min((at for _, at in self._streams.values()), default=NEVER)
         return due
-
-    def _is_lost(self) -> bool:
-        return self._failures.drops > 0.0 and self._generator.random() < self._failures.drops
 
 
 def name_of(number: int) -> str:

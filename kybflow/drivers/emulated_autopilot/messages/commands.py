@@ -5,21 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pymavlink.dialects.v20 import all as mavlink
 
+from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.control import payload
-from kybflow.drivers.emulated_autopilot.control.arming import mode_refusal, refusal
-from kybflow.drivers.emulated_autopilot.firmware.firmware import Role
 from kybflow.drivers.emulated_autopilot.messages.channel import Channel, name_of
 from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
-from kybflow.drivers.emulated_autopilot.state import CRITICAL
+from kybflow.drivers.emulated_autopilot.state import CRITICAL, Role
 
-if TYPE_CHECKING:
-    from kybflow.drivers.emulated_autopilot.autopilot import Autopilot
-
-ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
+ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 FORCED = 21196
 """The second parameter of a disarming that is not to be refused."""
 CUSTOM = 1
@@ -28,10 +24,10 @@ CUSTOM = 1
 Params = tuple[float, ...]
 
 
-class Orders:
+class CommandHandlers:
     """Obeys what comes over one channel."""
 
-    def __init__(self, autopilot: Autopilot, channel: Channel) -> None:
+    def __init__(self, autopilot: OnboardAutopilot, channel: Channel) -> None:
         self._a, self._channel = autopilot, channel
         self._actions: dict[int, Callable[[Params], int]] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
@@ -56,19 +52,19 @@ class Orders:
         else:
             p = (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7)
         if number in payload.COMMANDS:
-            return self._a.outputs.command(number, p, self._a.now)
+            return self._a.firmware.move_output(self._a.outputs, number, p, self._a.now)
         action = self._actions.get(number)
         return UNSUPPORTED if action is None else action(p)
 
     def set_mode(self, number: int) -> int:
         """Change to a mode, or say why not."""
         a = self._a
-        if number not in a.state.firmware.modes:
-            return DENIED if a.px4 else FAILED
-        reason = mode_refusal(a.state, number, a.now)
+        if number not in a.firmware.modes:
+            return a.firmware.unknown_mode
+        reason = a.firmware.refuses_mode(a.state, number, a.now)
         if reason:
             a.state.say(reason, CRITICAL)
-            return REJECTED if a.px4 else FAILED
+            return a.firmware.denied
         a.state.failed_over = ""
         a.change(number, a.now, asked=True)
         return ACCEPTED
@@ -76,8 +72,8 @@ class Orders:
     def _do_set_mode(self, p: Params) -> int:
         a = self._a
         if not int(p[0]) & CUSTOM:
-            return DENIED if a.px4 else FAILED
-        return self.set_mode(int(p[1]) << 16 | int(p[2]) << 24 if a.px4 else int(p[1]))
+            return a.firmware.unknown_mode
+        return self.set_mode(a.firmware.mode_number(p))
 
     def _arm(self, p: Params) -> int:
         a = self._a
@@ -86,21 +82,17 @@ class Orders:
             if not state.armed:
                 return ACCEPTED
             if not (state.is_down or forced):
-                a.state.say(
-                    "Disarming denied: not landed" if a.px4 else "Disarm: not landed", CRITICAL
-                )
-                return state.firmware.denied
-            a.stop(a.now, "Disarmed by external command" if a.px4 else "Disarming motors")
+                a.state.say(a.firmware.not_landed_text, CRITICAL)
+                return a.firmware.denied
+            a.stop(a.now, a.firmware.disarmed_text)
             return ACCEPTED
         if state.armed:
             return ACCEPTED
-        reason = "" if forced else refusal(state, a.now)
+        reason = "" if forced else a.firmware.refuses_arming(state, a.now)
         if reason:
-            if a.px4 and not reason.startswith("Arming denied"):
-                state.say(reason, CRITICAL)
-                reason = "Arming denied: Resolve system health failures first"
-            state.say(reason, CRITICAL)
-            return state.firmware.denied
+            for text in a.firmware.refusal_texts(reason):
+                state.say(text, CRITICAL)
+            return a.firmware.denied
         a.start(a.now)
         return ACCEPTED
 
@@ -108,7 +100,7 @@ class Orders:
         a = self._a
         state, up = a.state, p[6]
         here = state.estimator.position[2]
-        if not a.px4:
+        if not a.firmware.takeoff_parameter:
             if state.flying.role is not Role.FOLLOW or not state.armed or not state.is_down:
                 return FAILED
             if not state.estimator.has_position(a.now):
@@ -117,7 +109,7 @@ class Orders:
             a.flight.enter(a.now)
             state.climb_to = here + up
             return ACCEPTED
-        low = here + state.parameters["MIS_TAKEOFF_ALT"]
+        low = here + state.parameters[a.firmware.takeoff_parameter]
         sea = None if state.origin is None else up - state.origin.height
         a.change(self._mode(Role.TAKE_OFF), a.now, asked=True)
         state.climb_to = low if sea is None or not isfinite(sea) else max(sea, here + 0.5)
@@ -125,23 +117,23 @@ class Orders:
 
     def _land(self, p: Params) -> int:
         a = self._a
-        return self.set_mode(a.state.firmware.land)
+        return self.set_mode(a.firmware.land)
 
     def _return(self, p: Params) -> int:
         a = self._a
-        return self.set_mode(a.state.firmware.back)
+        return self.set_mode(a.firmware.back)
 
     def _loiter(self, p: Params) -> int:
         a = self._a
-        return self.set_mode(a.state.firmware.hold)
+        return self.set_mode(a.firmware.hold)
 
     def _pause(self, p: Params) -> int:
-        """ArduPilot holds where it is, in its mode; PX4 changes to Hold."""
+        """Hold where it is: in its mode, or by changing to the mode that holds."""
         a = self._a
         if p[0] != 0.0:
             return ACCEPTED
-        if a.px4:
-            return self.set_mode(a.state.firmware.hold)
+        if not a.firmware.pauses_in_mode:
+            return self.set_mode(a.firmware.hold)
         a.state.wanted = None
         a.flight.enter(a.now)
         return ACCEPTED
@@ -149,14 +141,12 @@ class Orders:
     def _set_home(self, p: Params) -> int:
         a = self._a
         if a.state.origin is None:
-            return FAILED if not a.px4 else REJECTED
+            return a.firmware.denied
         a.state.home = a.state.estimator.position
         return ACCEPTED
 
     def _mode(self, role: Role) -> int:
-        return next(
-            number for number, mode in self._a.state.firmware.modes.items() if mode.role is role
-        )
+        return next(number for number, mode in self._a.firmware.modes.items() if mode.role is role)
 
     def _set_interval(self, p: Params) -> int:
         name, channel = name_of(int(p[0])), self._channel

@@ -1,8 +1,7 @@
-"""The emulated autopilot's position control: a goal in, attitude and thrust for the attitude loop
-out.
+"""The position controller of an emulated computer: a target in, attitude and thrust out.
 
-Per axis: v = P (goal - position) + goal's velocity; a = PV (v - velocity) + integral + goal's
-acceleration; thrust along a + g. What the goal leaves out is not controlled. ENU, SI.
+Per axis: v = P (target - position) + target velocity; a = PV (v - velocity) + integral + target
+acceleration; thrust along a + g. What the target leaves out is not controlled. ENU, SI.
 """
 
 from __future__ import annotations
@@ -41,8 +40,8 @@ LIGHTEST = 0.15
 """Least thrust in the air, as a part of the weight: a quadrotor needs some to keep its attitude."""
 
 
-class Goal(NamedTuple):
-    """What is to be followed; None where it isn't said. ENU of the autopilot's own local frame."""
+class PositionTarget(NamedTuple):
+    """What is to be followed, None where nothing is said. ENU of the vehicle's own local frame."""
 
     position: Axes = FREE
     velocity: Axes = FREE
@@ -52,15 +51,15 @@ class Goal(NamedTuple):
 
 
 class Speeds(NamedTuple):
-    """Bounds of what is made of a position's error, m/s."""
+    """The fastest that a position error may be corrected, m/s: horizontally, up, down."""
 
     along: float
     up: float
     down: float
 
 
-class Control:
-    """`thrust` is the last one, newtons."""
+class PositionControl:
+    """The controller of one vehicle. `thrust`: the last commanded one, newtons."""
 
     def __init__(self, airframe: Airframe, heading: float) -> None:
         self._airframe = airframe
@@ -69,34 +68,40 @@ class Control:
         self.thrust = 0.0
 
     def begin(self, heading: float) -> None:
-        """Start anew, at this heading."""
+        """Reset the integrals and the heading."""
         self._integral, self._heading = [0.0, 0.0, 0.0], heading
 
     def ground(self, heading: float) -> Command:
-        """Turn the rotors slowly, on the ground."""
+        """Idle the rotors on the ground."""
         self.begin(heading)
         self.thrust = 0.1 * self._airframe.hover_thrust
         return Command(LEVEL, self.thrust, ZERO, None)
 
     def follow(
-        self, goal: Goal, position: Vec3, velocity: Vec3, heading: float, speeds: Speeds, dt: float
+        self,
+        target: PositionTarget,
+        position: Vec3,
+        velocity: Vec3,
+        heading: float,
+        speeds: Speeds,
+        dt: float,
     ) -> Command:
-        """One step of `dt` towards `goal`."""
-        wanted = self._velocity(goal, position, speeds)
-        ax, ay, az = self._acceleration(goal, wanted, velocity, dt)
+        """One step of `dt` towards `target`."""
+        wanted = self._velocity(target, position, speeds)
+        ax, ay, az = self._acceleration(target, wanted, velocity, dt)
         up = max(LIGHTEST * GRAVITY, az + GRAVITY)
         most = up * tan(TILT)
         along = hypot(ax, ay)
         if along > most:
             ax, ay = ax * most / along, ay * most / along
-        turn = self._turn(goal, dt)
+        turn = self._turn(target, dt)
         force = (ax, ay, up)
         attitude = from_thrust_direction(force, self._heading)
         self.thrust = self._bounded(self._airframe.mass * norm(force))
         return Command(attitude, self.thrust, (0.0, 0.0, turn), heading)
 
     def hold(self, attitude: Quat, thrust: float, rates: Vec3, heading: float) -> Command:
-        """Hand over an attitude as it is. thrust: newtons."""
+        """Command an attitude directly. thrust: newtons."""
         self._integral = [0.0, 0.0, 0.0]
         self.thrust = self._bounded(thrust)
         return Command(attitude, self.thrust, rates, heading)
@@ -104,9 +109,11 @@ class Control:
     def _bounded(self, thrust: float) -> float:
         return max(0.0, min(self._airframe.max_thrust, thrust))
 
-    def _velocity(self, goal: Goal, position: Vec3, speeds: Speeds) -> Axes:
+    def _velocity(self, target: PositionTarget, position: Vec3, speeds: Speeds) -> Axes:
         asked: list[float | None] = [None, None, None]
-        for axis, (to, at, gain) in enumerate(zip(goal.position, position, POSITION, strict=True)):
+        for axis, (to, at, gain) in enumerate(
+            zip(target.position, position, POSITION, strict=True)
+        ):
             if to is not None:
                 asked[axis] = gain * (to - at)
         x, y, z = asked
@@ -114,12 +121,16 @@ class Control:
             x, y = x * speeds.along / speed, y * speeds.along / speed
         if z is not None:
             z = max(-speeds.down, min(speeds.up, z))
-        fx, fy, fz = goal.velocity
+        fx, fy, fz = target.velocity
         return (_sum(x, fx), _sum(y, fy), _sum(z, fz))
 
-    def _acceleration(self, goal: Goal, wanted: Axes, velocity: Vec3, dt: float) -> Vec3:
+    def _acceleration(
+        self, target: PositionTarget, wanted: Axes, velocity: Vec3, dt: float
+    ) -> Vec3:
         out = [0.0, 0.0, 0.0]
-        for axis, (to, at, fed) in enumerate(zip(wanted, velocity, goal.acceleration, strict=True)):
+        for axis, (to, at, fed) in enumerate(
+            zip(wanted, velocity, target.acceleration, strict=True)
+        ):
             out[axis] = 0.0 if fed is None else fed
             if to is not None:
                 most = MOST_INTEGRAL[axis]
@@ -129,13 +140,13 @@ class Control:
             out[axis] += self._integral[axis]
         return (out[0], out[1], out[2])
 
-    def _turn(self, goal: Goal, dt: float) -> float:
-        """Turn the wanted heading; how fast it turns."""
-        rate = goal.heading_rate or 0.0
-        if goal.heading is None:
+    def _turn(self, target: PositionTarget, dt: float) -> float:
+        """Turn the commanded heading; its rate, rad/s."""
+        rate = target.heading_rate or 0.0
+        if target.heading is None:
             self._heading = wrap(self._heading + rate * dt)
             return rate
-        left = wrap(goal.heading - self._heading)
+        left = wrap(target.heading - self._heading)
         self._heading = wrap(self._heading + max(-TURNS * dt, min(TURNS * dt, left)))
         return rate
 

@@ -7,17 +7,14 @@ here, NED on the wire) is that of external vision, or begins where GPS was first
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, norm, rotate
 from kybflow.core.signals import NS, Imu, Time
-from kybflow.drivers.emulated_autopilot.estimation.attitude import Attitude
-from kybflow.drivers.emulated_autopilot.estimation.observer import Observer
-from kybflow.drivers.emulated_autopilot.firmware.firmware import Firmware
-from kybflow.drivers.emulated_autopilot.firmware.parameters import Parameters
+from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
+from kybflow.drivers.emulation.estimation import AttitudeFilter, PositionObserver
 
-VISION, VISION_HEIGHT, VISION_HEADING = 1, 2, 8
-"""Bits of what PX4 heeds of external vision."""
 SEEN, FIX, PRESSURE = 4.0, 0.7, 1.5
 """Bandwidths of the observer for vision, GPS and the barometer, rad/s."""
 GATE = 0.5
@@ -28,7 +25,7 @@ SETTLES: Time = NS
 """How long the attitude takes at the start."""
 
 
-class Sighting(NamedTuple):
+class VisionPose(NamedTuple):
     """A pose from external vision. heading: None where it has none. resets: how often the sender
     says that its position has jumped."""
 
@@ -48,35 +45,19 @@ class Sources(NamedTuple):
     compass: bool
 
 
-def sources(parameters: Parameters) -> Sources:
-    """As the parameters say."""
-    if parameters.get("EKF2_GPS_CTRL", -1.0) >= 0.0:
-        bits = int(parameters["EKF2_EV_CTRL"])
-        gps = int(parameters["EKF2_GPS_CTRL"]) & 1 and parameters["SYS_HAS_GPS"]
-        compass = parameters["SYS_HAS_MAG"] and parameters["EKF2_MAG_TYPE"] != 5
-        return Sources(
-            bool(bits & VISION), bool(bits & VISION_HEIGHT), bool(bits & VISION_HEADING),
-            bool(gps), bool(compass),
-        )  # fmt: skip
-    has_vision, source = parameters["VISO_TYPE"] > 0, "EK3_SRC1_"
-    return Sources(
-        has_vision and parameters[f"{source}POSXY"] == 6,
-        has_vision and parameters[f"{source}POSZ"] == 6,
-        has_vision and parameters[f"{source}YAW"] == 6,
-        parameters["GPS_TYPE"] > 0 and parameters[f"{source}POSXY"] == 3,
-        parameters["COMPASS_ENABLE"] > 0 and parameters[f"{source}YAW"] == 1,
-    )
-
-
-class Estimator:
+class EmulatedEstimator:
     """Pure but for what it remembers; every call carries its time."""
 
-    def __init__(self, firmware: Firmware, parameters: Parameters, heading: float) -> None:
-        self.attitude = Attitude(heading)
+    def __init__(
+        self, parameters: EmulatedParameters, sources: Callable[[EmulatedParameters], Sources],
+        *, forgets: float, waits: float,
+    ) -> None:  # fmt: skip
+        self.attitude = AttitudeFilter(0.0)
         self.imu: Imu | None = None
         self.acceleration: Vec3 = ZERO
-        self._firmware, self._parameters = firmware, parameters
-        self._observer = Observer()
+        self._parameters, self._sources = parameters, sources
+        self._forgets, self._waits = forgets, waits
+        self._observer = PositionObserver()
         self._fixed: Time | None = None
         self._vision: Time | None = None
         self._aimed: Time | None = None
@@ -105,7 +86,7 @@ class Estimator:
 
     def has_position(self, now: Time) -> bool:
         unseen = self.unseen(now)
-        return unseen is not None and unseen < self._firmware.forgets
+        return unseen is not None and unseen < self._forgets
 
     def sees(self, now: Time) -> bool:
         """Whether external vision was heeded within half a second."""
@@ -127,35 +108,35 @@ class Estimator:
         if self._aimed is not None and now - self._aimed > NS:
             self.attitude.lose()
 
-    def see(self, sighting: Sighting, now: Time) -> None:
+    def see(self, pose: VisionPose, now: Time) -> None:
         """External vision."""
-        heeded = sources(self._parameters)
-        if heeded.vision_heading and sighting.heading is not None:
-            self.attitude.see(sighting.heading)
+        heeded = self._sources(self._parameters)
+        if heeded.vision_heading and pose.heading is not None:
+            self.attitude.see(pose.heading)
             self._aimed = now
         if not heeded.vision:
             return
-        at = sighting.time if 0 <= now - sighting.time < NS // 2 else now
-        off = self._observer.off(sighting.position, at)
+        at = pose.time if 0 <= now - pose.time < NS // 2 else now
+        off = self._observer.off(pose.position, at)
         if not heeded.vision_height:
             off = (off[0], off[1], 0.0)
-        jumped = self._resets is not None and sighting.resets != self._resets
+        jumped = self._resets is not None and pose.resets != self._resets
         left = self._admitted(off, jumped or self._vision is None, now)
         if left is not None:
             height = SEEN if heeded.vision_height else 0.0
             self._observer.correct(left, (SEEN, SEEN, height), self._since(self._vision, now))
-            self._vision, self._resets = now, sighting.resets
+            self._vision, self._resets = now, pose.resets
             self._height = now if heeded.vision_height else self._height
 
     def fix(self, position: Vec3, at: Time, now: Time) -> None:
         """GPS, in the world."""
-        heeded = sources(self._parameters)
+        heeded = self._sources(self._parameters)
         if not heeded.gps or (heeded.vision and self.sees(now)):
             return
         if self._first_fix is None:
             self._first_fix = (now, position)
         since, zero = self._first_fix
-        if (now - since) / NS < self._firmware.waits:
+        if (now - since) / NS < self._waits:
             return
         x, y, _ = self._observer.off((position[0] - zero[0], position[1] - zero[1], 0.0), at)
         last = self._fixed
@@ -165,7 +146,7 @@ class Estimator:
 
     def aim(self, heading: float, now: Time) -> None:
         """The compass."""
-        if sources(self._parameters).compass:
+        if self._sources(self._parameters).compass:
             self.attitude.see(heading)
             self._aimed = now
 

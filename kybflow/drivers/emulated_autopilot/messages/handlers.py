@@ -1,21 +1,21 @@
-"""What an emulated autopilot makes of the messages that it hears, but for commands."""
+"""What an emulated autopilot does with each message that it receives, commands excepted."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.geometry import Vec3, heading_of
+from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.control import setpoints
-from kybflow.drivers.emulated_autopilot.control.control import Goal
-from kybflow.drivers.emulated_autopilot.estimation.estimator import Sighting
-from kybflow.drivers.emulated_autopilot.firmware.firmware import Role
+from kybflow.drivers.emulated_autopilot.estimator import VisionPose
 from kybflow.drivers.emulated_autopilot.messages.channel import AUTOPILOT, Channel
-from kybflow.drivers.emulated_autopilot.messages.commands import CUSTOM, Orders
+from kybflow.drivers.emulated_autopilot.messages.commands import CUSTOM, CommandHandlers
 from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
-from kybflow.drivers.emulated_autopilot.state import Sticks
+from kybflow.drivers.emulated_autopilot.state import PilotSticks, Role
+from kybflow.drivers.emulation.control import PositionTarget
 from kybflow.drivers.mavlink.protocol.frames import (
     Tangent,
     attitude_from_ned,
@@ -24,12 +24,9 @@ from kybflow.drivers.mavlink.protocol.frames import (
     to_ned,
 )
 
-if TYPE_CHECKING:
-    from kybflow.drivers.emulated_autopilot.autopilot import Autopilot
-
 GROUND_STATION = 6
 """Type of a heartbeat (MAV_TYPE_GCS)."""
-LOCAL, LOCAL_FRD, BODY_FRD = 1, 20, 12
+BODY_FRD = 12
 REFUSED, UNKNOWN_COMMAND = 129, 7
 """Of the file transfer protocol."""
 RELEASED, IGNORED = 0, 65535
@@ -46,13 +43,13 @@ GROUPS = {
 """What REQUEST_DATA_STREAM asks for: its number and the messages."""
 
 
-class Ears:
-    """Hears what comes over one channel."""
+class MessageHandlers:
+    """The handlers of one channel's messages."""
 
-    def __init__(self, autopilot: Autopilot, channel: Channel) -> None:
+    def __init__(self, autopilot: OnboardAutopilot, channel: Channel) -> None:
         self._a, self._channel = autopilot, channel
-        self._orders = Orders(autopilot, channel)
-        self._heed: dict[str, Callable[[Any], None]] = {
+        self._commands = CommandHandlers(autopilot, channel)
+        self._handlers: dict[str, Callable[[Any], None]] = {
             "HEARTBEAT": self._heartbeat,
             "COMMAND_LONG": self._command,
             "COMMAND_INT": self._command,
@@ -80,26 +77,26 @@ class Ears:
         }
 
     def hear(self, message: Any) -> None:
-        """Heed a message, unless it is another vehicle's."""
+        """Handle a message, unless it is addressed to another vehicle."""
         target = getattr(message, "target_system", 0)
         if target not in (0, self._a.system) or message.get_srcSystem() == self._a.system:
             return
         if getattr(message, "target_component", 0) not in (0, AUTOPILOT):
             return
-        heed = self._heed.get(message.get_type())
-        if heed is not None:
-            heed(message)
+        handle = self._handlers.get(message.get_type())
+        if handle is not None:
+            handle(message)
 
     def _heartbeat(self, m: Any) -> None:
         a = self._a
         if m.type == GROUND_STATION:
             self._channel.station = a.now
             a.state.stations[m.get_srcSystem()] = a.now
-        elif not a.px4:
+        elif a.firmware.every_heartbeat_counts:
             a.state.stations[m.get_srcSystem()] = a.now
 
     def _command(self, m: Any) -> None:
-        result = self._orders.obey(m)
+        result = self._commands.obey(m)
         ack = mavlink.MAVLink_command_ack_message(
             m.command, result, 255, 0, m.get_srcSystem(), m.get_srcComponent()
         )
@@ -107,24 +104,26 @@ class Ears:
 
     def _set_mode(self, m: Any) -> None:
         if m.base_mode & CUSTOM:
-            self._orders.set_mode(m.custom_mode)
+            self._commands.set_mode(m.custom_mode)
 
     def _parameter(self, m: Any) -> None:
         a = self._a
         for answer in a.state.parameters.hear(m):
             self._channel.send(answer)
 
-    def _follow(self, wanted: setpoints.Tilt | Goal | None) -> None:
-        """A set-point; ArduPilot drops it in other modes."""
+    def _follow(self, wanted: setpoints.AttitudeTarget | PositionTarget | None) -> None:
+        """Take a setpoint; some firmwares drop it in other modes."""
         a = self._a
-        if wanted is not None and (a.px4 or a.state.flying.role is Role.FOLLOW):
+        if wanted is not None and (
+            a.firmware.keeps_setpoints or a.state.flying.role is Role.FOLLOW
+        ):
             a.state.wanted, a.state.wanted_at = wanted, a.now
 
     def _position_target(self, m: Any) -> None:
         a = self._a
         e = a.state.estimator
         heading = e.attitude.heading
-        self._follow(setpoints.position_target(m, e.position, heading, by_axis=a.px4))
+        self._follow(setpoints.position_target(m, e.position, heading, by_axis=a.firmware.by_axis))
 
     def _global_target(self, m: Any) -> None:
         a = self._a
@@ -141,8 +140,7 @@ class Ears:
 
     def _odometry(self, m: Any) -> None:
         a = self._a
-        frames = (LOCAL, LOCAL_FRD) if a.px4 else (LOCAL_FRD,)
-        if m.frame_id in frames and m.child_frame_id == BODY_FRD:
+        if m.frame_id in a.firmware.vision_frames and m.child_frame_id == BODY_FRD:
             w, x, y, z = m.q
             heading = heading_of(attitude_from_ned((w, x, y, z)))
             self._see(m.time_usec, (m.x, m.y, m.z), heading, m.reset_counter)
@@ -152,7 +150,7 @@ class Ears:
 
     def _mocap(self, m: Any) -> None:
         a = self._a
-        if not a.px4:
+        if a.firmware.takes_mocap:
             w, x, y, z = m.q
             heading = heading_of(attitude_from_ned((w, x, y, z)))
             self._see(m.time_usec, (m.x, m.y, m.z), heading, 0)
@@ -161,7 +159,7 @@ class Ears:
         a = self._a
         if not a.state.failures.blind:
             at = a.run_time(stamp)
-            a.state.estimator.see(Sighting(at, from_ned(ned), heading, resets), a.now)
+            a.state.estimator.see(VisionPose(at, from_ned(ned), heading, resets), a.now)
 
     def _timesync(self, m: Any) -> None:
         a = self._a
@@ -225,7 +223,7 @@ class Ears:
             a.state.sticks = None if RELEASED in pulses else a.state.sticks
             return
         roll, pitch, throttle, yaw = pulses
-        a.state.sticks = Sticks(
+        a.state.sticks = PilotSticks(
             a.now,
             (roll - 1500) / 500,
             (1500 - pitch) / 500,
@@ -236,4 +234,4 @@ class Ears:
     def _manual(self, m: Any) -> None:
         a = self._a
         if m.target == a.system:
-            a.state.sticks = Sticks(a.now, m.y / 1000, m.x / 1000, m.r / 1000, m.z / 1000)
+            a.state.sticks = PilotSticks(a.now, m.y / 1000, m.x / 1000, m.r / 1000, m.z / 1000)

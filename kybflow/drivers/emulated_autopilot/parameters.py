@@ -1,7 +1,7 @@
-"""The parameters of an emulated autopilot, and how they travel.
+"""The parameters of an emulated autopilot, and the messages that read and write them.
 
-PX4's integers travel as the bytes of an INT32 in the float (param_type 6), ArduPilot's as plain
-floats with the type beside them.
+Where integers travel bytewise, the float on the wire holds the bytes of an INT32 (param_type 6);
+else they are plain floats with the type beside them.
 """
 
 from __future__ import annotations
@@ -12,20 +12,23 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.drivers.emulated_autopilot.firmware.firmware import Firmware
-
 REAL = mavlink.MAV_PARAM_TYPE_REAL32
 INTEGER = mavlink.MAV_PARAM_TYPE_INT32
 
 
-class Parameters:
-    """All parameters by name, in the order of their indices. `dangling`: names that are asked for
-    but never answered, for tests."""
+class EmulatedParameters:
+    """All parameters by name, in the order of their indices.
 
-    def __init__(self, firmware: Firmware, changes: Mapping[str, float]) -> None:
-        values = dict(sorted({**firmware.parameters, **changes}.items()))
-        self._bytewise = firmware.bytewise
-        known = {**values, **firmware.parameters}
+    own: the firmware's defaults. changes: what differs from them. bytewise: how integers travel.
+    `dangling`: names that are requested but never answered, for tests.
+    """
+
+    def __init__(
+        self, own: Mapping[str, float], changes: Mapping[str, float], *, bytewise: bool
+    ) -> None:
+        values = dict(sorted({**own, **changes}.items()))
+        self._bytewise = bytewise
+        known = {**values, **own}
         self._integers = {name for name, value in known.items() if isinstance(value, int)}
         self._values: dict[str, float] = {name: float(value) for name, value in values.items()}
         self.dangling: set[str] = set()

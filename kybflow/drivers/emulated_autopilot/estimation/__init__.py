@@ -1,1 +1,0 @@
-"""What an emulated autopilot believes of itself, from its simulated sensors."""

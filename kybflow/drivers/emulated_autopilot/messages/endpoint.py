@@ -1,0 +1,77 @@
+"""An emulated autopilot on its MAVLink channels: hears, steps, reports."""
+
+from __future__ import annotations
+
+import random
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.core.signals import Measurement, Time
+from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
+from kybflow.drivers.emulated_autopilot.messages.channel import Channel
+from kybflow.drivers.emulated_autopilot.messages.handlers import MessageHandlers
+from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
+from kybflow.drivers.mavlink.transport.wire import Wire
+
+CHUNK = 50
+"""Bytes of a STATUSTEXT."""
+
+
+class MavlinkEndpoint:
+    """One autopilot and the channels on which it speaks. generator: the chance by which messages
+    are lost."""
+
+    def __init__(self, autopilot: OnboardAutopilot, generator: random.Random) -> None:
+        self.autopilot, self.failures = autopilot, autopilot.failures
+        self._generator = generator
+        self._channels: list[tuple[Channel, MessageHandlers]] = []
+        self._text_id = 0
+        autopilot.on_mode_change = self._tell_mode
+
+    def connect(self, wire: Wire, key: bytes | None = None) -> Channel:
+        """Speak on one more wire. key: the secret of signed messages."""
+        streams = {"HEARTBEAT": 1.0, **self.autopilot.firmware.streams}
+        system = self.autopilot.system
+        channel = Channel(wire, system, key, streams, self.failures, self._generator)
+        self._channels.append((channel, MessageHandlers(self.autopilot, channel)))
+        return channel
+
+    def feel(self, measured: Measurement, now: Time) -> None:
+        """Take what the vehicle's own sensors measured."""
+        self.autopilot.feel(measured, now)
+
+    def step(self, now: Time) -> None:
+        """Hear, estimate, fly, report; at least fifty times a second."""
+        self.autopilot.now = now
+        for channel, handlers in self._channels:
+            for message in channel.receive(now):
+                handlers.hear(message)
+        self.autopilot.step(now)
+        self._tell(now)
+
+    def _tell_mode(self) -> None:
+        for channel, _ in self._channels:
+            for name in self.autopilot.firmware.mode_messages:
+                channel.send(MAKERS[name](self.autopilot))
+
+    def _tell(self, now: Time) -> None:
+        texts, self.autopilot.texts = self.autopilot.texts, []
+        for words, severity in texts:
+            self._speak(words, severity, now)
+        for channel, _ in self._channels:
+            for name in channel.due(now):
+                message = MAKERS[name](self.autopilot)
+                if message is not None:
+                    channel.send(message)
+
+    def _speak(self, words: str, severity: int, now: Time) -> None:
+        """Send a text in chunks, to whom the firmware sends texts."""
+        firmware = self.autopilot.firmware
+        data = (words + firmware.text_end).encode()
+        chunks = [data[at : at + CHUNK] for at in range(0, len(data), CHUNK)]
+        self._text_id = self._text_id % 0xFFFF + 1
+        number = self._text_id if len(chunks) > 1 else 0
+        for channel, _ in self._channels:
+            if firmware.speaks_to_all or channel.has_station(now):
+                for place, chunk in enumerate(chunks):
+                    channel.send(mavlink.MAVLink_statustext_message(severity, chunk, number, place))

@@ -1,0 +1,94 @@
+"""The body of an emulated vehicle, and the sensors that only its own computer reads.
+
+The IMU and GPS are those of the simulated vehicle. Compass, barometer and battery monitor are here;
+they look at the simulator's truth so that the emulated computer need not. World ENU, radians,
+metres.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from math import exp, sqrt
+from typing import NamedTuple
+
+from kybflow.core.geometry import heading_of
+from kybflow.core.signals import NS, Battery, Command, Time, Truth
+from kybflow.core.units import DEG
+from kybflow.drivers.emulation.breaking import Failures
+
+PERIOD: Time = NS // 20
+COMPASS_ERROR, COMPASS_NOISE = 3.0 * DEG, 0.5 * DEG
+"""Standard deviations of the compass: its constant error, and its noise."""
+PRESSURE_NOISE, PRESSURE_WANDERS, PRESSURE_LASTS = 0.03, 0.10, 60.0
+"""Standard deviations of the barometric height: its noise and its drift, metres; and the drift's
+time constant, seconds."""
+EMPTY, SPAN = 9.6, 3.0
+"""The voltage of an empty pack of three cells, and what a full one has more."""
+
+
+class SimulatedBody(NamedTuple):
+    """The simulated vehicle under an emulated computer.
+
+    drive: takes the command that the attitude loop follows. move: opens or closes the payload's
+    servo. look: the simulator's truth, for sensors and for what a simulator itself reports.
+    """
+
+    drive: Callable[[Command, Time], None]
+    move: Callable[[bool, Time], None]
+    look: Callable[[], Truth]
+
+
+class CompassAndBarometer:
+    """Reads both sensors twenty times a second. `heading` and `height` are the newest readings: the
+    heading with one constant error, the height above the start with one that drifts."""
+
+    def __init__(self, look: Callable[[], Truth], generator: random.Random) -> None:
+        self._look, self._generator = look, generator
+        self._error = generator.gauss(0.0, COMPASS_ERROR)
+        self._drift = 0.0
+        self._stays = exp(-PERIOD / NS / PRESSURE_LASTS)
+        self._zero = look().position[2]
+        self._due: Time = 0
+        self.heading = 0.0
+        self.height = 0.0
+
+    def read(self, now: Time) -> bool:
+        """Whether there is a new reading."""
+        if now < self._due:
+            return False
+        self._due = now + PERIOD
+        noise, truth, stays = self._generator.gauss, self._look(), self._stays
+        self.heading = heading_of(truth.attitude) + self._error + noise(0.0, COMPASS_NOISE)
+        step = PRESSURE_WANDERS * sqrt(1.0 - stays * stays)
+        self._drift = stays * self._drift + noise(0.0, step)
+        self.height = truth.position[2] - self._zero + self._drift + noise(0.0, PRESSURE_NOISE)
+        return True
+
+
+class BatteryMonitor:
+    """The charge that the computer believes in: the simulated battery's, unless a failure sets
+    another."""
+
+    def __init__(self, failures: Failures) -> None:
+        self._failures = failures
+        self._measured: Battery | None = None
+
+    def measure(self, battery: Battery) -> None:
+        """Take the newest measurement of the simulated battery."""
+        self._measured = battery
+
+    @property
+    def remaining(self) -> float:
+        """The charge, 0 to 1; full before the first measurement."""
+        if self._failures.battery is not None:
+            return self._failures.battery
+        return 1.0 if self._measured is None else self._measured.remaining
+
+    @property
+    def voltage(self) -> float:
+        """The voltage; that of three cells where a failure sets the charge, 0 before the first
+        measurement."""
+        if self._failures.battery is not None:
+            return EMPTY + SPAN * self._failures.battery
+        return 0.0 if self._measured is None else self._measured.voltage

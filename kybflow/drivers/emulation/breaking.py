@@ -1,0 +1,99 @@
+"""Failures of an emulated vehicle that are caused on purpose: `NAME[=VALUE][@SECONDS]`.
+
+What can fail are the fields of a `Failures` dataclass: a field that is false by default is a switch
+and takes no value, one that is text takes words, any other a number. An emulator adds its own by a
+subclass. `heal` ends all failures.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterable
+from dataclasses import Field, dataclass, fields
+from typing import Any, NamedTuple, TypeVar
+
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS, Time
+
+HEAL = "heal"
+Message = TypeVar("Message")
+
+
+@dataclass
+class Failures:
+    """What is broken in any emulated vehicle.
+
+    silent: it sends nothing. deaf: it hears nothing. drop: the share of all messages that is lost,
+    in and out. battery: the charge that it believes to have, 0 to 1.
+    """
+
+    silent: bool = False
+    deaf: bool = False
+    drop: float = 0.0
+    battery: float | None = None
+
+
+class Break(NamedTuple):
+    """A failure and the time at which it begins."""
+
+    at: Time
+    name: str
+    value: str
+
+    def __str__(self) -> str:
+        return f"{self.name}={self.value}" if self.value else self.name
+
+    def apply(self, failures: Failures) -> None:
+        """Cause it."""
+        for field in fields(failures):
+            if self.name == HEAL:
+                setattr(failures, field.name, field.default)
+            elif self.name == field.name:
+                setattr(failures, field.name, _value(field, self.value))
+
+
+def read_break(text: str, kind: type[Failures]) -> Break:
+    """Raises DriverError with what can be written. kind: the failures that the emulator knows."""
+    what, _, seconds = text.partition("@")
+    name, _, value = what.partition("=")
+    known = {field.name: field for field in fields(kind)}
+    if name not in known and name != HEAL:
+        names = ", ".join(sorted((*known, HEAL)))
+        raise DriverError(f"nothing called `{name}` can fail; there are {names}")
+    is_switch = name == HEAL or known[name].default is False
+    if is_switch == bool(value):
+        wants = "takes no value" if value else f"needs a value, as in `{name}=...`"
+        raise DriverError(f"`{text}`: `{name}` {wants}")
+    try:
+        at = float(seconds or 0.0)
+        if not is_switch:
+            _value(known[name], value)
+    except ValueError:
+        raise DriverError(f"`{text}` is not NAME[=VALUE][@SECONDS]") from None
+    return Break(round(at * NS), name, value)
+
+
+def _value(field: Field[Any], text: str) -> bool | float | str:
+    if field.default is False:
+        return True
+    return text if isinstance(field.default, str) else float(text)
+
+
+class BreakableLink:
+    """Loses what an emulated vehicle sends and hears, as its failures say."""
+
+    def __init__(self, failures: Failures, generator: random.Random) -> None:
+        self._failures, self._generator = failures, generator
+
+    def heard(self, messages: Iterable[Message]) -> list[Message]:
+        """Those messages that arrive."""
+        if self._failures.deaf:
+            return []
+        return [message for message in messages if not self._is_lost()]
+
+    def sends(self) -> bool:
+        """Whether the next message goes out."""
+        return not (self._failures.silent or self._is_lost())
+
+    def _is_lost(self) -> bool:
+        return self._failures.drop > 0.0 and self._generator.random() < self._failures.drop

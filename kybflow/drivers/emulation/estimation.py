@@ -1,0 +1,144 @@
+"""How an emulated computer estimates its motion: an attitude filter and a position observer.
+
+Attitude: the explicit complementary filter with bias of Mahony, Hamel and Pflimlin (IEEE TAC 2008,
+eq. 34), from gyroscope, accelerometer and a heading that is seen. World ENU, body FLU.
+
+Position: inertial, corrected by what is seen of it. Per axis a constant-gain observer with the
+error of the acceleration as its third state: with the innovation e and the bandwidth w,
+p += 3 w dt e, v += 3 w^2 dt e, b += w^3 dt e, dt the seconds since the last correction. Between
+corrections p' = v, v' = a + b. What is seen late is compared with the position at that time.
+Metres, ENU."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from kybflow.core.geometry import (
+    GRAVITY,
+    ZERO,
+    Quat,
+    Vec3,
+    add,
+    conjugate,
+    cross,
+    from_heading,
+    heading_of,
+    integrate,
+    multiply,
+    norm,
+    rotate,
+    scale,
+    sub,
+    wrap,
+)
+from kybflow.core.signals import NS, Imu, Time
+
+LEVELLING = 0.10
+"""How fast the accelerometer levels the attitude, 1/s."""
+LEARNING = LEVELLING**2 / 4.0
+"""How fast the gyroscope's bias is learnt, 1/s^2."""
+AIMING, AIMING_BIAS = 1.0, 0.1
+"""How fast the heading follows the one that is seen, 1/s, and the bias about the vertical,
+1/s^2."""
+LIGHTEST, HEAVIEST = 0.5 * GRAVITY, 1.5 * GRAVITY
+UP: Vec3 = (0.0, 0.0, 1.0)
+
+
+class AttitudeFilter:
+    """`value`: body to world. `rate`: the body's turn rate, less the bias, rad/s."""
+
+    def __init__(self, heading: float) -> None:
+        self.value: Quat = from_heading(heading)
+        self.rate: Vec3 = ZERO
+        self._bias: Vec3 = ZERO
+        self._off = 0.0
+        self._is_aimed = False
+
+    @property
+    def heading(self) -> float:
+        return heading_of(self.value)
+
+    def see(self, heading: float) -> None:
+        """A heading was seen, by vision or by a compass; the first is taken as it is."""
+        self._off = wrap(heading - self.heading)
+        if not self._is_aimed or abs(self._off) > 1.0:
+            turned = from_heading(self._off)
+            self.value = multiply(turned, self.value)
+            self._is_aimed, self._off = True, 0.0
+
+    def lose(self) -> None:
+        """No heading is seen any more."""
+        self._off = 0.0
+
+    def feel(self, imu: Imu) -> None:
+        """Go on by what the inertial sensors felt."""
+        up = rotate(conjugate(self.value), UP)
+        force, size = imu.specific_force, norm(imu.specific_force)
+        error = scale(cross(force, up), 1.0 / size) if LIGHTEST < size < HEAVIEST else ZERO
+        learnt = add(scale(error, LEARNING), scale(up, AIMING_BIAS * self._off))
+        self._bias = sub(self._bias, scale(learnt, imu.dt))
+        self.rate = sub(imu.angular_velocity, self._bias)
+        aimed = add(scale(error, LEVELLING), scale(up, AIMING * self._off))
+        self.value = integrate(self.value, add(self.rate, aimed), imu.dt)
+        self._off *= max(0.0, 1.0 - AIMING * imu.dt)
+
+
+LONGEST = 0.25
+"""Seconds between sightings for which the gains still grow."""
+REMEMBERED: Time = NS // 2
+MOST_BIAS = 0.5
+"""Largest error of the acceleration that is believed, m/s^2."""
+
+
+class PositionObserver:
+    """Knows nothing at first: it is at zero, at rest."""
+
+    def __init__(self) -> None:
+        self.position: Vec3 = ZERO
+        self.velocity: Vec3 = ZERO
+        self._bias: Vec3 = ZERO
+        self._past: deque[tuple[Time, Vec3]] = deque()
+        self._shifted: Vec3 = ZERO
+
+    def feel(self, acceleration: Vec3, dt: float, now: Time) -> None:
+        """Go on by `dt` with what is felt, in the world, without gravity."""
+        a = add(acceleration, self._bias)
+        move = add(scale(self.velocity, dt), scale(a, 0.5 * dt * dt))
+        self.position = add(self.position, move)
+        self.velocity = add(self.velocity, scale(a, dt))
+        self._past.append((now, sub(self.position, self._shifted)))
+        while self._past[0][0] < now - REMEMBERED:
+            self._past.popleft()
+
+    def off(self, position: Vec3, at: Time) -> Vec3:
+        """How far what was seen at `at` is from what was believed then."""
+        believed = next((p for time, p in reversed(self._past) if time <= at), None)
+        if believed is None:
+            believed = self._past[0][1] if self._past else sub(self.position, self._shifted)
+        return sub(position, add(believed, self._shifted))
+
+    def correct(self, off: Vec3, bandwidths: Vec3, dt: float) -> None:
+        """Believe a sighting, `off` from where it was believed, `dt` seconds after the last."""
+        dt = min(dt, LONGEST)
+        p = [min(0.9, 3.0 * w * dt) * e for w, e in zip(bandwidths, off, strict=True)]
+        v = [3.0 * w * w * dt * e for w, e in zip(bandwidths, off, strict=True)]
+        b = [w**3 * dt * e for w, e in zip(bandwidths, off, strict=True)]
+        self._shift((p[0], p[1], p[2]))
+        self.velocity = add(self.velocity, (v[0], v[1], v[2]))
+        x, y, z = add(self._bias, (b[0], b[1], b[2]))
+        self._bias = (_within(x), _within(y), _within(z))
+
+    def jump(self, off: Vec3) -> None:
+        """The sightings have moved: go with them."""
+        self._shift(off)
+
+    def rest(self) -> None:
+        """It stands: what it believed of its motion was an error."""
+        self.velocity = ZERO
+
+    def _shift(self, off: Vec3) -> None:
+        self.position, self._shifted = add(self.position, off), add(self._shifted, off)
+
+
+def _within(bias: float) -> float:
+    return max(-MOST_BIAS, min(MOST_BIAS, bias))

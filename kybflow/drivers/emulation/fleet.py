@@ -1,0 +1,109 @@
+"""Simulated vehicles in one world with an emulated computer on each, advanced in lockstep."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterable, Sequence
+from typing import Generic, Protocol, TypeVar
+
+from kybflow.core.signals import NS, Imu, Measurement, Pose, Position, Time
+from kybflow.drivers.emulation.body import SimulatedBody
+from kybflow.drivers.emulation.breaking import Break, Failures
+from kybflow.drivers.sim.vehicle import Vehicle
+from kybflow.drivers.sim.world import World
+from kybflow.parts import Seat
+
+PERIOD: Time = NS // 125
+"""How often the emulated computers step at most."""
+
+
+class OnboardComputer(Protocol):
+    """What flies an emulated vehicle."""
+
+    @property
+    def failures(self) -> Failures:
+        """What is broken on purpose."""
+
+    def feel(self, measured: Measurement, now: Time) -> None:
+        """Take what the vehicle's own sensors measured."""
+
+    def step(self, now: Time) -> None:
+        """Hear, estimate, fly, report."""
+
+
+Onboard = TypeVar("Onboard", bound=OnboardComputer)
+
+
+class EmulatedVehicle(Generic[Onboard]):
+    """A simulated vehicle and the computer on it. has_gps: whether its own GPS is switched on."""
+
+    def __init__(self, vehicle: Vehicle, onboard: Onboard, *, has_gps: bool) -> None:
+        self.vehicle, self.onboard = vehicle, onboard
+        vehicle.is_wired = True
+        own = {Position} if has_gps else set()
+        vehicle.subscribe(frozenset({Imu, *own}))
+        self._poses: list[Measurement] = []
+
+    def step(self, now: Time) -> None:
+        """Give the computer what its own sensors measured, and let it go on."""
+        for measured in self.vehicle.read(now):
+            if isinstance(measured, Pose):
+                self._poses.append(measured)
+            else:
+                self.onboard.feel(measured, now)
+        self.onboard.step(now)
+
+    def poses(self) -> list[Measurement]:
+        """What motion capture saw since the last call; the computer is not given it."""
+        poses, self._poses = self._poses, []
+        return poses
+
+
+class Fleet(Generic[Onboard]):
+    """The emulated vehicles of one world: `members`, in the order of the seats.
+
+    build: makes the computer of a seat, by its place from 0, its body and its source of chance, and
+    says whether the vehicle has GPS. Raises DriverError as the simulator does.
+    """
+
+    def __init__(
+        self,
+        seats: Sequence[Seat],
+        generator: random.Random,
+        build: Callable[[int, SimulatedBody, random.Random], tuple[Onboard, bool]],
+    ) -> None:
+        self._world = World(seats, generator)
+        self.members: list[EmulatedVehicle[Onboard]] = []
+        for number, seat in enumerate(seats):
+            vehicle = self._world.links[seat.context.vehicle]
+            assert isinstance(vehicle, Vehicle)
+            chance = random.Random(generator.getrandbits(64))
+            body = SimulatedBody(vehicle.send, vehicle.grip, vehicle.truth)
+            onboard, has_gps = build(number, body, chance)
+            self.members.append(EmulatedVehicle(vehicle, onboard, has_gps=has_gps))
+        self._due: Time = 0
+
+    def advance(self, now: Time) -> None:
+        """Let the world go on until `now`."""
+        self._world.advance(now)
+        if now >= self._due:
+            self._due = now + PERIOD
+            for member in self.members:
+                member.step(now)
+
+    def serve(
+        self, ticks: Iterable[Time], breaks: Sequence[Break], tell: Callable[[Break, Time], None]
+    ) -> None:
+        """Go on from tick to tick and cause each failure at its time. tell: called with a failure
+        as it begins."""
+        waiting = sorted(breaks)
+        for now in ticks:
+            while waiting and waiting[0].at <= now:
+                failure = waiting.pop(0)
+                tell(failure, now)
+                for member in self.members:
+                    failure.apply(member.onboard.failures)
+            self.advance(now)
+
+    def close(self) -> None:
+        self._world.close()
