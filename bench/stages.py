@@ -57,14 +57,14 @@ class Stages:
 
 
 def _methods(plan: Plan) -> list[tuple[str, type, str]]:
-    from kybflow.drivers.sim.vehicle import Vehicle
-    from kybflow.drivers.sim.world import World
+    from kybflow.drivers.sim.vehicle import SimulatedVehicle
+    from kybflow.drivers.sim.world import SimulatedWorld
 
     found: dict[tuple[str, type, str], None] = {
-        ("simulator", World, "advance"): None,
-        ("link: measurements, truth, command", Vehicle, "read"): None,
-        ("link: measurements, truth, command", Vehicle, "truth"): None,
-        ("link: measurements, truth, command", Vehicle, "send"): None,
+        ("simulator", SimulatedWorld, "advance"): None,
+        ("link: measurements, truth, command", SimulatedVehicle, "read"): None,
+        ("link: measurements, truth, command", SimulatedVehicle, "truth"): None,
+        ("link: measurements, truth, command", SimulatedVehicle, "send"): None,
         ("recorder", VehicleChannel, "tick"): None,
         ("recorder", VehicleChannel, "estimators"): None,
         ("recorder", VehicleChannel, "measurement"): None,

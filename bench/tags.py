@@ -27,7 +27,7 @@ from kybflow.core.geometry import LEVEL, conjugate, distance, from_euler, multip
 from kybflow.core.signals import NS, Frame, Truth
 from kybflow.vision.families import FAMILIES, dictionary
 from kybflow.vision.locating.locator import Locator, Prediction
-from kybflow.vision.locating.sight import Motion
+from kybflow.vision.locating.sight import BodyMotion
 from kybflow.vision.optics import Optics
 from kybflow.vision.rendering.drawing import Room
 from kybflow.world.cameras import Camera, Lens
@@ -83,7 +83,7 @@ def flight(room: Room, frames: int) -> Iterator[tuple[Frame, Truth, Prediction]]
         body = truth_at(n / RATE)
         ex, ey, ez = generator.normal(0.0, 0.004, 3).tolist()
         (px, py, pz), turn = body.position, from_euler(*generator.normal(0.0, 0.004, 3).tolist())
-        motion = Motion(body.velocity, body.angular_velocity)
+        motion = BodyMotion(body.velocity, body.angular_velocity)
         near = (px + ex, py + ey, pz + ez)
         prediction = Prediction(near, multiply(body.attitude, turn), motion, 0.01, 0.02)
         yield Frame(round(n / RATE * NS), "down", room.draw(CAMERA, body)), body, prediction

@@ -40,7 +40,7 @@ from kybflow.core.signals import (
     Tick,
 )
 from kybflow.parts import GROUND, ActionContext, Effect, Footprint
-from kybflow.parts.catalog import PartSpec, load_catalog
+from kybflow.parts.catalog import BASES, PartSpec, load_catalog
 from kybflow.runtime.finite import checked_command
 
 CATALOG = load_catalog()
@@ -124,7 +124,8 @@ def test_it_is_documented(spec: PartSpec) -> None:
     assert 20 <= len(spec.summary) <= 100
     assert spec.summary.rstrip().endswith((".", ","))
     assert len(spec.doc.strip().splitlines()) >= 3
-    assert spec.cls.__name__ == "".join(word.capitalize() for word in spec.name.split("_"))
+    name = "".join(word.capitalize() for word in spec.name.split("_"))
+    assert spec.cls.__name__ in (name, f"{name}{BASES[spec.kind].__name__}")
     assert spec.params.__name__ == f"{spec.cls.__name__}Params"
 
 

@@ -85,6 +85,10 @@ class Imu(NamedTuple):
     angular_velocity: Annotated[Vec3, "rad/s, body"]
 
 
+IMU_TIMEOUT: Time = NS // 10
+"""An IMU that was not heard for so long tells nothing about the motion since."""
+
+
 class Frame(NamedTuple):
     """What a camera saw. image: a grey array, (height, width) uint8. `time` is the middle of the
     exposure of the image's middle row, not when it arrived."""

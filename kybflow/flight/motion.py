@@ -15,7 +15,6 @@ from kybflow.core.geometry import ZERO, Vec3, add, heading_of, norm, scale, sub,
 from kybflow.core.signals import Estimate, Setpoint, SetpointKind
 from kybflow.core.units import DEG
 from kybflow.flight.profiles import STEEPEST, Profile, smoothstep
-from kybflow.parts import Entry
 
 IDLE = Setpoint(SetpointKind.IDLE)
 """Rotors at rest, on the ground."""
@@ -23,8 +22,6 @@ COAST_ACCELERATION = 1.5
 """Deceleration (m/s^2) with which a behavior sheds the velocity that it was entered with."""
 _SHORTEST = 0.5
 _STILL = 1e-6
-SPEED_SHARE = 0.95
-"""The share of the airframe's speed limit that a planned motion uses; the rest is for tracking."""
 
 
 class Motion(NamedTuple):
@@ -102,10 +99,9 @@ class Coast:
         self.end = add(origin, scale(velocity, 0.5 * self.duration))
 
     @classmethod
-    def entering(cls, entry: Entry, deceleration: float = COAST_ACCELERATION) -> Coast:
-        """From where and as fast as a behavior is entered."""
-        position, velocity, *_ = entry_motion(entry)
-        return cls(position, velocity, deceleration)
+    def after(cls, motion: Motion, deceleration: float = COAST_ACCELERATION) -> Coast:
+        """From where and as fast as `motion` is."""
+        return cls(motion.position, motion.velocity, deceleration)
 
     def at(self, time: float) -> Motion:
         """The motion `time` seconds after its start; at rest at `end` from its end on."""
@@ -127,24 +123,6 @@ class Coast:
         there."""
         position, *rest = self.at(time)
         return Motion(sub(position, self.end), *rest)
-
-
-def entry_motion(entry: Entry) -> Motion:
-    """The position and the velocity that a behavior is entered with, at `entry.now`.
-
-    The last setpoint's where the vehicle follows one, gone on by the tick that has passed since;
-    else the estimate's.
-    """
-    wanted = entry.setpoint
-    if wanted is not None and wanted.velocity is not None and wanted.position == entry.position:
-        moved = scale(wanted.velocity, entry.context.dt)
-        return Motion(add(entry.position, moved), wanted.velocity)
-    return Motion(entry.position, entry.estimate.velocity if entry.estimate else ZERO)
-
-
-def cruise_speed(wanted: float, entry: Entry) -> float:
-    """`wanted`, but never more than the share of the airframe's limit that plans may use."""
-    return min(wanted, SPEED_SHARE * entry.context.airframe.speed)
 
 
 class Turn:

@@ -20,7 +20,7 @@ from kybflow.core.files import File
 from kybflow.core.geometry import Vec3, norm
 from kybflow.flight.hermite import Knot, Quintic, slopes, vector_slopes
 from kybflow.flight.motion import Motion
-from kybflow.flight.trajectory_table import Row, read_table
+from kybflow.flight.trajectory_table import TrajectoryPoint, read_table
 
 REST = 0.05
 """Speed (m/s) below which a row counts as at rest."""
@@ -45,7 +45,7 @@ class Figures(NamedTuple):
 class Trajectory:
     """The curve through the rows of one file; time counts from its first row."""
 
-    def __init__(self, rows: Sequence[Row]) -> None:
+    def __init__(self, rows: Sequence[TrajectoryPoint]) -> None:
         times = [row.time - rows[0].time for row in rows]
         self._times, self._lines = times, [row.line for row in rows]
         positions = [row.position for row in rows]
@@ -126,7 +126,7 @@ def read_trajectory(file: File) -> Trajectory:
     return Trajectory(rows)
 
 
-def _check_velocities(rows: Sequence[Row], accelerations: Sequence[Vec3]) -> None:
+def _check_velocities(rows: Sequence[TrajectoryPoint], accelerations: Sequence[Vec3]) -> None:
     """Velocities that are not those of the positions: a wrong column or unit. Between two rows the
     way is h (v0 + v1) / 2 - h^2 (a1 - a0) / 12, but for terms of the order h^5."""
     for i, (a, b) in enumerate(pairwise(rows)):

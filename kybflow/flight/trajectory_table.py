@@ -39,7 +39,7 @@ _NEEDED = ("t", "x", "y", "z")
 _LIKE = "t, x, y, z"
 
 
-class Row(NamedTuple):
+class TrajectoryPoint(NamedTuple):
     """One moment, SI, and the line where it stands."""
 
     time: float
@@ -50,11 +50,11 @@ class Row(NamedTuple):
     line: int
 
 
-def read_table(text: str) -> tuple[Row, ...]:
+def read_table(text: str) -> tuple[TrajectoryPoint, ...]:
     """The rows of `text`, at least two."""
     table = read_columns(text, COLUMNS, "a trajectory", _LIKE)
     _check(table, header_line(text))
-    rows: list[Row] = []
+    rows: list[TrajectoryPoint] = []
     for number, values, _ in table.rows:
         rows.append(_row(number, values))
         if len(rows) > MOST_ROWS:
@@ -76,10 +76,10 @@ def _check(table: Table, line: int) -> None:
         raise FileError("accelerations need the velocities `vx`, `vy`, `vz` beside them", line)
 
 
-def _row(number: int, values: dict[str, float]) -> Row:
+def _row(number: int, values: dict[str, float]) -> TrajectoryPoint:
     def vector(x: str, y: str, z: str) -> Vec3 | None:
         return (values[x], values[y], values[z]) if x in values else None
 
     velocity, acceleration = vector("vx", "vy", "vz"), vector("ax", "ay", "az")
     position = (values["x"], values["y"], values["z"])
-    return Row(values["t"], position, velocity, acceleration, values.get("yaw"), number)
+    return TrajectoryPoint(values["t"], position, velocity, acceleration, values.get("yaw"), number)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Any, ClassVar, NamedTuple
 
-from kybflow.core.geometry import GRAVITY, Vec3, distance, heading_of
+from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, distance, heading_of, scale
 from kybflow.core.signals import (
     Command,
     CommandKind,
@@ -21,8 +21,12 @@ from kybflow.core.signals import (
     Tick,
     Time,
 )
+from kybflow.flight.motion import Motion
 from kybflow.parts.base import P, Part
 from kybflow.world.vehicle_context import VehicleContext
+
+SPEED_SHARE = 0.95
+"""The share of the airframe's speed limit that a planned motion uses; the rest is for tracking."""
 
 
 class Flight(Enum):
@@ -84,6 +88,20 @@ class Entry(NamedTuple):
         if self.setpoint is not None and self.setpoint.heading is not None:
             return self.setpoint.heading
         return heading_of(self.estimate.attitude) if self.estimate else self.context.heading
+
+    @property
+    def motion(self) -> Motion:
+        """The position and the velocity to begin with, at `now`: the last setpoint's where the
+        vehicle follows one, gone on by the tick that has passed since; else the estimate's."""
+        wanted = self.setpoint
+        if wanted is not None and wanted.velocity is not None and wanted.position == self.position:
+            moved = scale(wanted.velocity, self.context.dt)
+            return Motion(add(self.position, moved), wanted.velocity)
+        return Motion(self.position, self.estimate.velocity if self.estimate else ZERO)
+
+    def cruise_speed(self, wanted: float) -> float:
+        """`wanted`, but never more than the share of the airframe's limit that plans may use."""
+        return min(wanted, SPEED_SHARE * self.context.airframe.speed)
 
 
 class Origin(NamedTuple):

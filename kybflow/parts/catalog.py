@@ -1,9 +1,10 @@
 """Finds parts; knows no part by name.
 
-A part is found by its file: `kybflow/runtime/behaviors/circle.py` is the behavior `circle`. A
-package of a lab offers its own through the entry-point group `kybflow.parts`: each entry names a
-package that has the same folders (`behaviors/`, `estimators/`, ...) as modules. Names are listed
-without importing anything; a part is imported when it is asked for.
+A part is found by its file: `kybflow/runtime/behaviors/circle.py` is the behavior `circle`. Its
+class is `Circle`, or `CircleBehavior` where another thing has that name. A package of a lab offers
+its own through the entry-point group `kybflow.parts`: each entry names a package that has the same
+folders (`behaviors/`, `estimators/`, ...) as modules. Names are listed without importing anything;
+a part is imported when it is asked for.
 """
 
 from __future__ import annotations
@@ -141,16 +142,19 @@ def _load(kind: str, name: str, module_name: str) -> PartSpec:
         module = importlib.import_module(module_name)
     except Exception as error:  # a lab's own module may raise anything while it is imported
         raise PartError(f"{module_name} can't be imported: {error!r}") from error
-    wanted = name.replace("_", "")
+    base = BASES[kind]
+    expected = "".join(word.capitalize() for word in name.split("_"))
+    wanted = (expected.lower(), f"{expected}{base.__name__}".lower())
     classes = [
         c
         for c in vars(module).values()
-        if inspect.isclass(c) and issubclass(c, BASES[kind]) and c.__name__.lower() == wanted
+        if inspect.isclass(c) and issubclass(c, base) and c.__name__.lower() in wanted
     ]
     if not classes:
-        expected = "".join(word.capitalize() for word in name.split("_"))
+        shown = f"{base.__name__}[...]"
         raise PartError(
-            f"{module_name} should define the class `{expected}({BASES[kind].__name__}[...])`"
+            f"{module_name} should define the class `{expected}({shown})` or "
+            f"`{expected}{base.__name__}({shown})`"
         )
     cls = classes[0]
     if not module.__doc__:

@@ -24,7 +24,7 @@ class Tracked(Protocol):
     def attitude(self) -> Quat: ...
 
 
-class Source(Protocol):
+class PoseSource(Protocol):
     """Where they come from."""
 
     def take(self) -> Sequence[Tracked]: ...
@@ -32,13 +32,13 @@ class Source(Protocol):
     def close(self) -> None: ...
 
 
-class Poses(Stream):
+class PoseStream(Stream):
     """Poses on the run's clock, in the world, what no pose is left out. latency: seconds that are
     taken off every time."""
 
     def __init__(
         self,
-        source: Source,
+        source: PoseSource,
         units: Units,
         axes: Axes,
         latency: float,

@@ -22,7 +22,7 @@ from kybflow.parts import Link, Objection, Sensor, Stream
 from kybflow.parts.sensor import frames_of
 from kybflow.sensors._capture import Captured, Grabber
 from kybflow.vision import OPENCV, WAY_OUT
-from kybflow.world.cameras import Camera as Mounted
+from kybflow.world.cameras import Camera
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ SILENT = 1.0
 
 
 @params
-class CameraParams:
+class CameraSensorParams:
     device: int = param("Number of the device.", default=0, at_least=0)
     video: FilePath | None = param("A file with a recorded video instead.", default=None)
     camera: str | None = param(
@@ -49,19 +49,23 @@ class CameraParams:
     )  # fmt: skip
 
 
-class Camera(Sensor[CameraParams]):
+class CameraSensor(Sensor[CameraSensorParams]):
     provides = frozenset({Frame})
     packages = OPENCV
 
     @classmethod
-    def seen_by(cls, params: CameraParams, cameras: Mapping[str, Mounted]) -> Mapping[str, Mounted]:
+    def seen_by(
+        cls, params: CameraSensorParams, cameras: Mapping[str, Camera]
+    ) -> Mapping[str, Camera]:
         if params.calibration is None:
             return cameras
         lens, name = read_calibration(params.calibration), _name_of(params, cameras)
         return {n: c._replace(lens=lens) if n == name else c for n, c in cameras.items()}
 
     @classmethod
-    def objection(cls, params: CameraParams, cameras: Mapping[str, Mounted]) -> Objection | None:
+    def objection(
+        cls, params: CameraSensorParams, cameras: Mapping[str, Camera]
+    ) -> Objection | None:
         known = ", ".join(f"`{name}`" for name in cameras)
         if not cameras or _name_of(params, cameras) in cameras:
             return None
@@ -72,16 +76,20 @@ class Camera(Sensor[CameraParams]):
         return Objection("camera", reason, f"write `camera: {next(iter(cameras))}`")
 
     @classmethod
-    def gives(cls, params: CameraParams, cameras: Mapping[str, Mounted]) -> Sequence[str]:
+    def gives(cls, params: CameraSensorParams, cameras: Mapping[str, Camera]) -> Sequence[str]:
         return frames_of([_name_of(params, cameras)])
 
     @classmethod
-    def real_time(cls, params: CameraParams) -> bool:
+    def real_time(cls, params: CameraSensorParams) -> bool:
         return params.video is None
 
     @classmethod
     def open(
-        cls, params: CameraParams, context: VehicleContext, link: Link, generator: random.Random
+        cls,
+        params: CameraSensorParams,
+        context: VehicleContext,
+        link: Link,
+        generator: random.Random,
     ) -> Video | Device:
         objection, latency = cls.objection(params, context.cameras), round(params.latency * NS)
         if objection is not None:
@@ -96,7 +104,7 @@ class Camera(Sensor[CameraParams]):
         return Video(_opened(params.video, f"the video `{params.video}`"), camera, latency)
 
 
-def _name_of(params: CameraParams, cameras: Mapping[str, Mounted]) -> str:
+def _name_of(params: CameraSensorParams, cameras: Mapping[str, Camera]) -> str:
     """Which of the cameras it is; empty where that can't be told."""
     return params.camera or (next(iter(cameras)) if len(cameras) == 1 else "")
 
@@ -113,7 +121,7 @@ def _opened(source: int | str, what: str) -> Any:
     return capture
 
 
-def _device(number: int, camera: Mounted) -> Any:
+def _device(number: int, camera: Camera) -> Any:
     """The device, asked for the size and rate that the airframe says."""
     capture = _opened(number, f"the camera {number}")
     import cv2
@@ -124,7 +132,7 @@ def _device(number: int, camera: Mounted) -> Any:
     return capture
 
 
-def frame_of(image: Any, time: Time, camera: Mounted) -> Frame:
+def frame_of(image: Any, time: Time, camera: Camera) -> Frame:
     """An image of OpenCV as a frame. Raises DriverError for one of another size."""
     import cv2
 
@@ -139,7 +147,7 @@ def frame_of(image: Any, time: Time, camera: Mounted) -> Frame:
 class Video(Stream):
     """The frames of a file; its end is a failure."""
 
-    def __init__(self, capture: Any, camera: Mounted, latency: Time) -> None:
+    def __init__(self, capture: Any, camera: Camera, latency: Time) -> None:
         self._capture, self._camera, self._latency = capture, camera, latency
         self._first: float | None = None
         self._next = self._grabbed()
@@ -175,9 +183,9 @@ class Device(Stream):
     def __init__(
         self,
         grabber: Grabber,
-        camera: Mounted,
+        camera: Camera,
         latency: Time,
-        frame: Callable[[Any, Time, Mounted], Frame] = frame_of,
+        frame: Callable[[Any, Time, Camera], Frame] = frame_of,
     ) -> None:
         self._grabber, self._camera, self._latency, self._frame = grabber, camera, latency, frame
         self._heard: Time | None = None

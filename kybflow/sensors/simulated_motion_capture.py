@@ -57,11 +57,11 @@ class SimulatedMotionCapture(Sensor[SimulatedMotionCaptureParams]):
         context: VehicleContext,
         link: Link,
         generator: random.Random,
-    ) -> Poses:
-        return Poses(params, link, generator)
+    ) -> SimulatedPoses:
+        return SimulatedPoses(params, link, generator)
 
 
-class Poses(Stream):
+class SimulatedPoses(Stream):
     """The poses of one vehicle. What its link's rig does to measurements it does to these, as they
     arrive."""
 

@@ -9,7 +9,7 @@ import cv2
 import numpy
 from numpy.typing import NDArray
 
-from kybflow.vision.locating.sight import View
+from kybflow.vision.locating.sight import TagView
 from kybflow.world.tags import Key
 
 USED, REJECTED = (60, 190, 40), (50, 40, 230)
@@ -23,7 +23,7 @@ _SHIFT = 4
 """Bits of a pixel behind the point, as OpenCV draws between pixels."""
 
 
-def marked(image: NDArray[Any], view: View | None, used: Collection[Key]) -> bytes:
+def marked(image: NDArray[Any], view: TagView | None, used: Collection[Key]) -> bytes:
     """A grey image as a JPEG, with an outline and a number for each tag of `view`: green for those
     of `used`, red for the others; of a tag not wholly in the image, the corners that are."""
     picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)

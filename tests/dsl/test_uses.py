@@ -17,7 +17,10 @@ from kybflow.parts.catalog import Catalog
     ("body", "reason"),
     [
         ('"""A part."""\nimport a_package_that_is_not_here\n', "a_package_that_is_not_here"),
-        ('"""A part."""\n', "should define the class `Spiral(Behavior[...])`"),
+        (
+            '"""A part."""\n',
+            "should define the class `Spiral(Behavior[...])` or `SpiralBehavior(Behavior[...])`",
+        ),
     ],
 )
 def test_a_broken_part_is_kyb141(

@@ -20,8 +20,8 @@ from kybflow.core.geometry import (
 )
 from kybflow.flight.fusion.covariance import (
     SIZE,
+    ImuNoise,
     Matrix,
-    Noise,
     Nominal,
     chi_square_bound,
     correction,
@@ -29,7 +29,7 @@ from kybflow.flight.fusion.covariance import (
     reset,
 )
 
-SILENCE = Noise(0.0, 0.0, 0.0, 0.0).variances()
+SILENCE = ImuNoise(0.0, 0.0, 0.0, 0.0).variances()
 START = Nominal(
     1_000_000_000,
     (1.0, -2.0, 0.5),
@@ -79,7 +79,7 @@ def test_an_error_grows_as_the_covariance_says(i: int) -> None:
 
 
 def test_noise_grows_with_the_square_root_of_time() -> None:
-    noise = Noise(0.02, 0.03, 0.004, 0.005)
+    noise = ImuNoise(0.02, 0.03, 0.004, 0.005)
     after = predicted(numpy.zeros((SIZE, SIZE)), START, flown(START), noise.variances())
 
     deviations = numpy.sqrt(after.diagonal() / 0.02)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kybflow.core.geometry import ZERO, Vec3, distance, norm, sub
-from kybflow.flight.motion import Coast, Dwell, Motion, Straight, cruise_speed, entry_motion
+from kybflow.flight.motion import Coast, Dwell, Motion, Straight
 from kybflow.parts import AIR, Entry
 
 numbers = st.floats(-3.0, 3.0)
@@ -32,7 +32,7 @@ def test_coasting_keeps_its_deceleration_and_never_speeds_up(
 
 
 def test_coasting_begins_with_the_velocity_of_the_last_setpoint_a_tick_later() -> None:
-    coast = Coast.entering(entry((1.0, 2.0, 1.0), (0.5, 0.0, 0.0)))
+    coast = Coast.after(entry((1.0, 2.0, 1.0), (0.5, 0.0, 0.0)).motion)
     begin = coast.at(0.0)
     assert begin.position == pytest.approx((1.0 + 0.5 * DT, 2.0, 1.0))
     assert begin.velocity == (0.5, 0.0, 0.0)
@@ -41,7 +41,7 @@ def test_coasting_begins_with_the_velocity_of_the_last_setpoint_a_tick_later() -
 def test_a_vehicle_far_from_its_setpoint_coasts_from_its_estimate() -> None:
     known = estimate((0.0, 0.0, 1.0), (0.0, 0.4, 0.0))
     lost = Entry(0, SITE, known, at_rest((1.0, 0.0, 1.0)), 2.3, AIR)
-    assert entry_motion(lost) == Motion((0.0, 0.0, 1.0), (0.0, 0.4, 0.0))
+    assert lost.motion == Motion((0.0, 0.0, 1.0), (0.0, 0.4, 0.0))
 
 
 def test_the_coasting_left_over_vanishes_at_its_end() -> None:
@@ -52,8 +52,8 @@ def test_the_coasting_left_over_vanishes_at_its_end() -> None:
 
 
 def test_a_plan_leaves_a_share_of_the_speed_limit_to_tracking() -> None:
-    assert cruise_speed(3.0, entry(ZERO)) == pytest.approx(0.95)
-    assert cruise_speed(0.4, entry(ZERO)) == 0.4
+    assert entry(ZERO).cruise_speed(3.0) == pytest.approx(0.95)
+    assert entry(ZERO).cruise_speed(0.4) == 0.4
 
 
 def test_dwelling_begins_anew_after_a_break() -> None:

@@ -21,7 +21,7 @@ from kybflow.recording.run_folder import RunFolderError, create_run_folder  # no
 from kybflow.report.data import read_pictures  # noqa: E402
 from kybflow.vision.locating.fit import Located  # noqa: E402
 from kybflow.vision.locating.locator import Sighting  # noqa: E402
-from kybflow.vision.locating.sight import View  # noqa: E402
+from kybflow.vision.locating.sight import TagView  # noqa: E402
 
 IMAGE = numpy.full((48, 64), 100, numpy.uint8)
 
@@ -108,7 +108,10 @@ def test_a_picture_says_what_its_pose_rests_on(looked):
     tags = grid(3, 1)
     corners = numpy.full((3, 4, 2), 20.0)
     keys = tuple((tag.family, tag.id) for tag in tags[:2])
-    views = [View(CAMERA, tags, corners), View(CAMERA._replace(name="front"), (), corners[:0])]
+    views = [
+        TagView(CAMERA, tags, corners),
+        TagView(CAMERA._replace(name="front"), (), corners[:0]),
+    ]
     located = Located(ZERO, LEVEL, numpy.eye(6), keys, 0.1, views)
     looked.at(1.5, located=located)
     looked.at(3.0)

@@ -17,15 +17,14 @@ from kybflow.core.files import File, FilePath
 from kybflow.core.signals import NS, Frame, Measurement, Time
 from kybflow.parts import Link
 from kybflow.sensors._capture import Captured, Grabber
-from kybflow.sensors.camera import Camera, CameraParams, Device
-from kybflow.world.cameras import Camera as Mounted
-from kybflow.world.cameras import Lens
+from kybflow.sensors.camera import CameraSensor, CameraSensorParams, Device
+from kybflow.world.cameras import Camera, Lens
 
 cv2 = pytest.importorskip("cv2")
 numpy = pytest.importorskip("numpy")
 
 WIDTH, HEIGHT, RATE, FRAMES = 64, 48, 20.0, 10
-DOWN = Mounted("down", Lens(WIDTH, HEIGHT, 60.0, 60.0, 31.5, 23.5), (0.0, 0.0, 0.0))
+DOWN = Camera("down", Lens(WIDTH, HEIGHT, 60.0, 60.0, 31.5, 23.5), (0.0, 0.0, 0.0))
 TICK = NS // 250
 
 
@@ -47,9 +46,9 @@ def video(tmp_path: Path) -> str:
     return path
 
 
-def opened(camera: Mounted = DOWN, **params: Any) -> Any:
+def opened(camera: Camera = DOWN, **params: Any) -> Any:
     context = SITE._replace(cameras={"down": camera})
-    return Camera.open(CameraParams(**params), context, NoLink(), random.Random(0))
+    return CameraSensor.open(CameraSensorParams(**params), context, NoLink(), random.Random(0))
 
 
 def played(video: str, latency: float) -> list[tuple[Time, Frame]]:
@@ -103,13 +102,13 @@ def test_what_is_no_video_is_refused(tmp_path: Path) -> None:
 
 def test_it_says_which_camera_it_can_not_be() -> None:
     two = {"down": DOWN, "front": DOWN._replace(name="front")}
-    assert Camera.objection(CameraParams(camera="front"), two) is None
-    assert Camera.objection(CameraParams(), two) == (
+    assert CameraSensor.objection(CameraSensorParams(camera="front"), two) is None
+    assert CameraSensor.objection(CameraSensorParams(), two) == (
         "camera",
         "`camera` must say which it is; the airframe has `down`, `front`",
         "write `camera: down`",
     )
-    assert Camera.objection(CameraParams(camera="dwon"), two) == (
+    assert CameraSensor.objection(CameraSensorParams(camera="dwon"), two) == (
         "camera",
         "the airframe has no camera `dwon`; it has `down`, `front`",
         "did you mean `down`?",
@@ -118,13 +117,13 @@ def test_it_says_which_camera_it_can_not_be() -> None:
 
 def test_what_it_gives_is_the_frames_of_its_camera() -> None:
     two = {"down": DOWN, "front": DOWN._replace(name="front")}
-    assert Camera.gives(CameraParams(camera="front"), two) == ["frames of `front`"]
-    assert Camera.gives(CameraParams(), {"down": DOWN}) == ["frames of `down`"]
+    assert CameraSensor.gives(CameraSensorParams(camera="front"), two) == ["frames of `front`"]
+    assert CameraSensor.gives(CameraSensorParams(), {"down": DOWN}) == ["frames of `down`"]
 
 
 def test_a_device_goes_by_the_wall_clock_and_a_video_does_not() -> None:
-    assert Camera.real_time(CameraParams())
-    assert not Camera.real_time(CameraParams(video=FilePath("a.avi")))
+    assert CameraSensor.real_time(CameraSensorParams())
+    assert not CameraSensor.real_time(CameraSensorParams(video=FilePath("a.avi")))
 
 
 def test_its_own_calibration_replaces_the_airframes_lens() -> None:
@@ -133,9 +132,9 @@ def test_its_own_calibration_replaces_the_airframes_lens() -> None:
         "camera_matrix: {rows: 3, cols: 3, data: [500, 0, 320, 0, 501, 240, 0, 0, 1]}\n"
         "distortion_coefficients: {rows: 1, cols: 5, data: [-0.1, 0.01, 0, 0, 0]}\n"
     )
-    params = CameraParams(camera="front", calibration=File("cam.yaml", "", text))
+    params = CameraSensorParams(camera="front", calibration=File("cam.yaml", "", text))
     two = {"down": DOWN, "front": DOWN._replace(name="front")}
-    seen = Camera.seen_by(params, two)
+    seen = CameraSensor.seen_by(params, two)
     assert seen["down"] == DOWN
     assert seen["front"].lens == Lens(640, 480, 500, 501, 320, 240, (-0.1, 0.01, 0.0, 0.0, 0.0))
 

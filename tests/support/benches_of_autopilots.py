@@ -17,7 +17,7 @@ from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned, to_ned
 from kybflow.drivers.mavlink.protocol.framing import Framing
 from kybflow.drivers.mavlink.transport.wire import memory_wires
-from kybflow.drivers.sim.world import World
+from kybflow.drivers.sim.world import SimulatedWorld
 
 PERIOD = NS // 125
 PLAIN = replace(QUIET, physics=250.0)
@@ -44,7 +44,7 @@ class Bench:
         self.firmware = emulated_firmware(name)
         self.px4 = name == "px4"
         place = seat(params=params) if context is None else context
-        self.world = World([place], random.Random(seed))
+        self.world = SimulatedWorld([place], random.Random(seed))
         self.vehicle = self.world.links[place.context.vehicle]
         kinds = {Imu} | (set() if outside else {Position})
         self.vehicle.subscribe(frozenset(kinds))

@@ -11,7 +11,7 @@ pytest.importorskip("cv2")
 import numpy
 
 from kybflow.vision.optics import Optics
-from kybflow.vision.rendering.exposure import Noise, blur_lens, streak
+from kybflow.vision.rendering.exposure import ImageNoise, blur_lens, streak
 
 
 @pytest.mark.parametrize(("dx", "dy"), [(6.0, 0.0), (3.0, -4.0), (0.3, 0.2), (-7.3, 1.1)])
@@ -40,7 +40,7 @@ def test_the_blur_of_a_point_is_the_thin_lens_disc(depth: float) -> None:
 
 def test_noise_grows_with_the_light_as_asked() -> None:
     optics = Optics(brightness=0.8, read_noise=2.0, shot_noise=5.0)
-    noise = Noise(200, 300, numpy.random.default_rng(1))
+    noise = ImageNoise(200, 300, numpy.random.default_rng(1))
     for light in (60, 150, 255):
         grey = 0.8 * light
         drawn = noise.expose(numpy.full((200, 300), light, numpy.uint8), optics).astype(float)
@@ -50,7 +50,7 @@ def test_noise_grows_with_the_light_as_asked() -> None:
 
 
 def test_too_much_light_is_white_and_none_is_black() -> None:
-    noise = Noise(20, 30, numpy.random.default_rng(1))
+    noise = ImageNoise(20, 30, numpy.random.default_rng(1))
     optics = Optics(brightness=2.0, read_noise=0.0, shot_noise=0.0)
     assert (noise.expose(numpy.full((20, 30), 200, numpy.uint8), optics) == 255).all()
     assert (noise.expose(numpy.zeros((20, 30), numpy.uint8), optics) == 0).all()

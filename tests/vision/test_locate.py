@@ -15,7 +15,7 @@ from hypothesis import strategies as st  # noqa: E402
 
 from kybflow.core.geometry import LEVEL, conjugate, from_euler, integrate, multiply, sub  # noqa: E402
 from kybflow.vision.locating.locate import locate  # noqa: E402
-from kybflow.vision.locating.sight import Motion, View  # noqa: E402
+from kybflow.vision.locating.sight import BodyMotion, TagView  # noqa: E402
 from kybflow.vision.projection import project  # noqa: E402
 from kybflow.world.tags import Tag  # noqa: E402
 
@@ -35,7 +35,7 @@ def seen(body, tags, generator=None, noise=0.0, camera=GLOBAL):
     corners = numpy.array(corners).reshape(-1, 4, 2)
     if generator is not None:
         corners = corners + generator.normal(0.0, noise, corners.shape)
-    return View(camera, inside, corners)
+    return TagView(camera, inside, corners)
 
 
 small = st.floats(-0.25, 0.25)
@@ -122,8 +122,8 @@ def test_what_a_rolling_shutter_does_is_taken_off():
                 late = (corners[i, j, 1] - 239.5) * rolling.row_time
                 pixels, _ = project(rolling, *pose_at(t + late), numpy.array([corner]))
                 corners[i, j] = pixels[0]
-    view = View(rolling, tags, corners)
-    aware = locate([view], moved(body), Motion(body.velocity, body.angular_velocity))
+    view = TagView(rolling, tags, corners)
+    aware = locate([view], moved(body), BodyMotion(body.velocity, body.angular_velocity))
     naive = locate([view], moved(body))
     assert off(*aware[:2], body)[0] < 0.0005
     assert off(*naive[:2], body)[0] > 0.002
@@ -135,7 +135,7 @@ def test_what_tells_no_pose_gives_none():
     body = still(OVER)
     view = seen(body, grid())
     assert locate([]) is None
-    assert locate([View(GLOBAL, (), numpy.empty((0, 4, 2)))]) is None
+    assert locate([TagView(GLOBAL, (), numpy.empty((0, 4, 2)))]) is None
     nonsense = view._replace(corners=generator.uniform(0.0, 480.0, view.corners.shape))
     assert locate([nonsense]) is None
     assert locate([nonsense], moved(body)) is None
@@ -146,7 +146,7 @@ def test_corners_that_tell_no_pose_give_none(spread):
     """All in one place, or in a line: OpenCV's solver refuses them with an error of its own."""
     corners = numpy.full((4, 4, 2), 240.0)
     corners[..., 0] += spread * numpy.arange(16).reshape(4, 4)
-    assert locate([View(GLOBAL, grid()[:4], corners)]) is None
+    assert locate([TagView(GLOBAL, grid()[:4], corners)]) is None
 
 
 def test_rates_that_are_in_doubt_are_solved_for():
@@ -161,11 +161,11 @@ def test_rates_that_are_in_doubt_are_solved_for():
             for i, t in enumerate(late):
                 then = body._replace(attitude=integrate(body.attitude, turns, float(t)))
                 corners[j, i] = seen_corner(then, tag, i)
-    view = View(rolling, view.tags, corners)
+    view = TagView(rolling, view.tags, corners)
     for motion, least, most in (
-        (Motion(), 0.5, 90.0),
-        (Motion(doubt=0.5), 0.0, 0.2),
-        (Motion(rates=turns), 0.0, 0.01),
+        (BodyMotion(), 0.5, 90.0),
+        (BodyMotion(doubt=0.5), 0.0, 0.2),
+        (BodyMotion(rates=turns), 0.0, 0.01),
     ):
         located = locate([view], (body.position, body.attitude), motion)
         turned = degrees(off(located.position, located.attitude, body)[1])

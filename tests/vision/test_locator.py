@@ -26,13 +26,13 @@ from kybflow.vision.detection.search import Search  # noqa: E402
 from kybflow.vision.detection.shapes import Shapes  # noqa: E402
 from kybflow.vision.detection.wide import WideSearch  # noqa: E402
 from kybflow.vision.locating.locator import Locator, Prediction  # noqa: E402
-from kybflow.vision.locating.sight import Motion  # noqa: E402
+from kybflow.vision.locating.sight import BodyMotion  # noqa: E402
 from kybflow.vision.projection import project  # noqa: E402
 from kybflow.world.tags import Tag, TagMap  # noqa: E402
 
 TAGS = grid()
 BODY = still((0.9, 1.0, 1.2), from_euler(0.06, -0.08, 0.7))
-STILL = Motion()
+STILL = BodyMotion()
 
 
 def whole(tags, body=BODY, camera=CAMERA, margin=3.0):
@@ -46,7 +46,7 @@ def whole(tags, body=BODY, camera=CAMERA, margin=3.0):
 
 def predicted(body, by=(0.0, 0.0, 0.0), turned=(0.0, 0.0, 0.0), spread=0.01, turn=0.01):
     return Prediction(
-        *moved(body, by, turned), Motion(body.velocity, body.angular_velocity), spread, turn
+        *moved(body, by, turned), BodyMotion(body.velocity, body.angular_velocity), spread, turn
     )
 
 

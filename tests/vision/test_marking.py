@@ -9,7 +9,7 @@ cv2 = pytest.importorskip("cv2")
 
 from floors import CAMERA, grid  # noqa: E402
 
-from kybflow.vision.locating.sight import View  # noqa: E402
+from kybflow.vision.locating.sight import TagView  # noqa: E402
 from kybflow.vision.marking import WIDEST, marked  # noqa: E402
 
 
@@ -28,7 +28,7 @@ def test_used_tags_are_green_and_others_red():
     outside = square(500.0, 300.0)
     outside[2:] = [(numpy.nan, numpy.nan)] * 2
     corners = numpy.array([square(50.0, 50.0), square(250.0, 50.0), outside])
-    view = View(CAMERA, [first, second, third], corners)
+    view = TagView(CAMERA, [first, second, third], corners)
     image = numpy.full((480, 640), 128, numpy.uint8)
 
     data = marked(image, view, {(first.family, first.id), (third.family, third.id)})

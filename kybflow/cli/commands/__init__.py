@@ -1,2 +1,2 @@
-"""The commands, one a module: its arguments, and the call that does the work. `kybflow.cli.app` gathers
-them."""
+"""The commands, one a module: its arguments, and the call that does the work. `kybflow.cli.app`
+gathers them."""

@@ -83,10 +83,10 @@ def _stand(places: dict[str, Vec3], server: Server, seed: int) -> None:
     from kybflow.parts.catalog import load_catalog
     from kybflow.runtime.clock import WallClock
     from kybflow.sensors.vrpn.codec import CodecError
-    from kybflow.sensors.vrpn.publishing import Noise, still, to
+    from kybflow.sensors.vrpn.publishing import PoseNoise, still, to
 
     sim = load_catalog().get("drivers", "sim").params()
-    noise = Noise(sim.mocap_position_noise, sim.mocap_attitude_noise)
+    noise = PoseNoise(sim.mocap_position_noise, sim.mocap_attitude_noise)
     publish, clock = still(places, to(server), noise, random.Random(seed)), WallClock(STILL_RATE)
     try:
         while True:

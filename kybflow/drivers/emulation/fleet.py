@@ -9,8 +9,8 @@ from typing import Generic, Protocol, TypeVar
 from kybflow.core.signals import NS, Imu, Measurement, Pose, Position, Time
 from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.emulation.breaking import Break, Failures
-from kybflow.drivers.sim.vehicle import Vehicle
-from kybflow.drivers.sim.world import World
+from kybflow.drivers.sim.vehicle import SimulatedVehicle
+from kybflow.drivers.sim.world import SimulatedWorld
 from kybflow.parts import Seat
 
 PERIOD: Time = NS // 125
@@ -37,7 +37,7 @@ Onboard = TypeVar("Onboard", bound=OnboardComputer)
 class EmulatedVehicle(Generic[Onboard]):
     """A simulated vehicle and the computer on it. has_gps: whether its own GPS is switched on."""
 
-    def __init__(self, vehicle: Vehicle, onboard: Onboard, *, has_gps: bool) -> None:
+    def __init__(self, vehicle: SimulatedVehicle, onboard: Onboard, *, has_gps: bool) -> None:
         self.vehicle, self.onboard = vehicle, onboard
         vehicle.is_wired = True
         own = {Position} if has_gps else set()
@@ -72,11 +72,11 @@ class Fleet(Generic[Onboard]):
         generator: random.Random,
         build: Callable[[int, SimulatedBody, random.Random], tuple[Onboard, bool]],
     ) -> None:
-        self._world = World(seats, generator)
+        self._world = SimulatedWorld(seats, generator)
         self.members: list[EmulatedVehicle[Onboard]] = []
         for number, seat in enumerate(seats):
             vehicle = self._world.links[seat.context.vehicle]
-            assert isinstance(vehicle, Vehicle)
+            assert isinstance(vehicle, SimulatedVehicle)
             chance = random.Random(generator.getrandbits(64))
             body = SimulatedBody(vehicle.send, vehicle.grip, vehicle.truth)
             onboard, has_gps = build(number, body, chance)

@@ -121,9 +121,9 @@ class Sim(Driver[SimParams]):
 
     @classmethod
     def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
-        from kybflow.drivers.sim.world import World
+        from kybflow.drivers.sim.world import SimulatedWorld
 
-        return World(seats, generator)
+        return SimulatedWorld(seats, generator)
 
     @classmethod
     def watchdog(cls, params: SimParams) -> str | None:

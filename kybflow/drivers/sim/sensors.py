@@ -96,7 +96,7 @@ class Schedule:
         self.due = round(self._count * NS / self.rate)
 
 
-class MotionCapture:
+class PoseSampler:
     """Poses of one vehicle at their own rate, with noise; they arrive `latency` late."""
 
     def __init__(

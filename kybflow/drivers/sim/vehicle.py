@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from math import exp, sqrt
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy
 
+from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import (
     NS,
     Command,
@@ -20,19 +22,18 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.drivers.sim.model import Body
+from kybflow.drivers.sim.model import SimulatedBody
 from kybflow.drivers.sim.onboard import Pilot, Rotors
 from kybflow.drivers.sim.receiver import Receiver
-from kybflow.drivers.sim.sensors import Averages, Cell, MotionCapture, Positions, bias, draw
-from kybflow.drivers.sim.wind import Wind
+from kybflow.drivers.sim.sensors import Averages, Cell, PoseSampler, Positions, bias, draw
 from kybflow.parts import Link, Rig, Seat
 from kybflow.world.vehicle_context import Airframe
 
 if TYPE_CHECKING:
     import random
 
-    from kybflow.drivers.sim.world import World
-
+GUST_TIME = 1.0
+"""Seconds."""
 ROTOR_SPREAD = 0.2
 """How much the rotors differ from each other, as a part of `model_error`."""
 
@@ -41,14 +42,70 @@ Update = Callable[[list[float]], Rotors]
 """What is called with what is felt, once a physics step, and gives the rotors' controls."""
 
 
-class Vehicle(Link):
+class Surroundings(Protocol):
+    """What a vehicle needs of the world that it is in. index: a vehicle's place there."""
+
+    @property
+    def now(self) -> Time:
+        """The time of the last physics step."""
+
+    def wire(self) -> None:
+        """Connect every vehicle's on-board controller to its rotors."""
+
+    def truth(self, index: int) -> Truth:
+        """The state of a vehicle now."""
+
+    def index(self, name: str) -> int:
+        """The place of a vehicle."""
+
+    def hurry(self, due: Time) -> None:
+        """Let a vehicle measure at `due`, which is earlier than it said."""
+
+    def load(self, index: int, now: Time) -> None:
+        """Drain a vehicle's battery by what its rotors give."""
+
+    def refit(self, index: int) -> None:
+        """Obey a vehicle's rig and its parcel."""
+
+    def grip(self, index: int, is_open: bool, armed: bool) -> bool:
+        """Open or close a vehicle's servo; whether its parcel is on board then. Raises Refused."""
+
+    def collisions(self, index: int) -> Sequence[str]:
+        """What a vehicle ran into since the last call."""
+
+
+class GustyWind:
+    """The air that one vehicle flies in, m/s, world frame: steady wind, and gusts that are an
+    Ornstein-Uhlenbeck process along each axis, which forgets within `GUST_TIME`. gust: their
+    standard deviation. noise: rows of three standard normal numbers."""
+
+    def __init__(self, steady: Vec3, gust: float, noise: Iterator[list[float]]) -> None:
+        self._steady = steady
+        self._gust = gust
+        self._noise = noise
+        self._now = ZERO
+        self.blows = gust > 0.0 or any(steady)
+
+    def after(self, seconds: float) -> Vec3:
+        """The wind, `seconds` after the last call."""
+        keep = exp(-seconds / GUST_TIME)
+        kick = self._gust * sqrt(1.0 - keep * keep)
+        (x, y, z), (nx, ny, nz) = self._now, next(self._noise)
+        self._now = (keep * x + kick * nx, keep * y + kick * ny, keep * z + kick * nz)
+        (sx, sy, sz), (x, y, z) = self._steady, self._now
+        return (sx + x, sy + y, sz + z)
+
+
+class SimulatedVehicle(Link):
     """A vehicle in a world, and the link to it. `index` is its place there. `is_wired`: who reads
     and commands it sits on board, so that a fault of the link does not come between."""
 
     rig: Rig
     is_wired = False
 
-    def __init__(self, world: World, index: int, seat: Seat, generator: random.Random) -> None:
+    def __init__(
+        self, world: Surroundings, index: int, seat: Seat, generator: random.Random
+    ) -> None:
         context, p = seat.context, seat.params
         streams = numpy.random.default_rng(generator.getrandbits(64)).spawn(5)
         self._world = world
@@ -60,14 +117,14 @@ class Vehicle(Link):
         self.pilot = Pilot(
             context.airframe, context.heading, 1.0 / p.physics, draw(imu, offsets, noises)
         )
-        self.capture = MotionCapture(
+        self.capture = PoseSampler(
             p.mocap_rate, p.mocap_latency, p.mocap_position_noise, p.mocap_attitude_noise,
             streams[2],
         )  # fmt: skip
         spread = (p.position_noise, p.position_noise, p.position_noise_up)
         self._positions = Positions(p.position_rate, p.position_latency, spread, streams[4])
         self.cell = Cell(context.airframe, p.battery, p.battery_rate)
-        self.wind = Wind(p.wind, p.gust, draw(streams[3], [0.0] * 3, [1.0] * 3))
+        self.wind = GustyWind(p.wind, p.gust, draw(streams[3], [0.0] * 3, [1.0] * 3))
         self.due: Time = 0
         self.thrust = list(self.body.thrust)
         self.rig = Rig(context.vehicle, self._rigged)
@@ -201,14 +258,14 @@ class Vehicle(Link):
         return self._world.collisions(self._index)
 
 
-def build(airframe: Airframe, error: float, generator: Any) -> Body:
+def build(airframe: Airframe, error: float, generator: Any) -> SimulatedBody:
     """A vehicle within `error` of what its maker says, each rotor a little different."""
     draws = (1.0 + error * generator.uniform(-1.0, 1.0, 7)).tolist()
     mass, jx, jy, jz, thrust, rotor_time, drag = draws
     ix, iy, iz = airframe.inertia
     spread = 1.0 + error * ROTOR_SPREAD * generator.uniform(-1.0, 1.0, 4)
     a, b, c, d = (airframe.thrust * thrust * spread).tolist()
-    return Body(
+    return SimulatedBody(
         airframe.mass * mass, (ix * jx, iy * jy, iz * jz), (a, b, c, d),
         airframe.rotor_time * rotor_time, airframe.drag * drag,
     )  # fmt: skip

@@ -12,9 +12,16 @@ from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import add, conjugate, rotate
 from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.sim.contacts import Contacts
-from kybflow.drivers.sim.model import ACTUATORS, FIRST_BODY, SENSORS, Body, loaded, world_text
+from kybflow.drivers.sim.model import (
+    ACTUATORS,
+    FIRST_BODY,
+    SENSORS,
+    SimulatedBody,
+    loaded,
+    world_text,
+)
 from kybflow.drivers.sim.parcels import FallingParcel
-from kybflow.drivers.sim.vehicle import Update, Vehicle
+from kybflow.drivers.sim.vehicle import SimulatedVehicle, Update
 from kybflow.drivers.sim.viewer import Viewer
 from kybflow.parts import Link, Seat, Session
 
@@ -26,7 +33,7 @@ _POSITION, _POSITION_SIZE = struct.Struct("7d").unpack_from, 7 * 8
 _VELOCITY, _VELOCITY_SIZE = struct.Struct("6d").unpack_from, 6 * 8
 
 
-class World(Session):
+class SimulatedWorld(Session):
     """Every simulated vehicle in one MuJoCo world. Raises DriverError when they disagree about the
     physics' rate, when MuJoCo refuses the model, and when the simulation diverges."""
 
@@ -35,7 +42,9 @@ class World(Session):
         if len(rates) != 1:
             raise DriverError(f"vehicles in one world need one physics rate, found {sorted(rates)}")
         self._rate: int = round(rates.pop())
-        self._vehicles = [Vehicle(self, i, seat, generator) for i, seat in enumerate(seats)]
+        self._vehicles = [
+            SimulatedVehicle(self, i, seat, generator) for i, seat in enumerate(seats)
+        ]
         self.links: dict[str, Link] = {
             seat.context.vehicle: vehicle
             for seat, vehicle in zip(seats, self._vehicles, strict=True)
@@ -163,7 +172,7 @@ class World(Session):
         self._control[first : first + 2] = (0.0, 0.0)
         self._winds = self._blowing()
 
-    def _blowing(self) -> list[tuple[int, Vehicle]]:
+    def _blowing(self) -> list[tuple[int, SimulatedVehicle]]:
         return [(i, v) for i, v in enumerate(self._vehicles) if v.wind.blows or v.rig.blows]
 
     def _measure(self, now: Time) -> None:
@@ -198,7 +207,7 @@ def _parcels(
     }
 
 
-def _compile(seats: Sequence[Seat], bodies: Sequence[Body], rate: float) -> mujoco.MjModel:
+def _compile(seats: Sequence[Seat], bodies: Sequence[SimulatedBody], rate: float) -> mujoco.MjModel:
     try:
         return mujoco.MjModel.from_xml_string(
             world_text([seat.context for seat in seats], bodies, 1.0 / rate)

@@ -83,7 +83,7 @@ class Nominal(NamedTuple):
         )
 
 
-class Noise(NamedTuple):
+class ImuNoise(NamedTuple):
     """What an IMU's noise makes of a state in one second, standard deviations: velocity, m/s, and
     attitude, rad, by the white noise; the biases, m/s^2 and rad/s, by their own walk."""
 
@@ -107,7 +107,7 @@ class Correction(NamedTuple):
 
 def predicted(covariance: Matrix, before: Nominal, after: Nominal, noise: Matrix) -> Matrix:
     """The covariance at `after`, which moved there from `before` on the IMU alone: F P F' + Q;
-    noise: `Noise.variances`.
+    noise: `ImuNoise.variances`.
 
     F is the transition over the whole step (app. B.3, truncated), with the integrals of the
     specific force taken from what the nominal state did; the noise is that of sec. 5.5.2 (eq. 262).

@@ -19,10 +19,11 @@ from collections.abc import Sequence
 from math import sqrt
 from typing import NamedTuple
 
-from kybflow.core.geometry import ZERO, Vec3, add, distance, integrate, scale, sub
-from kybflow.core.signals import NS, Imu, Time
+from kybflow.core.geometry import ZERO, Quat, Vec3, add, distance, integrate, scale, sub
+from kybflow.core.signals import IMU_TIMEOUT, NS, Imu, Time
 from kybflow.flight.fusion.covariance import (
-    Noise,
+    ImuNoise,
+    Matrix,
     Nominal,
     chi_square_bound,
     correction,
@@ -30,13 +31,74 @@ from kybflow.flight.fusion.covariance import (
     reset,
     widened,
 )
-from kybflow.flight.fusion.values import Belief, Fix, State
 from kybflow.flight.pose_gate import is_same
-from kybflow.runtime.estimators.inertial import SILENT
 
 STEP = NS // 25
 UNKNOWN_ACCELERATION, UNKNOWN_TURN = 3.0, 1.0
 """Standard deviations of what the vehicle did meanwhile, m/s^2 and rad/s."""
+
+
+class Fix(NamedTuple):
+    """What was measured from outside. noise: covariance of the position (3 x 3), or of a pose (6 x
+    6: position in the world, then rotation in the body)."""
+
+    time: Time
+    position: Vec3
+    attitude: Quat | None
+    noise: Matrix
+
+    @property
+    def deviation(self) -> float:
+        """Of the position along the worst axis, metres."""
+        variance = self.noise.item
+        return sqrt(max(variance(0, 0), variance(1, 1), variance(2, 2)))
+
+    def innovation(self, nominal: Nominal) -> list[float]:
+        """Measured less predicted; of the attitude the rotation vector in the body, as twice the
+        tangent of half the angle, which `integrate` takes back exactly."""
+        (mx, my, mz), (px, py, pz) = self.position, nominal.position
+        moved = [mx - px, my - py, mz - pz]
+        if self.attitude is None:
+            return moved
+        (w, x, y, z), (mw, nx, ny, nz) = nominal.attitude, self.attitude
+        turned = w * mw + x * nx + y * ny + z * nz
+        two = 2.0 / (turned if abs(turned) > 0.1 else 0.1)
+        return [
+            *moved,
+            two * (w * nx - x * mw - y * nz + z * ny),
+            two * (w * ny + x * nz - y * mw - z * nx),
+            two * (w * nz - x * ny + y * nx - z * mw),
+        ]
+
+
+class FilterState(NamedTuple):
+    """The filter at one time. fused: when the newest measurement in it was true. passed: how many
+    have passed since it began. doubted: since when every measurement was refused. missed: what was
+    predicted for the last of them; off: how far from there it was, metres."""
+
+    nominal: Nominal
+    covariance: Matrix
+    fused: Time
+    passed: int = 1
+    doubted: Time | None = None
+    missed: Nominal | None = None
+    off: float = 0.0
+
+    @property
+    def deviation(self) -> float:
+        """Of the position along its worst axis, metres."""
+        variance = self.covariance.item
+        return sqrt(max(variance(0, 0), variance(1, 1), variance(2, 2)))
+
+
+class Belief(NamedTuple):
+    """The state at a time. rates: of the body. spread, turned: standard deviations of position and
+    attitude along the worst axis."""
+
+    nominal: Nominal
+    rates: Vec3
+    spread: float
+    turned: float
 
 
 class _Sample(NamedTuple):
@@ -50,14 +112,14 @@ class Replay:
     """`nominal` is the newest state, `state` that with the newest covariance; None before `begin`.
     Times: IMU samples come in their order, fixes up to the newest of these."""
 
-    def __init__(self, noise: Noise, refused: float, widest: float, memory: Time) -> None:
+    def __init__(self, noise: ImuNoise, refused: float, widest: float, memory: Time) -> None:
         self.nominal: Nominal | None = None
-        self.state: State | None = None
+        self.state: FilterState | None = None
         self._noise, self._widest, self._memory = noise.variances(), widest, memory
         self._bounds = {size: chi_square_bound(refused, size) for size in (3, 6)}
         self._samples: list[_Sample] = []
         self._fixes: list[Fix] = []
-        self._states: list[State] = []
+        self._states: list[FilterState] = []
 
     def covers(self, time: Time) -> bool:
         """Whether what was felt from `time` on is known."""
@@ -80,7 +142,7 @@ class Replay:
         if since // STEP != imu.time // STEP:
             self._forget(imu.time - self._memory)
 
-    def begin(self, state: State) -> None:
+    def begin(self, state: FilterState) -> None:
         """Start from `state`, at a time that is covered, without what was before."""
         self._states, self._fixes = [state], []
         self._replay(state)
@@ -122,7 +184,7 @@ class Replay:
         turned = sqrt(float(state.covariance.diagonal()[6:9].max()))
         return Belief(nominal, sub(turn, nominal.gyro_bias), state.deviation, turned)
 
-    def _replay(self, state: State) -> None:
+    def _replay(self, state: FilterState) -> None:
         self.state, self.nominal = state, state.nominal
         begin = state.nominal.time
         fixes = self._fixes[bisect_right(self._fixes, begin, key=_time) :]
@@ -144,7 +206,7 @@ class Replay:
     def _move(self, sample: _Sample, time: Time) -> None:
         before = self.nominal
         assert before is not None
-        if sample.time - sample.since <= SILENT:
+        if sample.time - sample.since <= IMU_TIMEOUT:
             self.nominal = before.moved(sample.force, sample.turn, time)
             return
         dt = (time - before.time) / NS
@@ -154,7 +216,7 @@ class Replay:
         covariance = widened(state.covariance, 0.5 * speed * dt, speed, UNKNOWN_TURN * dt)
         self.state = state._replace(covariance=covariance)
 
-    def _settle(self) -> State:
+    def _settle(self) -> FilterState:
         """Bring the covariance up to the nominal state."""
         state, nominal = self.state, self.nominal
         assert state is not None
@@ -165,7 +227,7 @@ class Replay:
             self.state = state
         return state
 
-    def _fuse(self, fix: Fix) -> State:
+    def _fuse(self, fix: Fix) -> FilterState:
         state = self._settle()
         nominal = state.nominal
         innovation = fix.innovation(nominal)
@@ -178,7 +240,7 @@ class Replay:
         ):
             self.nominal = nominal.corrected(told.error)
             covariance = reset(told.covariance, told.error)
-            state = State(self.nominal, covariance, fix.time, state.passed + 1)
+            state = FilterState(self.nominal, covariance, fix.time, state.passed + 1)
         else:
             doubted = fix.time if state.doubted is None else state.doubted
             state = state._replace(doubted=doubted, missed=nominal, off=off)

@@ -31,7 +31,7 @@ class Brake(Behavior[BrakeParams], flight=(AIR >> AIR, MOVING >> AIR), emits=Set
     def __init__(self, params: BrakeParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._heading = entry.heading
-        self._coast = Coast.entering(entry, params.deceleration)
+        self._coast = Coast.after(entry.motion, params.deceleration)
 
     def update(self, tick: Tick) -> Setpoint | Done:
         setpoint = self._coast.at(tick.elapsed).setpoint(self._heading)

@@ -19,7 +19,7 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Length, Number, Position, Speed, Vec3
-from kybflow.flight.motion import Coast, Motion, Straight, cruise_speed
+from kybflow.flight.motion import Coast, Motion, Straight
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
@@ -45,7 +45,7 @@ class CircleParams:
 class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
     def __init__(self, params: CircleParams, entry: Entry) -> None:
         super().__init__(params, entry)
-        speed = cruise_speed(abs(params.speed), entry)
+        speed = entry.cruise_speed(abs(params.speed))
         if speed <= 0.0:
             raise Refused("a circle needs a speed other than zero")
         most = GRAVITY * tan(entry.context.airframe.tilt)
@@ -56,7 +56,7 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
             )
         self._heading = entry.heading
         self._turn = 1.0 if params.speed > 0.0 else -1.0
-        self._coast = Coast.entering(entry)
+        self._coast = Coast.after(entry.motion)
         self._phase = self._nearest_phase(self._coast.end)
         self._lead = Straight(self._coast.end, self._point(self._phase), speed, params.acceleration)
         self._begin = max(self._coast.duration, self._lead.duration)

@@ -56,7 +56,7 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
     def __init__(self, params: FigureEightParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._heading = entry.heading
-        self._coast = Coast.entering(entry)
+        self._coast = Coast.after(entry.motion)
         rate = 2.0 * pi / params.lap
         self._phase = Profile(2.0 * pi * params.laps, rate, params.ramp)
         self._long, self._short = params.width / 2.0, params.across / 2.0

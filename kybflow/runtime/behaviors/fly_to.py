@@ -25,7 +25,7 @@ from kybflow.core.units import (
     Speed,
     Vec3,
 )
-from kybflow.flight.motion import Coast, Dwell, Straight, Turn, cruise_speed
+from kybflow.flight.motion import Coast, Dwell, Straight, Turn
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 
@@ -56,8 +56,8 @@ class FlyToParams:
 class FlyTo(Behavior[FlyToParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
     def __init__(self, params: FlyToParams, entry: Entry) -> None:
         super().__init__(params, entry)
-        self._coast = Coast.entering(entry)
-        speed = cruise_speed(params.speed, entry)
+        self._coast = Coast.after(entry.motion)
+        speed = entry.cruise_speed(params.speed)
         self._way = Straight(self._coast.end, params.position, speed, params.acceleration)
         self._turn = Turn(entry.heading, params.heading, params.turn_rate)
         self._end = max(self._coast.duration, self._way.duration, self._turn.duration)

@@ -16,7 +16,7 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import distance
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Angle, AngularRate, Duration, Length, Path, Speed, Vec3
-from kybflow.flight.motion import Coast, Dwell, Straight, Turn, cruise_speed
+from kybflow.flight.motion import Coast, Dwell, Straight, Turn
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 
@@ -51,12 +51,12 @@ class FollowPath(Behavior[FollowPathParams], flight=AIR >> AIR, emits=SetpointKi
             raise Refused("the path has no corner")
         self._entry = entry
         self._turn = Turn(entry.heading, params.heading, params.turn_rate)
-        self._coast = Coast.entering(entry)
+        self._coast = Coast.after(entry.motion)
         self._corner = 0
         self._begin_leg(self._coast.end, 0.0)
 
     def _begin_leg(self, start: Vec3, now: float) -> None:
-        speed = cruise_speed(self.params.speed, self._entry)
+        speed = self._entry.cruise_speed(self.params.speed)
         goal = self.params.path[self._corner]
         self._leg = Straight(start, goal, speed, self.params.acceleration)
         self._begun = now

@@ -27,7 +27,7 @@ from kybflow.core.files import File
 from kybflow.core.geometry import Vec3, distance, norm, wrap
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, AngularRate, Duration, Length, Speed
-from kybflow.flight.motion import Coast, Dwell, Straight, cruise_speed
+from kybflow.flight.motion import Coast, Dwell, Straight
 from kybflow.flight.profiles import Profile
 from kybflow.flight.trajectory import read_trajectory
 from kybflow.parts import AIR, Behavior, Entry, Footprint, Origin, param, params
@@ -76,8 +76,8 @@ class FollowTrajectory(
             raise Refused(reason)
         self._curve = read_trajectory(params.file)
         _, heading, _ = self._curve.at(0.0)
-        self._coast = Coast.entering(entry)
-        speed = cruise_speed(params.approach, entry)
+        self._coast = Coast.after(entry.motion)
+        speed = entry.cruise_speed(params.approach)
         self._lead = Straight(self._coast.end, self._curve.start, speed, params.acceleration)
         self._heading = entry.heading
         self._turn = 0.0 if heading is None else wrap(heading - entry.heading)

@@ -16,7 +16,7 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Speed
-from kybflow.flight.motion import Coast, Straight, cruise_speed
+from kybflow.flight.motion import Coast, Straight
 from kybflow.parts import AIR, MOVING, Behavior, Entry, Footprint, param, params
 
 _UNDER_TOP = 0.3
@@ -48,12 +48,12 @@ class GoHome(
     def __init__(self, params: GoHomeParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._heading = entry.heading
-        self._coast = Coast.entering(entry)
+        self._coast = Coast.after(entry.motion)
         stop = self._coast.end
         above = (*stop[:2], _safe_height(params, entry, stop))
         x, y, _ = entry.context.home or entry.context.start
         self._goal: Vec3 = (x, y, above[2])
-        speed = cruise_speed(params.speed, entry)
+        speed = entry.cruise_speed(params.speed)
         self._up = Straight(stop, above, speed, params.acceleration)
         self._over = Straight(above, self._goal, speed, params.acceleration)
         self._turns = max(self._coast.duration, self._up.duration)

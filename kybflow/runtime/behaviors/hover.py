@@ -24,7 +24,7 @@ class Hover(Behavior[HoverParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
     def __init__(self, params: HoverParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._heading = entry.heading
-        self._coast = Coast.entering(entry)
+        self._coast = Coast.after(entry.motion)
         self._held = self._coast.at(self._coast.duration).setpoint(self._heading)
 
     def update(self, tick: Tick) -> Setpoint | Done:

@@ -34,8 +34,6 @@ from kybflow.flight.motion import (
     Dwell,
     Motion,
     Straight,
-    cruise_speed,
-    entry_motion,
 )
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param, params
 
@@ -99,7 +97,7 @@ class Land(
         self._point = params.position
         self._ground = (entry.context.start if self._point is None else self._point)[2]
         self._heading = entry.heading
-        start, (east, north, climb), *_ = entry_motion(entry)
+        start, (east, north, climb), *_ = entry.motion
         self._coast = Coast(start, (east, north, 0.0), COAST_ACCELERATION)
         self._height, self._climb = entry.position[2], climb
         self._resting = entry.position[2]
@@ -109,7 +107,7 @@ class Land(
         x, y, _ = self._point or self._coast.end
         goal = (x, y, self._coast.end[2])
         self._way = Straight(
-            self._coast.end, goal, cruise_speed(params.approach, entry), params.acceleration
+            self._coast.end, goal, entry.cruise_speed(params.approach), params.acceleration
         )
         self._arrival = max(self._coast.duration, self._way.duration)
         self._descends = self._point is None

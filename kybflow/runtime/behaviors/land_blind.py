@@ -48,7 +48,7 @@ from kybflow.core.geometry import GRAVITY, LEVEL, ZERO
 from kybflow.core.signals import NS, Command, CommandKind, Done, Imu, Tick, Time
 from kybflow.core.units import Damping, Duration, Ratio
 from kybflow.flight.descent import Descent
-from kybflow.flight.motion import IDLE, entry_motion
+from kybflow.flight.motion import IDLE
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, param, params
 
 _ARREST = 0.8
@@ -99,7 +99,7 @@ class LandBlind(
         self._grounded = entry.flight is GROUND
         self._hover = entry.hover_thrust
         self._most = entry.context.airframe.max_thrust
-        climb = entry_motion(entry).velocity[2]
+        climb = entry.motion.velocity[2]
         self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST), -_MOST), _MOST)
         self._descent: Descent | None = Descent(self._hover, self._most, climb, entry.rest)
         self._heard: Time = entry.now

@@ -44,7 +44,7 @@ class ReleasePayload(
     def __init__(self, params: ReleasePayloadParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._heading = entry.heading
-        self._coast = None if entry.flight is GROUND else Coast.entering(entry)
+        self._coast = None if entry.flight is GROUND else Coast.after(entry.motion)
         self._asked: float | None = None
         self._released: float | None = None
 

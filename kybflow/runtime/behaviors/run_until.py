@@ -26,7 +26,7 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import Vec3, add, dot, norm, scale, sub
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Velocity
-from kybflow.flight.motion import Coast, cruise_speed
+from kybflow.flight.motion import Coast
 from kybflow.flight.profiles import STEEPEST, Profile, smoothstep
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
@@ -56,9 +56,9 @@ class RunUntil(Behavior[RunUntilParams], flight=AIR >> AIR, emits=SetpointKind.V
         if reason is not None:
             raise Refused(reason)
         self._heading = entry.heading
-        self._coast = Coast.entering(entry)
+        self._coast = Coast.after(entry.motion)
         self._direction = scale(params.velocity, 1.0 / asked)
-        plan = Profile.within(params.at_most, cruise_speed(asked, entry), params.acceleration)
+        plan = Profile.within(params.at_most, entry.cruise_speed(asked), params.acceleration)
         self._speed = plan.speed
         if params.for_time is not None:
             self._speed = min(self._speed, 0.5 * params.for_time * params.acceleration / STEEPEST)

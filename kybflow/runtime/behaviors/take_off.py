@@ -15,7 +15,7 @@ from __future__ import annotations
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Speed, Vec3
-from kybflow.flight.motion import Dwell, Motion, cruise_speed
+from kybflow.flight.motion import Dwell, Motion
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, GROUND, Behavior, Entry, Footprint, param, params
 
@@ -45,7 +45,7 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
         super().__init__(params, entry)
         self._ground = entry.estimate.position if entry.estimate else entry.context.start
         self._heading = entry.heading
-        speed = cruise_speed(min(params.speed, entry.context.airframe.climb), entry)
+        speed = entry.cruise_speed(min(params.speed, entry.context.airframe.climb))
         self._profile = Profile.within(params.height, speed, params.acceleration)
         self._time = 0.0
         self._there = Dwell()

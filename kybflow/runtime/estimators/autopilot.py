@@ -25,19 +25,19 @@ from kybflow.world.vehicle_context import VehicleContext
 
 
 @params
-class AutopilotParams:
+class AutopilotEstimatorParams:
     ahead: Duration = param(
         "How far it is moved on at most.", default=0.2, at_least=0.0, at_most=2.0
     )
 
 
-class Autopilot(Estimator[AutopilotParams]):
+class AutopilotEstimator(Estimator[AutopilotEstimatorParams]):
     """See the module."""
 
     needs = frozenset({Odometry})
     own: ClassVar[bool] = True
 
-    def __init__(self, params: AutopilotParams, context: VehicleContext) -> None:
+    def __init__(self, params: AutopilotEstimatorParams, context: VehicleContext) -> None:
         super().__init__(params, context)
         self._newest: Odometry | None = None
 

@@ -29,10 +29,11 @@ for 0.1 s; motion is unknown over such a gap (standard deviations 3 m/s^2, 1 rad
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import (
+    IMU_TIMEOUT,
     NS,
     Estimate,
     Frame,
@@ -43,15 +44,13 @@ from kybflow.core.signals import (
     Position,
     Time,
 )
-from kybflow.core.units import DEG, Acceleration, Angle, AngularRate, Duration, Length, Ratio, Speed
-from kybflow.parts import Estimator, param, params
-from kybflow.runtime.estimators.inertial import SILENT
+from kybflow.flight.fusion.params import FusionParams
+from kybflow.parts import Estimator
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Sighting
 
-Source = Literal["mocap", "tags", "position"]
 _KINDS = {
     "mocap": Pose,
     "tags": Frame,
@@ -59,72 +58,6 @@ _KINDS = {
 }
 MOST_FORCE, MOST_TURN = 500.0, 100.0
 """What an IMU on a vehicle can feel, m/s^2 and rad/s."""
-
-
-@params
-class FusionParams:
-    source: Source = param("Where measurements come from.", default="mocap", read_only=True)
-    position_noise: Length = param(
-        "Standard deviation of a measured position along each axis, beside what its source tells "
-        "of itself; motion capture tells nothing.",
-        default=0.002, above=0.0,
-    )  # fmt: skip
-    attitude_noise: Angle = param(
-        "The same of a measured attitude, about each axis.", default=0.2 * DEG, above=0.0
-    )
-    velocity_walk: Speed = param(
-        "What the accelerometer's noise makes of a velocity in one second, standard deviation.",
-        default=0.005, above=0.0,
-    )  # fmt: skip
-    attitude_walk: Angle = param(
-        "What the gyroscope's noise makes of an attitude in one second, standard deviation.",
-        default=0.01 * DEG, above=0.0,
-    )  # fmt: skip
-    accelerometer_bias: Acceleration = param(
-        "Standard deviation of the accelerometer's bias at the start.", default=0.05, above=0.0
-    )
-    gyro_bias: AngularRate = param(
-        "Standard deviation of the gyroscope's bias at the start.", default=0.2 * DEG, above=0.0
-    )
-    accelerometer_drift: Acceleration = param(
-        "By how much the accelerometer's bias changes in one second, standard deviation.",
-        default=0.0005, at_least=0.0,
-    )  # fmt: skip
-    gyro_drift: AngularRate = param(
-        "By how much the gyroscope's bias changes in one second, standard deviation.",
-        default=0.001 * DEG, at_least=0.0,
-    )  # fmt: skip
-    heading_error: Angle = param(
-        "Standard deviation of the declared heading, where only positions come.",
-        default=15.0 * DEG, above=0.0, at_most=0.8,
-    )  # fmt: skip
-    position_wander: Ratio = param(
-        "Share of the variance of positions alone that wanders slowly, so that no average takes it "
-        "away; as much stays in the spread.",
-        default=0.5, at_least=0.0, at_most=1.0,
-    )  # fmt: skip
-    memory: Duration = param(
-        "How late a measurement may come.", default=0.5, above=0.0, at_most=5.0, read_only=True
-    )
-    samples: int = param("Measurements before there is an estimate.", default=3, at_least=1)
-    gate: Ratio = param(
-        "Share of true measurements that the gate may refuse.",
-        default=0.001, above=1e-9, below=0.5, read_only=True,
-    )  # fmt: skip
-    widest_gate: Length = param(
-        "How far from where it is believed the vehicle may be seen, beside four times the "
-        "measurement's deviation.",
-        default=0.5, above=0.0, tightens="down", read_only=True,
-    )  # fmt: skip
-    doubt: Duration = param(
-        "How long everything may be refused before the estimate is no longer believed.",
-        default=0.3, above=0.0,
-    )  # fmt: skip
-    settled: Duration = param(
-        "How long measurements must have been consistent elsewhere, nothing else being flown on, "
-        "before the vehicle counts as carried there; longer than any landing.",
-        default=20.0, above=0.0,
-    )  # fmt: skip
 
 
 class Fusion(Estimator[FusionParams]):
@@ -136,7 +69,7 @@ class Fusion(Estimator[FusionParams]):
     def __init__(self, params: FusionParams, context: VehicleContext) -> None:
         super().__init__(params, context)
         from kybflow.flight.fusion.filter import Filter
-        from kybflow.flight.fusion.sources import source
+        from kybflow.runtime.estimators._fusion_sources import source
 
         self.filter = Filter(params, context.heading)
         self._read = source(params, context, self.filter.at, self._saw)
@@ -165,7 +98,7 @@ class Fusion(Estimator[FusionParams]):
         if nominal is None or state is None or not self.filter.is_known:
             return None
         ahead = (now - nominal.time) / NS
-        if now - nominal.time > SILENT:
+        if now - nominal.time > IMU_TIMEOUT:
             return None
         (px, py, pz), (vx, vy, vz) = nominal.position, nominal.velocity
         (wx, wy, wz), (bx, by, bz) = self._turn, nominal.gyro_bias
@@ -185,4 +118,4 @@ def _is_sound(imu: Imu) -> bool:
     """Not for a number that is none, nor for one that no vehicle survives."""
     (fx, fy, fz), (wx, wy, wz) = imu.specific_force, imu.angular_velocity
     force, turn = fx * fx + fy * fy + fz * fz, wx * wx + wy * wy + wz * wz
-    return force < MOST_FORCE**2 and turn < MOST_TURN**2 and 0.0 < imu.dt * NS <= SILENT
+    return force < MOST_FORCE**2 and turn < MOST_TURN**2 and 0.0 < imu.dt * NS <= IMU_TIMEOUT

@@ -31,13 +31,11 @@ from collections.abc import Sequence
 from math import pi, sqrt
 
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate, rotate
-from kybflow.core.signals import NS, Estimate, Imu, Measurement, Time
+from kybflow.core.signals import IMU_TIMEOUT, NS, Estimate, Imu, Measurement, Time
 from kybflow.core.units import Acceleration, Duration, Frequency, Speed
 from kybflow.parts import Estimator, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-SILENT = NS // 10
-"""An IMU that was not heard for so long tells nothing about the motion since."""
 LONGEST_LEAP = 0.5
 """Seconds without an anchor after which the next one is taken as it is."""
 NOISY = 0.01
@@ -88,7 +86,7 @@ class Inertial(Estimator[InertialParams]):
         for measurement in measurements:
             if type(measurement) is Imu:
                 self._move(measurement)
-        if self._anchored is None or self._time is None or now - self._time > SILENT:
+        if self._anchored is None or self._time is None or now - self._time > IMU_TIMEOUT:
             return None
         ahead = (now - self._time) / NS
         (px, py, pz), (vx, vy, vz) = self._position, self._velocity
@@ -126,7 +124,7 @@ class Inertial(Estimator[InertialParams]):
         self._rates = rates = (wx - bx, wy - by, wz - bz)
         if last is None or self._anchored is None or imu.time <= last:
             return
-        if imu.time - last > SILENT:
+        if imu.time - last > IMU_TIMEOUT:
             self._anchored = None
             return
         dt = (imu.time - last) / NS

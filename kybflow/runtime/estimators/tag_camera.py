@@ -112,18 +112,18 @@ class TagCamera(Estimator[TagCameraParams]):
         """Where the vehicle is when a frame is taken: before the first pose, where the mission puts
         it; None where nobody knows any more."""
         from kybflow.vision.locating.locator import Prediction
-        from kybflow.vision.locating.sight import Motion
+        from kybflow.vision.locating.sight import BodyMotion
 
         track = self._track
         if track.count == 0:
-            return Prediction(*self._start, Motion(), START_PLACE, START_TURN)
+            return Prediction(*self._start, BodyMotion(), START_PLACE, START_TURN)
         if t > self.params.gap:
             return None
         motion = track.bent(track.predicted(time, ""))
         return Prediction(
             motion.position,
             motion.attitude,
-            Motion(motion.velocity, motion.angular_velocity, UNKNOWN_RATE),
+            BodyMotion(motion.velocity, motion.angular_velocity, UNKNOWN_RATE),
             PLACE + track.spread + 0.5 * ACCELERATION * t * t,
             TURN + UNKNOWN_RATE * t,
         )

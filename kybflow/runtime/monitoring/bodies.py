@@ -109,7 +109,7 @@ class Bodies:
 
     def _follow(self, name: str, body: _Body, pose: Pose, findings: list[Finding]) -> None:
         """A pose that is a new one: does the body recover, did it jump?"""
-        if body.trouble.is_over():
+        if body.trouble.finding is not None and body.trouble.is_over():
             findings.append(Finding("body_recovered", name, time=pose.time))
         place, elsewhere = body.place, body.elsewhere
         if place is None or self._off(place, pose) is None:

@@ -35,7 +35,7 @@ _BACK = 0.3
 
 
 @params
-class FenceParams:
+class FenceProcessorParams:
     margin: Length = param(
         "Distance that the setpoint keeps from the fence.",
         default=0.2,
@@ -44,21 +44,21 @@ class FenceParams:
     )
 
 
-class Fence(Processor[FenceParams]):
+class FenceProcessor(Processor[FenceProcessorParams]):
     accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
         SetpointKind.POSITION: SetpointKind.POSITION,
         SetpointKind.VELOCITY: SetpointKind.VELOCITY,
     }
     safety = True
 
-    def __init__(self, params: FenceParams, context: VehicleContext) -> None:
+    def __init__(self, params: FenceProcessorParams, context: VehicleContext) -> None:
         super().__init__(params, context)
         self._fence = context.fence
         self._margin = params.margin
         self._room = _shrunk(context.fence, params.margin) if context.fence is not None else None
 
     @classmethod
-    def keeps_inside(cls, params: FenceParams, fence: Box) -> Box | None:
+    def keeps_inside(cls, params: FenceProcessorParams, fence: Box) -> Box | None:
         return _shrunk(fence, params.margin)
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:

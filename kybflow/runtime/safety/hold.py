@@ -38,7 +38,7 @@ class Hold:
         self.wanted = wanted
         self._grounded = grounded
         self._heading = entry.heading
-        self._coast = Coast.entering(entry, _DECELERATION)
+        self._coast = Coast.after(entry.motion, _DECELERATION)
         self._back: _WayBack | None = None
 
     @property

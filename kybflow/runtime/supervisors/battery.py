@@ -24,7 +24,7 @@ _RECOVERED = 0.05
 
 
 @params
-class BatteryParams:
+class BatterySupervisorParams:
     warn_below: Ratio = param(
         "Charge below which it warns.", default=0.3, at_least=0.0, at_most=1.0, tightens="up"
     )
@@ -46,12 +46,12 @@ class BatteryParams:
     )
 
 
-class Battery(Supervisor[BatteryParams]):
+class BatterySupervisor(Supervisor[BatterySupervisorParams]):
     always = True
     unhurried = True
     events = ("battery_low", "battery_lost")
 
-    def __init__(self, params: BatteryParams, context: VehicleContext) -> None:
+    def __init__(self, params: BatterySupervisorParams, context: VehicleContext) -> None:
         super().__init__(params, context)
         self._low = False
         self._empty = False

@@ -18,7 +18,7 @@ from kybflow.world.vehicle_context import VehicleContext
 
 
 @params
-class EstimateParams:
+class EstimateSupervisorParams:
     age: Duration = param(
         "Largest age of the newest measurement.", default=0.3, above=0.0, tightens="down"
     )
@@ -28,12 +28,12 @@ class EstimateParams:
     reaction: ReactionName = param("What the failsafe does.", default="land_blind", tightens="up")
 
 
-class Estimate(Supervisor[EstimateParams]):
+class EstimateSupervisor(Supervisor[EstimateSupervisorParams]):
     always = True
     unhurried = True
     events = ("estimate_lost",)
 
-    def __init__(self, params: EstimateParams, context: VehicleContext) -> None:
+    def __init__(self, params: EstimateSupervisorParams, context: VehicleContext) -> None:
         super().__init__(params, context)
         self._newest: Time | None = None
 

@@ -22,19 +22,19 @@ _BACK_INSIDE = 0.05
 
 
 @params
-class FenceParams:
+class FenceSupervisorParams:
     margin: Length = param(
         "How far beyond the fence the vehicle may be.", default=0.1, at_least=0.0, tightens="down"
     )
     reaction: ReactionName = param("What the failsafe does.", default="land", tightens="up")
 
 
-class Fence(Supervisor[FenceParams]):
+class FenceSupervisor(Supervisor[FenceSupervisorParams]):
     always = True
     unhurried = True
     events = ("fence_breached",)
 
-    def __init__(self, params: FenceParams, context: VehicleContext) -> None:
+    def __init__(self, params: FenceSupervisorParams, context: VehicleContext) -> None:
         super().__init__(params, context)
         self._outside = False
         self._box = None

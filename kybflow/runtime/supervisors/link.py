@@ -15,12 +15,12 @@ from kybflow.parts import Supervisor, param, params
 
 
 @params
-class LinkParams:
+class LinkSupervisorParams:
     age: Duration = param("Longest silence.", default=0.5, above=0.0, tightens="down")
     reaction: ReactionName = param("What the failsafe does.", default="land", tightens="up")
 
 
-class Link(Supervisor[LinkParams]):
+class LinkSupervisor(Supervisor[LinkSupervisorParams]):
     always = True
     unhurried = True
     events = ("link_lost",)

@@ -14,8 +14,7 @@ The default reaction is `brake`: the vehicle holds where it is, and goes on from
 from __future__ import annotations
 
 from kybflow.core.geometry import ZERO, add, distance, scale
-from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
-from kybflow.core.signals import Setpoint as Followed
+from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Setpoint, Tick, Time
 from kybflow.core.units import Length
 from kybflow.parts import Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
@@ -24,7 +23,7 @@ _LASTS = NS // 10
 
 
 @params
-class SetpointParams:
+class SetpointSupervisorParams:
     step: Length = param("Largest step between two looks.", default=0.5, above=0.0, tightens="down")
     distance: Length = param(
         "Largest distance from the vehicle.", default=1.0, above=0.0, tightens="down"
@@ -32,14 +31,14 @@ class SetpointParams:
     reaction: ReactionName = param("What the failsafe does.", default="brake", tightens="up")
 
 
-class Setpoint(Supervisor[SetpointParams]):
+class SetpointSupervisor(Supervisor[SetpointSupervisorParams]):
     always = True
     unhurried = True
     events = ("setpoint_jumped", "setpoint_left")
 
-    def __init__(self, params: SetpointParams, context: VehicleContext) -> None:
+    def __init__(self, params: SetpointSupervisorParams, context: VehicleContext) -> None:
         super().__init__(params, context)
-        self._last: Followed | None = None
+        self._last: Setpoint | None = None
         self._looked: Time = 0
         self._jumped: Alarm | None = None
         self._until: Time = 0

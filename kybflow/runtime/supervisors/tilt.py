@@ -21,19 +21,19 @@ _BACK = 0.087
 
 
 @params
-class TiltParams:
+class TiltSupervisorParams:
     limit: Angle = param(
         "Largest tilt.", default=60.0 * DEG, above=0.0, below=3.14, tightens="down"
     )
     reaction: ReactionName = param("What the failsafe does.", default="land_blind", tightens="up")
 
 
-class Tilt(Supervisor[TiltParams]):
+class TiltSupervisor(Supervisor[TiltSupervisorParams]):
     always = True
     unhurried = True
     events = ("tilted",)
 
-    def __init__(self, params: TiltParams, context: VehicleContext) -> None:
+    def __init__(self, params: TiltSupervisorParams, context: VehicleContext) -> None:
         super().__init__(params, context)
         self._tilted = False
 

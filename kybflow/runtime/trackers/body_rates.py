@@ -18,11 +18,11 @@ from __future__ import annotations
 from math import atan2
 
 from kybflow.core.geometry import Quat, Vec3, add, conjugate, multiply, norm, rotate
-from kybflow.core.signals import Command, CommandKind, Setpoint, Tick
+from kybflow.core.signals import Command, CommandKind, Setpoint, SetpointKind, Tick
 from kybflow.core.units import AngularRate, Damping
+from kybflow.flight.geometric_law import GeometricLaw, GeometricParams
 from kybflow.flight.governor import shortened
 from kybflow.parts import Tracker, param, params
-from kybflow.runtime.trackers.geometric import Geometric, GeometricParams
 from kybflow.world.vehicle_context import VehicleContext
 
 
@@ -38,20 +38,20 @@ class BodyRatesParams(GeometricParams):
 class BodyRates(Tracker[BodyRatesParams]):
     """See the module."""
 
-    accepts = Geometric.accepts
+    accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY})
     gives = CommandKind.RATES_THRUST
 
     def __init__(self, params: BodyRatesParams, context: VehicleContext) -> None:
         super().__init__(params, context)
-        self._law = Geometric(params, context)
+        self._law = GeometricLaw(params, context)
 
     @property
     def hover_thrust(self) -> float:
         return self._law.hover_thrust
 
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
-        self._law.params = p = self.params
-        wanted = self._law.update(setpoint, tick)
+        p = self.params
+        wanted = self._law.command(p, setpoint, tick)
         off = multiply(conjugate(tick.known().attitude), wanted.attitude)
         ex, ey, ez = _turn(off)
         feed = rotate(off, wanted.rates)

@@ -16,14 +16,15 @@ in steps longer than 40 ms, the integral stands still.
 from __future__ import annotations
 
 from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, rotate
-from kybflow.core.signals import Command, Estimate, Setpoint, SetpointKind, Tick
+from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Number
-from kybflow.parts import param, params
-from kybflow.runtime.trackers._steered import Steered, SteeredParams
+from kybflow.flight.steering import Steering, SteeringParams
+from kybflow.parts import Tracker, param, params
+from kybflow.world.vehicle_context import VehicleContext
 
 
 @params
-class CascadeParams(SteeredParams):
+class CascadeParams(SteeringParams):
     proportional: Number = param("Acceleration per metre of position error.", default=9.0, above=0)
     derivative: Number = param("Acceleration per m/s of velocity error.", default=7.5, above=0)
     integral: Number = param(
@@ -31,10 +32,21 @@ class CascadeParams(SteeredParams):
     )
 
 
-class Cascade(Steered[CascadeParams]):
+class Cascade(Tracker[CascadeParams]):
     """See the module."""
 
     accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY, SetpointKind.ACCELERATION})
+    gives = CommandKind.ATTITUDE_THRUST
+
+    def __init__(self, params: CascadeParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._drag = context.airframe.drag
+        self._steering = Steering(context, params.mass_guess)
+        self._integral = (0.0, 0.0)
+
+    @property
+    def hover_thrust(self) -> float:
+        return self._steering.hover_thrust
 
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
         estimate, dt, steering, p = tick.known(), tick.dt, self._steering, self.params

@@ -37,96 +37,25 @@ Limits, mass and the trim against the on-board attitude's error: `kybflow.flight
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
-
-from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, conjugate, heading_of, rotate
-from kybflow.core.signals import Command, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.core.units import Number
-from kybflow.parts import param, params
-from kybflow.runtime.trackers._steered import Steered, SteeredParams
+from kybflow.core.signals import Command, CommandKind, Setpoint, SetpointKind, Tick
+from kybflow.flight.geometric_law import GeometricLaw, GeometricParams
+from kybflow.parts import Tracker
+from kybflow.world.vehicle_context import VehicleContext
 
 
-@params
-class GeometricParams(SteeredParams):
-    proportional: Number = param("Acceleration per metre of position error.", default=16.0, above=0)
-    derivative: Number = param("Acceleration per m/s of velocity error.", default=9.0, above=0)
-    integral: Number = param(
-        "Acceleration per metre and second of position error.", default=8.0, at_least=0
-    )
-
-
-class Geometric(Steered[GeometricParams]):
+class Geometric(Tracker[GeometricParams]):
     """See the module."""
 
     accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY})
+    gives = CommandKind.ATTITUDE_THRUST
+
+    def __init__(self, params: GeometricParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._law = GeometricLaw(params, context)
+
+    @property
+    def hover_thrust(self) -> float:
+        return self._law.hover_thrust
 
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
-        estimate, dt, steering, p = tick.known(), tick.dt, self._steering, self.params
-        steering.weigh(setpoint, estimate, p.lift_off, dt)
-        up = body_z(estimate.attitude)
-        wanted, turning = self._wanted(setpoint, estimate, up, dt)
-        force = steering.bounded(wanted, p.tilt)
-        attitude = steering.attitude(force, up, setpoint, p.trim, dt)
-        still = steering.limited or not steering.flies
-        rates = _rates(ZERO if still else turning, force, attitude, setpoint.heading_rate)
-        return steering.command(force, attitude, rates, estimate, up)
-
-    def _wanted(
-        self, setpoint: Setpoint, estimate: Estimate, up: Vec3, dt: float
-    ) -> tuple[Vec3, Vec3]:
-        """(f, f'): the specific force that the law asks for and how it changes, world."""
-        p, c = self.params, self._drag
-        (ux, uy, uz), (vx, vy, vz) = up, estimate.velocity
-        (wx, wy, wz), (ax, ay, az) = setpoint.velocity or ZERO, setpoint.acceleration or ZERO
-        jx, jy, jz = setpoint.jerk or ZERO
-        d, push = p.derivative, self._steering.force_along
-        slip = vx * ux + vy * uy + vz * uz
-        ex = push * ux - c * (vx - slip * ux) - ax
-        ey = push * uy - c * (vy - slip * uy) - ay
-        ez = push * uz - c * (vz - slip * uz) - GRAVITY - az
-        turning = (jx - d * ex + c * ax, jy - d * ey + c * ay, jz - d * ez)
-        along = wx * ux + wy * uy + wz * uz
-        fx = ax + d * (wx - vx) + c * (wx - along * ux)
-        fy = ay + d * (wy - vy) + c * (wy - along * uy)
-        fz = az + d * (wz - vz) + c * (wz - along * uz) + GRAVITY
-        ix, iy = self._integral
-        if setpoint.position is not None:
-            k = p.proportional
-            (sx, sy, sz), (px, py, pz) = setpoint.position, estimate.position
-            ix, iy = self._integrated(sx - px, sy - py, dt)
-            fx, fy, fz = fx + k * (sx - px), fy + k * (sy - py), fz + k * (sz - pz)
-            tx, ty, tz = turning
-            turning = (tx + k * (wx - vx), ty + k * (wy - vy), tz + k * (wz - vz))
-        return (fx + ix, fy + iy, fz), turning
-
-    def _integrated(self, ex: float, ey: float, dt: float) -> tuple[float, float]:
-        if self._steering.learns:
-            i, most, (ix, iy) = (
-                self.params.integral * dt,
-                self.params.integral_limit,
-                self._integral,
-            )
-            self._integral = (
-                min(max(ix + i * ex, -most), most),
-                min(max(iy + i * ey, -most), most),
-            )
-        return self._integral
-
-
-def _rates(turning: Vec3, force: Vec3, attitude: Quat, heading_rate: float) -> Vec3:
-    """Body rates at which the attitude along `force` turns when that changes by `turning`.
-
-    About body x and y: z' = (f' - (f' . z) z) / |f|. About body z: the body's y stays normal to the
-    level direction h of the heading, y . h = 0, so
-    w_z = (w_x (h . z) + heading_rate (y . (e3 x h))) / (h . x).
-    """
-    fx, fy, fz = force
-    per_force = 1.0 / sqrt(fx * fx + fy * fy + fz * fz)
-    inverse = conjugate(attitude)
-    tx, ty, _ = rotate(inverse, turning)
-    wx, wy = -ty * per_force, tx * per_force
-    heading = heading_of(attitude)
-    c, s = cos(heading), sin(heading)
-    hx, _, hz = rotate(inverse, (c, s, 0.0))
-    _, ny, _ = rotate(inverse, (-s, c, 0.0))
-    return (wx, wy, (wx * hz + heading_rate * ny) / hx)
+        return self._law.command(self.params, setpoint, tick)

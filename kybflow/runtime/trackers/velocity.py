@@ -31,15 +31,16 @@ from kybflow.core.geometry import (
     scale,
     sub,
 )
-from kybflow.core.signals import Command, Estimate, Setpoint, SetpointKind, Tick
+from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Damping, Number, Speed
 from kybflow.flight.governor import shortened
-from kybflow.parts import param, params
-from kybflow.runtime.trackers._steered import Steered, SteeredParams
+from kybflow.flight.steering import Steering, SteeringParams
+from kybflow.parts import Tracker, param, params
+from kybflow.world.vehicle_context import VehicleContext
 
 
 @params
-class VelocityParams(SteeredParams):
+class VelocityParams(SteeringParams):
     proportional: Damping = param("Velocity per metre of position error.", default=1.2, above=0)
     correction: Speed = param(
         "The most that a position error adds to the velocity.", default=0.5, above=0
@@ -50,10 +51,21 @@ class VelocityParams(SteeredParams):
     )
 
 
-class Velocity(Steered[VelocityParams]):
+class Velocity(Tracker[VelocityParams]):
     """See the module."""
 
     accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY})
+    gives = CommandKind.ATTITUDE_THRUST
+
+    def __init__(self, params: VelocityParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._drag = context.airframe.drag
+        self._steering = Steering(context, params.mass_guess)
+        self._integral = (0.0, 0.0)
+
+    @property
+    def hover_thrust(self) -> float:
+        return self._steering.hover_thrust
 
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
         estimate, dt, steering, p = tick.known(), tick.dt, self._steering, self.params

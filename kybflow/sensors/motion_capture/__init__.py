@@ -16,7 +16,7 @@ from kybflow.core.units import Duration
 from kybflow.parts.link import Link
 from kybflow.parts.sensor import Sensor, Stream
 from kybflow.sensors._axes import Axes, Units
-from kybflow.sensors._stream import Poses
+from kybflow.sensors._stream import PoseStream
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @params
-class MotionCaptureParams:
+class MotionCaptureSensorParams:
     system: Literal["vicon", "optitrack", "qualisys"] = param("Whose it is.", read_only=True)
     host: str = param("The address of its server.", read_only=True)
     body: str | None = param(
@@ -45,20 +45,20 @@ class MotionCaptureParams:
     )  # fmt: skip
 
 
-class MotionCapture(Sensor[MotionCaptureParams]):
+class MotionCaptureSensor(Sensor[MotionCaptureSensorParams]):
     """See the module."""
 
     provides: ClassVar[frozenset[MeasurementKind]] = frozenset({Pose})
     packages = ("motioncapture",)
 
     @classmethod
-    def real_time(cls, params: MotionCaptureParams) -> bool:
+    def real_time(cls, params: MotionCaptureSensorParams) -> bool:
         return True
 
     @classmethod
     def open(
         cls,
-        params: MotionCaptureParams,
+        params: MotionCaptureSensorParams,
         context: VehicleContext,
         link: Link,
         generator: random.Random,
@@ -70,4 +70,4 @@ class MotionCapture(Sensor[MotionCaptureParams]):
             settings["interface_ip"] = params.interface
         body = context.vehicle if params.body is None else params.body
         source = subscribe(params.system, settings, body)
-        return Poses(source, params.units, params.axes, params.latency)
+        return PoseStream(source, params.units, params.axes, params.latency)

@@ -33,7 +33,7 @@ class Arrived(NamedTuple):
     attitude: Quat
 
 
-class Subscription:
+class BodySubscription:
     """One body of a system. Close it."""
 
     def __init__(self, feed: Feed, body: str) -> None:
@@ -64,7 +64,7 @@ class Feed:
 
     def __init__(self, key: tuple[str, str]) -> None:
         self.key = key
-        self._wanted: tuple[Subscription, ...] = ()
+        self._wanted: tuple[BodySubscription, ...] = ()
         self._bodies: frozenset[str] = frozenset()
         self._reason: str | None = "no frame has come yet"
         self._has_come = False
@@ -74,12 +74,12 @@ class Feed:
     def start(self) -> None:
         self._thread.start()
 
-    def add(self, body: str) -> Subscription:
-        subscription = Subscription(self, body)
+    def add(self, body: str) -> BodySubscription:
+        subscription = BodySubscription(self, body)
         self._wanted = (*self._wanted, subscription)
         return subscription
 
-    def drop(self, subscription: Subscription) -> bool:
+    def drop(self, subscription: BodySubscription) -> bool:
         """Forget a subscription; whether it was the last."""
         self._wanted = tuple(other for other in self._wanted if other is not subscription)
         return not self._wanted
@@ -162,7 +162,7 @@ _feeds: dict[tuple[str, str], Feed] = {}
 _lock = threading.Lock()
 
 
-def subscribe(system: str, settings: Mapping[str, str], body: str) -> Subscription:
+def subscribe(system: str, settings: Mapping[str, str], body: str) -> BodySubscription:
     """Ask a system for a body, by the one program that asks it for all."""
     key = system, json.dumps(settings, sort_keys=True)
     with _lock:

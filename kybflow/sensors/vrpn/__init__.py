@@ -19,7 +19,7 @@ from kybflow.parts.base import Objection
 from kybflow.parts.link import Link
 from kybflow.parts.sensor import Sensor, Stream
 from kybflow.sensors._axes import Axes, Units
-from kybflow.sensors._stream import Poses
+from kybflow.sensors._stream import PoseStream
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -77,4 +77,4 @@ class Vrpn(Sensor[VrpnParams]):
         address = read_address(params.host, params.opening == "direct")
         body = context.vehicle if params.body is None else params.body
         source = subscribe(address, body, params.sensor)
-        return Poses(source, params.units, params.axes, params.latency)
+        return PoseStream(source, params.units, params.axes, params.latency)

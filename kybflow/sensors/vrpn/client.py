@@ -19,8 +19,8 @@ from kybflow.core.geometry import Quat, Vec3
 from kybflow.core.signals import NS, Time
 from kybflow.sensors._waker import Waker
 from kybflow.sensors.vrpn.codec import PING, CodecError, PoseReport
-from kybflow.sensors.vrpn.link import Address, Connection
-from kybflow.sensors.vrpn.peer import Heard, Peer
+from kybflow.sensors.vrpn.link import Connection, ServerAddress
+from kybflow.sensors.vrpn.peer import Peer, SenderMessage
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 2.0
 """Seconds from the beginning of one attempt to open a link to the next; doubled each time."""
@@ -48,7 +48,7 @@ class Key(NamedTuple):
     sensor: int
 
 
-class Subscription:
+class VrpnSubscription:
     """One body's sensor at a server. Close it."""
 
     def __init__(self, client: Client, key: Key) -> None:
@@ -75,10 +75,12 @@ class Subscription:
 class Client:
     """The link to one server, and its thread."""
 
-    def __init__(self, address: Address, clock: Callable[[], Time] = time.monotonic_ns) -> None:
+    def __init__(
+        self, address: ServerAddress, clock: Callable[[], Time] = time.monotonic_ns
+    ) -> None:
         self.address = address
         self._clock = clock
-        self._wanted: Mapping[Key, tuple[Subscription, ...]] = {}
+        self._wanted: Mapping[Key, tuple[VrpnSubscription, ...]] = {}
         self._reason: str | None = "not connected yet"
         self._sensors: frozenset[Key] = frozenset()
         self._waker = Waker()
@@ -87,13 +89,13 @@ class Client:
     def start(self) -> None:
         self._thread.start()
 
-    def add(self, key: Key) -> Subscription:
-        subscription = Subscription(self, key)
+    def add(self, key: Key) -> VrpnSubscription:
+        subscription = VrpnSubscription(self, key)
         self._wanted = {**self._wanted, key: (*self._wanted.get(key, ()), subscription)}
         self._waker.wake()
         return subscription
 
-    def drop(self, subscription: Subscription) -> bool:
+    def drop(self, subscription: VrpnSubscription) -> bool:
         """Forget a subscription; whether it was the last."""
         left = {k: tuple(s for s in v if s is not subscription) for k, v in self._wanted.items()}
         self._wanted = {key: rest for key, rest in left.items() if rest}
@@ -161,7 +163,7 @@ class _Listener:
         self._pinged: Time | None = None
         self._posed: dict[str, Time] = {}
 
-    def hear(self, wanted: Mapping[Key, tuple[Subscription, ...]]) -> None:
+    def hear(self, wanted: Mapping[Key, tuple[VrpnSubscription, ...]]) -> None:
         """Wait for what comes next, at most until the next ping is due."""
         stream, datagrams = self._connection.wait(PING_EVERY / NS / 4)
         now = self._clock()
@@ -192,7 +194,10 @@ class _Listener:
                 self._connection.send(self.peer.say(body, PING, time.time_ns()))
 
     def _tell(
-        self, heard: list[Heard], wanted: Mapping[Key, tuple[Subscription, ...]], now: Time
+        self,
+        heard: list[SenderMessage],
+        wanted: Mapping[Key, tuple[VrpnSubscription, ...]],
+        now: Time,
     ) -> None:
         for sender, stamp, what in heard:
             if not isinstance(what, PoseReport):
@@ -208,11 +213,11 @@ class _Listener:
                 subscription.came.append(Report(here, now, what.position, what.attitude))
 
 
-_clients: dict[Address, Client] = {}
+_clients: dict[ServerAddress, Client] = {}
 _lock = threading.Lock()
 
 
-def subscribe(address: Address, body: str, sensor: int) -> Subscription:
+def subscribe(address: ServerAddress, body: str, sensor: int) -> VrpnSubscription:
     """Ask the server for a body's sensor, over the one link that this program has to it."""
     with _lock:
         client = _clients.get(address)

@@ -22,7 +22,7 @@ it waits for a minute, and the C++ server does not ask for it regardless."""
 _ADDRESS = re.compile(r"(?:(tcp)://)?([^\s:/@\[\]]+|\[[0-9A-Fa-f:.]+\])(?::(\d{1,5}))?")
 
 
-class Address(NamedTuple):
+class ServerAddress(NamedTuple):
     """A server. direct: open it by TCP (as VRPN's `tcp://HOST` does); else ask by a datagram to be
     called back by TCP, then poses come as datagrams (as VRPN's `HOST` does)."""
 
@@ -34,7 +34,7 @@ class Address(NamedTuple):
         return f"{self.host}:{self.port}"
 
 
-def read_address(text: str, direct: bool) -> Address:
+def read_address(text: str, direct: bool) -> ServerAddress:
     """`HOST`, `HOST:PORT` or, where that agrees with `direct`, `tcp://HOST:PORT`. Raises
     DriverError."""
     match = _ADDRESS.fullmatch(text.strip())
@@ -43,13 +43,13 @@ def read_address(text: str, direct: bool) -> Address:
         raise DriverError(f"`{text}` is no VRPN server: write `HOST` or `HOST:{PORT}`")
     if match[1] and not direct:
         raise DriverError(f"`{text}` asks for TCP alone: leave out `tcp://` or `opening: lob`")
-    return Address(match[2].strip("[]"), port, direct)
+    return ServerAddress(match[2].strip("[]"), port, direct)
 
 
 class Connection:
     """An open link. `here` is where datagrams are awaited, None where none are."""
 
-    def __init__(self, address: Address, waker: Waker) -> None:
+    def __init__(self, address: ServerAddress, waker: Waker) -> None:
         """Raises OSError where there is no server, InterruptedError when ended meanwhile."""
         self.here: tuple[str, int] | None = None
         self._datagrams: socket.socket | None = None
@@ -107,7 +107,7 @@ class Connection:
                 came.append(data)
         return came
 
-    def _ask(self, address: Address) -> socket.socket:
+    def _ask(self, address: ServerAddress) -> socket.socket:
         """Ask the server by a datagram, and let it in when it calls."""
         family, _, _, _, place = socket.getaddrinfo(
             address.host, address.port, type=socket.SOCK_DGRAM
@@ -142,5 +142,5 @@ class Connection:
         raise TimeoutError("no server answered the request to call back")
 
 
-def _dial(address: Address) -> socket.socket:
+def _dial(address: ServerAddress) -> socket.socket:
     return socket.create_connection((address.host, address.port), timeout=ANSWER)

@@ -28,7 +28,7 @@ from kybflow.sensors.vrpn.codec import (
 )
 
 
-class Said(NamedTuple):
+class SenderStatus(NamedTuple):
     """Something other than a pose. kind: PING, PONG or TEXT."""
 
     kind: str
@@ -36,12 +36,12 @@ class Said(NamedTuple):
     severity: int = 0
 
 
-class Heard(NamedTuple):
+class SenderMessage(NamedTuple):
     """Something the peer said: of `sender`, a name, at `stamp` of its clock."""
 
     sender: str
     stamp: Time
-    what: PoseReport | Said
+    what: PoseReport | SenderStatus
 
 
 class Peer:
@@ -61,11 +61,11 @@ class Peer:
         """Whether the peer's cookie has come."""
         return self._decoder.version is not None
 
-    def hear(self, data: bytes) -> list[Heard]:
+    def hear(self, data: bytes) -> list[SenderMessage]:
         """What came over TCP. Raises CodecError; then the link must be closed."""
         return self._meaning(self._decoder.feed(data))
 
-    def hear_datagram(self, data: bytes) -> list[Heard]:
+    def hear_datagram(self, data: bytes) -> list[SenderMessage]:
         """What came in one datagram. Raises CodecError; the link is as good as before."""
         messages = decode_datagram(data)
         if any(message.type < 0 for message in messages):
@@ -103,7 +103,7 @@ class Peer:
         self._sequence += 1
         return encode(message, self._sequence - 1)
 
-    def _meaning(self, messages: list[Message]) -> list[Heard]:
+    def _meaning(self, messages: list[Message]) -> list[SenderMessage]:
         heard = []
         for message in messages:
             if message.type < 0:
@@ -113,12 +113,14 @@ class Peer:
             if sender is None:
                 continue  # a datagram can be faster than the description of its sender
             if kind == POSE:
-                heard.append(Heard(sender, message.stamp, decode_pose(message.payload)))
+                heard.append(SenderMessage(sender, message.stamp, decode_pose(message.payload)))
             elif kind in (PING, PONG):
-                heard.append(Heard(sender, message.stamp, Said(kind)))
+                heard.append(SenderMessage(sender, message.stamp, SenderStatus(kind)))
             elif kind == TEXT:
                 severity, text = decode_text(message.payload)
-                heard.append(Heard(sender, message.stamp, Said(TEXT, text, severity)))
+                heard.append(
+                    SenderMessage(sender, message.stamp, SenderStatus(TEXT, text, severity))
+                )
         return heard
 
     def _learn(self, message: Message) -> None:

@@ -52,7 +52,7 @@ def published(plan: Plan, publish: Publish) -> Plan:
     return dataclasses.replace(plan, vehicles=tuple(vehicles))
 
 
-class Noise(NamedTuple):
+class PoseNoise(NamedTuple):
     """Standard deviations: of a pose's position along each axis, of its attitude about each."""
 
     position: float
@@ -60,7 +60,7 @@ class Noise(NamedTuple):
 
 
 def still(
-    places: Mapping[str, Vec3], publish: Publish, noise: Noise, generator: random.Random
+    places: Mapping[str, Vec3], publish: Publish, noise: PoseNoise, generator: random.Random
 ) -> Callable[[Time], None]:
     """What publishes bodies at rest at each time that it is called with: with noise, for without
     it they would count as frozen."""

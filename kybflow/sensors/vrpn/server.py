@@ -32,7 +32,7 @@ from kybflow.sensors.vrpn.codec import (
     encode_pose,
 )
 from kybflow.sensors.vrpn.link import PORT
-from kybflow.sensors.vrpn.peer import Peer, Said
+from kybflow.sensors.vrpn.peer import Peer, SenderStatus
 
 MOST_WAITING = 1 << 16
 """Bytes that a client may leave unread, here and as much again in the system's buffer: poses that
@@ -154,7 +154,7 @@ class Server:
             for body in self._bodies:
                 guest.send(guest.peer.introduce(body, POSE, PING, PONG, TEXT))
         for sender, _, what in heard:
-            if isinstance(what, Said) and what.kind == PING and sender in self._bodies:
+            if isinstance(what, SenderStatus) and what.kind == PING and sender in self._bodies:
                 guest.send(guest.peer.say(sender, PONG, self._clock()))
 
     def _attempt(self, guest: _Guest, what: Callable[[], None]) -> None:

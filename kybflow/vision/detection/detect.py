@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from kybflow.vision.families import dictionary
 
 
-class Found(NamedTuple):
+class DetectedTag(NamedTuple):
     """A tag in an image. corners: (4, 2) pixels, in the order of `Tag.corners`."""
 
     family: str
@@ -34,7 +34,7 @@ class Detector:
         )
         self._misses = 0
 
-    def find(self, image: NDArray[Any]) -> list[Found]:
+    def find(self, image: NDArray[Any]) -> list[DetectedTag]:
         """The tags in a grey image, (height, width) uint8."""
         detectors = self._thorough if self._misses % 2 else self._quick
         found = [tag for family, detector in detectors for tag in _found(image, family, detector)]
@@ -49,11 +49,11 @@ def _detector(family: str, quick: bool) -> Any:
     return cv2.aruco.ArucoDetector(dictionary(family), parameters)
 
 
-def _found(image: NDArray[Any], family: str, detector: Any) -> list[Found]:
+def _found(image: NDArray[Any], family: str, detector: Any) -> list[DetectedTag]:
     quads, numbers, _ = detector.detectMarkers(image)
     if numbers is None:
         return []
     return [
-        Found(family, int(number), quad.reshape(4, 2).astype(float))
+        DetectedTag(family, int(number), quad.reshape(4, 2).astype(float))
         for quad, number in zip(quads, numbers.ravel(), strict=True)
     ]

@@ -26,7 +26,7 @@ import numpy
 from numpy.typing import NDArray
 
 from kybflow.vision.detection.shapes import ALONG, SHARE, Shape, Shapes, cell_sizes, within
-from kybflow.vision.locating.sight import Start, View
+from kybflow.vision.locating.sight import Start, TagView
 from kybflow.vision.projection import project
 from kybflow.world.cameras import Camera
 from kybflow.world.tags import Tag
@@ -56,12 +56,12 @@ class Search:
 
     def find(
         self, image: Array, camera: Camera, pose: Start, tags: Iterable[Tag], off: float
-    ) -> tuple[View, int]:
+    ) -> tuple[TagView, int]:
         """Those of `tags` that are in the grey image, seen from a body near `pose`, and how many
         should be; `off`: by how many pixels they may be elsewhere."""
         chosen, shapes = self._shapes.in_view(camera, pose, tags)
         if not chosen:
-            return View(camera, (), numpy.empty((0, 4, 2))), 0
+            return TagView(camera, (), numpy.empty((0, 4, 2))), 0
         sides = project(camera, *pose, numpy.stack([shape.sides for shape in shapes]))[0]
         cell = cell_sizes(sides, shapes)
         inside = within(camera, sides)
@@ -76,7 +76,7 @@ class Search:
         good = (alike >= _ALIKE) & (grown < _GROWN * cell) & (valid.sum(axis=1) >= _CORNERS)
         seen = numpy.flatnonzero(good)
         found = numpy.where(valid[..., None], sides[:, :, 0] + shifts, numpy.nan)
-        return View(camera, [chosen[i] for i in seen], found[seen]), len(chosen)
+        return TagView(camera, [chosen[i] for i in seen], found[seen]), len(chosen)
 
 
 def _held(shifts: Array, valid: Array) -> Array:

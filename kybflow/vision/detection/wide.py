@@ -16,7 +16,7 @@ import numpy
 from numpy.typing import NDArray
 
 from kybflow.vision.detection.shapes import Shapes
-from kybflow.vision.locating.sight import Start, View
+from kybflow.vision.locating.sight import Start, TagView
 from kybflow.vision.projection import project
 from kybflow.world.cameras import Camera
 from kybflow.world.tags import Tag
@@ -39,7 +39,7 @@ class WideSearch:
 
     def find(
         self, image: Array, camera: Camera, pose: Start, tags: Iterable[Tag], off: float
-    ) -> View:
+    ) -> TagView:
         """Some of `tags` that are in the grey image, seen from a body near `pose`, their corners
         only nearly; `off`: by how many pixels they may be elsewhere."""
         chosen, shapes = self._shapes.in_view(camera, pose, tags)
@@ -54,7 +54,7 @@ class WideSearch:
             if alike >= _ALIKE:
                 found.append(tag)
                 corners.append(outline + shift)
-        return View(camera, found, numpy.array(corners).reshape(-1, 4, 2))
+        return TagView(camera, found, numpy.array(corners).reshape(-1, 4, 2))
 
 
 def _spread(n: int) -> list[int]:

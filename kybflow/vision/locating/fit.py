@@ -15,7 +15,7 @@ import numpy
 from numpy.typing import NDArray
 
 from kybflow.core.geometry import Quat, Vec3, from_axes
-from kybflow.vision.locating.sight import NONE, Sight, View
+from kybflow.vision.locating.sight import NONE, Sight, TagView
 from kybflow.world.tags import Key
 
 Array = NDArray[Any]
@@ -43,7 +43,7 @@ class Located(NamedTuple):
     covariance: Array
     used: tuple[Key, ...]
     error: float
-    views: Sequence[View]
+    views: Sequence[TagView]
 
 
 class Fit(NamedTuple):
@@ -67,7 +67,7 @@ class Fit(NamedTuple):
             and numpy.linalg.cond(self.normal) < 1e12
         )
 
-    def located(self, views: Sequence[View]) -> Located:
+    def located(self, views: Sequence[TagView]) -> Located:
         keys = [tag.key for view in views for tag in view.tags]
         shares = self.weights * self.counts
         total, square = float(shares.sum()), float(shares @ self.errors**2)

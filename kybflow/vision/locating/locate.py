@@ -18,7 +18,7 @@ import numpy
 from numpy.typing import NDArray
 
 from kybflow.vision.locating.fit import CALM, WILD, Fit, Located, counted, mean_squares, refined
-from kybflow.vision.locating.sight import AT_REST, Motion, Sight, Start, View
+from kybflow.vision.locating.sight import AT_REST, BodyMotion, Sight, Start, TagView
 from kybflow.vision.projection import rotation
 
 Array = NDArray[Any]
@@ -29,7 +29,7 @@ _RIVAL = 2.0
 
 
 def locate(
-    views: Sequence[View], start: Start | None = None, motion: Motion = AT_REST
+    views: Sequence[TagView], start: Start | None = None, motion: BodyMotion = AT_REST
 ) -> Located | None:
     """The body's pose from views of one moment. start: where it is believed to be. motion: what it
     is believed to do. None where the tags tell no pose."""

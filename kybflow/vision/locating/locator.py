@@ -22,7 +22,7 @@ from kybflow.vision.detection.shapes import Shapes
 from kybflow.vision.detection.wide import WideSearch
 from kybflow.vision.locating.fit import Located
 from kybflow.vision.locating.locate import locate
-from kybflow.vision.locating.sight import AT_REST, Motion, Start, View
+from kybflow.vision.locating.sight import AT_REST, BodyMotion, Start, TagView
 from kybflow.vision.projection import optical_pose, rotation, undistort
 from kybflow.world.cameras import Camera
 from kybflow.world.tags import Tag, TagMap
@@ -49,7 +49,7 @@ class Prediction(NamedTuple):
 
     position: Vec3
     attitude: Quat
-    motion: Motion
+    motion: BodyMotion
     spread: float
     turn: float
 
@@ -121,14 +121,14 @@ class Locator:
         again, holds = self._looked(frames, rough[:2], motion, _NARROW)
         return (again, holds) if again is not None else (located, False)
 
-    def _anywhere(self, frames: Sequence[Frame], motion: Motion) -> Located | None:
+    def _anywhere(self, frames: Sequence[Frame], motion: BodyMotion) -> Located | None:
         """The pose from whole images."""
         views = []
         for frame in frames:
             found = [(self._tags.get(f.family, f.id), f) for f in self._detector.find(frame.image)]
             known = [(tag, f.corners) for tag, f in found if tag is not None]
             corners = numpy.array([corners for _, corners in known]).reshape(-1, 4, 2)
-            views.append(View(self._cameras[frame.camera], [tag for tag, _ in known], corners))
+            views.append(TagView(self._cameras[frame.camera], [tag for tag, _ in known], corners))
         rough = locate(views, None, motion)
         if rough is None:
             return None
@@ -136,7 +136,7 @@ class Locator:
         return located if holds else None
 
     def _looked(
-        self, frames: Sequence[Frame], pose: Start, motion: Motion, off: float
+        self, frames: Sequence[Frame], pose: Start, motion: BodyMotion, off: float
     ) -> tuple[Located | None, bool]:
         """The pose from where `pose` says that tags are, and whether enough of them hold it."""
         looked = [self._search.find(*seen, off=off) for seen in self._seen(frames, pose)]

@@ -30,7 +30,7 @@ Start = tuple[Vec3, Quat]
 """Position and attitude of the body."""
 
 
-class Motion(NamedTuple):
+class BodyMotion(NamedTuple):
     """velocity: in the world, m/s. rates: in the body, rad/s. doubt: their standard deviation."""
 
     velocity: Vec3 = ZERO
@@ -38,11 +38,11 @@ class Motion(NamedTuple):
     doubt: float = 0.0
 
 
-AT_REST = Motion()
+AT_REST = BodyMotion()
 NONE: Array = numpy.zeros(3)
 
 
-class View(NamedTuple):
+class TagView(NamedTuple):
     """What one camera saw. corners: of `tags`, (n, 4, 2) pixels in the order of `Tag.corners`;
     NaN for one that is not in the image."""
 
@@ -57,7 +57,7 @@ class Sight:
     the middle row; flat: (4 n, 2), where they are seen, undistorted; late: (4 n, 1), when, in
     seconds after the middle row."""
 
-    def __init__(self, view: View, motion: Motion) -> None:
+    def __init__(self, view: TagView, motion: BodyMotion) -> None:
         lens = view.camera.lens
         self.valid: Array = numpy.isfinite(view.corners).min(axis=2)
         self.known = self.valid.reshape(-1, 1).astype(float)

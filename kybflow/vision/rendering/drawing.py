@@ -20,7 +20,7 @@ from kybflow.core.signals import Truth
 from kybflow.vision.grid import NO_MAP, Grid, Region, grid
 from kybflow.vision.optics import SOUND, Optics, Weakness
 from kybflow.vision.projection import Array
-from kybflow.vision.rendering.exposure import Noise, blur_lens, blur_motion
+from kybflow.vision.rendering.exposure import ImageNoise, blur_lens, blur_motion
 from kybflow.vision.rendering.floor import QUIET, Floor, Sheet, mixed_up
 from kybflow.vision.rendering.shutter import FLOOR, Shot
 from kybflow.vision.rendering.solids import NONE, Solid, Solids, cover, hides
@@ -58,7 +58,7 @@ class Room:
         self._floor = Floor(tags, seed, 255.0 * optics.floor, optics.pattern)
         self._solids = Solids(obstacles, parcel, seed)
         self._generator = numpy.random.default_rng(seed)
-        self._noises: dict[str, Noise] = {}
+        self._noises: dict[str, ImageNoise] = {}
 
     def draw(self, camera: Camera, body: Truth, weakness: Weakness = SOUND) -> Array:
         """What a camera on a body sees: (height, width) uint8. body: true in the middle of the
@@ -67,7 +67,7 @@ class Room:
         lens, optics = camera.lens, self._optics
         noise = self._noises.get(camera.name)
         if noise is None:
-            noise = Noise(lens.height, lens.width, self._generator.spawn(1)[0])
+            noise = ImageNoise(lens.height, lens.width, self._generator.spawn(1)[0])
             self._noises[camera.name] = noise
         shot = Shot(camera, body, optics.row_time)
         depth = shot.depth()

@@ -69,7 +69,7 @@ def blur_lens(image: Array, optics: Optics, pixels: float, depth: float, more: f
     return cv2.GaussianBlur(image, (0, 0), deviation, borderType=cv2.BORDER_REPLICATE)
 
 
-class Noise:
+class ImageNoise:
     """A sensor's noise: normal, of the variance read_noise^2 + shot_noise^2 light, `light` being 1
     for white. Numbers are drawn once, and each frame takes them from another place."""
 

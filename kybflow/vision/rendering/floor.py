@@ -14,7 +14,7 @@ from kybflow.core.geometry import add, rotate
 from kybflow.vision.families import cells, pattern
 from kybflow.vision.grid import NO_MAP
 from kybflow.vision.projection import Array, rotation
-from kybflow.vision.rendering.shutter import FLOOR, Plane
+from kybflow.vision.rendering.shutter import FLOOR, ProjectionPlane
 from kybflow.world.tags import Key, Tag, TagMap
 
 PAPER, INK = 255, 20
@@ -62,7 +62,7 @@ class Sheet:
         centre = numpy.array(tag.position)
         self.normal = axes[2]
         self.flush = bool(abs(self.outline[:, 2]).max() < _FLUSH and axes[2, 2] > 0.0)
-        self.plane = FLOOR if self.flush else Plane(centre, axes)
+        self.plane = FLOOR if self.flush else ProjectionPlane(centre, axes)
         across = (
             axes[:2] @ self.plane.axes[:2].T * ((self.cells / tag.size,), (-self.cells / tag.size,))
         )

@@ -21,14 +21,14 @@ FAR = 15.0
 """How deep a camera sees, metres along its optical axis."""
 
 
-class Plane(NamedTuple):
+class ProjectionPlane(NamedTuple):
     """centre: a point of it. axes: rows right, up and normal, the world's components, (3, 3)."""
 
     centre: Array
     axes: Array
 
 
-FLOOR = Plane(numpy.zeros(3), numpy.eye(3))
+FLOOR = ProjectionPlane(numpy.zeros(3), numpy.eye(3))
 
 
 class Shot:
@@ -84,7 +84,9 @@ class Shot:
             pixels, seen = self.image(points, t)
         return pixels, seen
 
-    def meet(self, grid: Grid, plane: Plane, where: tuple[slice, slice] | None = None) -> Array:
+    def meet(
+        self, grid: Grid, plane: ProjectionPlane, where: tuple[slice, slice] | None = None
+    ) -> Array:
         """Where the rays of the nodes meet a plane, in its axes, (rows, columns, 3): right and up
         of its centre, and the height over it, which is 0 but for a ray that does not meet it within
         FAR, and ends there."""

@@ -9,7 +9,7 @@ import pytest
 from kybflow.core.geometry import LEVEL, ZERO, Vec3, from_heading, heading_of
 from kybflow.core.signals import NS, Estimate, Imu, Odometry, Pose
 from kybflow.parts import Estimator
-from kybflow.runtime.estimators.autopilot import Autopilot, AutopilotParams
+from kybflow.runtime.estimators.autopilot import AutopilotEstimator, AutopilotEstimatorParams
 from kybflow.runtime.estimators.mocap import Mocap
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
@@ -19,8 +19,10 @@ FRAME = Airframe(
 MS = NS // 1000
 
 
-def autopilot(**params) -> Autopilot:
-    return Autopilot(AutopilotParams(**params), VehicleContext("a", FRAME, ZERO, 0.0, None, 0.004))
+def autopilot(**params) -> AutopilotEstimator:
+    return AutopilotEstimator(
+        AutopilotEstimatorParams(**params), VehicleContext("a", FRAME, ZERO, 0.0, None, 0.004)
+    )
 
 
 def odometry(
@@ -36,8 +38,8 @@ def known(estimate: Estimate | None) -> Estimate:
 
 
 def test_it_says_that_its_estimate_is_the_vehicles_own() -> None:
-    assert Autopilot.needs == {Odometry}
-    assert (Estimator.own, Mocap.own, Autopilot.own) == (False, False, True)
+    assert AutopilotEstimator.needs == {Odometry}
+    assert (Estimator.own, Mocap.own, AutopilotEstimator.own) == (False, False, True)
 
 
 def test_nothing_is_known_before_the_first() -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import Done, Setpoint, SetpointKind
 from kybflow.runtime.behaviors.land import Land, LandParams
-from kybflow.runtime.processors.fence import Fence, FenceParams
+from kybflow.runtime.processors.fence import FenceProcessor, FenceProcessorParams
 from kybflow.world.shapes import Box
 
 numbers = st.floats(-50.0, 50.0)
@@ -16,8 +16,8 @@ MIDDLE = estimate((0.0, 0.0, 1.0))
 INSIDE = Box((-2.8, -2.8, 0.0), (2.8, 2.8, 2.3))
 
 
-def fence(margin: float = 0.2) -> Fence:
-    return Fence(FenceParams(margin=margin), SITE)
+def fence(margin: float = 0.2) -> FenceProcessor:
+    return FenceProcessor(FenceProcessorParams(margin=margin), SITE)
 
 
 @given(st.tuples(numbers, numbers, numbers), st.tuples(numbers, numbers, numbers))
@@ -50,7 +50,7 @@ def test_a_margin_without_room_leaves_the_middle() -> None:
 @pytest.mark.parametrize("floor", [0.0, 0.8])
 def test_its_floor_stops_no_landing_and_no_take_off(floor: float) -> None:
     context = SITE._replace(fence=Box((-3.0, -3.0, floor), FENCE.high))
-    processor = Fence(FenceParams(), context)
+    processor = FenceProcessor(FenceProcessorParams(), context)
     start = (0.0, 0.0, 1.5)
     body = point_mass(start, ground=-0.5)
 
@@ -75,7 +75,10 @@ def test_below_the_floor_it_is_bound_to_the_vehicle() -> None:
 
 def test_without_a_fence_everything_passes() -> None:
     far = at_rest((99.0, 0.0, 1.0))
-    assert Fence(FenceParams(), SITE._replace(fence=None))(far, tick(known=MIDDLE)) is far
+    assert (
+        FenceProcessor(FenceProcessorParams(), SITE._replace(fence=None))(far, tick(known=MIDDLE))
+        is far
+    )
 
 
 def push(east: float, known_speed: float = 0.0) -> Setpoint:

@@ -3,18 +3,17 @@
 from flying import SITE, tick
 
 from kybflow.core.params import fields_of
-from kybflow.core.signals import NS, Alarm, Reaction
-from kybflow.core.signals import Battery as Report
-from kybflow.runtime.supervisors.battery import Battery, BatteryParams
+from kybflow.core.signals import NS, Alarm, Battery, Reaction
+from kybflow.runtime.supervisors.battery import BatterySupervisor, BatterySupervisorParams
 
 
-def check(supervisor: Battery, left: float, airborne: bool = True) -> Alarm | None:
-    return supervisor.check(tick(battery=Report(0, left, 14.0)), airborne)
+def check(supervisor: BatterySupervisor, left: float, airborne: bool = True) -> Alarm | None:
+    return supervisor.check(tick(battery=Battery(0, left, 14.0)), airborne)
 
 
 def reactions(*charges: float) -> str:
     """What each charge in turn leads to: nothing (-), a warning (w) or a landing (L)."""
-    supervisor = Battery(BatteryParams(), SITE)
+    supervisor = BatterySupervisor(BatterySupervisorParams(), SITE)
     letters = {None: "-", Reaction.WARN: "w", Reaction.LAND: "L"}
     alarms = [check(supervisor, left) for left in charges]
     return "".join(letters[alarm.reaction if alarm else None] for alarm in alarms)
@@ -31,20 +30,20 @@ def test_a_charge_that_comes_back_a_little_changes_nothing() -> None:
 
 def test_the_alarm_says_what_is_left_and_what_is_needed() -> None:
     expected = Alarm("battery_low", Reaction.LAND, "14% left, below 15%", 0.14, 0.15)
-    assert expected == check(Battery(BatteryParams(), SITE), 0.14)
+    assert expected == check(BatterySupervisor(BatterySupervisorParams(), SITE), 0.14)
 
 
 def test_on_the_ground_it_only_warns() -> None:
-    alarm = check(Battery(BatteryParams(), SITE), 0.1, airborne=False)
+    alarm = check(BatterySupervisor(BatterySupervisorParams(), SITE), 0.1, airborne=False)
     assert alarm == Alarm("battery_low", Reaction.WARN, "10% left, below 30%", 0.1, 0.3)
 
 
 def test_without_a_report_it_is_silent() -> None:
-    assert Battery(BatteryParams(), SITE).check(tick(), airborne=True) is None
+    assert BatterySupervisor(BatterySupervisorParams(), SITE).check(tick(), airborne=True) is None
 
 
 def test_a_report_that_grows_old_is_a_warning_until_the_next_one() -> None:
-    supervisor, report = Battery(BatteryParams(), SITE), Report(NS, 0.8, 14.0)
+    supervisor, report = BatterySupervisor(BatterySupervisorParams(), SITE), Battery(NS, 0.8, 14.0)
     for airborne in (False, True):
         assert supervisor.check(tick(6.0, battery=report), airborne) is None
         assert supervisor.check(tick(6.5, battery=report), airborne) == Alarm(
@@ -54,12 +53,12 @@ def test_a_report_that_grows_old_is_a_warning_until_the_next_one() -> None:
 
 
 def test_an_old_report_of_an_empty_battery_lands() -> None:
-    supervisor = Battery(BatteryParams(), SITE)
-    alarm = supervisor.check(tick(9.0, battery=Report(0, 0.1, 14.0)), airborne=True)
+    supervisor = BatterySupervisor(BatterySupervisorParams(), SITE)
+    alarm = supervisor.check(tick(9.0, battery=Battery(0, 0.1, 14.0)), airborne=True)
     assert alarm is not None
     assert (alarm.event, alarm.reaction) == ("battery_low", Reaction.LAND)
 
 
 def test_in_flight_it_may_only_become_younger() -> None:
-    [age] = [f for f in fields_of(BatteryParams) if f.name == "age"]
+    [age] = [f for f in fields_of(BatterySupervisorParams) if f.name == "age"]
     assert age.tightens == "down"

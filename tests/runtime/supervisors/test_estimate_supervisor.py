@@ -4,13 +4,13 @@ import pytest
 from flying import SITE, estimate, tick
 
 from kybflow.core.signals import NS, Alarm, Reaction
-from kybflow.runtime.supervisors.estimate import Estimate, EstimateParams
+from kybflow.runtime.supervisors.estimate import EstimateSupervisor, EstimateSupervisorParams
 
 HERE = (0.0, 0.0, 1.0)
 
 
-def supervisor() -> Estimate:
-    return Estimate(EstimateParams(), SITE)
+def supervisor() -> EstimateSupervisor:
+    return EstimateSupervisor(EstimateSupervisorParams(), SITE)
 
 
 def test_without_an_estimate_it_asks_to_land_blind_and_tells_since_when() -> None:

@@ -5,12 +5,12 @@ from flying import FENCE, SITE, estimate, tick
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Alarm, Reaction
-from kybflow.runtime.supervisors.fence import Fence, FenceParams
+from kybflow.runtime.supervisors.fence import FenceSupervisor, FenceSupervisorParams
 from kybflow.world.shapes import Box
 
 
-def fence(**more: object) -> Fence:
-    return Fence(FenceParams(**more), SITE)
+def fence(**more: object) -> FenceSupervisor:
+    return FenceSupervisor(FenceSupervisorParams(**more), SITE)
 
 
 def at(*position: float):
@@ -45,11 +45,14 @@ def test_on_the_ground_and_without_an_estimate_there_is_nothing_to_report() -> N
 
 def test_take_off_and_landing_cross_a_floor_above_the_ground() -> None:
     high = SITE._replace(fence=Box((-3.0, -3.0, 0.8), FENCE.high))
-    assert Fence(FenceParams(), high).check(at(0.0, 0.0, 0.05), airborne=True) is None
+    assert (
+        FenceSupervisor(FenceSupervisorParams(), high).check(at(0.0, 0.0, 0.05), airborne=True)
+        is None
+    )
 
 
 def test_without_a_fence_it_is_silent() -> None:
-    free = Fence(FenceParams(), SITE._replace(fence=None))
+    free = FenceSupervisor(FenceSupervisorParams(), SITE._replace(fence=None))
     assert free.check(at(99.0, 0.0, 1.0), airborne=True) is None
 
 

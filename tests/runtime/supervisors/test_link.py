@@ -3,7 +3,7 @@
 from flying import SITE, tick
 
 from kybflow.core.signals import Alarm, Reaction
-from kybflow.runtime.supervisors.link import Link, LinkParams
+from kybflow.runtime.supervisors.link import LinkSupervisor, LinkSupervisorParams
 
 
 def test_a_silence_lands() -> None:
@@ -11,9 +11,19 @@ def test_a_silence_lands() -> None:
     expected = Alarm(
         "link_lost", Reaction.LAND, "nothing has arrived for 0.60 s, 0.5 s allowed", 0.6, 0.5
     )
-    assert expected == Link(LinkParams(), SITE).check(silent, airborne=True)
+    assert expected == LinkSupervisor(LinkSupervisorParams(), SITE).check(silent, airborne=True)
 
 
 def test_within_its_age_and_on_the_ground_it_is_silent() -> None:
-    assert Link(LinkParams(), SITE).check(tick()._replace(link_age=0.5), airborne=True) is None
-    assert Link(LinkParams(), SITE).check(tick()._replace(link_age=9.0), airborne=False) is None
+    assert (
+        LinkSupervisor(LinkSupervisorParams(), SITE).check(
+            tick()._replace(link_age=0.5), airborne=True
+        )
+        is None
+    )
+    assert (
+        LinkSupervisor(LinkSupervisorParams(), SITE).check(
+            tick()._replace(link_age=9.0), airborne=False
+        )
+        is None
+    )

@@ -4,7 +4,7 @@ from flying import DT, SITE, at_rest, estimate, tick
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Alarm, Reaction, SetpointKind
-from kybflow.runtime.supervisors.setpoint import Setpoint, SetpointParams
+from kybflow.runtime.supervisors.setpoint import SetpointSupervisor, SetpointSupervisorParams
 
 HERE = (0.0, 0.0, 1.0)
 
@@ -15,7 +15,7 @@ def following(i: int, east: float, own: Vec3 = HERE, speed: float = 0.0):
 
 
 def heard(*ticks, airborne: bool = True) -> list[Alarm | None]:
-    supervisor = Setpoint(SetpointParams(), SITE)
+    supervisor = SetpointSupervisor(SetpointSupervisorParams(), SITE)
     return [supervisor.check(one, airborne) for one in ticks]
 
 

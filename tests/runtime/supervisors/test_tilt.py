@@ -7,7 +7,7 @@ from flying import SITE, estimate, tick
 
 from kybflow.core.geometry import from_euler
 from kybflow.core.signals import Alarm, Reaction
-from kybflow.runtime.supervisors.tilt import Tilt, TiltParams
+from kybflow.runtime.supervisors.tilt import TiltSupervisor, TiltSupervisorParams
 
 
 def at(degrees: float):
@@ -16,7 +16,7 @@ def at(degrees: float):
 
 
 def test_beyond_the_limit_it_asks_to_land_blind() -> None:
-    alarm = Tilt(TiltParams(), SITE).check(at(70.0), airborne=True)
+    alarm = TiltSupervisor(TiltSupervisorParams(), SITE).check(at(70.0), airborne=True)
     reason = "tilted by 70 deg, 60 deg allowed"
     expected = Alarm("tilted", Reaction.LAND_BLIND, reason, radians(70.0), radians(60.0))
     assert alarm is not None
@@ -24,11 +24,11 @@ def test_beyond_the_limit_it_asks_to_land_blind() -> None:
 
 
 def test_an_alarm_lasts_until_the_vehicle_is_well_below_the_limit() -> None:
-    supervisor = Tilt(TiltParams(), SITE)
+    supervisor = TiltSupervisor(TiltSupervisorParams(), SITE)
     heard = [supervisor.check(at(a), True) is not None for a in (59, 61, 56, 54, 59)]
     assert heard == [False, True, True, False, False]
 
 
 def test_on_the_ground_and_without_an_estimate_it_is_silent() -> None:
-    assert Tilt(TiltParams(), SITE).check(at(90.0), airborne=False) is None
-    assert Tilt(TiltParams(), SITE).check(tick(), airborne=True) is None
+    assert TiltSupervisor(TiltSupervisorParams(), SITE).check(at(90.0), airborne=False) is None
+    assert TiltSupervisor(TiltSupervisorParams(), SITE).check(tick(), airborne=True) is None

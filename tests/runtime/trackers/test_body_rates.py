@@ -24,8 +24,9 @@ from kybflow.core.geometry import (
     rotate,
 )
 from kybflow.core.signals import CommandKind, Estimate, Setpoint, SetpointKind, Tick
+from kybflow.flight.geometric_law import GeometricParams
 from kybflow.runtime.trackers.body_rates import BodyRates, BodyRatesParams, _turn
-from kybflow.runtime.trackers.geometric import Geometric, GeometricParams
+from kybflow.runtime.trackers.geometric import Geometric
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRAME = Airframe(
@@ -84,7 +85,7 @@ def test_followed_it_brings_the_attitude_home(axis: Vec3, angle: float) -> None:
     tracker = rates()
     for _ in range(1500):
         attitude = integrate(attitude, tracker.update(HERE, tick(attitude)).rates, 0.004)
-    goal = tracker._law.update(HERE, tick(attitude)).attitude
+    goal = tracker._law.command(tracker.params, HERE, tick(attitude)).attitude
     assert norm(_turn(multiply(conjugate(attitude), goal))) < 1e-3
 
 

@@ -22,7 +22,8 @@ from kybflow.core.geometry import (
     tilt_of,
 )
 from kybflow.core.signals import Command, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.runtime.trackers.geometric import Geometric, GeometricParams
+from kybflow.flight.geometric_law import GeometricParams
+from kybflow.runtime.trackers.geometric import Geometric
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRAME = Airframe(

@@ -15,8 +15,8 @@ from waiting import until
 
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Measurement, Pose
-from kybflow.sensors._stream import Poses
-from kybflow.sensors.motion_capture import MotionCapture, MotionCaptureParams, feed
+from kybflow.sensors._stream import PoseStream
+from kybflow.sensors.motion_capture import MotionCaptureSensor, MotionCaptureSensorParams, feed
 from kybflow.sensors.motion_capture.feed import Arrived, subscribe
 
 pytest.importorskip("motioncapture", "1.1")
@@ -50,16 +50,16 @@ def test_bodies_of_the_mock_arrive_by_one_program() -> None:
 
 def test_a_system_that_never_answers_stops_nobody() -> None:
     """The library's `connect` to Vicon waits for ever and lets no other thread run."""
-    params = MotionCaptureParams(system="vicon", host="127.0.0.1")
-    stream = MotionCapture.open(params, SITE, None, random.Random(0))  # type: ignore[arg-type]
+    params = MotionCaptureSensorParams(system="vicon", host="127.0.0.1")
+    stream = MotionCaptureSensor.open(params, SITE, None, random.Random(0))  # type: ignore[arg-type]
     assert [stream.read(tick * NS // 250) for tick in range(50)] == [[]] * 50
     assert stream.trouble() == "vicon: no frame has come yet"
     stream.close()
 
 
 def test_a_refusal_is_passed_on() -> None:
-    params = MotionCaptureParams(system="qualisys", host="127.0.0.1")
-    stream = MotionCapture.open(params, SITE, None, random.Random(0))  # type: ignore[arg-type]
+    params = MotionCaptureSensorParams(system="qualisys", host="127.0.0.1")
+    stream = MotionCaptureSensor.open(params, SITE, None, random.Random(0))  # type: ignore[arg-type]
     until(lambda: "Error connecting QTM" in (stream.trouble() or ""), "the refusal")
     stream.close()
 
@@ -72,10 +72,10 @@ def test_poses_are_in_the_world_on_the_clock_of_the_run() -> None:
                 Arrived(7 * NS, (0.0,) * 3, (0.0,) * 4),
             ]  # type: ignore[arg-type]
 
-    stream = Poses(Script(), "m", "y_up", 0.02, lambda: 7 * NS)  # type: ignore[arg-type]
+    stream = PoseStream(Script(), "m", "y_up", 0.02, lambda: 7 * NS)  # type: ignore[arg-type]
     expected: list[Measurement] = [Pose(3 * NS - NS // 50, (1.0, -3.0, 2.0), LEVEL)]
     assert stream.read(3 * NS) == expected
-    assert MotionCapture.provides == {Pose}
+    assert MotionCaptureSensor.provides == {Pose}
 
 
 def test_a_program_that_can_not_be_begun_or_talks_nonsense_is_begun_again(

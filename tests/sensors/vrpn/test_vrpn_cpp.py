@@ -9,7 +9,7 @@ from cpp_vrpn import CppClient, cpp_server
 from waiting import free_port, until
 
 from kybflow.sensors.vrpn.client import Report, subscribe
-from kybflow.sensors.vrpn.link import Address
+from kybflow.sensors.vrpn.link import ServerAddress
 from kybflow.sensors.vrpn.server import Server
 
 pytest.importorskip("motioncapture", "1.1")
@@ -22,7 +22,7 @@ OPENINGS = pytest.mark.parametrize("direct", [True, False], ids=["direct", "lob"
 @OPENINGS
 def test_our_client_reads_the_cpp_server(direct: bool) -> None:
     port = free_port()
-    address = Address("127.0.0.1", port, direct)
+    address = ServerAddress("127.0.0.1", port, direct)
     with cpp_server(port, "uav1", "uav2"):
         keys = list(itertools.product(("uav1", "uav2"), (0, 1)))
         open_ = {key: subscribe(address, *key) for key in keys}
@@ -53,7 +53,7 @@ def test_our_client_reads_the_cpp_server(direct: bool) -> None:
 @OPENINGS
 def test_our_client_comes_back_when_the_cpp_server_does(direct: bool) -> None:
     port = free_port()
-    subscription = subscribe(Address("127.0.0.1", port, direct), "uav1", 0)
+    subscription = subscribe(ServerAddress("127.0.0.1", port, direct), "uav1", 0)
     for _ in range(2):
         until(lambda: subscription.trouble() is not None, "the loss of the server")
         subscription.take()

@@ -11,9 +11,9 @@ from waiting import HANGS, free_port, until
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.sensors.vrpn.client import Client, Key, Report, Subscription, subscribe
+from kybflow.sensors.vrpn.client import Client, Key, Report, VrpnSubscription, subscribe
 from kybflow.sensors.vrpn.codec import COOKIE, POSE, PoseReport, encode_lob, encode_pose
-from kybflow.sensors.vrpn.link import Address, read_address
+from kybflow.sensors.vrpn.link import ServerAddress, read_address
 from kybflow.sensors.vrpn.peer import Peer
 from kybflow.sensors.vrpn.server import MOST_CLIENTS, Server
 
@@ -28,7 +28,7 @@ def server() -> Iterator[Server]:
     opened.close()
 
 
-def taken(subscription: Subscription, server: Server, body: str = "a") -> list[Report]:
+def taken(subscription: VrpnSubscription, server: Server, body: str = "a") -> list[Report]:
     """What comes after poses of `body` were published until something did."""
     came: list[Report] = []
 
@@ -44,14 +44,14 @@ def taken(subscription: Subscription, server: Server, body: str = "a") -> list[R
 @pytest.mark.parametrize(
     ("text", "direct", "expected"),
     [
-        ("vicon", True, Address("vicon", 3883, True)),
-        ("vicon", False, Address("vicon", 3883, False)),
-        (" 10.0.0.2:3884 ", True, Address("10.0.0.2", 3884, True)),
-        ("tcp://vicon.lab:9", True, Address("vicon.lab", 9, True)),
-        ("[::1]:3884", True, Address("::1", 3884, True)),
+        ("vicon", True, ServerAddress("vicon", 3883, True)),
+        ("vicon", False, ServerAddress("vicon", 3883, False)),
+        (" 10.0.0.2:3884 ", True, ServerAddress("10.0.0.2", 3884, True)),
+        ("tcp://vicon.lab:9", True, ServerAddress("vicon.lab", 9, True)),
+        ("[::1]:3884", True, ServerAddress("::1", 3884, True)),
     ],
 )
-def test_a_server_is_written_like_this(text: str, direct: bool, expected: Address) -> None:
+def test_a_server_is_written_like_this(text: str, direct: bool, expected: ServerAddress) -> None:
     assert read_address(text, direct) == expected
 
 
@@ -70,7 +70,7 @@ def test_two_openings_at_once_are_refused() -> None:
 
 @OPENINGS
 def test_bodies_and_sensors_are_kept_apart_on_one_link(server: Server, direct: bool) -> None:
-    address = Address("127.0.0.1", server.port, direct)
+    address = ServerAddress("127.0.0.1", server.port, direct)
     readers = [subscribe(address, *key) for key in (("a", 0), ("a", 1), ("b", 0), ("a", 0))]
     came: list[list[Report]] = [[] for _ in readers]
 
@@ -90,7 +90,7 @@ def test_bodies_and_sensors_are_kept_apart_on_one_link(server: Server, direct: b
 
 
 def test_a_new_reader_after_the_last_opens_the_link_again(server: Server) -> None:
-    address = Address("127.0.0.1", server.port)
+    address = ServerAddress("127.0.0.1", server.port)
     for _ in range(2):
         reader = subscribe(address, "a", 0)
         taken(reader, server)
@@ -100,7 +100,7 @@ def test_a_new_reader_after_the_last_opens_the_link_again(server: Server) -> Non
 
 @OPENINGS
 def test_a_server_of_another_time_is_on_our_clock(server: Server, direct: bool) -> None:
-    reader = subscribe(Address("127.0.0.1", server.port, direct), "a", 0)
+    reader = subscribe(ServerAddress("127.0.0.1", server.port, direct), "a", 0)
     came: list[Report] = []
     stamp = [1_000 * NS]
 
@@ -121,7 +121,7 @@ def test_one_stamp_far_ahead_misdates_and_silences_nobody(server: Server) -> Non
     """Of two bodies; one has a stamp that is 0.6 s ahead, as a server can have it that was asked to
     set its clock. The client's clock goes on only when what was published has arrived."""
     now = [1_000 * NS]
-    client = Client(Address("127.0.0.1", server.port), lambda: now[0])
+    client = Client(ServerAddress("127.0.0.1", server.port), lambda: now[0])
     readers = [client.add(Key(body, 0)) for body in ("a", "b")]
     client.start()
     came: list[list[Report]] = [[], []]
@@ -152,7 +152,7 @@ def test_one_stamp_far_ahead_misdates_and_silences_nobody(server: Server) -> Non
 def test_what_is_wrong_is_said(server: Server) -> None:
     port = free_port()
     readers = [
-        subscribe(Address("127.0.0.1", server.port), body, sensor)
+        subscribe(ServerAddress("127.0.0.1", server.port), body, sensor)
         for body, sensor in (("a", 0), ("a", 1), ("b", 0))
     ]
     until(lambda: "sends no" in (readers[0].trouble() or ""), "the link")
@@ -161,7 +161,7 @@ def test_what_is_wrong_is_said(server: Server) -> None:
     until(lambda: readers[0].trouble() is None, "the body being known")
     assert readers[1].trouble() == "`a` has no sensor 1, but 0"
     assert readers[2].trouble() == f"127.0.0.1:{server.port} sends no `b`, but `a`"
-    nobody = subscribe(Address("127.0.0.1", port), "a", 0)
+    nobody = subscribe(ServerAddress("127.0.0.1", port), "a", 0)
     until(lambda: "refused" in (nobody.trouble() or ""), "the refusal")
     assert nobody.trouble() == f"no VRPN server at 127.0.0.1:{port}: Connection refused"
     for reader in (*readers, nobody):
@@ -171,7 +171,7 @@ def test_what_is_wrong_is_said(server: Server) -> None:
 @OPENINGS
 def test_it_comes_back_when_the_server_does(direct: bool) -> None:
     port = free_port()
-    reader = subscribe(Address("127.0.0.1", port, direct), "a", 0)
+    reader = subscribe(ServerAddress("127.0.0.1", port, direct), "a", 0)
     for _ in range(3):
         opened = Server(port=port)
         taken(reader, opened)
@@ -183,7 +183,7 @@ def test_it_comes_back_when_the_server_does(direct: bool) -> None:
 
 def test_a_server_that_speaks_something_else_is_told_apart() -> None:
     with socket.create_server(("127.0.0.1", 0)) as door:
-        reader = subscribe(Address("127.0.0.1", door.getsockname()[1]), "a", 0)
+        reader = subscribe(ServerAddress("127.0.0.1", door.getsockname()[1]), "a", 0)
         stream, _ = door.accept()
         with stream:
             stream.sendall(b"220 mail.example ESMTP ready\r\n")
@@ -200,7 +200,9 @@ def test_a_datagram_that_was_overtaken_is_left_out() -> None:
         socket.socket(type=socket.SOCK_DGRAM) as out,
     ):
         requests.bind(("127.0.0.1", 0))
-        reader = subscribe(Address("127.0.0.1", requests.getsockname()[1], direct=False), "a", 0)
+        reader = subscribe(
+            ServerAddress("127.0.0.1", requests.getsockname()[1], direct=False), "a", 0
+        )
         words = requests.recv(100).rstrip(b"\0").split()
         peer = Peer()
         with socket.create_connection((words[0].decode(), int(words[1]))) as stream:
@@ -223,7 +225,7 @@ def test_a_datagram_that_was_overtaken_is_left_out() -> None:
 
 def test_our_server_bears_hostile_clients(server: Server) -> None:
     place = ("127.0.0.1", server.port)
-    reader = subscribe(Address(*place), "a", 0)
+    reader = subscribe(ServerAddress(*place), "a", 0)
     taken(reader, server)
     closed = free_port()
     with socket.socket(type=socket.SOCK_DGRAM) as out:
@@ -247,7 +249,7 @@ def test_a_client_that_can_not_be_let_in_stops_nobody(
 ) -> None:
     """As where the program has no more sockets, both for who connects and for who is called."""
     place = ("127.0.0.1", server.port)
-    reader = subscribe(Address(*place), "a", 0)
+    reader = subscribe(ServerAddress(*place), "a", 0)
     taken(reader, server)
 
     def none(*_: object) -> None:
@@ -269,7 +271,7 @@ def test_a_client_that_can_not_be_let_in_stops_nobody(
 
 def test_a_client_that_reads_nothing_is_dropped_and_stops_nobody(server: Server) -> None:
     place = ("127.0.0.1", server.port)
-    reader = subscribe(Address(*place), "a", 0)
+    reader = subscribe(ServerAddress(*place), "a", 0)
     taken(reader, server)
     with socket.socket() as lazy:
         lazy.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 14)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from kybflow.core.signals import NS
-from kybflow.sensors.vrpn.client import Key, Subscription, _Listener
+from kybflow.sensors.vrpn.client import Key, VrpnSubscription, _Listener
 from kybflow.sensors.vrpn.codec import COOKIE, PING, POSE, PoseReport, encode_pose
-from kybflow.sensors.vrpn.peer import Peer, Said
+from kybflow.sensors.vrpn.peer import Peer, SenderStatus
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
@@ -28,7 +28,7 @@ class Wire:
 
     def send(self, data: bytes) -> None:
         for sender, _, what in self.server.hear(data):
-            assert what == Said(PING)
+            assert what == SenderStatus(PING)
             self.pings.append(sender)
 
 
@@ -52,8 +52,8 @@ def pose(server: Peer, stamp: int, body: str = "a") -> bytes:
     return server.say(body, POSE, stamp, payload)
 
 
-def reader() -> Subscription:
-    return Subscription(None, Key("a", 0))  # type: ignore[arg-type]
+def reader() -> VrpnSubscription:
+    return VrpnSubscription(None, Key("a", 0))  # type: ignore[arg-type]
 
 
 def test_nothing_is_said_before_the_cookie_and_then_where_datagrams_go(

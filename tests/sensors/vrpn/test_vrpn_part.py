@@ -12,7 +12,7 @@ from waiting import until
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Measurement, Pose
-from kybflow.sensors._stream import Poses
+from kybflow.sensors._stream import PoseStream
 from kybflow.sensors.vrpn import Vrpn, VrpnParams
 from kybflow.sensors.vrpn.client import Report
 from kybflow.sensors.vrpn.server import Server
@@ -38,10 +38,10 @@ class Script:
         self.closed = True
 
 
-def opened(params: VrpnParams, monotonic: list[int]) -> tuple[Script, Poses]:
+def opened(params: VrpnParams, monotonic: list[int]) -> tuple[Script, PoseStream]:
     script = Script()
     p = params
-    return script, Poses(script, p.units, p.axes, p.latency, lambda: monotonic[0])
+    return script, PoseStream(script, p.units, p.axes, p.latency, lambda: monotonic[0])
 
 
 def test_it_gives_poses() -> None:

@@ -17,7 +17,7 @@ from kybflow.sensors.vrpn.codec import (
     encode_pose,
     encode_text,
 )
-from kybflow.sensors.vrpn.peer import Heard, Peer, Said
+from kybflow.sensors.vrpn.peer import Peer, SenderMessage, SenderStatus
 
 REPORT = PoseReport(3, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0))
 PAYLOAD = encode_pose(REPORT)
@@ -36,8 +36,8 @@ def test_names_are_described_once_and_understood() -> None:
     first = speaker.say("uav1", POSE, 5000, PAYLOAD)
     second = speaker.say("uav1", POSE, 6000, PAYLOAD)
     assert len(second) == 88 < len(first)
-    assert listener.hear(first) == [Heard("uav1", 5000, REPORT)]
-    assert listener.hear(second) == [Heard("uav1", 6000, REPORT)]
+    assert listener.hear(first) == [SenderMessage("uav1", 5000, REPORT)]
+    assert listener.hear(second) == [SenderMessage("uav1", 6000, REPORT)]
     assert listener.senders == {0: "uav1"}
 
 
@@ -45,8 +45,8 @@ def test_pings_and_texts_are_heard() -> None:
     speaker, listener = met()
     words = speaker.say("a", PING, 0) + speaker.say("b", TEXT, 0, encode_text(1, "dark"))
     assert listener.hear(words) == [
-        Heard("a", 0, Said(PING)),
-        Heard("b", 0, Said(TEXT, "dark", 1)),
+        SenderMessage("a", 0, SenderStatus(PING)),
+        SenderMessage("b", 0, SenderStatus(TEXT, "dark", 1)),
     ]
 
 
@@ -56,7 +56,7 @@ def test_both_channels_mean_the_same_and_count_apart() -> None:
     datagrams = [speaker.say_in_datagram("a", POSE, t, PAYLOAD) for t in (1000, 2000)]
     assert [int.from_bytes(datagram[20:24]) for datagram in datagrams] == [0, 1]
     for t, datagram in zip((1000, 2000), datagrams, strict=True):
-        assert listener.hear_datagram(datagram) == [Heard("a", t, REPORT)]
+        assert listener.hear_datagram(datagram) == [SenderMessage("a", t, REPORT)]
 
 
 def test_a_datagram_that_is_faster_than_its_description_is_left_out() -> None:
@@ -65,7 +65,7 @@ def test_a_datagram_that_is_faster_than_its_description_is_left_out() -> None:
     datagram = speaker.say_in_datagram("a", POSE, 1000, PAYLOAD)
     assert listener.hear_datagram(datagram) == []
     listener.hear(described)
-    assert listener.hear_datagram(datagram) == [Heard("a", 1000, REPORT)]
+    assert listener.hear_datagram(datagram) == [SenderMessage("a", 1000, REPORT)]
 
 
 def test_a_datagram_can_not_rename_anybody() -> None:

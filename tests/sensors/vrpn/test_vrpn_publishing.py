@@ -20,8 +20,8 @@ from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.vrpn.client import Report, subscribe
-from kybflow.sensors.vrpn.link import Address
-from kybflow.sensors.vrpn.publishing import Noise, published, still, to
+from kybflow.sensors.vrpn.link import ServerAddress
+from kybflow.sensors.vrpn.publishing import PoseNoise, published, still, to
 
 MISSIONS = Path(__file__).parents[3] / "missions"
 
@@ -54,7 +54,7 @@ def test_real_vehicles_are_not_published(plan: Plan, monkeypatch: pytest.MonkeyP
 def test_a_body_at_rest_has_noise_and_times_of_its_own() -> None:
     seen: list[tuple[str, Pose]] = []
     places = {"a": (1.0, 2.0, 3.0), "b": (0.0, 0.0, 0.0)}
-    step = still(places, lambda *p: seen.append(p), Noise(0.001, 0.01), random.Random(0))
+    step = still(places, lambda *p: seen.append(p), PoseNoise(0.001, 0.01), random.Random(0))
     for i in range(100):
         step(i * NS // 120)
     poses = [pose for name, pose in seen if name == "a"]
@@ -84,7 +84,7 @@ def test_the_command_serves_until_it_is_ended(what: list[str], plan: Plan, tmp_p
     name = "a" if "--still" in what else plan.vehicles[0].name
     out = [] if "--still" in what else ["--out", str(tmp_path / "run")]
     program = [sys.executable, "-m", "kybflow", "mocap-server", *what, "--port", str(port), *out]
-    reader = subscribe(Address("127.0.0.1", port), name, 0)
+    reader = subscribe(ServerAddress("127.0.0.1", port), name, 0)
     with subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
         came: list[Report] = []
         try:

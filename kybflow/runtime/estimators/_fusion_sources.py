@@ -10,11 +10,11 @@ import numpy
 from kybflow.core.geometry import norm
 from kybflow.core.signals import Frame, Measurement, Pose, Position, Time
 from kybflow.flight.fusion.covariance import Matrix
-from kybflow.flight.fusion.values import Belief, Fix
+from kybflow.flight.fusion.params import FusionParams
+from kybflow.flight.fusion.replay import Belief, Fix
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
-    from kybflow.runtime.estimators.fusion import FusionParams
     from kybflow.vision.locating.locator import Sighting
 
 FARTHEST = 1e5
@@ -75,12 +75,12 @@ class _Tags:
 
     def _fix(self, frames: Sequence[Frame], time: Time) -> Fix | None:
         from kybflow.vision.locating.locator import Prediction
-        from kybflow.vision.locating.sight import Motion
+        from kybflow.vision.locating.sight import BodyMotion
 
         prediction, belief = None, self._believed(time)
         if belief is not None:
             where, rates, spread, turned = belief
-            motion = Motion(where.velocity, rates)
+            motion = BodyMotion(where.velocity, rates)
             prediction = Prediction(where.position, where.attitude, motion, spread, turned)
         seen = self._locator.locate(frames, prediction)
         self._saw(self._locator.sighting)
