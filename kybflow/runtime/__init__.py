@@ -1,3 +1,3 @@
-"""Flies a plan. The engine owns time, order and failure; parts are passive. Never imports
-recording, report or the command line.
+"""The runtime flies a compiled plan. The engine owns time, order and failures; parts are passive.
+It never imports recording, report or the command line.
 """

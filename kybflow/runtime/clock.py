@@ -1,6 +1,6 @@
-"""Clocks: who says what time it is. The only place in the runtime that may wait.
+"""Clocks: simulated and wall time. Only they may sleep in the runtime.
 
-Time is integer nanoseconds since the run began. A tick takes place at every multiple of the period.
+Time is integer nanoseconds since the run began. A tick falls on every multiple of the period.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from kybflow.core.signals import NS, Time
 
 
 class Clock(ABC):
-    """Time in steps of one period. `late` counts the ticks that came too late."""
+    """Steps time by one period per tick. `late` counts the ticks that missed their deadline."""
 
     def __init__(self, rate: int) -> None:
         self.now: Time = 0
@@ -22,12 +22,11 @@ class Clock(ABC):
 
     @abstractmethod
     def step(self) -> Time:
-        """Go to the next tick, waiting for it where the clock is bound to the wall; returns
-        `now`."""
+        """Advance to the next tick, sleeping until it is due in real time; return `now`."""
 
 
 class SimulatedClock(Clock):
-    """As fast as the machine allows, or paced: `speed` 1 is real time, 2 twice as fast."""
+    """Simulated time: as fast as possible, or paced by `speed`, where 1 is real time."""
 
     def __init__(
         self,
@@ -51,8 +50,7 @@ class SimulatedClock(Clock):
 
 
 class WallClock(Clock):
-    """Real time. A tick that comes late is counted and never caught up by a burst: the ticks that
-    it missed are left out."""
+    """Real time. A late tick is counted, and the ones it missed are skipped, never caught up."""
 
     def __init__(
         self,

@@ -1,7 +1,7 @@
-"""Conditions as closures over live views.
+"""Compiles conditions into closures over live views of the vehicles.
 
-A comparison with a value that can't be known now is false; `not` makes that true, so a condition
-that waits for something to stop should ask for its opposite.
+A comparison with an unavailable value is false, and its `not` is therefore true. A condition that
+waits for something to stop should use the opposite comparison instead of `not`.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def bind(
     own: str | None,
     now: Callable[[], float],
 ) -> Callable[[], bool]:
-    """The condition as a function of nothing. `own` is the vehicle that asks, `now` gives seconds
-    since the start of the run. Raises TypeError for what is no condition."""
+    """Return the condition as a function without arguments. `own` is the vehicle that an unnamed
+    read refers to; `now` returns seconds of the run. Raises TypeError for any other expression."""
     match expression:
         case Compare(left=Read(vehicle, name), right=Number(bound, _)):
             view = views[vehicle or own or ""]
@@ -69,7 +69,7 @@ def bind(
         case Not(part):
             inner = bind(part, views, own, now)
             return lambda: not inner()
-    raise TypeError(f"{type(expression).__name__} is no condition")
+    raise TypeError(f"{type(expression).__name__} is not a condition")
 
 
 def value_of(
@@ -78,7 +78,7 @@ def value_of(
     own: str | None,
     now: Callable[[], float],
 ) -> Callable[[], Any]:
-    """The value as a function of nothing (SI); it raises Unavailable while it can't be known."""
+    """Return the value (SI) as a function that raises Unavailable while the value is unknown."""
     match value:
         case Number(constant, _) | Word(constant):
             return lambda: constant
@@ -91,7 +91,7 @@ def value_of(
             return _distance(_point_of(a, views, own), _point_of(b, views, own))
         case Separation(vehicles):
             return _separation([views[vehicle] for vehicle in vehicles])
-    raise TypeError(f"{type(value).__name__} is no value of one tick")
+    raise TypeError(f"{type(value).__name__} is not a value of one tick")
 
 
 def _against(

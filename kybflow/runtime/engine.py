@@ -1,6 +1,6 @@
-"""The engine: owns time, order and failure. One tick, two phases, every vehicle.
+"""The engine: runs every vehicle tick by tick, and owns time, order and failures.
 
-now ─► 1. every vehicle: measurements ─► estimate        then the fleet snapshot is frozen
+now ─► 1. every vehicle: measurements ─► estimate        then the fleet snapshot is taken
        2. every vehicle: events ─► behavior ─► processors ─► tracker ─► command ─► link
        3. flows, callbacks, expectations, observers
 """
@@ -30,16 +30,15 @@ from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.runtime.views import BelievedView, TrueView
 
 LANDING_TIMEOUT, SLOWEST_DESCENT = 60.0, 0.2
-"""Seconds after the time limit in which vehicles must have landed, or as long as a descent from the
-top of the fence takes at so many m/s."""
+"""Time that vehicles have to land after the mission's time limit: so many seconds, or longer for a
+descent from the top of the fence at so many m/s."""
 _OBSERVED_EVERY = NS // 20
 
 Observer = Callable[["Engine"], None]
 
 
 class Engine:
-    """Flies a plan. `run` returns the reason why the mission was not flown to its end, None when it
-    was."""
+    """Flies a plan. `run` returns why the mission was not completed, None when it was."""
 
     def __init__(
         self,
@@ -74,11 +73,11 @@ class Engine:
         self._stopped: str | None = None
 
     def seconds(self) -> float:
-        """Time since the run began."""
+        """Return the time since the run began."""
         return self.clock.now / NS
 
     def run(self) -> str | None:
-        """Preflight, then tick until every vehicle rests; land when the mission's time is over."""
+        """Run the preflight, then tick until every vehicle rests. Land at the time limit."""
         self.events.tell("run_started")
         red = self._preflight()
         if self.interrupts:
@@ -105,7 +104,7 @@ class Engine:
         return max(LANDING_TIMEOUT, height / SLOWEST_DESCENT)
 
     def _over(self) -> bool:
-        """Whether nothing moves any more: every vehicle rests, and no flow will ask it for more."""
+        """Return whether every vehicle rests and no flow or callback will move it again."""
         for vehicle in self.vehicles:
             if not vehicle.rests:
                 return False
@@ -115,7 +114,7 @@ class Engine:
         return not self.callbacks.pending and (self.flows.ended or lost)
 
     def tick(self) -> None:
-        """One period of every vehicle, then the world goes on."""
+        """Run every vehicle for one period, then advance the world."""
         now = self.clock.now
         dt = (self.clock.period if self._ticked is None else now - self._ticked) / NS
         self._ticked = now
@@ -147,12 +146,13 @@ class Engine:
     def _observed(self, observe: Observer) -> None:
         try:
             observe(self)
-        except Exception as error:  # who looks on must not stop who flies
+        except Exception as error:  # an observer must not stop the flight
             self._observers = tuple(other for other in self._observers if other is not observe)
             self.events.tell("observer_failed", reason=described(error))
 
     def inspect(self) -> list[Line]:
-        """The lines of the preflight, once all are green or its time is over. Nothing arms."""
+        """Return the preflight's lines once all are green or it has timed out; none after an
+        interrupt. No vehicle arms."""
         timeout = PreflightTimeout(self.plan, self.events)
         while not self.interrupts:
             self.events.turn(self.clock.now)
@@ -165,7 +165,7 @@ class Engine:
         return []
 
     def stop(self, reason: str, at: str = "") -> None:
-        """Land every vehicle and end the run, which has then ended as it should."""
+        """Land every vehicle and end the run, which then counts as completed."""
         if self._stopped is None:
             self._stopped = reason
             self.events.tell("run_stopped", at=at, reason=reason)
@@ -173,7 +173,7 @@ class Engine:
                 vehicle.requests.retire(reason)
 
     def _preflight(self) -> list[Line]:
-        """Look at every line; those that stayed red."""
+        """Run the preflight; return the lines that stayed red."""
         lines = self.inspect()
         red = [line for line in lines if not line.green]
         tell = self.events.tell
@@ -196,7 +196,7 @@ class Engine:
         return lambda expression: bind(expression, self._believed, own, self.seconds)
 
     def _land(self, reason: str) -> None:
-        """Land every vehicle, once, whatever the mission says."""
+        """Land every vehicle, whatever the mission says. Only the first call counts."""
         if self._landing is None:
             self._landing = reason
             for vehicle in self.vehicles:

@@ -1,5 +1,4 @@
-"""The run's events: handed to every listener as they happen, and heard by transitions one tick
-later."""
+"""The run's events: listeners receive them at once, transitions one tick later."""
 
 from __future__ import annotations
 
@@ -12,9 +11,8 @@ Fields = str | float | bool | None
 
 
 class Events:
-    """Where events are told. `heard` holds the names of the last tick's: `NAME` for a vehicle's own
-    under its name, `VEHICLE.NAME` and `any.NAME` for everybody. `unanswered` are those that no
-    callback has looked at yet. A listener that raises is told no more."""
+    """Publishes events. `unanswered` holds those that no callback has handled yet. A listener that
+    raises is removed."""
 
     def __init__(self, listeners: Iterable[Callable[[Event], None]] = ()) -> None:
         self.listeners = list(listeners)
@@ -24,27 +22,27 @@ class Events:
         self._heard: dict[str, set[str]] = {}
 
     def tell(self, name: str, vehicle: str = "", at: str = "", **fields: Fields) -> None:
-        """Something happened now. `name` is in the past tense."""
+        """Publish an event that happened now. `name` is in the past tense."""
         event = Event(self.now, name, vehicle, fields, at)
         self._fresh.append(event)
         self.unanswered.append(event)
         self._hand(event)
 
     def note(self, name: str, vehicle: str, **fields: Fields) -> None:
-        """Something happened that only a simulator knows: listeners are told, transitions don't
-        hear it."""
+        """Publish an event that only a simulator knows: to listeners, not to transitions or
+        callbacks."""
         self._hand(Event(self.now, name, vehicle, fields))
 
     def _hand(self, event: Event) -> None:
         for listener in self.listeners:
             try:
                 listener(event)
-            except Exception as error:  # who listens must not stop who flies
+            except Exception as error:  # a listener must not stop the flight
                 self.listeners = [other for other in self.listeners if other is not listener]
                 self.tell("observer_failed", reason=described(error))
 
     def turn(self, now: Time) -> None:
-        """A new tick begins: what was told in the last one is heard in this one."""
+        """Begin a tick, in which transitions hear the events of the last one."""
         self.now = now
         if self._fresh or self._heard:
             everybody = {f"{e.vehicle}.{e.name}" if e.vehicle else e.name for e in self._fresh}
@@ -55,7 +53,8 @@ class Events:
             self._fresh = []
 
     def heard(self, vehicle: str) -> set[str] | frozenset[str]:
-        """The names that `vehicle` hears in this tick."""
+        """Return the names that `vehicle` hears in this tick: `NAME` for its own events,
+        `VEHICLE.NAME` and `any.NAME` for those of every vehicle."""
         if not self._heard:
             return _SILENCE
         return self._heard.get(vehicle) or self._heard[""]

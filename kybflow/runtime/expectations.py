@@ -1,8 +1,8 @@
-"""What a mission expects of its run, judged as the run goes.
+"""Judges a mission's expectations (`expect:`) during the run.
 
-`Judge.sample` is called once a control tick, `Judge.verdicts` once at the end. Nothing is stored
-but running figures. An aggregate or a comparison that was never sampled does not hold: its value is
-None.
+The engine calls `Judge.sample` once a tick; `Judge.verdicts` is called once, at the end. Only
+running figures are stored. An aggregate or comparison that was never sampled has the value None and
+does not hold.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ Now = Callable[[], float]
 
 
 class Assessment(NamedTuple):
-    """What an expectation came to. value: what was measured (for `always` the worst), None when it
-    never was. margin: how far inside its bound it stayed, negative when outside, None without a
-    bound. Both in `unit` (SI)."""
+    """The result of an expectation. value: the measured value (for `always` the worst one), None if
+    it was never measured. margin: the distance to the bound, negative when it was violated, None
+    without a bound. Both are in `unit` (SI)."""
 
     held: bool
     value: float | None
@@ -44,7 +44,7 @@ class Assessment(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """One line of `expect:` and what it came to; `at` is its place in the mission."""
+    """One line of `expect:` and its result; `at` is its place in the mission."""
 
     text: str
     held: bool
@@ -60,8 +60,8 @@ class Expectation(Protocol):
 
 
 class Judge:
-    """Every expectation of a mission. `views` shows the vehicles as they are (the truth, in
-    simulation); `now` gives seconds since the start of the run."""
+    """Judges every expectation of a mission. `views` shows the vehicles as they are (their truth in
+    simulation); `now` returns seconds since the start of the run."""
 
     def __init__(
         self, plans: Sequence[ExpectationPlan], views: Mapping[str, View], now: Now
@@ -73,13 +73,12 @@ class Judge:
         self._samples += [e.sample for e in self._expectations if not isinstance(e, _AtTheEnd)]
 
     def sample(self) -> None:
-        """Look at the vehicles; called once a control tick."""
+        """Sample every expectation. The engine calls it once a tick."""
         for sample in self._samples:
             sample()
 
     def verdicts(self, finished_at: float | None) -> tuple[Verdict, ...]:
-        """How it came out; `finished_at` is when the run ended by itself (s), None if it did
-        not."""
+        """Return the verdicts; `finished_at` is when the run completed (s), None if it did not."""
         return tuple(
             Verdict(plan.text, *expectation.found(finished_at), plan.at)
             for plan, expectation in zip(self._plans, self._expectations, strict=True)
@@ -102,18 +101,18 @@ def _expectation(
             return _Last(condition, views, now)
         case Finished(within):
             return _InTime(within)
-    raise TypeError(f"{plan.text!r} is no expectation")
+    raise TypeError(f"{plan.text!r} is not an expectation")
 
 
 class _AtTheEnd:
-    """An expectation that needs nothing in a tick."""
+    """An expectation that is evaluated only at the end of the run."""
 
     def sample(self) -> None:
-        """Nothing to look at before the end."""
+        """Do nothing."""
 
 
 class _Statistic(_AtTheEnd):
-    """`mean(mk.position_error in eight) < 3.4 cm`; the samplers do the work of the tick."""
+    """`mean(mk.position_error in eight) < 3.4 cm`; the samplers collect the values."""
 
     def __init__(self, operator: str, left: Aggregate, right: object, samplers: Samplers) -> None:
         self._operator = operator
@@ -130,8 +129,8 @@ class _Statistic(_AtTheEnd):
 
 
 class _Bound:
-    """`always separation(all) > 60 cm`: the worst value and how far it stayed from its bound.
-    Ticks in which the value can't be known are not judged."""
+    """`always separation(all) > 60 cm`: the worst value and its margin. Ticks in which the value is
+    unavailable don't count."""
 
     def __init__(self, condition: Compare, views: Mapping[str, View], now: Now) -> None:
         self._unit = _unit(condition.left)
@@ -194,7 +193,7 @@ class _Once:
 
 
 class _Last(_AtTheEnd):
-    """`finally`: asked once, after the last tick."""
+    """`finally`: evaluated once, after the last tick."""
 
     def __init__(self, condition: Condition, views: Mapping[str, View], now: Now) -> None:
         self._condition = bind(condition, views, None, now)
@@ -210,7 +209,7 @@ class _Last(_AtTheEnd):
 
 
 class _InTime(_AtTheEnd):
-    """`finished within 60 s`: the value is when the run ended by itself."""
+    """`finished within 60 s`: the value is the time at which the run completed."""
 
     def __init__(self, within: float) -> None:
         self._within = within
@@ -247,7 +246,7 @@ def _margin(operator: str, value: float, bound: float) -> float | None:
 
 
 def _unit(value: Any) -> str:
-    """The SI unit of what is measured."""
+    """Return the SI unit of the measured value."""
     if isinstance(value, Aggregate):
         value = value.value
     if isinstance(value, Read):

@@ -1,7 +1,7 @@
-"""What parts give, checked for numbers that are not finite: such a value fails its vehicle.
+"""Checks that the numbers in a part's output are finite; other values fail the vehicle.
 
-Each function returns what it was given, or raises ValueError. A sum is finite only when every part
-of it is, and x - x is zero only for a finite x: one comparison judges a whole signal.
+Each function returns its argument or raises ValueError. A sum is finite only if all its terms are,
+and x - x is zero only for a finite x, so that one comparison checks a whole signal.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _FOLLOWED = {
     CommandKind.VELOCITY: "velocity",
     CommandKind.ACCELERATION: "acceleration",
 }
-"""What of its setpoint a command of a kind can't do without."""
+"""The setpoint field that each kind of command requires."""
 
 
 def checked_estimate(estimate: Estimate) -> Estimate:
@@ -39,7 +39,7 @@ def checked_setpoint(setpoint: Setpoint) -> Setpoint:
 
 
 def checked_command(command: Command) -> Command:
-    """Raises ValueError also for one that lacks what its kind needs."""
+    """Raises ValueError also for a command without the setpoint field that its kind requires."""
     (w, x, y, z), thrust, (ox, oy, oz), heading, _, kind, setpoint = command
     total = w + x + y + z + thrust + ox + oy + oz + (heading or 0.0)
     if total - total != 0.0:
@@ -50,7 +50,7 @@ def checked_command(command: Command) -> Command:
 
 
 def _check_setpoint(kind: CommandKind, setpoint: Setpoint | None) -> None:
-    """Raises ValueError where `setpoint` is not finite, or not what `kind` needs."""
+    """Raises ValueError if `setpoint` is not finite or lacks the field that `kind` requires."""
     if setpoint is not None:
         checked_setpoint(setpoint)
     needed = _FOLLOWED.get(kind)
@@ -59,7 +59,7 @@ def _check_setpoint(kind: CommandKind, setpoint: Setpoint | None) -> None:
 
 
 def checked_alarm(alarm: Alarm) -> Alarm:
-    """Raises ValueError for what is no alarm with a reaction."""
+    """Raises ValueError for anything but an Alarm with a Reaction."""
     if not isinstance(alarm, Alarm) or not isinstance(alarm.reaction, Reaction):
         raise ValueError(f"an alarm with a reaction is asked for, not {alarm!r}")
     return alarm

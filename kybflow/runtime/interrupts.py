@@ -1,4 +1,4 @@
-"""Ctrl-C, Ctrl-\\, SIGTERM and a closed terminal, as the engine hears them."""
+"""Counts interrupts for the engine: Ctrl-C, Ctrl-\\, SIGTERM and a closed terminal."""
 
 from __future__ import annotations
 
@@ -9,20 +9,19 @@ from types import FrameType
 from typing import Any, Protocol
 
 DEAF = 1.0
-"""Seconds after an interrupt in which another is the same one: a closed terminal sends several."""
+"""Seconds in which further signals belong to one interrupt: a closed terminal sends several."""
 
 
 class Counting(Protocol):
-    """What hears of interrupts: an engine, or a session of tests."""
+    """An object that counts interrupts: the engine, or a session of tests."""
 
     interrupts: int
 
 
 class Interrupts:
-    """While it is entered, each signal is counted for the engine, which lands every vehicle on the
-    first and cuts the stream on the second. Those that mean nothing here end nothing: a flight is
-    not to fall because something told the program what it does not know. Works in the main thread
-    only, as signals do."""
+    """A context manager that counts signals for the engine. The engine lands every vehicle on the
+    first and stops sending commands on the second. The signals in `IGNORED`, which would end the
+    process by default, have no effect. It works only in the main thread, as signal handlers do."""
 
     SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     IGNORED = (signal.SIGUSR1, signal.SIGUSR2)

@@ -1,4 +1,4 @@
-"""The parts of a vehicle's plan, and how they are made."""
+"""Lists and constructs the parts of a vehicle's plan."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from kybflow.world.vehicle_context import VehicleContext
 
 
 def parts_of(plan: VehiclePlan) -> list[PartPlan]:
-    """Every part of a vehicle but its driver."""
+    """Return every part of a vehicle except its driver."""
     return [
         *(estimator.part for estimator in plan.estimators),
         *plan.processors,
@@ -21,8 +21,8 @@ def parts_of(plan: VehiclePlan) -> list[PartPlan]:
 
 
 def make(part: PartPlan, params: Any, context: VehicleContext) -> Any:
-    """An estimator, processor, tracker or supervisor. Raises PartFailed when its constructor
-    raises, whatever that was."""
+    """Construct an estimator, processor, tracker or supervisor. Raises PartFailed for any exception
+    of its constructor."""
     try:
         return part.cls(params, context)
     except Exception as error:

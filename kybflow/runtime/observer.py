@@ -1,5 +1,4 @@
-"""What the runtime tells whoever records a vehicle. A recording implements it; the runtime knows
-no other side of it."""
+"""The interface between the runtime and a recording, which implements `VehicleObserver`."""
 
 from __future__ import annotations
 
@@ -10,7 +9,7 @@ from kybflow.core.signals import Command, Estimate, Measurement, Setpoint, Time,
 
 
 class EstimatorState(Protocol):
-    """One estimator of a vehicle after a tick. is_usable: healthy, and its time is not used up."""
+    """One estimator after a tick. is_usable: it is healthy and within its time limit."""
 
     @property
     def name(self) -> str: ...
@@ -21,7 +20,7 @@ class EstimatorState(Protocol):
 
 
 class EstimationState(Protocol):
-    """The estimators of a vehicle after a tick. source: the name of the one that it flies on."""
+    """A vehicle's estimators after a tick. source: the name of the one in use."""
 
     @property
     def source(self) -> str | None: ...
@@ -30,8 +29,8 @@ class EstimationState(Protocol):
 
 
 class VehicleObserver:
-    """Hears what one vehicle measures, believes and sends. This base class ignores it all, which
-    is enough for a preflight. No method may raise."""
+    """Receives the measurements, estimates and commands of one vehicle. This base class ignores
+    them, which is enough for a preflight. No method may raise."""
 
     def measurement(self, now: Time, measurement: Measurement) -> None:
         """Called for each measurement that arrived in the tick at `now`."""
@@ -45,8 +44,8 @@ class VehicleObserver:
         command: Command,
         truth: Truth | None,
     ) -> None:
-        """Called once a tick: the estimate, the setpoint before and after the processors, the
-        command that was sent, and the simulator's truth where there is one."""
+        """Called once a tick with the estimate, the setpoint before (`wanted`) and after the
+        processors, the command that was sent, and a simulator's ground truth."""
 
     def estimators(self, now: Time, estimation: EstimationState) -> None:
         """Called once a tick with the state of every estimator."""

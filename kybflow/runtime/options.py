@@ -1,9 +1,9 @@
-"""Options: every part's parameters, by name, while the run goes on.
+"""Options: reads and changes the parameters of parts during a run.
 
 `mk.processors.limit_speed.speed` is the parameter `speed` of the processor `limit_speed` of `mk`.
-Type, unit and bounds are those of the declaration. A change takes effect at the next tick and is
-told as an event with who made it; one that is refused says why and changes nothing. A safety
-parameter only tightens while its vehicle flies.
+Type, unit and bounds are those of the declaration. A change takes effect at the next tick, and its
+event names the requester; a refusal gives its reason and changes nothing. A safety parameter can
+only be tightened while its vehicle flies.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from kybflow.runtime.making import parts_of
 
 
 class Holder(Protocol):
-    """A vehicle, as the options see it: the parameters of each of its parts by label."""
+    """An object with options, such as a vehicle: it holds its parts' parameters by label."""
 
     name: str
 
     @property
     def airborne(self) -> bool:
-        """Whether it flies now."""
+        """Whether it flies."""
 
     def parameters(self) -> dict[str, Any]:
-        """Each part's parameters, by label (`processors.limit_speed`)."""
+        """Return each part's parameters by label (`processors.limit_speed`)."""
 
     def change(self, label: str, parameters: Any) -> None:
-        """Give a part its parameters from now on."""
+        """Replace the parameters of a part."""
 
 
 class Options:
-    """Every option of every vehicle; changes wait for the next tick."""
+    """The options of every vehicle. Changes wait for the next tick."""
 
     def __init__(self, holders: tuple[Holder, ...], events: Events) -> None:
         self._holders = {holder.name: holder for holder in holders}
@@ -53,13 +53,13 @@ class Options:
                     yield f"{name}.{label}.{field.name}"
 
     def get(self, name: str) -> Any:
-        """The present value (SI). Raises OptionRefused for an unknown name."""
+        """Return the current value (SI). Raises OptionRefused for an unknown name."""
         holder, label, field = self._find(name)
         return getattr(holder.parameters()[label], field.name)
 
     def set(self, name: str, value: Any, by: str, at: str = "") -> None:
-        """Ask for a change; `value` is SI, or text with a unit, `at` the mission line that asks.
-        Raises OptionRefused with the reason."""
+        """Request a change. `value` is SI, or text with a unit; `by` is the requester and `at` its
+        mission line. Raises OptionRefused with the reason."""
         try:
             holder, label, field = self._find(name)
             if field.read_only:
@@ -77,7 +77,7 @@ class Options:
         self._waiting.append((holder, label, field.name, value, by, at))
 
     def apply(self) -> None:
-        """Make the changes that were asked for; the engine calls it when a tick begins."""
+        """Apply the requested changes. The engine calls it at the start of a tick."""
         if not self._waiting:
             return
         waiting, self._waiting = self._waiting, []
@@ -96,7 +96,7 @@ class Options:
             )
 
     def _loosened(self, holder: Holder, label: str, field_name: str, value: Any) -> str | None:
-        """Why a safety parameter can't have `value` now, None when it can."""
+        """Return why a safety parameter can't be set to `value` now, None if it can."""
         if not holder.airborne:
             return None
         parameters = holder.parameters()[label]
@@ -123,7 +123,7 @@ class Options:
 
 
 class _Planned:
-    """A vehicle before it exists, as the options see it."""
+    """The options of a planned vehicle, which is not constructed yet."""
 
     def __init__(self, plan: VehiclePlan) -> None:
         self.name = plan.name
@@ -141,15 +141,16 @@ class _Planned:
 
 
 def check_options(plan: Plan, wanted: Iterable[tuple[str, str]]) -> None:
-    """Raises OptionRefused for the first of `wanted` (name, value) that can't be set; nothing is
-    opened or written before that is known."""
+    """Raises OptionRefused for the first of `wanted` (name, value) that can't be set, before any
+    link or file is opened."""
     options = Options(tuple(_Planned(vehicle) for vehicle in plan.vehicles), Events())
     for name, value in wanted:
         options.set(name, value, "command line")
 
 
 def _decoded(name: str, value: Any, field: Field) -> Any:
-    """`value` as the field holds it, inside its bounds. Raises OptionRefused."""
+    """Return `value` converted to the field's type and checked against its bounds. Raises
+    OptionRefused."""
     numbers: tuple[float, ...]
     if field.shape == "scalar":
         value = _number(name, value, field)
@@ -199,9 +200,9 @@ def _check_bounds(name: str, numbers: tuple[float, ...], field: Field) -> None:
 
 
 def loosened(name: str, field: Field, before: Any, after: Any) -> str | None:
-    """Why `after` can't follow `before` in flight, None when it can. A number tightens in the
-    direction of its declaration, of a vector each one; a choice along its list, but nobody makes
-    `cut` of it in flight: that is no way down."""
+    """Return why a parameter can't change from `before` to `after` in flight, None if it can. A
+    safety parameter only tightens: a number, or each one of a vector, in its declared direction, a
+    choice along its list. No choice becomes `cut` in flight: that would drop the vehicle."""
     if field.tightens is None or before == after:
         return None
     if after == "cut":

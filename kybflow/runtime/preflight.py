@@ -1,7 +1,7 @@
-"""Nothing arms before every line of this is green.
+"""The preflight: no vehicle arms before every line is green.
 
-Each line says what was looked at, what was found and which mission line it is about. What a
-supervisor would make a vehicle leave its mission for in the air keeps it on the ground.
+Each line names a check, its finding and the mission line that it concerns. An alarm with which a
+supervisor would interrupt the mission in the air keeps the vehicle on the ground.
 """
 
 from __future__ import annotations
@@ -21,21 +21,20 @@ from kybflow.world.shapes import Box
 TIMEOUT = 5.0
 """Seconds that the preflight waits once the vehicles are ready."""
 LINK_AGE = 1.0
-"""Seconds in which the link must have delivered something."""
+"""Largest age (s) of the link's last message."""
 LEAST_RATE = 4.0
-"""Measurements a second below which an estimator's stream is no stream. The slowest that is flown
-on has 5 Hz, and counts less between two of them."""
+"""Lowest rate (Hz) of an estimator's measurements. The slowest stream in use has 5 Hz, and its rate
+appears lower between two measurements."""
 _ABOVE = 0.3
-"""Metres above where it stands at which a vehicle must be clear of obstacles."""
+"""Metres above the vehicle at which its distance from obstacles is checked."""
 
 _DEEP = 100.0
-"""Metres below the vehicle where the fence has its floor here: it stands on it."""
+"""Metres by which the fence's floor is lowered here, because the vehicle stands on the ground."""
 
 
 class Line(NamedTuple):
-    """One line of the preflight: of which vehicle, what was looked at, whether it is well, why, and
-    the mission line that it is about. waits: the vehicle itself is still getting ready; False where
-    only a person can help, None where nobody can tell."""
+    """One check of a vehicle. green: it passed. at: the mission line that it concerns. waits: the
+    vehicle is still getting ready by itself; False if only a person can help, None if unknown."""
 
     vehicle: str
     check: str
@@ -46,7 +45,7 @@ class Line(NamedTuple):
 
 
 def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[Line, ...]:
-    """The lines of one vehicle, as it stands on the ground; `others` are all of the mission's."""
+    """Return the lines of a vehicle on the ground; `others` are all vehicles of the mission."""
     if vehicle.link_error is not None:
         return (Line(vehicle.name, "link", False, vehicle.link_error, vehicle.plan.driver.at),)
     fleet = {other.name: other.estimate for other in others}
@@ -67,7 +66,7 @@ def _link(vehicle: Vehicle) -> Line:
 
 
 def _own(vehicle: Vehicle) -> Iterator[Line]:
-    """What the vehicle itself says; for its watchdog its driver answers where it says nothing."""
+    """The vehicle's own checks; the driver answers for a watchdog that the vehicle omits."""
     checks = vehicle.knowledge.link.checks(vehicle.now)
     at = vehicle.plan.driver.at
     if all(check.name != "watchdog" for check in checks):
@@ -84,7 +83,7 @@ def _watchdog(vehicle: Vehicle) -> Line:
 
 
 def _streams(vehicle: Vehicle) -> Iterator[Line]:
-    """Every kind of measurement that an estimator needs, at a rate to fly on."""
+    """Check the rate of every kind of measurement that an estimator uses."""
     knowledge = vehicle.knowledge
     parts = [estimator.part for estimator in vehicle.plan.estimators]
     at = {kind: part.at for part in parts for kind in part.cls.uses(part.params)}
@@ -156,12 +155,12 @@ def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[Line]:
 
 
 class PreflightTimeout:
-    """How long the preflight waits for what is not green yet.
+    """Decides how long the preflight waits for red lines.
 
-    `TIMEOUT` seconds, counted from when the vehicles themselves were ready to fly, for which they
-    have their driver's `preflight_timeout`: an autopilot's filter settles, a receiver finds its
-    satellites. What only a person can mend is not waited for longer. What it waits for is told
-    once.
+    It ends `TIMEOUT` seconds after the vehicles are ready, for which they have their driver's
+    `preflight_timeout`: an autopilot's filter settles, a receiver finds its satellites. A line that
+    only a person can fix ends it `TIMEOUT` seconds after its start. Each cause of waiting is
+    reported once.
     """
 
     def __init__(self, plan: Plan, events: Events) -> None:
@@ -172,7 +171,7 @@ class PreflightTimeout:
         self._told: set[tuple[str, str]] = set()
 
     def ends(self, lines: Sequence[Line], seconds: float) -> bool:
-        """Return whether it is over: all is green, or red for too long."""
+        """Return whether the preflight is over: all lines are green, or it has timed out."""
         if all(line.green for line in lines):
             return True
         waiting = [line for line in lines if line.waits]

@@ -1,7 +1,7 @@
-"""The figures of a run as they grow: errors, behaviors, estimators and battery of each vehicle.
+"""The figures of a run: errors, behaviors, estimators and battery of each vehicle.
 
-Memory grows with the behaviors entered, not with the ticks: mean, rms and max are kept as a sum, a
-sum of squares and a peak.
+Mean, rms and max are stored as a sum, a sum of squares and a peak, so that memory grows with the
+behaviors entered and not with the ticks.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Errors:
             self.peak = value
 
     def figures(self) -> dict[str, float] | None:
-        """The figures by name; None without a sample."""
+        """Return the figures by name, None without a sample."""
         if not self.count:
             return None
         rms = math.sqrt(self.squares / self.count)
@@ -42,7 +42,7 @@ class Errors:
 
 
 class BehaviorScore:
-    """One visit to a state: its errors, from `start_s` to `end_s`, and how it ended."""
+    """One visit to a state: its errors from `start_s` to `end_s`, and how it ended."""
 
     __slots__ = ("end_s", "ended", "name", "part", "position", "start_s", "velocity")
 
@@ -53,7 +53,7 @@ class BehaviorScore:
         self.position, self.velocity = Errors(), Errors()
 
     def record(self) -> dict[str, Any]:
-        """The visit as `summary.json` holds it."""
+        """Return the visit as it stands in `summary.json`."""
         return {
             "name": self.name,
             "part": self.part,
@@ -66,14 +66,14 @@ class BehaviorScore:
 
 
 class EstimatorInterval(NamedTuple):
-    """From when on an estimator was used; an empty name: none was healthy."""
+    """The time from which an estimator was in use. The name is empty where none was healthy."""
 
     name: str
     start_s: float
 
 
 class VehicleScore:
-    """What is counted of one vehicle; the engine tells, in the order in which things happen."""
+    """Collects the figures of one vehicle; the runtime reports to it as things happen."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -84,38 +84,38 @@ class VehicleScore:
         self._position, self._velocity = Errors(), Errors()
 
     def entered(self, state: str, part: str, t_s: float) -> None:
-        """A state was entered, the same one again included."""
+        """Begin a visit to a state, which may be the current state again."""
         visit = BehaviorScore(state, part, t_s)
         self.behaviors.append(visit)
         self._position, self._velocity = visit.position, visit.velocity
 
     def left(self, how: str, t_s: float) -> None:
-        """The present state was left, and how its behavior ended."""
+        """End the current visit; `how` says how its behavior ended."""
         if self.behaviors:
             self.behaviors[-1].end_s, self.behaviors[-1].ended = t_s, how
 
     def failure(self, reason: str) -> None:
-        """The present behavior failed, and the mission does not say what then."""
+        """Note a failure of the current behavior that the mission does not handle."""
         self.failures.append(f"`{self.behaviors[-1].name}` failed: {reason}")
 
     def sample(self, position_error: float | None, velocity_error: float | None) -> None:
-        """One tick's errors, m and m/s; None where the setpoint has no such field."""
+        """Add one tick's errors in m and m/s, None where the setpoint has no such field."""
         if position_error is not None:
             self._position.add(position_error)
         if velocity_error is not None:
             self._velocity.add(velocity_error)
 
     def estimator(self, name: str, t_s: float) -> None:
-        """From now on this estimator is used."""
+        """Note that this estimator is in use from now on."""
         self.estimators.append(EstimatorInterval(name, t_s))
 
     def battery(self, remaining: float) -> None:
-        """A battery report, 0 to 1."""
+        """Add a battery report, 0 to 1."""
         if self.min_battery is None or remaining < self.min_battery:
             self.min_battery = remaining
 
     def record(self, airborne: bool) -> dict[str, Any]:
-        """The vehicle as `summary.json` holds it."""
+        """Return the vehicle as it stands in `summary.json`."""
         return {
             "final": "air" if airborne else "ground",
             "position_error_m": _merged([v.position for v in self.behaviors]).figures(),
@@ -139,7 +139,7 @@ class Score:
 
 
 def rounded(value: float) -> float:
-    """`value` with six significant digits, as the summary shows numbers."""
+    """Return `value` with six significant digits, as in the summary."""
     return float(f"{value:.6g}")
 
 

@@ -1,4 +1,4 @@
-"""Streaming statistics of one value, and who samples it when."""
+"""Streaming statistics of one value, and the samplers that feed them once a tick."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from kybflow.parts.observables import Unavailable, View, is_in
 
 
 class Statistics:
-    """Mean, root mean square, smallest and largest of what was added; None before the first."""
+    """Mean, root mean square, minimum and maximum of the added values; None before the first."""
 
     __slots__ = ("count", "high", "low", "squares", "total")
 
@@ -42,11 +42,11 @@ class Statistics:
 
 
 Source = tuple[object, str | None, str | None]
-"""What several aggregates may share: (the value, the vehicle, its state)."""
+"""(value, vehicle, state); aggregates with equal sources share one sampler."""
 
 
 class Samplers:
-    """One sampler for each value in each state, however many aggregates ask for it."""
+    """One sampler for each value in each state, however many aggregates read it."""
 
     def __init__(
         self, views: Mapping[str, View], read: Callable[[Aggregate], Callable[[], float]]
@@ -57,7 +57,7 @@ class Samplers:
         self._by_state: dict[tuple[str | None, str | None], list[Sampler]] = {}
 
     def statistics(self, aggregate: Aggregate) -> Statistics:
-        """The statistics that `aggregate` is read from."""
+        """Return the statistics that `aggregate` reads."""
         place = (aggregate.vehicle, aggregate.state)
         source = (aggregate.value, *place)
         if source not in self._known:
@@ -67,7 +67,7 @@ class Samplers:
         return self._known[source]
 
     def groups(self) -> list[Callable[[], None]]:
-        """What to call once a tick: each group asks once whether its vehicle is in its state."""
+        """Return the functions to call once a tick; each checks a vehicle's state only once."""
         return [
             _group(
                 self._views[vehicle] if vehicle is not None else None,
@@ -79,7 +79,7 @@ class Samplers:
 
 
 class Sampler:
-    """Adds one value to its statistics, in ticks in which the value can be known."""
+    """Adds a value to its statistics in each tick in which the value is available."""
 
     def __init__(self, read: Callable[[], float]) -> None:
         self.statistics = Statistics()

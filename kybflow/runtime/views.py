@@ -1,4 +1,4 @@
-"""What conditions and expectations see of a vehicle (`kybflow.parts.observables.View`)."""
+"""The views of a vehicle that conditions and expectations read (`observables.View`)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class BelievedView:
-    """The vehicle as it believes itself to be: for conditions."""
+    """A vehicle by its own estimate, for conditions."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
@@ -94,7 +94,7 @@ class BelievedView:
 
 
 class TrueView(BelievedView):
-    """The vehicle as it is, where a simulator knows it: for expectations."""
+    """A vehicle by the simulator's ground truth where there is one, for expectations."""
 
     @property
     def state(self) -> State:
