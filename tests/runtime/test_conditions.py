@@ -86,5 +86,5 @@ def test_what_decides_first_is_all_that_is_read() -> None:
 def test_a_statistic_is_no_condition() -> None:
     aggregate = Aggregate("mean", Read("a", "position_error"))
     expression = Compare("<", aggregate, Number(1.0, LENGTH))
-    with pytest.raises(TypeError, match="no value of one tick"):
+    with pytest.raises(TypeError, match="not a value of one tick"):
         bind(expression, {"a": LookedAt()}, "a", lambda: 0.0)
