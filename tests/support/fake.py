@@ -90,7 +90,7 @@ class Fake:
                 )
             )
             self._send(mavlink.MAVLink_servo_output_raw_message(0, 0, *self.servos))
-            if self.profile.name == "px4":
+            if "ESTIMATOR_STATUS" in self.profile.streams:
                 spreads = (self.flags, *(0.0,) * 6, 0.03, 0.03)
                 self._send(mavlink.MAVLink_estimator_status_message(ms * 1000, *spreads))
             else:
@@ -100,7 +100,7 @@ class Fake:
         self._send(mavlink.MAVLink_local_position_ned_message(ms, y, x, -z, 0.0, 0.0, 0.0))
 
     def _heartbeat(self) -> None:
-        maker = 12 if self.profile.name == "px4" else 3
+        maker = self.profile.mav_autopilot
         base = 128 if self.armed else 0
         self._send(mavlink.MAVLink_heartbeat_message(2, maker, base, self.mode, 3, 3))
 
