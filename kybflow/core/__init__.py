@@ -1,3 +1,3 @@
-"""What everything is made of: signals, geometry, units, parameters, files and errors. Knows nothing
-of the rest of kybflow; anybody may import it.
+"""Signals, geometry, units, parameters, files and errors. Imports nothing from the rest of kybflow;
+every module may import it.
 """

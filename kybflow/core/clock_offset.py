@@ -1,18 +1,19 @@
-"""The offset between two clocks that nobody synchronised, by the least delay.
+"""Estimate the offset between two unsynchronised clocks, by the minimum delay.
 
-Each reading is `here - there`, the true offset plus a delay that is never negative; so the offset
-is at most the least reading, and close to it as soon as one was quick (the minimum filter of NTP,
-RFC 5905 sec. 10, one way). The least of the last ten seconds counts, in buckets of one second: that
-follows a drift of 100 ppm within 1 ms. What stays is the least delay itself (a LAN: under 0.2 ms),
-which no one-way method can see.
+A reading is `here - there`: the true offset plus a transport delay, which is never negative. The
+smallest reading is therefore an upper bound of the offset, and close to it once one message was
+fast (the minimum filter of NTP, RFC 5905 sec. 10, one way). The estimate is the minimum over the
+last ten seconds, in buckets of one second, and follows a drift of 100 ppm within 1 ms. Its error is
+the minimum delay (under 0.2 ms on a LAN), which no one-way method can observe.
 
-One wrong stamp far ahead would be the least reading for ten seconds. So one that is `NEAR` below
-the least, and the first ones, count once `AGREED` of different stamps within a second are `NEAR` to
-one another: a clock that was set ahead, a link that was slow at first. Until then what was sent
-counts as sent when it came.
+A single wrong time stamp far ahead would be the minimum for ten seconds. A reading more than `NEAR`
+below the estimate, and any reading before there is an estimate, is therefore used only once
+`AGREED` readings with different stamps within a second lie within `NEAR` of one another (the remote
+clock was set ahead, or the link was slow at first). Until then a message counts as sent when it
+arrived.
 
-A clock that was set back: a whole bucket without a reading near the least one tells, and everything
-before it is forgotten.
+When the remote clock was set back, a whole bucket stays far above the minimum, and all earlier
+buckets are discarded.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ from kybflow.core.signals import NS, Time
 BUCKET: Time = NS
 BUCKETS = 10
 STEP: Time = NS // 4
-"""How far above the least reading a whole bucket may stay."""
+"""How far above the minimum a whole bucket may stay, ns."""
 NEAR: Time = NS // 20
-"""How far below the least a single reading is believed."""
+"""How far below the estimate a single reading is still used, ns."""
 AGREED = 3
 MOST_DOUBTED = 50
 
 
 class Offset:
-    """What must be added to a time there to have it here. `is_doubted`: whether the newest reading
-    does not fit the others."""
+    """The estimated offset, in nanoseconds to add to a remote time to get local time. `is_doubted`
+    is true while the newest reading disagrees with the others."""
 
     def __init__(self) -> None:
         self.is_doubted = False
@@ -43,8 +44,8 @@ class Offset:
         self._doubted: deque[tuple[Time, Time, Time]] = deque(maxlen=MOST_DOUBTED)
 
     def of(self, here: Time, there: Time) -> Time:
-        """Take a reading into account; the offset as it is known then. Never more than the
-        reading: what was sent `there` never comes from the future."""
+        """Add a reading, the local time of arrival and the remote time of sending, and return the
+        offset. It never exceeds the reading: no message arrives before it was sent."""
         reading, believed = here - there, self._now
         self.is_doubted = False
         if believed is None or reading < believed - NEAR:
@@ -57,11 +58,11 @@ class Offset:
         return self._now
 
     def _agreed(self, here: Time, there: Time, reading: Time) -> Time | None:
-        """The least of those that agree with a doubtful reading, None while they are too few."""
+        """Return the minimum of the readings that agree with a doubted one, None if too few do."""
         doubted = self._doubted
         while doubted and here - doubted[0][0] > BUCKET:
             doubted.popleft()
-        if not doubted or doubted[-1][1] != there:  # of a frame with many bodies one says it all
+        if not doubted or doubted[-1][1] != there:  # the bodies of one frame share a stamp
             doubted.append((here, there, reading))
         near = {stamp: other for _, stamp, other in doubted if abs(other - reading) <= NEAR}
         if len(near) < AGREED:
@@ -70,7 +71,7 @@ class Offset:
         return min(near.values())
 
     def _taken(self, bucket: Time, reading: Time) -> Time:
-        """The offset with a reading that is believed."""
+        """Return the minimum after adding an accepted reading."""
         least = self._least
         if bucket == self._bucket:
             least[-1] = min(least[-1], reading)

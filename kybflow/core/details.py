@@ -1,7 +1,7 @@
-"""Words that carry a table: told where something is told first, left out where it is told again.
+"""Messages with a table of details, which a reader may show or leave out.
 
-The first line stands for itself. The lines below it are indented, and each ends with a line's end,
-so that such words can be joined with others by `; ` and the tables still be found.
+The first line, the headline, is a message in itself. Each line below it is indented and ends with a
+newline, so that the table is still found after such messages were joined by `; `.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ INDENT = "  "
 
 
 def detailed(headline: str, lines: Iterable[str]) -> str:
-    """`headline` with `lines` below it."""
+    """Return `headline` with `lines` as its table."""
     below = "".join(f"{INDENT}{line}\n" for line in lines)
     return f"{headline}\n{below}" if below else headline
 
 
 def headline(text: str) -> str:
-    """`text` without its tables; as it is where it has none."""
+    """Return `text` without its tables; unchanged if it has none."""
     lines = text.split("\n")
     rest = [line for line in lines if not line.startswith(INDENT)]
     return text if len(rest) == len(lines) else "".join(rest)
 
 
 def details(text: str) -> list[str]:
-    """The lines of the tables in `text`, without their indent."""
+    """Return the lines of the tables in `text`, without their indent."""
     return [line.removeprefix(INDENT) for line in text.split("\n") if line.startswith(INDENT)]

@@ -1,15 +1,15 @@
 """Every exception that kybflow raises on purpose.
 
 KybflowError
-├── UnitError       a quantity that can't be read: what was found, what was expected
-├── FileError       a file of a parameter that its part can't use: which line, and why
-├── PartError       a part whose declaration is wrong (a programmer's mistake)
-├── Refused         a part that can't start, with the reason
-├── EstimateMissing a part asked for an estimate where there is none
-├── PartFailed      a part that raised in a run: which, and what
-├── OptionRefused   a change of an option that was not made, with the reason
-├── EventRefused    an event that was not told, with the reason
-└── DriverError     a driver or device that failed
+├── UnitError       a quantity can't be parsed in the expected dimension
+├── FileError       a part can't use the file that a parameter names
+├── PartError       a part is declared wrongly (a programmer's mistake)
+├── Refused         a behavior can't start, or a vehicle refuses a request
+├── EstimateMissing a part needs an estimate and the vehicle has none
+├── PartFailed      a part raised during a run
+├── OptionRefused   a run-time option was not changed
+├── EventRefused    an event was not emitted
+└── DriverError     a driver, link or device failed
 
 Mistakes in a mission are not exceptions: they are collected as diagnostics
 (`kybflow.dsl.diagnostics.diagnostic`).
@@ -19,14 +19,12 @@ from __future__ import annotations
 
 
 class KybflowError(Exception):
-    """The root of every error that kybflow raises on purpose."""
+    """Base class of every error that kybflow raises on purpose."""
 
 
 class UnitError(KybflowError):
-    """A quantity that can't be read in the dimension that its place asks for.
-
-    `hint` is the way out, one line, or empty.
-    """
+    """A quantity can't be parsed in the expected dimension. `hint` is one line that says what to
+    write instead, or empty."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -34,8 +32,8 @@ class UnitError(KybflowError):
 
 
 class FileError(KybflowError):
-    """A file that a parameter names and that the part can't use. `line` counts from 1, 0 stands for
-    the whole file; `hint` is the way out, one line, or empty."""
+    """A part can't use the file that a parameter names. `line` counts from 1, with 0 for the whole
+    file; `hint` is one line that says what to change, or empty."""
 
     def __init__(self, message: str, line: int = 0, hint: str = "") -> None:
         super().__init__(message)
@@ -44,19 +42,20 @@ class FileError(KybflowError):
 
 
 class PartError(KybflowError):
-    """A part whose declaration is wrong; raised when the part is loaded."""
+    """A part is declared wrongly; raised when the part is loaded."""
 
 
 class Refused(KybflowError):
-    """Raised from a behavior's constructor: it can't start here, and why."""
+    """A behavior's constructor can't start here, or a vehicle refuses a request (to arm, land or
+    grip); the message says why."""
 
 
 class EstimateMissing(KybflowError):
-    """A part asked for the vehicle's estimate where no estimator has one."""
+    """A part needs the vehicle's estimate, and no estimator has one."""
 
 
 class PartFailed(KybflowError):
-    """A part that raised, or gave what no part may give, in a run. `part` is its label."""
+    """A part raised or returned an invalid value during a run. `part` is its label."""
 
     def __init__(self, part: str, error: Exception) -> None:
         super().__init__(described(error))
@@ -64,18 +63,18 @@ class PartFailed(KybflowError):
 
 
 class OptionRefused(KybflowError):
-    """A change of a run-time option that was not made, and why."""
+    """A run-time option was not changed; the message says why."""
 
 
 class EventRefused(KybflowError):
-    """An event from the command line that was not told, and why."""
+    """An operator's event was not emitted; the message says why."""
 
 
 class DriverError(KybflowError):
-    """A driver, a link or a device that failed."""
+    """A driver, a link or a device failed."""
 
 
 def described(error: Exception) -> str:
-    """Any exception in one line: its type, and what it says."""
+    """Return an exception in one line: its type and its message."""
     name = type(error).__name__
     return f"{name}: {error}" if str(error) else name

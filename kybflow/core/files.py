@@ -1,4 +1,5 @@
-"""A file that a parameter names: read once, when the mission is compiled, or only found then."""
+"""Types of parameters that name a file: `File` is read when the mission is compiled, `FilePath` is
+only checked to exist."""
 
 from __future__ import annotations
 
@@ -7,11 +8,11 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class File:
-    """The type of a parameter that names a file: what it held when the mission was compiled.
-    Nothing opens it again, so that what flies is what was checked.
+    """A file as it was when the mission was compiled. It is never opened again, so the mission
+    flies with the contents that were checked.
 
-    name: as the mission writes it, relative to the file that it is written in. sha256: of its
-    bytes. text: what it holds (UTF-8).
+    name: the path as written, relative to the YAML file that names it. sha256: the digest of its
+    bytes. text: its contents (UTF-8).
     """
 
     name: str
@@ -23,8 +24,7 @@ class File:
 
 
 class FilePath(str):
-    """The type of a parameter that names a file which is too large to be read before it is needed:
-    its absolute path. The mission writes it as seen from the file that it is written in; that it
-    is there is checked when the mission is compiled."""
+    """The absolute path of a file that is too large to read at compile time. It is written relative
+    to the YAML file that names it; the compiler checks that it exists."""
 
     __slots__ = ()

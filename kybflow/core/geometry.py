@@ -1,8 +1,8 @@
-"""Rotations and vectors as tuples of floats, and the only frame conversions.
+"""Vectors and rotations as tuples of floats.
 
-World frame ENU, body frame FLU (REP 103). Quaternions are (w, x, y, z), unit length, body to world:
-`rotate(q, v)` takes a body vector to the world. Angles in radians. Plain floats, because a NumPy
-array costs ten times as much as the arithmetic on three numbers.
+World frame ENU, body frame FLU (REP 103). A quaternion is (w, x, y, z) of unit length and rotates
+body to world. Angles are in radians. Plain floats, because a NumPy array costs ten times as much as
+the arithmetic on three numbers.
 """
 
 from __future__ import annotations
@@ -16,42 +16,50 @@ Quat = tuple[float, float, float, float]
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
 GRAVITY = 9.81
+"""Standard gravity as the simulator and the controllers use it, m/s^2."""
 
 
 def add(a: Vec3, b: Vec3) -> Vec3:
+    """Return a + b."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 def sub(a: Vec3, b: Vec3) -> Vec3:
+    """Return a - b."""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 def scale(a: Vec3, s: float) -> Vec3:
+    """Return s a."""
     return (a[0] * s, a[1] * s, a[2] * s)
 
 
 def dot(a: Vec3, b: Vec3) -> float:
+    """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a: Vec3, b: Vec3) -> Vec3:
+    """Return the vector product a x b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def norm(a: Vec3) -> float:
+    """Return the Euclidean length."""
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
 distance: Callable[[Vec3, Vec3], float] = dist
+"""Return the Euclidean distance between two points."""
 
 
 def wrap(angle: float) -> float:
-    """The same angle in [-pi, pi)."""
+    """Return the equivalent angle in [-pi, pi)."""
     return (angle + pi) % (2 * pi) - pi
 
 
 def multiply(a: Quat, b: Quat) -> Quat:
-    """Hamilton product: first `b`, then `a`."""
+    """Return the Hamilton product a b, which rotates by `b` first, then by `a`."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -63,11 +71,12 @@ def multiply(a: Quat, b: Quat) -> Quat:
 
 
 def conjugate(q: Quat) -> Quat:
+    """Return the inverse rotation, world to body."""
     return (q[0], -q[1], -q[2], -q[3])
 
 
 def rotate(q: Quat, v: Vec3) -> Vec3:
-    """`v` from the body to the world."""
+    """Rotate `v` from the body frame to the world frame."""
     (w, x, y, z), (vx, vy, vz) = q, v
     tx = 2.0 * (y * vz - z * vy)
     ty = 2.0 * (z * vx - x * vz)
@@ -80,30 +89,31 @@ def rotate(q: Quat, v: Vec3) -> Vec3:
 
 
 def body_z(q: Quat) -> Vec3:
-    """The body's z axis (where thrust points) in the world."""
+    """Return the body's z axis, the direction of thrust, in the world frame."""
     w, x, y, z = q
     return (2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y))
 
 
 def heading_of(q: Quat) -> float:
-    """Heading: the angle of the body's x axis about world z, from world x (east), counter-
-    clockwise."""
+    """Return the heading: the angle in [-pi, pi] of body x in the horizontal plane, counter-
+    clockwise from world x (east)."""
     w, x, y, z = q
     return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def tilt_of(q: Quat) -> float:
-    """The angle between the body's z axis and the world's."""
+    """Return the tilt in [0, pi]: the angle between body z and world z."""
     c = 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])
     return acos(-1.0 if c < -1.0 else 1.0 if c > 1.0 else c)
 
 
 def from_heading(heading: float) -> Quat:
+    """Return the level attitude with this heading."""
     return (cos(heading / 2), 0.0, 0.0, sin(heading / 2))
 
 
 def from_euler(roll: float, pitch: float, yaw: float) -> Quat:
-    """Intrinsic z-y-x (yaw, pitch, roll), REP 103."""
+    """Return the attitude of intrinsic z-y-x Euler angles (yaw, then pitch, then roll)."""
     cr, sr = cos(roll / 2), sin(roll / 2)
     cp, sp = cos(pitch / 2), sin(pitch / 2)
     cy, sy = cos(yaw / 2), sin(yaw / 2)
@@ -116,7 +126,7 @@ def from_euler(roll: float, pitch: float, yaw: float) -> Quat:
 
 
 def to_euler(q: Quat) -> Vec3:
-    """(roll, pitch, yaw); pitch in [-pi/2, pi/2]."""
+    """Return the intrinsic z-y-x Euler angles (roll, pitch, yaw), with pitch in [-pi/2, pi/2]."""
     w, x, y, z = q
     s = 2.0 * (w * y - z * x)
     return (
@@ -127,17 +137,16 @@ def to_euler(q: Quat) -> Vec3:
 
 
 def from_thrust_direction(direction: Vec3, heading: float) -> Quat:
-    """The attitude whose z axis is `direction` (need not be unit length, z > 0) and whose heading
-    is `heading`.
+    """Return the attitude with body z along `direction` and body x as close as possible to
+    `heading`.
 
-    The shortest rotation from world z to `direction`, after a turn about z that leaves the heading
-    as asked (Mellinger and Kumar, ICRA 2011, eq. 6-8, in quaternion form).
+    Body y is normal to both and body x completes the frame (Mellinger and Kumar, ICRA 2011, eq.
+    6-8). `direction` is in the world frame, of any length, and not parallel to `heading`.
     """
     x, y, z = direction
     n = sqrt(x * x + y * y + z * z)
     zx, zy, zz = x / n, y / n, z / n
     cx, sx = cos(heading), sin(heading)
-    # body y is normal to the thrust direction and to the wanted heading; body x completes the frame
     yx, yy, yz = -sx * zz, cx * zz, sx * zx - cx * zy
     yn = sqrt(yx * yx + yy * yy + yz * yz)
     yx, yy, yz = yx / yn, yy / yn, yz / yn
@@ -146,7 +155,8 @@ def from_thrust_direction(direction: Vec3, heading: float) -> Quat:
 
 
 def from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat:
-    """The rotation whose columns are `x`, `y`, `z` (orthonormal), by Shepperd's method."""
+    """Return the attitude whose body axes in the world are `x`, `y` and `z` (orthonormal), by
+    Shepperd's method."""
     trace = x[0] + y[1] + z[2]
     if trace > 0.0:
         s = 2.0 * sqrt(1.0 + trace)
@@ -162,7 +172,8 @@ def from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat:
 
 
 def integrate(q: Quat, rate: Vec3, dt: float) -> Quat:
-    """`q` after turning at the body rate `rate` for `dt`: first order, renormalised."""
+    """Return `q` after `dt` seconds at the body rate `rate` (rad/s), to first order and
+    renormalised."""
     w, x, y, z = q
     (rx, ry, rz), half = rate, 0.5 * dt
     hx, hy, hz = half * rx, half * ry, half * rz

@@ -1,8 +1,7 @@
-"""`@params`: a part's parameters, written once.
+"""Declare a part's parameters once, with `@params` and `param`.
 
-From the declaration come the decoding of the YAML, the JSON Schema, the table that `kybflow parts`
-prints, and the option at run time: type and unit from the annotation, help, default and bounds from
-`param`.
+The YAML decoder, the JSON Schema, the tables of `kybflow parts` and the run-time options all read
+this declaration: type and unit from the annotation; help, default and bounds from `param`.
 """
 
 from __future__ import annotations
@@ -38,12 +37,11 @@ RESERVED = frozenset(
     }
 )  # fmt: skip
 Tightens = Literal["up", "down"]
-"""The direction in which a safety parameter becomes stricter; a choice becomes so along its
-list."""
+"""The direction in which a safety parameter becomes stricter; for a choice, along its list."""
 Named = Literal["vehicle", "estimator"]
-"""What of the mission a text can be the name of: another vehicle, an estimator of the vehicle."""
+"""What in the mission a text may name: another vehicle, or one of the vehicle's estimators."""
 Reads = Callable[[File], object]
-"""What a part makes of a file; raises FileError for one that it can't use."""
+"""A part's reader for a file; raises FileError when the part can't use it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,24 +70,27 @@ def param(
     names: Named | None = None,
     reads: Reads | None = None,
 ) -> Any:
-    """A parameter: its help, its default (SI) and its bounds (SI; for a vector they hold for each
-    number). One that `tightens` changes in that direction only while its vehicle flies. A text that
-    `names` something of the mission is checked to be such a name; a file is checked by what the
-    part `reads` it with."""
+    """Declare one parameter of a `@params` class.
+
+    default and bounds are SI; bounds hold for each component of a vector. read_only: it can't
+    change during a run. tightens: in flight it may change in that direction only. names: the
+    compiler checks that a text names such a thing. reads: the compiler checks a file with this
+    reader.
+    """
     facts = _Facts(help, above, at_least, below, at_most, read_only, tightens, names, reads)
     return dataclasses.field(default=default, metadata={_KEY: facts}, kw_only=True)
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(param,))
 def params(cls: type[T]) -> type[T]:
-    """Make `cls` a frozen value whose fields are parameters."""
+    """Make `cls` a frozen dataclass whose fields are parameters."""
     return dataclass(frozen=True)(cls)
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(param,))
 def declared(cls: type[T]) -> type[T]:
-    """The same for a mapping of the language that is no part: no key stands beside its own, so that
-    they may be called as they like."""
+    """Make `cls` a frozen dataclass for a mapping of the language that is no part. Its fields may
+    have `RESERVED` names, because no other keys stand beside them."""
     whole = dataclass(frozen=True)(cls)
     setattr(whole, _ALONE, True)
     return whole
@@ -99,9 +100,8 @@ def declared(cls: type[T]) -> type[T]:
 class Field:
     """One parameter, as the compiler, the schema and the options see it.
 
-    shape is one of: scalar, vector, path (of vectors), integer, integers (a list of them), boolean,
-    text, file, file path, choice.
-    `dimension` is set for the first three; `choices` for the last.
+    shape: scalar, vector, path (of vectors), integer, integers (a list), boolean, text, file, file
+    path or choice. dimension: set for the first three. choices: set for the last.
     """
 
     name: str
@@ -122,8 +122,8 @@ class Field:
     reads: Reads | None = None
 
     def loosens(self, before: Any, after: Any) -> bool:
-        """Whether a safety parameter is less strict with `after` than with `before`; of a vector,
-        in any of its numbers."""
+        """Return whether a safety parameter is less strict at `after` than at `before`; a vector is
+        if any component is."""
         if self.tightens is None or before is None or after is None:
             return False
         if self.choices:
@@ -132,7 +132,7 @@ class Field:
         return any(b > a if self.tightens == "up" else b < a for b, a in pairs)
 
     def outside(self, value: float) -> str | None:
-        """Which bound `value` (SI) breaks, in words, or None."""
+        """Return which bound `value` (SI) violates, in words, or None."""
         if self.above is not None and not value > self.above:
             return f"must be above {self.above:g}"
         if self.at_least is not None and not value >= self.at_least:
@@ -145,7 +145,7 @@ class Field:
 
 
 def type_of(field: Field) -> str:
-    """The type in words, with its SI unit: `length [m]`, `path of length [m]`, `warn | land`."""
+    """Return the type in words with its SI unit: `length [m]`, `path of length [m]`, `on | off`."""
     if field.choices:
         return " | ".join(field.choices)
     if field.dimension is None:
@@ -157,8 +157,8 @@ def type_of(field: Field) -> str:
 
 @functools.cache
 def fields_of(cls: Any) -> tuple[Field, ...]:
-    """The parameters that `cls` declares, in order. Raises PartError when a declaration is
-    wrong."""
+    """Return the parameters that `cls` declares, in order. Raises PartError for a wrong
+    declaration."""
     hints = get_type_hints(cls, include_extras=True)
     return tuple(_field(cls, f, hints[f.name]) for f in dataclasses.fields(cls))
 

@@ -1,7 +1,8 @@
-"""What flows: measurements, estimates, setpoints, commands, alarms and events.
+"""The signals between parts: measurements, estimates, setpoints, commands, alarms and events.
 
-Immutable values of plain floats. Time is integer nanoseconds since the clock's zero (`Time`); every
-signal that is true at some time carries it. World frame ENU, body frame FLU, SI units (REP 103).
+Immutable values of plain floats. `Time` is integer nanoseconds since the clock's zero; a signal
+that is valid at one time carries it. World frame ENU, body frame FLU, SI units (REP 103);
+quaternions rotate body to world.
 """
 
 from __future__ import annotations
@@ -14,39 +15,41 @@ from kybflow.core.errors import EstimateMissing
 from kybflow.core.geometry import Quat, Vec3
 
 Time = int
+"""Nanoseconds since the clock's zero."""
 NS = 1_000_000_000
 """Nanoseconds in a second."""
 NEVER: Time = 1 << 62
-"""A time that does not come."""
+"""A time later than any other."""
 
 
 class Measurement(Protocol):
-    """Something that a sensor measured, true at `time`.
+    """What a sensor measured at `time`.
 
-    A kind of measurement is a class: a NamedTuple of `time` and what was measured. An estimator
-    `needs` kinds, a driver or a sensor `provides` them. The class alone declares a kind; it is
-    admitted, counted, recorded and handed to the estimators by what stands here. In the recording
-    it has a topic and a message of its name, with the comments in `Annotated`. What can be
-    recorded: `Time`, `float`, `bool`, `Vec3`, `Quat`; where `Recorded` names one more field, also
-    `T | None` and `tuple[float, ...]`. A `str` makes a topic of its own for each value, and `Any`
-    is left out.
+    A kind of measurement is a class: a NamedTuple of `time` and the measured values. An estimator
+    `needs` kinds; a driver or a sensor `provides` them. The class is its only declaration: the
+    runtime checks, counts, records and distributes a measurement by its fields. The recording has a
+    topic and a message type named after the class, with the comments in `Annotated`. Recorded types
+    are `Time`, `float`, `bool`, `Vec3` and `Quat`; with `Recorded`, which adds a field, also
+    `T | None` and `tuple[float, ...]`. Each value of a `str` field gets a topic of its own; a field
+    of type `Any` is not recorded.
     """
 
     @property
-    def time(self) -> Time: ...
+    def time(self) -> Time:
+        """When the values were true, not when they arrived."""
 
 
 MeasurementKind = type[Measurement]
 
 
 def kind_name(kind: MeasurementKind) -> str:
-    """The name of a kind in messages and topics: `optical_flow` for the class OpticalFlow."""
+    """Return a kind's name in messages and topics: `optical_flow` for the class OpticalFlow."""
     return re.sub(r"(?<!^)(?=[A-Z])", "_", kind.__name__).lower()
 
 
 class Recorded(NamedTuple):
-    """How a field is recorded for which one number is not enough. comment: what its own field in
-    the message says. extra, extra_comment: the field before it, which says whether there is a
+    """How to record a field that needs one more field in the message. comment: documents the field.
+    extra, extra_comment: the name and comment of the field before it, which says whether there is a
     value, or how many there are."""
 
     comment: str
@@ -58,8 +61,8 @@ Stamp = Annotated[Time, "ns; when it was true. It arrived at the message's log t
 
 
 class Pose(NamedTuple):
-    """A pose from outside, as motion capture gives it: `time` is when it was true, not when it
-    arrived."""
+    """A pose measured from outside, by motion capture: `position` in the world, metres, and
+    `attitude`, body to world."""
 
     time: Stamp
     position: Annotated[Vec3, "m, world"]
@@ -67,7 +70,7 @@ class Pose(NamedTuple):
 
 
 class Battery(NamedTuple):
-    """The battery as the vehicle reports it; `remaining` is 0 to 1."""
+    """The battery as the vehicle reports it: the charge `remaining`, 0 to 1, and its voltage."""
 
     time: Stamp
     remaining: Annotated[float, "0 to 1"]
@@ -75,9 +78,9 @@ class Battery(NamedTuple):
 
 
 class Imu(NamedTuple):
-    """What the inertial sensors measured on average over the last `dt` seconds, with their biases
-    and noise: specific force (m/s^2; at rest it points up with 9.81) and turn rate (rad/s), body
-    frame."""
+    """The mean of the inertial sensors over the `dt` seconds before `time`, biases and noise
+    included, in the body frame: specific force (m/s^2; at rest 9.81 upwards) and angular velocity
+    (rad/s)."""
 
     time: Annotated[Time, "ns; the end of what it is the average of"]
     dt: Annotated[float, "s; how long that was"]
@@ -90,8 +93,8 @@ IMU_TIMEOUT: Time = NS // 10
 
 
 class Frame(NamedTuple):
-    """What a camera saw. image: a grey array, (height, width) uint8. `time` is the middle of the
-    exposure of the image's middle row, not when it arrived."""
+    """A camera's image: a grey array, (height, width) uint8. `time` is the middle of the exposure
+    of its middle row."""
 
     time: Annotated[Time, "ns; the middle of its exposure. It arrived at the message's log time."]
     camera: str
@@ -99,8 +102,8 @@ class Frame(NamedTuple):
 
 
 class Position(NamedTuple):
-    """A position from outside without an attitude, as GPS gives it, in the world. spread: its
-    standard deviation along each axis, metres."""
+    """A position in the world measured from outside without an attitude, by GPS. spread: standard
+    deviation along each axis, metres."""
 
     time: Stamp
     position: Annotated[Vec3, "m, world"]
@@ -108,9 +111,9 @@ class Position(NamedTuple):
 
 
 class Payload(NamedTuple):
-    """What the vehicle says of its payload: whether the servo that holds it is open, and whether it
-    is on board, None where the vehicle can't tell. It comes when something has changed, and so
-    acknowledges that the servo moved."""
+    """The vehicle's report of its payload: whether the servo that holds it is open, and whether it
+    is on board, None if the vehicle can't tell. Sent when either changes, so it acknowledges that
+    the servo moved."""
 
     time: Stamp
     is_open: Annotated[bool, "the servo that holds the payload"]
@@ -120,8 +123,9 @@ class Payload(NamedTuple):
 
 
 class Odometry(NamedTuple):
-    """What an autopilot's own estimator believes: velocity in the world, angular_velocity in the
-    body. spread: standard deviation of the position, metres, as the autopilot has it."""
+    """The state that an autopilot's own estimator reports: position and velocity in the world,
+    attitude body to world, angular_velocity in the body. spread: the autopilot's standard deviation
+    of the position, metres."""
 
     time: Stamp
     position: Annotated[Vec3, "m, world"]
@@ -132,9 +136,8 @@ class Odometry(NamedTuple):
 
 
 class Sticks(NamedTuple):
-    """What a person holds: the sticks of a transmitter or of a ground station, -1 to 1 (throttle 0
-    to 1; roll to the right, pitch forward, yaw to the left are positive), and its switches, each
-    -1 to 1."""
+    """A pilot's sticks, from a transmitter or a ground station: -1 to 1, positive roll to the
+    right, pitch forward, yaw to the left; throttle 0 to 1; and the switches, each -1 to 1."""
 
     time: Stamp
     roll: Annotated[float, "-1 to 1, to the right"]
@@ -148,7 +151,7 @@ class Sticks(NamedTuple):
 
 
 class PayloadState(Enum):
-    """Where the payload is, as the vehicle acknowledged it. ABSENT: none was taken on board."""
+    """Where the payload is, as the vehicle acknowledged it. ABSENT: none was loaded."""
 
     ABOARD = "aboard"
     RELEASED = "released"
@@ -156,11 +159,11 @@ class PayloadState(Enum):
 
 
 class Estimate(NamedTuple):
-    """What the vehicle believes of itself at `time`.
+    """The vehicle's state at `time`, as an estimator computed it.
 
-    position, velocity in the world; attitude body to world; angular_velocity in the body. `source`
-    is the estimator's name, `age` the seconds since the newest measurement in it was true, `spread`
-    its standard deviation in metres.
+    position, velocity: in the world. attitude: body to world. angular_velocity: in the body.
+    source: the estimator's name. age: seconds since its newest measurement was true. spread:
+    standard deviation of the position, metres.
     """
 
     time: Time
@@ -174,8 +177,8 @@ class Estimate(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """The state as the simulator knows it; only the recorder and the expectations may read it.
-    payload: where the centre of the payload is, on board or not; None without one."""
+    """The true state in a simulator; only the recorder and the expectations may read it. payload:
+    the centre of the payload, on board or not; None without one."""
 
     position: Vec3
     velocity: Vec3
@@ -185,7 +188,7 @@ class Truth(NamedTuple):
 
 
 class SetpointKind(Enum):
-    """What a setpoint asks the tracker to follow. IDLE asks for rotors at rest, on the ground."""
+    """What the tracker follows in a setpoint. IDLE: rotors at rest, on the ground."""
 
     IDLE = "idle"
     POSITION = "position"
@@ -194,11 +197,12 @@ class SetpointKind(Enum):
 
 
 class Setpoint(NamedTuple):
-    """Where the vehicle should be now, and how it should move.
+    """Where the vehicle should be now and how it should move, in the world frame.
 
-    The kind says which field is followed: POSITION has all of position, velocity and acceleration
-    (feed-forward, zero when at rest) and jerk; VELOCITY has no position; ACCELERATION has neither.
-    `heading` or `heading_rate` is held.
+    A POSITION setpoint has position, velocity, acceleration and jerk (fed forward, zero at rest); a
+    VELOCITY setpoint has no position, an ACCELERATION setpoint no position and no velocity. The
+    tracker follows `heading` (rad) and feeds `heading_rate` (rad/s) forward; where `heading` is
+    None, it turns at `heading_rate` from the heading that it followed last.
     """
 
     kind: SetpointKind
@@ -211,7 +215,8 @@ class Setpoint(NamedTuple):
 
 
 class CommandKind(Enum):
-    """What a tracker gives and a driver accepts: what the vehicle's own controller is to follow."""
+    """What the on-board controller follows in a command; a tracker emits kinds, a driver accepts
+    them."""
 
     POSITION = "position"
     VELOCITY = "velocity"
@@ -221,15 +226,14 @@ class CommandKind(Enum):
 
 
 class Command(NamedTuple):
-    """What the on-board controller is to follow; `kind` says what of it counts.
+    """What the on-board controller should follow; `kind` says which fields count.
 
-    ATTITUDE_THRUST: `attitude`, body to world, `thrust`, newtons along body z, and `rates`, body
-    rates to feed forward. RATES_THRUST: `rates` and `thrust`. POSITION, VELOCITY and ACCELERATION:
-    `setpoint`, which has at least what the kind says; what else it has is fed forward. `armed`
-    false stops the rotors. heading: what the sender believes the heading to be now, for an on-board
-    filter that can't see it (an autopilot takes it from external vision in the same way); None when
-    nobody knows: then the heading in `attitude` means nothing, and the on-board controller holds
-    the one that it has.
+    ATTITUDE_THRUST: `attitude` (body to world), `thrust` (newtons along body z) and `rates` (body,
+    rad/s), fed forward. RATES_THRUST: `rates` and `thrust`. POSITION, VELOCITY and ACCELERATION:
+    `setpoint`, which has at least that field; its other fields are fed forward. `armed` false stops
+    the rotors. heading: the estimated heading, for an on-board filter that can't observe it, as an
+    autopilot takes it from external vision; if None, it is unknown, the heading in `attitude` is
+    meaningless, and the on-board controller holds its own.
     """
 
     attitude: Quat
@@ -242,7 +246,7 @@ class Command(NamedTuple):
 
 
 class Reaction(IntEnum):
-    """What the failsafe does, in order of severity; the severest of a tick wins."""
+    """What the failsafe does, in order of severity; the severest in a tick wins."""
 
     WARN = 1
     BRAKE = 2
@@ -253,12 +257,12 @@ class Reaction(IntEnum):
 
 
 ReactionName = Literal["warn", "brake", "go_home", "land", "land_blind", "cut"]
-"""A reaction as a mission chooses it for a supervisor."""
+"""A reaction's name, as a mission chooses it for a supervisor."""
 
 
 class Alarm(NamedTuple):
-    """A bound that was crossed: an event's name (past tense), what to do, why, the measured value
-    and the bound; None where there is no number."""
+    """A crossed bound: the event's name in the past tense, the reaction, the reason, and the
+    measured value and the bound, None where there is no number."""
 
     event: str
     reaction: Reaction
@@ -268,28 +272,28 @@ class Alarm(NamedTuple):
 
 
 class Done(NamedTuple):
-    """A behavior's last update: it ended as it should, and this setpoint still counts."""
+    """A behavior's last update when it ended normally; the tracker still follows its setpoint."""
 
     setpoint: Setpoint
 
 
 class Failed(NamedTuple):
-    """A behavior's last update: it could not do its work, and why; the setpoint still counts."""
+    """A behavior's last update when it failed, and why; the tracker still follows its setpoint."""
 
     setpoint: Setpoint
     reason: str
 
 
 class Grip(NamedTuple):
-    """A behavior's update that also asks for the servo that holds the payload, open or closed; the
-    setpoint counts as ever. Ask until the vehicle has acknowledged it."""
+    """A behavior's update that also opens or closes the servo that holds the payload. A behavior
+    returns it until the vehicle has acknowledged it."""
 
     setpoint: Setpoint
     is_open: bool
 
 
 class Event(NamedTuple):
-    """Something that happened. `name` is in the past tense; `at` is the mission line that caused
+    """Something that happened at `time`. name: in the past tense. at: the mission line that caused
     it, or empty."""
 
     time: Time
@@ -303,11 +307,10 @@ class Tick(NamedTuple):
     """What a vehicle's parts see in one tick.
 
     now: the tick's time. dt: seconds since the vehicle's last tick. elapsed: seconds since the
-    behavior was entered.
-    fleet: the frozen estimates of every vehicle (None for a vehicle without one), by name.
-    setpoint: what the tracker followed in the last tick. imu: the newest one, where the vehicle
-    subscribes to it. link_age: seconds since the link delivered anything. payload: where it is,
-    None while nobody knows.
+    behavior was entered. fleet: every vehicle's estimate by name, frozen before any behavior runs,
+    None for a vehicle without one. setpoint: the one that the tracker followed in the last tick.
+    imu: the newest, if the vehicle subscribes to it. link_age: seconds since the link last
+    delivered anything. payload: where the payload is, None while unknown.
     """
 
     now: Time
@@ -322,7 +325,7 @@ class Tick(NamedTuple):
     payload: PayloadState | None = None
 
     def known(self) -> Estimate:
-        """The estimate; raises EstimateMissing where there is none."""
+        """Return the estimate. Raises EstimateMissing if there is none."""
         if self.estimate is None:
             raise EstimateMissing("no estimator has an estimate")
         return self.estimate

@@ -1,9 +1,8 @@
-"""A table as text: comma-separated, a header that names the columns, a row a line.
+"""Read comma-separated tables with units in the header.
 
-The header names the columns in any order, each with its unit in brackets, `x [cm]`; without one a
-column is SI, but for an angle, which must say `[deg]` or `[rad]`. A column without a dimension
-holds words. Empty lines and those that begin with `#` are passed over. Everything raises FileError,
-which names the line.
+The header names the columns in any order, each with its unit in brackets: `x [cm]`. A column
+without a unit is SI, but angles and their rates must name one. A column without a dimension holds
+words. Empty lines and lines that begin with `#` are skipped. Errors are FileError with the line.
 """
 
 from __future__ import annotations
@@ -20,17 +19,19 @@ _HEADER = re.compile(r"([A-Za-z]\w*)\s*(?:\[([^\]]*)\])?\Z")
 
 
 class Table(NamedTuple):
-    """The columns as the header has them, and the rows: (the line where it stands, its numbers in
-    SI, its words), each by the name of its column."""
+    """A table's columns in the order of the header, and its rows, each (line in the file, numbers
+    in SI by column, words by column)."""
 
     columns: tuple[str, ...]
     rows: Iterator[tuple[int, dict[str, float], dict[str, str]]]
 
 
 def read_table(text: str, columns: Mapping[str, Dimension | None], what: str, like: str) -> Table:
-    """The table in `text`, of these columns, their words being those without a dimension; rows are
-    read when they are asked for. `what` it is a table of, and a header `like` a good one, are for
-    the messages."""
+    """Parse the header of `text` and return a table whose rows are parsed lazily.
+
+    columns: each known column's dimension, None for words. what, like: what the table holds and an
+    example of a header, for messages. Raises FileError for a bad header, and `rows` for a bad row.
+    """
     lines = _lines(text)
     first = next(lines, None)
     if first is None:
@@ -46,14 +47,14 @@ def read_table(text: str, columns: Mapping[str, Dimension | None], what: str, li
 
 
 def need(table: Table, names: tuple[str, ...], line: int) -> None:
-    """Raises FileError for the first of `names` that is no column."""
+    """Raise FileError, at `line`, for the first of `names` that is not a column."""
     for name in names:
         if name not in table.columns:
             raise FileError(f"the column `{name}` is missing", line)
 
 
 def header_line(text: str) -> int:
-    """The line of the header, 1 where there is none."""
+    """Return the line number of the header, 1 if there is none."""
     return next(_lines(text), (1, ""))[0]
 
 
@@ -66,7 +67,7 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
 def _column(
     number: int, cell: str, columns: Mapping[str, Dimension | None], what: str
 ) -> tuple[str, float | None]:
-    """(its name, the factor to SI; None for words)."""
+    """Parse a header cell into its name and its factor to SI, None for words."""
     match = _HEADER.match(cell)
     if match is None or match[1] not in columns:
         known = ", ".join(f"`{name}`" for name in columns)

@@ -1,8 +1,8 @@
-"""Dimensions, their units, and the annotated types that carry them: the unit is in the type.
+"""Dimensions, their units, and the annotated types that carry them.
 
-`Length` is a plain `float` in metres for the reader and for mypy; the dimension in its annotation
-is what the compiler reads to decode `1.2 m`, to write the JSON Schema and to print the table of
-parameters. Inside kybflow every value is SI.
+To mypy `Length` is a plain `float`, in metres; the compiler reads the dimension in its annotation
+to decode `1.2 m`, to write the JSON Schema and to print tables of parameters. Inside kybflow every
+value is SI: a type's values are in the `si` unit of its dimension.
 """
 
 from __future__ import annotations
@@ -19,10 +19,8 @@ Vec3 = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Dimension:
-    """What a quantity measures. `units` maps a unit's symbol to its factor to SI.
-
-    A dimension with `bare_allowed` reads a number without a unit as SI.
-    """
+    """What a quantity measures. `si` is the SI unit's symbol; `units` maps the symbol of each unit
+    to its factor to SI. With `bare_allowed`, a number without a unit is read as SI."""
 
     name: str
     si: str
@@ -35,6 +33,7 @@ class Dimension:
 
 
 DEG = math.pi / 180.0
+"""One degree in radians."""
 
 NUMBER = Dimension("number", "", {}, "2")
 LENGTH = Dimension("length", "m", {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3}, "1.2 m")
@@ -64,8 +63,10 @@ DIMENSIONS: dict[str, Dimension] = {
         INERTIA, FORCE, RATIO, DAMPING, VOLTAGE,
     )
 }  # fmt: skip
+"""Every dimension, by name."""
 
 Number = Annotated[float, NUMBER]
+"""A dimensionless number. Each type below is a float, or a tuple of them, in its SI unit."""
 Length = Annotated[float, LENGTH]
 Speed = Annotated[float, SPEED]
 Acceleration = Annotated[float, ACCELERATION]
@@ -77,7 +78,9 @@ Mass = Annotated[float, MASS]
 Inertia = Annotated[float, INERTIA]
 Force = Annotated[float, FORCE]
 Ratio = Annotated[float, RATIO]
+"""A fraction; 1.0 is 100 %."""
 Damping = Annotated[float, DAMPING]
+"""A rate constant, 1/s."""
 Voltage = Annotated[float, VOLTAGE]
 Position = Annotated[Vec3, LENGTH]
 Velocity = Annotated[Vec3, SPEED]
@@ -85,16 +88,17 @@ AngularVelocity = Annotated[Vec3, ANGULAR_RATE]
 Accelerations = Annotated[Vec3, ACCELERATION]
 Inertias = Annotated[Vec3, INERTIA]
 Path = Annotated[tuple[Vec3, ...], LENGTH]
+"""Any number of positions."""
 
-# A number and, after it, a unit: `1.2 m`, `-3e-2m/s`, `0.25 1/s`.
+# A number and then a unit: `1.2 m`, `-3e-2m/s`, `0.25 1/s`.
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.].*|1/s)?\s*\Z")
 
 
 def parse_quantity(text: str, dimension: Dimension) -> float:
-    """The value of `text` in the SI unit of `dimension`.
+    """Parse `text` and return its value in the SI unit of `dimension`.
 
-    Raises UnitError, with what was found and what was expected, when the text is no finite
-    quantity, has no unit where one is needed, or has a unit of another dimension.
+    Raises UnitError when the text is not a finite quantity, lacks a required unit, or has a unit of
+    another dimension.
     """
     match = _QUANTITY.match(text)
     if match is None:
@@ -130,12 +134,12 @@ def _factor(text: str, number: str, unit: str, dimension: Dimension) -> float:
 
 
 def article(noun: str) -> str:
-    """`noun` with `a` or `an` before it."""
+    """Return `noun` with `a` or `an` before it."""
     return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
 
 
 def format_quantity(value: float, dimension: Dimension) -> str:
-    """`value` (SI) as a person would write it: `0.034 m`, `20 deg`, `15 %`."""
+    """Format `value` (SI) as a person would write it: `0.034 m`, `20 deg`, `15 %`."""
     if dimension is ANGLE or dimension is ANGULAR_RATE:
         return f"{value / DEG:.4g} {'deg' if dimension is ANGLE else 'deg/s'}"
     if dimension is RATIO:
@@ -148,8 +152,8 @@ _SMALL = {"m": (100.0, "cm"), "m/s": (100.0, "cm/s")}
 
 
 def format_measured(value: float, si: str, sign: str = "") -> str:
-    """A measured `value` (in the SI unit `si`) with three digits, as a report shows it: angles in
-    degrees, lengths and speeds below one in centimetres. `sign` "+" shows the plus."""
+    """Format a measured `value` in the SI unit `si` for a report: three digits, angles in degrees,
+    lengths and speeds below one in centimetres. `sign` "+" shows the plus."""
     factor, unit = _READABLE.get(si, (1.0, si))
     if si in _SMALL and abs(value) < 1.0:
         factor, unit = _SMALL[si]
