@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from kybflow.dsl.diagnostics.diagnostic import collect
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, entries_of
-from kybflow.dsl.reading.reader import Source, read
-from kybflow.dsl.resolving.imports import GROUP, Place, find, installed
-from kybflow.dsl.resolving.offers import SECTIONS
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, entries_of
+from kybflow.dsl.reading.reader import ParsedFile, read
+from kybflow.dsl.resolving.exports import SECTIONS
+from kybflow.dsl.resolving.imports import GROUP, LibraryPath, find, installed
 
 OWN = "kybflow"
 """The package whose missions need no package before their name."""
@@ -23,7 +23,7 @@ class Shipped:
     """A YAML file that missions import or start from, and the name by which they call it."""
 
     name: str
-    source: Source
+    source: ParsedFile
     path: Path
 
     @property
@@ -36,7 +36,7 @@ class Shipped:
         root = self.source.root
         return root if isinstance(root, Mapping) else None
 
-    def entries(self) -> Iterator[tuple[str, str, Entry]]:
+    def entries(self) -> Iterator[tuple[str, str, MappingEntry]]:
         """(section, name, entry) of everything that it offers."""
         for section in SECTIONS if self.root else ():
             for name, entry in entries_of(self.root.get(section)).items() if self.root else ():
@@ -89,11 +89,11 @@ def imports_of(one: Shipped) -> Iterator[Import]:
     for name, entry in entries_of(one.root.get("import") if one.root else None).items():
         text = _from(entry.value)
         if text is not None:
-            place = collect(find(text, Place(one.path, str(one.path)), root)).value
+            place = collect(find(text, LibraryPath(one.path, str(one.path)), root)).value
             yield Import(name, text.text, _library(text.text, place) if place else None)
 
 
-def _library(written: str, place: Place) -> Shipped:
+def _library(written: str, place: LibraryPath) -> Shipped:
     """The library at `place`, called as every mission may import it."""
     shipped = (one for one in libraries() if one.path.samefile(place.path))
     return next(shipped, None) or read_file(written, place.path)

@@ -28,7 +28,7 @@ from kybflow.dsl.diagnostics.spans import SET
 from kybflow.dsl.document import Document, Parameter
 from kybflow.dsl.lowering.lower import lower
 from kybflow.dsl.plan import Plan, SourceFile
-from kybflow.dsl.reading.reader import Source, read
+from kybflow.dsl.reading.reader import ParsedFile, read
 from kybflow.dsl.resolving.loading import Files
 from kybflow.dsl.resolving.parameters import parse_settings
 from kybflow.dsl.resolving.resolve import resolve, resolve_library
@@ -37,7 +37,7 @@ from kybflow.dsl.schema.judge import is_library, judge_mission
 from kybflow.dsl.shaping import targets
 from kybflow.dsl.shaping.library import judge_library
 from kybflow.dsl.shaping.shape import shape
-from kybflow.dsl.writing.mission import written
+from kybflow.dsl.writing.mission import to_yaml
 
 if TYPE_CHECKING:
     from kybflow.dsl.reading.nodes import Node
@@ -69,7 +69,7 @@ def compile_mission(
     if document is None:
         return result
     sources = tuple(SourceFile(s.file, s.sha256) for s in files.sources.values())
-    plan = lower(document, catalog, sources, written(document))
+    plan = lower(document, catalog, sources, to_yaml(document))
     return replace(result, plan=plan, parameters=document.parameters)
 
 
@@ -101,7 +101,7 @@ def _compiled(
 
 
 def _passes(
-    source: Source, files: Files, catalog: Catalog, target: str | None, sets: Sequence[str]
+    source: ParsedFile, files: Files, catalog: Catalog, target: str | None, sets: Sequence[str]
 ) -> Diagnosed[Document | None]:
     """The passes up to the checked document, a line each; None for a library."""
     root, settings = yield from passed(_input(source, sets))
@@ -117,7 +117,7 @@ def _passes(
     return document
 
 
-def _input(source: Source, sets: Sequence[str]) -> Diagnosed[tuple[Node, dict[str, Setting]]]:
+def _input(source: ParsedFile, sets: Sequence[str]) -> Diagnosed[tuple[Node, dict[str, Setting]]]:
     """The tree of the mission's file and the values of `--set`."""
     yield from source.found
     settings = yield from parse_settings(sets)

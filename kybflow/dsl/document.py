@@ -35,7 +35,7 @@ class PartUse:
 
 
 @dataclass(frozen=True, slots=True)
-class Transition:
+class TransitionEntry:
     """One arrow as written; `span` is the whole of it, `target.span` the name of its goal. `since`
     is the chain whose arrow it is: its `after` counts from the entry of that. `enters` is the chain
     that it enters, whose first state is the target."""
@@ -52,12 +52,12 @@ class Transition:
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class StateEntry:
     """One entry of `behaviors:`. `inherited` is true when it came through `like`."""
 
     name: Text
     part: PartUse
-    transitions: tuple[Transition, ...]
+    transitions: tuple[TransitionEntry, ...]
     span: Span
     inherited: bool = False
     estimators: tuple[Text, ...] = ()
@@ -73,17 +73,17 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class ChainUse:
+class ChainEntry:
     """A behavior that is a chain of states, `NAME.INNER`. Its arrows are also among those of every
     state inside."""
 
     name: Text
-    transitions: tuple[Transition, ...]
+    transitions: tuple[TransitionEntry, ...]
     span: Span
 
 
 @dataclass(frozen=True, slots=True)
-class EstimatorUse:
+class EstimatorEntry:
     part: PartUse
     healthy: Text | None
     recover_after: float
@@ -91,7 +91,7 @@ class EstimatorUse:
 
 
 @dataclass(frozen=True, slots=True)
-class CameraUse:
+class CameraEntry:
     """One entry of an airframe's `cameras`: its parameters as declared, and the camera."""
 
     name: Text
@@ -102,7 +102,7 @@ class CameraUse:
 
 
 @dataclass(frozen=True, slots=True)
-class SensorUse:
+class SensorEntry:
     """One sensor of a vehicle on the target: the estimator that it is named for, empty for one that
     the driver brings; its place in the list of those, 0 for the first."""
 
@@ -118,36 +118,36 @@ class SensorUse:
 
 
 @dataclass(frozen=True, slots=True)
-class Vehicle:
+class VehicleEntry:
     """One vehicle. `begin` is the name of the first state: the one written, else the first
     behavior. `airframe_spans` holds the span of each of the airframe's parameters that was
-    written, `spans` that of each of the vehicle's own keys. `asked` are the states that callbacks
-    and flows may ask for at any time, `asked_first` those of them that a flow asks for while the
-    vehicle waits on the ground at its start. `own_tracker` is the mission's, where the target has
-    `tracker` in its place."""
+    written, `spans` that of each of the vehicle's own keys. Callbacks and flows may request the
+    states `requested` at any time; flows request `requested_first` while the vehicle waits on the
+    ground at its start. `own_tracker` is the mission's, where the target has `tracker` in its
+    place."""
 
     name: Text
     airframe: Airframe
     start: Vec3
     start_span: Span
     heading: float
-    estimators: tuple[EstimatorUse, ...]
+    estimators: tuple[EstimatorEntry, ...]
     processors: tuple[PartUse, ...]
     tracker: PartUse
     supervisors: tuple[PartUse, ...]
     driver: PartUse
     begin: Text
-    states: dict[str, State]
+    states: dict[str, StateEntry]
     span: Span
     airframe_spans: dict[str, Span] = field(default_factory=dict)
     home: Vec3 | None = None
     home_span: Span | None = None
     spans: dict[str, Span] = field(default_factory=dict)
-    asked: frozenset[str] = frozenset()
-    asked_first: frozenset[str] = frozenset()
-    chains: dict[str, ChainUse] = field(default_factory=dict)
-    cameras: tuple[CameraUse, ...] = ()
-    sensors: tuple[SensorUse, ...] = ()
+    requested: frozenset[str] = frozenset()
+    requested_first: frozenset[str] = frozenset()
+    chains: dict[str, ChainEntry] = field(default_factory=dict)
+    cameras: tuple[CameraEntry, ...] = ()
+    sensors: tuple[SensorEntry, ...] = ()
     payload: Parcel | None = None
     own_tracker: PartUse | None = None
     known: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
@@ -168,7 +168,7 @@ class Vehicle:
 
 
 @dataclass(frozen=True, slots=True)
-class AirframeUse:
+class AirframeEntry:
     """An airframe that the mission itself describes, whether something flies it or not."""
 
     name: Text
@@ -177,7 +177,7 @@ class AirframeUse:
 
 
 @dataclass(frozen=True, slots=True)
-class ObstacleUse:
+class ObstacleEntry:
     """One entry of `world.obstacles`."""
 
     name: Text
@@ -186,7 +186,7 @@ class ObstacleUse:
 
 
 @dataclass(frozen=True, slots=True)
-class TagsUse:
+class TagsEntry:
     """One entry of `world.tags`: its parameters as declared, and the tags that they mean. `lines`
     are those of a file, where the tags stand in one."""
 
@@ -198,7 +198,7 @@ class TagsUse:
 
 
 @dataclass(frozen=True, slots=True)
-class ActionUse:
+class ActionEntry:
     """One action as written: `{NAME: VALUE}`, or one of `{NAME: {TARGET: VALUE}}`. `value` is a
     Text, the node of an option's value, None for an action from a package, which has a `part`."""
 
@@ -209,18 +209,18 @@ class ActionUse:
 
 
 @dataclass(frozen=True, slots=True)
-class Callback:
+class CallbackEntry:
     """One entry of `on:`."""
 
     event: Text
     fields: tuple[tuple[Text, Text], ...]
     when: Text | None
-    actions: tuple[ActionUse, ...]
+    actions: tuple[ActionEntry, ...]
     span: Span
 
 
 @dataclass(frozen=True, slots=True)
-class FaultUse:
+class FaultEntry:
     """One entry of `faults:`."""
 
     part: PartUse
@@ -232,26 +232,26 @@ class FaultUse:
 
 
 @dataclass(frozen=True, slots=True)
-class Phase:
+class PhaseEntry:
     """One phase of a flow as written; keys of `run` and `give` are vehicles or groups. `inherited`
     is true when it came through `like`."""
 
     name: Text
     run: tuple[tuple[Text, Text], ...]
     give: tuple[tuple[Text, Text], ...]
-    set: tuple[ActionUse, ...]
-    transitions: tuple[Transition, ...]
+    set: tuple[ActionEntry, ...]
+    transitions: tuple[TransitionEntry, ...]
     span: Span
     inherited: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Flow:
+class FlowEntry:
     """One entry of `flows:`."""
 
     name: Text
     begin: Text
-    phases: dict[str, Phase]
+    phases: dict[str, PhaseEntry]
     span: Span
 
 
@@ -279,16 +279,16 @@ class Document:
     control_span: Span | None
     hover_limit: float
     time_limit: float
-    vehicles: dict[str, Vehicle]
+    vehicles: dict[str, VehicleEntry]
     expect: tuple[Text, ...]
-    airframes: tuple[AirframeUse, ...] = ()
+    airframes: tuple[AirframeEntry, ...] = ()
     spans: dict[str, Span] = field(default_factory=dict)
     points: dict[str, Vec3] = field(default_factory=dict)
     point_spans: dict[str, Span] = field(default_factory=dict)
-    obstacles: tuple[ObstacleUse, ...] = ()
-    tags: tuple[TagsUse, ...] = ()
+    obstacles: tuple[ObstacleEntry, ...] = ()
+    tags: tuple[TagsEntry, ...] = ()
     groups: dict[str, tuple[Text, ...]] = field(default_factory=dict)
     group_spans: dict[str, Span] = field(default_factory=dict)
-    callbacks: tuple[Callback, ...] = ()
-    faults: tuple[FaultUse, ...] = ()
-    flows: dict[str, Flow] = field(default_factory=dict)
+    callbacks: tuple[CallbackEntry, ...] = ()
+    faults: tuple[FaultEntry, ...] = ()
+    flows: dict[str, FlowEntry] = field(default_factory=dict)

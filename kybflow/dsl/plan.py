@@ -160,7 +160,7 @@ class EnterPhase:
 
 
 @dataclass(frozen=True, slots=True)
-class Log:
+class LogText:
     """Tell a text; `{vehicle}`, `{time}` and the event's own fields in it are filled in."""
 
     text: str
@@ -180,7 +180,7 @@ class Call:
     part: PartPlan
 
 
-ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Log | Stop | Call
+ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | LogText | Stop | Call
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,16 +15,16 @@ from kybflow.core.geometry import Vec3, distance
 from kybflow.dsl.expressions import (
     Aggregate,
     And,
-    Clock,
     Compare,
     Distance,
     Expression,
     GroupInState,
     InState,
+    Location,
+    MissionTime,
     Not,
-    Number,
     Or,
-    Place,
+    Quantity,
     Read,
     Separation,
     Value,
@@ -51,7 +51,7 @@ def bind(
     """Return the condition as a function without arguments. `own` is the vehicle that an unnamed
     read refers to; `now` returns seconds of the run. Raises TypeError for any other expression."""
     match expression:
-        case Compare(left=Read(vehicle, name), right=Number(bound, _)):
+        case Compare(left=Read(vehicle, name), right=Quantity(bound, _)):
             view = views[vehicle or own or ""]
             return _against(OBSERVABLES[name].read, view, OPERATORS[expression.operator], bound)
         case Compare(symbol, left, right):
@@ -80,12 +80,12 @@ def value_of(
 ) -> Callable[[], Any]:
     """Return the value (SI) as a function that raises Unavailable while the value is unknown."""
     match value:
-        case Number(constant, _) | Word(constant):
+        case Quantity(constant, _) | Word(constant):
             return lambda: constant
         case Read(vehicle, name):
             view, read = views[vehicle or own or ""], OBSERVABLES[name].read
             return lambda: read(view)
-        case Clock():
+        case MissionTime():
             return now
         case Distance(a, b):
             return _distance(_point_of(a, views, own), _point_of(b, views, own))
@@ -136,7 +136,7 @@ def _either(parts: list[Callable[[], bool]]) -> Callable[[], bool]:
     return lambda: any(part() for part in parts)
 
 
-def _point_of(place: Place, views: Mapping[str, View], own: str | None) -> Callable[[], Vec3]:
+def _point_of(place: Location, views: Mapping[str, View], own: str | None) -> Callable[[], Vec3]:
     if place.point is not None:
         point = place.point
         return lambda: point

@@ -14,13 +14,13 @@ from typing import Any, NamedTuple, Protocol
 from kybflow.dsl.expressions import (
     Aggregate,
     Always,
-    Clock,
     Compare,
     Condition,
     Eventually,
     Finally,
     Finished,
-    Number,
+    MissionTime,
+    Quantity,
     Read,
     Word,
 )
@@ -225,7 +225,7 @@ _ORDERS: Mapping[str, float] = {"<": 1.0, "<=": 1.0, ">": -1.0, ">=": -1.0}
 
 
 def _reader(value: object, samplers: Samplers) -> Callable[[], float | None]:
-    if isinstance(value, Number):
+    if isinstance(value, Quantity):
         constant = value.value
         return lambda: constant
     if not isinstance(value, Aggregate):
@@ -252,8 +252,8 @@ def _unit(value: Any) -> str:
     if isinstance(value, Read):
         dimension = OBSERVABLES[value.name].dimension
         return dimension.si if dimension is not None else ""
-    if isinstance(value, Number):
+    if isinstance(value, Quantity):
         return value.dimension.si
-    if isinstance(value, Clock):
+    if isinstance(value, MissionTime):
         return "s"
     return "" if isinstance(value, Word) else "m"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.expressions import Always, Compare, Distance, InState, Not, Place
+from kybflow.dsl.expressions import Always, Compare, Distance, InState, Location, Not
 from kybflow.dsl.graph.drawing import cause_of
 from kybflow.dsl.plan import Plan, StatePlan
 from kybflow.parts.catalog import load_catalog
@@ -166,7 +166,7 @@ def test_expressions_know_points_and_chains(tmp_path: Path) -> None:
     near, inside, outside = (e.expression for e in plan_of(tmp_path).expectations)
     assert isinstance(near, Always)
     assert isinstance(near.condition, Compare)
-    assert near.condition.left == Distance(Place("a"), Place(None, point=(1.0, 0.0, 1.0)))
+    assert near.condition.left == Distance(Location("a"), Location(None, point=(1.0, 0.0, 1.0)))
     assert getattr(inside, "condition", None) == InState("a", "tour.first")
     assert getattr(outside, "condition", None) == Not(InState("a", "tour"))
 

@@ -15,16 +15,16 @@ from kybflow.dsl.expressions import (
     Aggregate,
     Always,
     And,
-    Clock,
     Compare,
     Distance,
     Eventually,
     Finished,
     InState,
+    Location,
+    MissionTime,
     Not,
-    Number,
     Or,
-    Place,
+    Quantity,
     Read,
     Scope,
     Separation,
@@ -58,9 +58,9 @@ def first_error(words: str, scope: Scope = CONDITION) -> tuple[str, str, str]:
     return finding.code, finding.message, marked
 
 
-LOW = Compare("<", Read(None, "battery.remaining"), Number(0.2, RATIO))
-HIGH = Compare(">", Read(None, "state.altitude"), Number(1.0, LENGTH))
-LATE = Compare(">", Read(None, "elapsed"), Number(3.0, DURATION))
+LOW = Compare("<", Read(None, "battery.remaining"), Quantity(0.2, RATIO))
+HIGH = Compare(">", Read(None, "state.altitude"), Quantity(1.0, LENGTH))
+LATE = Compare(">", Read(None, "elapsed"), Quantity(3.0, DURATION))
 
 
 @pytest.mark.parametrize(
@@ -73,17 +73,17 @@ LATE = Compare(">", Read(None, "elapsed"), Number(3.0, DURATION))
         ("b in landed", InState("b", "landed")),
         ("b.behavior == up", Compare("==", Read("b", "behavior"), Word("up"))),
         ("estimator != mocap", Compare("!=", Read(None, "estimator"), Word("mocap"))),
-        ("time >= 2 min", Compare(">=", Clock(), Number(120.0, DURATION))),
+        ("time >= 2 min", Compare(">=", MissionTime(), Quantity(120.0, DURATION))),
         (
             "distance(a to b.start) < 80 cm",
-            Compare("<", Distance(Place("a"), Place("b", True)), Number(0.8, LENGTH)),
+            Compare("<", Distance(Location("a"), Location("b", True)), Quantity(0.8, LENGTH)),
         ),
         (
             "distance(start to [1.0 -2.0 120 cm]) < 1",
             Compare(
                 "<",
-                Distance(Place(None, True), Place(None, False, (1.0, -2.0, 1.2))),
-                Number(1.0, LENGTH),
+                Distance(Location(None, True), Location(None, False, (1.0, -2.0, 1.2))),
+                Quantity(1.0, LENGTH),
             ),
         ),
     ],
@@ -101,32 +101,34 @@ def test_and_binds_tighter_than_or() -> None:
 def test_health_reads_the_estimators_own_age_and_spread() -> None:
     expected = And(
         (
-            Compare("<", Read(None, "estimate.age"), Number(0.3, DURATION)),
-            Compare("<", Read(None, "estimate.spread"), Number(0.05, LENGTH)),
+            Compare("<", Read(None, "estimate.age"), Quantity(0.3, DURATION)),
+            Compare("<", Read(None, "estimate.spread"), Quantity(0.05, LENGTH)),
         )
     )
     assert expected == read("age < 300 ms and spread < 5 cm", HEALTH)
 
 
-TO_POINT = Aggregate("max", Distance(Place(None, point=(1.0, 2.0, 3.0)), Place("b")), "b", "landed")
+TO_POINT = Aggregate(
+    "max", Distance(Location(None, point=(1.0, 2.0, 3.0)), Location("b")), "b", "landed"
+)
 ERROR = Aggregate("mean", Read("a", "position_error"), "a", "eight")
 
 
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ("mean(a.position_error in eight) < 4 cm", Compare("<", ERROR, Number(0.04, LENGTH))),
-        ("4 cm > mean(a.position_error in eight)", Compare("<", ERROR, Number(0.04, LENGTH))),
+        ("mean(a.position_error in eight) < 4 cm", Compare("<", ERROR, Quantity(0.04, LENGTH))),
+        ("4 cm > mean(a.position_error in eight)", Compare("<", ERROR, Quantity(0.04, LENGTH))),
         ("finished within 60 s", Finished(60.0)),
         (
             "always separation(all) > 60 cm",
-            Always(Compare(">", Separation(("a", "b")), Number(0.6, LENGTH))),
+            Always(Compare(">", Separation(("a", "b")), Quantity(0.6, LENGTH))),
         ),
         ("eventually b in landed within 90 s", Eventually(InState("b", "landed"), 90.0)),
         ("eventually b in landed", Eventually(InState("b", "landed"), None)),
         (
             "max(distance([1 2 3] to b) in landed) < 1 cm",
-            Compare("<", TO_POINT, Number(0.01, LENGTH)),
+            Compare("<", TO_POINT, Quantity(0.01, LENGTH)),
         ),
     ],
 )
@@ -258,7 +260,9 @@ def test_describing_an_expectation_gives_the_text_back(words: str) -> None:
 
 
 def test_angles_are_described_in_degrees() -> None:
-    assert describe(Compare("<", Read("a", "state.tilt"), Number(0.5, ANGLE))).endswith("28.65 deg")
+    assert describe(Compare("<", Read("a", "state.tilt"), Quantity(0.5, ANGLE))).endswith(
+        "28.65 deg"
+    )
 
 
 WORDS = st.sampled_from(

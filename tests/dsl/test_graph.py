@@ -11,7 +11,7 @@ import pytest
 from plans import part, plan, state, then, vehicle
 
 from kybflow.core.units import RATIO
-from kybflow.dsl.expressions import Compare, Number, Read
+from kybflow.dsl.expressions import Compare, Quantity, Read
 from kybflow.dsl.graph.drawing import Edge, drawings
 from kybflow.dsl.graph.layout import Size, arranged
 from kybflow.dsl.graph.mermaid import mermaid
@@ -26,7 +26,7 @@ from kybflow.dsl.plan import (
     TransitionPlan,
 )
 
-LOW = Compare("<", Read(None, "battery.remaining"), Number(0.3, RATIO))
+LOW = Compare("<", Read(None, "battery.remaining"), Quantity(0.3, RATIO))
 HOME = TransitionPlan("next", "down", when=LOW, hold=0.5)
 IMPLIED = TransitionPlan("failed", "brake", implied=True)
 

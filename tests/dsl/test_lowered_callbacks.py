@@ -9,7 +9,16 @@ from test_written import without_places
 
 from kybflow.dsl.compiler import Result, compile_mission
 from kybflow.dsl.expressions import InState
-from kybflow.dsl.plan import CallbackPlan, Emit, Enable, EnterPhase, Log, SetOption, Stop, Switch
+from kybflow.dsl.plan import (
+    CallbackPlan,
+    Emit,
+    Enable,
+    EnterPhase,
+    LogText,
+    SetOption,
+    Stop,
+    Switch,
+)
 from kybflow.parts.catalog import load_catalog
 
 HEAD = """\
@@ -91,7 +100,7 @@ on:
         Enable("b", "processors.limit_speed", False),
         Enable("a", "processors.limit_speed", True),
         Emit("ready"),
-        Log("{vehicle} left {behavior}"),
+        LogText("{vehicle} left {behavior}"),
         Stop("over"),
     )
 

@@ -9,22 +9,15 @@ from typing import Any
 import pytest
 
 from kybflow.core.units import LENGTH
-from kybflow.dsl.expressions import Compare, Expression, Number, Read
+from kybflow.dsl.expressions import Compare, Expression, Quantity, Read
 from kybflow.dsl.machine import Exit, FlowMachine, VehicleMachine
-from kybflow.dsl.plan import (
-    FlowPlan,
-    PartPlan,
-    PhasePlan,
-    StatePlan,
-    TransitionPlan,
-    VehiclePlan,
-)
+from kybflow.dsl.plan import FlowPlan, PartPlan, PhasePlan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.world.vehicle_context import Airframe
 
 PART = PartPlan("any", object, None, "any")
 AIRFRAME = Airframe(mass=1.0, diameter=0.5, inertia=(0.01,) * 3, thrust=6.0, rotor_time=0.05)
-HIGH = Compare(">", Read(None, "state.altitude"), Number(1.0, LENGTH))
+HIGH = Compare(">", Read(None, "state.altitude"), Quantity(1.0, LENGTH))
 NOTHING: frozenset[str] = frozenset()
 BUILT_IN = ("brake", "auto_land", "landed", "fault")
 

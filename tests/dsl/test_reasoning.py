@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from kybflow.core.units import LENGTH
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.expressions import And, Compare, Condition, Not, Number, Or, Read, Scope, parse
-from kybflow.dsl.expressions.reasoning import always_holds, implies, natural, never_holds
-from kybflow.dsl.expressions.tree import Operator
+from kybflow.dsl.expressions import And, Compare, Condition, Not, Or, Quantity, Read, Scope, parse
+from kybflow.dsl.expressions.reasoning import always_holds, implies, never_holds, physical_bounds
+from kybflow.dsl.expressions.tree import ComparisonOperator
 
 SCOPE = Scope("condition", {"a": ("up", "down", "hover"), "b": ("up", "hover")}, "a")
-NATURE = natural(600.0)
+NATURE = physical_bounds(600.0)
 
 
 def meant(text: str) -> Condition:
@@ -91,9 +91,9 @@ def test_what_is_too_long_to_tell_is_not_told() -> None:
     assert not never_holds(meant(f"({text}) and state.speed < 0 m/s"), NATURE)
 
 
-OPERATORS: list[Operator] = ["<", "<=", ">", ">=", "==", "!="]
+OPERATORS: list[ComparisonOperator] = ["<", "<=", ">", ">=", "==", "!="]
 compares = st.builds(
-    lambda name, operator, bound: Compare(operator, Read(None, name), Number(bound, LENGTH)),
+    lambda name, operator, bound: Compare(operator, Read(None, name), Quantity(bound, LENGTH)),
     st.sampled_from(["state.x", "state.y"]),
     st.sampled_from(OPERATORS),
     st.integers(-2, 2).map(float),

@@ -9,7 +9,7 @@ import pytest
 from kybflow.dsl.diagnostics.diagnostic import collect
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import Scalar
-from kybflow.dsl.shaping.uses import Uses
+from kybflow.dsl.shaping.parts import PartDecoder
 from kybflow.parts.catalog import Catalog
 
 
@@ -31,7 +31,7 @@ def test_a_broken_part_is_kyb141(
     monkeypatch.syspath_prepend(tmp_path)
     catalog = Catalog({"behaviors": {"spiral": module}})
     place = Span("m.yaml", 1, 1, 1, 7)
-    part, found = collect(Uses(catalog).one("behaviors", Scalar("spiral", place)))
+    part, found = collect(PartDecoder(catalog).one("behaviors", Scalar("spiral", place)))
     assert part is None
     assert [(d.code, d.span) for d in found] == [("KYB141", place)]
     assert reason in found[0].message

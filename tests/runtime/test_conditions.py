@@ -7,7 +7,7 @@ from looked_at import LookedAt
 
 from kybflow.core.units import LENGTH
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.expressions import Aggregate, Compare, Number, Read, Scope, parse
+from kybflow.dsl.expressions import Aggregate, Compare, Quantity, Read, Scope, parse
 from kybflow.runtime.conditions import bind
 
 VEHICLES = {"a": ("up", "hover"), "b": ("up", "hover"), "c": ("up",)}
@@ -46,7 +46,7 @@ def test_own_values(words: str, holds: bool) -> None:
 
 def test_values_are_read_anew_each_time() -> None:
     view = LookedAt(position=(0.0, 0.0, 2.0))
-    expression = Compare(">", Read(None, "state.altitude"), Number(1.0, LENGTH))
+    expression = Compare(">", Read(None, "state.altitude"), Quantity(1.0, LENGTH))
     condition = bind(expression, {"a": view}, "a", lambda: 0.0)
     assert condition()
     view.position = (0.0, 0.0, 0.5)
@@ -85,6 +85,6 @@ def test_what_decides_first_is_all_that_is_read() -> None:
 
 def test_a_statistic_is_no_condition() -> None:
     aggregate = Aggregate("mean", Read("a", "position_error"))
-    expression = Compare("<", aggregate, Number(1.0, LENGTH))
+    expression = Compare("<", aggregate, Quantity(1.0, LENGTH))
     with pytest.raises(TypeError, match="not a value of one tick"):
         bind(expression, {"a": LookedAt()}, "a", lambda: 0.0)

@@ -25,7 +25,7 @@ from kybflow.api.flight import RunRequest, fly
 from kybflow.core.geometry import distance
 from kybflow.core.units import DURATION
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.expressions import And, Compare, InState, Number, Read
+from kybflow.dsl.expressions import And, Compare, InState, Quantity, Read
 from kybflow.dsl.plan import FaultPlan, PartPlan, Plan
 from kybflow.parts.catalog import load_catalog
 from kybflow.runtime import engine as engine_module
@@ -172,7 +172,7 @@ def study(case: Case, seeds: range) -> Seen:
     part = _sized(case.fault, plan, case.vehicle)
     assert part is not None
     there = InState(case.vehicle, case.state)
-    late = Compare(">", Read(case.vehicle, "elapsed"), Number(DELAY, DURATION))
+    late = Compare(">", Read(case.vehicle, "elapsed"), Quantity(DELAY, DURATION))
     broken = FaultPlan(part, case.vehicle, when=And((there, late)), duration=LASTS)
     plan = replace(plan, faults=(*plan.faults, broken), expectations=())
     worst = Seen()

@@ -20,7 +20,7 @@ from kybflow.api.library import (
 from kybflow.core.errors import KybflowError
 from kybflow.dsl.diagnostics.diagnostic import did_you_mean
 from kybflow.dsl.diagnostics.render import render
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, entries_of
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, entries_of
 
 _MOST_FILES = 200
 """Files of a folder that are looked at."""
@@ -74,7 +74,7 @@ def show_shipped(name: str) -> str | None:
     return "\n\n".join(found) or None
 
 
-def _entry_text(one: Shipped, section: str, entry: Entry) -> str:
+def _entry_text(one: Shipped, section: str, entry: MappingEntry) -> str:
     """The lines of an entry; a block of YAML ends before what is indented as its key is."""
     key = entry.key.span
     first, *rest = one.source.text.split("\n")[key.line - 1 : entry.value.span.end_line]

@@ -21,7 +21,7 @@ from kybflow.dsl.plan import (
     EnterPhase,
     FaultPlan,
     FlowPlan,
-    Log,
+    LogText,
     PartPlan,
     PhasePlan,
     Plan,
@@ -176,7 +176,7 @@ def _action(action: ActionPlan) -> str:
             return f"emit {name}"
         case EnterPhase(flow, phase):
             return f"enter {phase} of {flow}"
-        case Log(text):
+        case LogText(text):
             return f"log `{text}`"
         case Call(part):
             return f"call {part.name}"

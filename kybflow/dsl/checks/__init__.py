@@ -24,20 +24,20 @@ from kybflow.dsl.document import Document
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
 
-Check = Callable[[Case], Iterator[Diagnostic]]
+CheckFunction = Callable[[Case], Iterator[Diagnostic]]
 _SIGNATURE = {"case": "Case", "return": "Iterator[Diagnostic]"}
 _NAMED = re.compile(r"`([^`]*)`")
 
 
 @functools.cache
-def checks() -> tuple[Check, ...]:
+def checks() -> tuple[CheckFunction, ...]:
     """Every check, by module and in the order in which each module has them."""
     names = sorted(module.name for module in pkgutil.iter_modules(__path__))
     modules = (importlib.import_module(f"{__name__}.{name}") for name in names)
     return tuple(one for module in modules for one in checks_in(module))
 
 
-def checks_in(module: ModuleType) -> Iterator[Check]:
+def checks_in(module: ModuleType) -> Iterator[CheckFunction]:
     """The checks that a module defines."""
     for name, value in vars(module).items():
         if not isfunction(value) or name.startswith("_") or value.__module__ != module.__name__:
@@ -50,10 +50,10 @@ def check(document: Document, catalog: Catalog) -> Diagnosed[None]:
     """Everything that the checks find in `document`, in no order."""
     case = Case(document, catalog)
     findings = (finding for one in checks() for finding in one(case))
-    yield from _once(findings, document.vehicles)
+    yield from _deduplicated(findings, document.vehicles)
 
 
-def _once(found: Iterable[Diagnostic], vehicles: Container[str]) -> list[Diagnostic]:
+def _deduplicated(found: Iterable[Diagnostic], vehicles: Container[str]) -> list[Diagnostic]:
     """One mistake, one report: what several vehicles share, and what one place means for several
     ways into it, is told for the first."""
 

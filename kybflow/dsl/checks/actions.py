@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from kybflow.dsl.checks.case import Case, wrong_goal
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect, did_you_mean
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import ActionUse
+from kybflow.dsl.document import ActionEntry
 from kybflow.dsl.names.option_names import members, option_values, unknown_vehicle
 from kybflow.dsl.reading.values import shown_value
 
@@ -110,13 +110,13 @@ def _not_switchable(case: Case, vehicle: str, name: Text, rest: str) -> Diagnost
     return None
 
 
-def actions_of(case: Case, name: str) -> Iterator[ActionUse]:
+def actions_of(case: Case, name: str) -> Iterator[ActionEntry]:
     """The actions of every callback that are called `name`."""
     for callback in case.document.callbacks:
         yield from (action for action in callback.actions if action.name.text == name)
 
 
-def _sets(case: Case) -> Iterator[ActionUse]:
+def _sets(case: Case) -> Iterator[ActionEntry]:
     """Every `set` of a callback and of a phase."""
     yield from actions_of(case, "set")
     for flow in case.document.flows.values():

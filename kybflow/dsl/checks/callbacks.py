@@ -10,10 +10,10 @@ from typing import NamedTuple, get_args
 from kybflow.core.signals import ReactionName
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.events import OPERATOR, Told, fields_of
+from kybflow.dsl.checks.events import OPERATOR, KnownEvents, fields_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import ActionUse, Callback
+from kybflow.dsl.document import ActionEntry, CallbackEntry
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members, options_named
 from kybflow.parts.observables import ALARM_FIELDS, EVENTS
@@ -32,9 +32,9 @@ def filters(case: Case) -> Iterator[Diagnostic]:
     The fields of each event are in the language's page. Names of states, of estimators and of
     reactions are judged; numbers are no names: compare them in a `when`.
     """
-    told = Told(case)
+    told = KnownEvents(case)
     for callback in case.document.callbacks:
-        tellers = told.tellers(callback.event.text)
+        tellers = told.sources(callback.event.text)
         known = carried(callback, told)
         for field, value in callback.fields if tellers else ():
             if field.text not in known:
@@ -72,7 +72,7 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
     called like an event of the engine or of a part, and may not begin with a vehicle's or a
     group's name, `any.` or `operator.`: whoever hears it would believe that they told it.
     """
-    told = Told(case)
+    told = KnownEvents(case)
     taken = {event for events in told.of.values() for event in events} | EVENTS.keys()
     owners = {"any", "operator", *case.document.vehicles, *case.document.groups}
     owners.update(case.document.flows)
@@ -125,9 +125,9 @@ def logged_fields(case: Case) -> Iterator[Diagnostic]:
     Every event has `{event}` and `{time}`; one of a vehicle has `{vehicle}`, and each its own
     fields. Braces that are meant as such are written twice.
     """
-    told = Told(case)
+    told = KnownEvents(case)
     for callback in case.document.callbacks:
-        if not told.tellers(callback.event.text):
+        if not told.sources(callback.event.text):
             continue  # KYB208 says so
         known = log_fields(callback, told)
         for action in callback.actions:
@@ -135,14 +135,14 @@ def logged_fields(case: Case) -> Iterator[Diagnostic]:
                 yield from _placeholders(action.value, callback, known)
 
 
-def log_fields(callback: Callback, told: Told) -> tuple[str, ...]:
+def log_fields(callback: CallbackEntry, told: KnownEvents) -> tuple[str, ...]:
     """What a text of the callback may ask for."""
-    tellers = told.tellers(callback.event.text)
+    tellers = told.sources(callback.event.text)
     own = ("vehicle",) if tellers and tellers != ("",) else ()
     return (*_ALWAYS, *own, *carried(callback, told))
 
 
-def carried(callback: Callback, told: Told) -> tuple[str, ...]:
+def carried(callback: CallbackEntry, told: KnownEvents) -> tuple[str, ...]:
     """The fields of the event that a callback hears; a custom one has none."""
     event = callback.event.text
     if event in told.custom or event.startswith(OPERATOR):
@@ -150,7 +150,9 @@ def carried(callback: Callback, told: Told) -> tuple[str, ...]:
     return fields_of(event.rpartition(".")[2])
 
 
-def _placeholders(text: Text, callback: Callback, known: tuple[str, ...]) -> Iterator[Diagnostic]:
+def _placeholders(
+    text: Text, callback: CallbackEntry, known: tuple[str, ...]
+) -> Iterator[Diagnostic]:
     try:
         parsed = list(Formatter().parse(text.text))
     except ValueError:
@@ -186,7 +188,7 @@ class _Said(NamedTuple):
 class _Way(NamedTuple):
     """From a callback to one that hears what `action` brings about."""
 
-    action: ActionUse
+    action: ActionEntry
     to: int
 
 
@@ -214,12 +216,12 @@ def circles(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _ways(case: Case, callbacks: list[Callback]) -> dict[int, list[_Way]]:
-    told = Told(case)
+def _ways(case: Case, callbacks: list[CallbackEntry]) -> dict[int, list[_Way]]:
+    told = KnownEvents(case)
     hearing: dict[tuple[str, str], list[int]] = {}
     for index, callback in enumerate(callbacks):
         event = callback.event.text
-        for vehicle in told.tellers(event):
+        for vehicle in told.sources(event):
             name = event.partition(".")[2] if vehicle else event
             hearing.setdefault((vehicle, name), []).append(index)
     ways: dict[int, list[_Way]] = {}
@@ -232,12 +234,12 @@ def _ways(case: Case, callbacks: list[Callback]) -> dict[int, list[_Way]]:
     return ways
 
 
-def _passes(callback: Callback, said: _Said) -> bool:
+def _passes(callback: CallbackEntry, said: _Said) -> bool:
     """Whether the callback's filters surely let the event through."""
     return all(said.fields.get(field.text) == value.text for field, value in callback.fields)
 
 
-def _said(case: Case, action: ActionUse) -> Iterator[_Said]:
+def _said(case: Case, action: ActionEntry) -> Iterator[_Said]:
     name, target = action.name.text, action.target
     if name == "emit":
         yield _Said("", action.value.text, {})

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, TypeVar, cast
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean, goals_like
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import Document, State, Vehicle
+from kybflow.dsl.document import Document, StateEntry, VehicleEntry
 from kybflow.dsl.expressions import Condition, Scope, parse
-from kybflow.dsl.expressions.reasoning import natural
+from kybflow.dsl.expressions.reasoning import physical_bounds
 from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.scopes import Scopes
@@ -39,19 +39,19 @@ class Case:
         self.document = document
         self.catalog = catalog
         self.scopes = Scopes(document)
-        self.nature = natural(document.time_limit)
+        self.bounds = physical_bounds(document.time_limit)
         self._found: dict[Callable[[Case], Iterable[Any]], list[Any]] = {}
 
-    def once(self, find: Callable[[Case], Iterable[T]]) -> list[T]:
+    def cached(self, find: Callable[[Case], Iterable[T]]) -> list[T]:
         """What `find` finds in this case; looked for once, because several checks ask."""
         if find not in self._found:
             self._found[find] = list(find(self))
         return self._found[find]
 
-    def vehicles(self) -> Iterator[Vehicle]:
+    def vehicles(self) -> Iterator[VehicleEntry]:
         yield from self.document.vehicles.values()
 
-    def states(self) -> Iterator[tuple[Vehicle, State]]:
+    def states(self) -> Iterator[tuple[VehicleEntry, StateEntry]]:
         """Every behavior of every vehicle."""
         for vehicle in self.vehicles():
             for state in vehicle.states.values():
@@ -61,7 +61,7 @@ class Case:
         """What a condition says; None where there is none or it can't be understood."""
         return cast("Condition | None", None if text is None else parse(text, scope)[0])
 
-    def behavior(self, vehicle: Vehicle, state: str) -> type[Behavior[Any]] | None:
+    def behavior(self, vehicle: VehicleEntry, state: str) -> type[Behavior[Any]] | None:
         """The class behind a state of the vehicle or a built-in one; None for an unknown name."""
         if state in vehicle.states:
             own: type[Behavior[Any]] = vehicle.states[state].part.spec.cls
@@ -71,21 +71,21 @@ class Case:
             return built_in
         return None
 
-    def legs(self, vehicle: Vehicle, state: str) -> tuple[Leg, ...]:
+    def legs(self, vehicle: VehicleEntry, state: str) -> tuple[Leg, ...]:
         """The flight types of a state; none for an unknown name."""
         cls = self.behavior(vehicle, state)
         return cls.flight if cls is not None else ()
 
-    def accepts(self, vehicle: Vehicle, state: str, flight: Flight) -> bool:
+    def accepts(self, vehicle: VehicleEntry, state: str, flight: Flight) -> bool:
         return any(leg.start is flight for leg in self.legs(vehicle, state))
 
 
-def part_of(vehicle: Vehicle, state: str) -> str:
+def part_of(vehicle: VehicleEntry, state: str) -> str:
     """The name of the part behind a state."""
     return vehicle.states[state].part.name.text if state in vehicle.states else BUILT_IN[state]
 
 
-def wrong_goal(code: str, name: Text, vehicle: Vehicle) -> Diagnostic | None:
+def wrong_goal(code: str, name: Text, vehicle: VehicleEntry) -> Diagnostic | None:
     """The finding for a goal that the vehicle does not have; None for one that it has."""
     if vehicle.goal(name.text) in vehicle.states or name.text in TARGETS:
         return None
@@ -100,7 +100,9 @@ def wrong_goal(code: str, name: Text, vehicle: Vehicle) -> Diagnostic | None:
     )
 
 
-def no_state(code: str, name: Text, vehicle: Vehicle, more: tuple[str, ...] = ()) -> Diagnostic:
+def no_state(
+    code: str, name: Text, vehicle: VehicleEntry, more: tuple[str, ...] = ()
+) -> Diagnostic:
     """The finding for a name that is no state or chain of the vehicle, nor one of `more`."""
     key = "inner goals" if "." in name.text else "goals"
     if key not in vehicle.known:

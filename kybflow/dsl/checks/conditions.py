@@ -14,7 +14,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.transitions import reached_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import Transition, Vehicle
+from kybflow.dsl.document import TransitionEntry, VehicleEntry
 from kybflow.dsl.expressions import (
     Always,
     Compare,
@@ -63,7 +63,7 @@ def expectations(case: Case) -> Iterator[Diagnostic]:
         yield from parse(expectation, scope)[1]
 
 
-class Asked(NamedTuple):
+class TypedCondition(NamedTuple):
     """A condition as written and as understood. `own` is the vehicle that asks, None for an
     expectation, a callback and a flow."""
 
@@ -81,8 +81,8 @@ def never_true(case: Case) -> Iterator[Diagnostic]:
     arrow with such a condition never fires, an estimator with such a `healthy` is never used, and
     an expectation fails whatever is flown.
     """
-    for text, meant, _ in case.once(everything_asked):
-        if never_holds(meant, case.nature):
+    for text, meant, _ in case.cached(all_conditions):
+        if never_holds(meant, case.bounds):
             message = f"`{text.as_written}` can never hold"
             hint = "mend the bound, or write `or` where both can't hold at once"
             yield Diagnostic("KYB253", message, text.span, label="never true", help=hint)
@@ -93,8 +93,8 @@ def always_true(case: Case) -> Iterator[Diagnostic]:
 
     An arrow with it fires in the first tick of its state; an expectation with it can't fail.
     """
-    for text, meant, _ in case.once(everything_asked):
-        if always_holds(meant, case.nature):
+    for text, meant, _ in case.cached(all_conditions):
+        if always_holds(meant, case.bounds):
             message = f"`{text.as_written}` always holds"
             hint = "mend the bound, or leave the condition away"
             yield Diagnostic(
@@ -132,7 +132,7 @@ def _seconds(value: float) -> str:
     return format_quantity(value, DURATION)
 
 
-def _arrows(case: Case) -> Iterator[Transition]:
+def _arrows(case: Case) -> Iterator[TransitionEntry]:
     for _, state in case.states():
         yield from state.transitions
     for flow in case.document.flows.values():
@@ -140,14 +140,14 @@ def _arrows(case: Case) -> Iterator[Transition]:
             yield from phase.transitions
 
 
-def everything_asked(case: Case) -> Iterator[Asked]:
+def all_conditions(case: Case) -> Iterator[TypedCondition]:
     """Every condition, `healthy` and expectation that can be understood."""
-    yield from case.once(conditions_of)
-    yield from health_of(case)
-    yield from case.once(expectations_of)
+    yield from case.cached(conditions_of)
+    yield from health_conditions(case)
+    yield from case.cached(expected_conditions)
 
 
-def conditions_of(case: Case) -> Iterator[Asked]:
+def conditions_of(case: Case) -> Iterator[TypedCondition]:
     """Every condition of an arrow, a callback, a phase and a fault that can be understood."""
     document, scopes = case.document, case.scopes
     asked = [
@@ -162,31 +162,31 @@ def conditions_of(case: Case) -> Iterator[Asked]:
     for text, own in asked:
         meant = case.condition(text, scopes.condition(own))
         if text is not None and meant is not None:
-            yield Asked(text, meant, own)
+            yield TypedCondition(text, meant, own)
     for text in shared:
         meant = case.condition(text, scopes.flow())
         if text is not None and meant is not None:
-            yield Asked(text, meant, None)
+            yield TypedCondition(text, meant, None)
 
 
-def health_of(case: Case) -> Iterator[Asked]:
+def health_conditions(case: Case) -> Iterator[TypedCondition]:
     """Every `healthy` that can be understood."""
     for vehicle in case.vehicles():
         own = vehicle.name.text
         for text in (estimator.healthy for estimator in vehicle.estimators):
             meant = case.condition(text, case.scopes.health(own))
             if text is not None and meant is not None:
-                yield Asked(text, meant, own)
+                yield TypedCondition(text, meant, own)
 
 
-def expectations_of(case: Case) -> Iterator[Asked]:
+def expected_conditions(case: Case) -> Iterator[TypedCondition]:
     """What every expectation asks, without its `always`, `eventually` or `finally`."""
     for text in case.document.expect:
         match parse(text, case.scopes.expectation())[0]:
             case Always(meant) | Eventually(meant) | Finally(meant):
-                yield Asked(text, meant, None)
+                yield TypedCondition(text, meant, None)
             case Compare(left=Aggregate()) as meant:
-                yield Asked(text, meant, None)
+                yield TypedCondition(text, meant, None)
 
 
 _ESTIMATED = ("state.", "estimate.", "position_error", "velocity_error", "estimator")
@@ -201,7 +201,7 @@ def never_entered(case: Case) -> Iterator[Diagnostic]:
     never = {v.name.text: _never(v) for v in case.vehicles()}
     if not any(never.values()):
         return
-    for asked in (*case.once(conditions_of), *case.once(expectations_of)):
+    for asked in (*case.cached(conditions_of), *case.cached(expected_conditions)):
         for vehicle, state in _states(asked):
             if state in never.get(vehicle, ()):
                 yield Diagnostic(
@@ -213,7 +213,7 @@ def never_entered(case: Case) -> Iterator[Diagnostic]:
                 )
 
 
-def _never(vehicle: Vehicle) -> frozenset[str]:
+def _never(vehicle: VehicleEntry) -> frozenset[str]:
     reached = reached_states(vehicle)
     if not vehicle.states.keys() & reached:
         return frozenset()
@@ -223,7 +223,7 @@ def _never(vehicle: Vehicle) -> frozenset[str]:
     return frozenset(known - entered)
 
 
-def _states(asked: Asked) -> Iterator[tuple[str, str]]:
+def _states(asked: TypedCondition) -> Iterator[tuple[str, str]]:
     for node in _nodes(asked.meant):
         match node:
             case InState(vehicle, state):
@@ -245,7 +245,7 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
     """
     if not any(_lacking(v, name) for v in case.vehicles() for name in ("battery.", *_ESTIMATED)):
         return
-    for asked in (*case.once(conditions_of), *case.once(expectations_of)):
+    for asked in (*case.cached(conditions_of), *case.cached(expected_conditions)):
         for node in _nodes(asked.meant):
             vehicle = case.document.vehicles.get(_subject(node, asked))
             if vehicle is None or not isinstance(node, Read):
@@ -261,11 +261,11 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
                 )
 
 
-def _subject(node: object, asked: Asked) -> str:
+def _subject(node: object, asked: TypedCondition) -> str:
     return (node.vehicle or asked.own or "") if isinstance(node, Read) else ""
 
 
-def _lacking(vehicle: Vehicle, name: str) -> str:
+def _lacking(vehicle: VehicleEntry, name: str) -> str:
     """What the vehicle would need to know a value; empty when it has that."""
     driver = vehicle.driver
     if name.startswith("battery.") and Battery not in driver.spec.cls.provides:

@@ -14,7 +14,7 @@ from kybflow.core.errors import PartError
 from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind, kind_name
 from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
+from kybflow.dsl.document import EstimatorEntry, PartUse, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.shaping.targets import divides, provided
 from kybflow.parts import Leg
@@ -46,7 +46,7 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
             yield from _chain(case, vehicle, name)
 
 
-def _chain(case: Case, vehicle: Vehicle, state: str) -> Iterator[Diagnostic]:
+def _chain(case: Case, vehicle: VehicleEntry, state: str) -> Iterator[Diagnostic]:
     behavior = case.behavior(vehicle, state)
     kind = behavior.emits if behavior is not None else SetpointKind.IDLE
     origin = f"{state}` ({part_of(vehicle, state)})"
@@ -72,7 +72,7 @@ def _chain(case: Case, vehicle: Vehicle, state: str) -> Iterator[Diagnostic]:
         )
 
 
-def _fitting_tracker(case: Case, vehicle: Vehicle, takes: frozenset[CommandKind]) -> str:
+def _fitting_tracker(case: Case, vehicle: VehicleEntry, takes: frozenset[CommandKind]) -> str:
     """A tracker, as it comes, whose commands the driver takes; empty where there is none."""
     for name in case.catalog.names("trackers"):
         spec = _loaded(case, "trackers", name)
@@ -121,14 +121,14 @@ def missing_measurements(case: Case) -> Iterator[Diagnostic]:
                 )
 
 
-def _sources(vehicle: Vehicle) -> str:
+def _sources(vehicle: VehicleEntry) -> str:
     parts = dict.fromkeys(f"`{use.part.name.text}`" for use in vehicle.sensors)
     if not parts:
         return f"`{vehicle.driver.name.text}` provides"
     return f"`{vehicle.driver.name.text}` and {', '.join(parts)} provide"
 
 
-def _way_out(case: Case, vehicle: Vehicle, use: EstimatorUse, kind: MeasurementKind) -> str:
+def _way_out(case: Case, vehicle: VehicleEntry, use: EstimatorEntry, kind: MeasurementKind) -> str:
     """A sensor that would do, where there is one."""
     shows = vehicle.driver.spec.cls.shows(vehicle.driver.params)
     for name in case.catalog.names("sensors"):

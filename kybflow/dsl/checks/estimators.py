@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from kybflow.core.signals import Imu
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
-from kybflow.dsl.document import EstimatorUse
+from kybflow.dsl.document import EstimatorEntry
 from kybflow.parts import Estimator
 
 
@@ -73,7 +73,7 @@ def never_begins(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _reckons(use: EstimatorUse) -> bool:
+def _reckons(use: EstimatorEntry) -> bool:
     """Whether it is told of the estimate in use, and measures nothing but its own motion."""
     cls, params = use.part.spec.cls, use.part.params
     return cls.anchor is not Estimator.anchor and cls.uses(params) <= {Imu}

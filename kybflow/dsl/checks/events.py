@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import Document, Transition, Vehicle
+from kybflow.dsl.document import Document, TransitionEntry, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members
 from kybflow.parts.observables import (
@@ -30,7 +30,7 @@ def unknown_events(case: Case) -> Iterator[Diagnostic]:
     and the run's as `NAME`; everybody hears `VEHICLE.NAME` and `any.NAME`; a callback also
     `GROUP.NAME`.
     """
-    told = Told(case)
+    told = KnownEvents(case)
     for vehicle, state in case.states():
         yield from _unheard_by(state.transitions, told, vehicle.name.text)
     for flow in case.document.flows.values():
@@ -38,14 +38,14 @@ def unknown_events(case: Case) -> Iterator[Diagnostic]:
             yield from _unheard_by(phase.transitions, told, None)
     for callback in case.document.callbacks:
         event = callback.event
-        if told.tellers(event.text):
+        if told.sources(event.text):
             yield from _too_late(event, told)
         else:
             yield _unheard(event, told, None, case.document.groups)
 
 
 def _unheard_by(
-    transitions: Iterable[Transition], told: Told, own: str | None
+    transitions: Iterable[TransitionEntry], told: KnownEvents, own: str | None
 ) -> Iterator[Diagnostic]:
     for event in (t.event for t in transitions if t.event is not None):
         if told.hears(event.text, own):
@@ -54,7 +54,7 @@ def _unheard_by(
             yield _unheard(event, told, own, ())
 
 
-def _unheard(event: Text, told: Told, own: str | None, groups: Iterable[str]) -> Diagnostic:
+def _unheard(event: Text, told: KnownEvents, own: str | None, groups: Iterable[str]) -> Diagnostic:
     hint, notes = did_you_mean(event.text, told.names(own, groups)), list[str]()
     if "." not in event.text and any(event.text in events for events in told.of.values()):
         hint = f"it is a vehicle's: write `{ANY}.{event.text}` or `VEHICLE.{event.text}`"
@@ -70,7 +70,7 @@ def _of_a_person(name: str) -> str:
     return f"a person gives `{given}`: `run --emit {given}@2s`; a callback gives `{{emit: {name}}}`"
 
 
-def _too_late(event: Text, told: Told) -> Iterator[Diagnostic]:
+def _too_late(event: Text, told: KnownEvents) -> Iterator[Diagnostic]:
     if event.text.rpartition(".")[2] in TOO_LATE and event.text not in told.custom:
         message = f"nothing can follow the event `{event.text}`"
         yield Diagnostic("KYB208", message, event.span, label="the run is over then")
@@ -104,7 +104,7 @@ OPERATOR = "operator."
 """How the name of an event begins that a person gives."""
 
 
-class Told:
+class KnownEvents:
     """The events of a mission. `custom` are those that its actions emit and the ends of its flows,
     `of` those of a vehicle by their bare names."""
 
@@ -117,7 +117,7 @@ class Told:
     def of_the_run(self) -> frozenset[str]:
         return OF_THE_RUN | self.custom | {f"{flow}.finished" for flow in self._document.flows}
 
-    def tellers(self, event: str) -> tuple[str, ...]:
+    def sources(self, event: str) -> tuple[str, ...]:
         """The vehicles that an event's name speaks of: `("",)` is the run. None tells an unknown
         one."""
         first, dot, name = event.partition(".")
@@ -132,7 +132,7 @@ class Told:
         """Whether an arrow can hear an event: of the vehicle `own`, or of a flow (None)."""
         if own is not None and event in self.of[own]:
             return True
-        return event.partition(".")[0] not in self._document.groups and bool(self.tellers(event))
+        return event.partition(".")[0] not in self._document.groups and bool(self.sources(event))
 
     def names(self, own: str | None, groups: Iterable[str]) -> set[str]:
         """Every name under which an event can be heard: by `own` also its vehicle's bare ones, and
@@ -163,7 +163,7 @@ def fields_of(event: str) -> tuple[str, ...]:
     return EVENT_FIELDS.get(event, ALARM_FIELDS)
 
 
-def _told_by(vehicle: Vehicle, case: Case) -> frozenset[str]:
+def _told_by(vehicle: VehicleEntry, case: Case) -> frozenset[str]:
     """The events that belong to the vehicle, by their bare names."""
     parts = [*vehicle.processors, *vehicle.supervisors, vehicle.tracker, vehicle.driver]
     parts += [estimator.part for estimator in vehicle.estimators]

@@ -9,7 +9,7 @@ from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import FaultUse
+from kybflow.dsl.document import FaultEntry
 from kybflow.dsl.expressions import parse
 
 
@@ -123,13 +123,13 @@ def conditions(case: Case) -> Iterator[Diagnostic]:
             yield from parse(fault.when, case.scopes.condition(fault.vehicle.text))[1]
 
 
-def _vehicles(fault: FaultUse) -> Iterator[tuple[str, Span]]:
+def _vehicles(fault: FaultEntry) -> Iterator[tuple[str, Span]]:
     yield fault.vehicle.text, fault.vehicle.span
     for name in _named(fault, "vehicle"):
         yield name.text, name.span
 
 
-def _named(fault: FaultUse, what: str) -> Iterator[Text]:
+def _named(fault: FaultEntry, what: str) -> Iterator[Text]:
     """The vehicles, or whatever names are asked for, among its parameters."""
     for field in fault.part.spec.fields:
         value = getattr(fault.part.params, field.name)

@@ -11,7 +11,7 @@ from kybflow.dsl.checks.case import WORDS, Case, wrong_goal
 from kybflow.dsl.checks.events import OPERATOR
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import Document, Flow, Phase, Transition, Vehicle
+from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry, VehicleEntry
 from kybflow.dsl.expressions import parse
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members, unknown_vehicle
@@ -73,7 +73,7 @@ def phase_states(case: Case) -> Iterator[Diagnostic]:
     `hover`, `auto_land` and `land_blind`. `fault` is entered by the failsafe alone.
     """
     for _, phase in phases(case.document):
-        for vehicle, _, state in wishes(case.document, phase.run):
+        for vehicle, _, state in assignments(case.document, phase.run):
             finding = wrong_goal("KYB194", state, case.document.vehicles[vehicle])
             if finding is not None:
                 yield finding
@@ -128,11 +128,11 @@ def barriers(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _is_time_alone(arrow: Transition) -> bool:
+def _is_time_alone(arrow: TransitionEntry) -> bool:
     return arrow.after is not None and arrow.when is None and arrow.event is None
 
 
-def _may_wait(arrow: Transition, flow: Flow, document: Document) -> bool:
+def _may_wait(arrow: TransitionEntry, flow: FlowEntry, document: Document) -> bool:
     """Whether waiting for this alone needs no bound."""
     if arrow.event is None or arrow.when is not None:
         return False
@@ -160,7 +160,7 @@ def timeless_circles(case: Case) -> Iterator[Diagnostic]:
                 )
 
 
-def _circle(flow: Flow, name: str) -> list[str]:
+def _circle(flow: FlowEntry, name: str) -> list[str]:
     """The phases that follow `name` at once, up to itself; none when they don't come back."""
     path = [name]
     while (ahead := _at_once(flow.phases.get(path[-1]))) not in (None, name):
@@ -171,7 +171,7 @@ def _circle(flow: Flow, name: str) -> list[str]:
     return path if ahead == name else []
 
 
-def _at_once(phase: Phase | None) -> str | None:
+def _at_once(phase: PhaseEntry | None) -> str | None:
     """The phase that follows at once; None when something may be waited for."""
     for arrow in phase.transitions if phase else ():
         if arrow.after == 0.0 and arrow.when is None and arrow.event is None:
@@ -226,7 +226,7 @@ def _members(group: str, members: tuple[Text, ...], document: Document) -> Itera
         first.setdefault(member.text, member)
 
 
-class Wish(NamedTuple):
+class Assignment(NamedTuple):
     """What a phase asks of one vehicle: to enter a state, or to be given to a flow. `who` is the
     vehicle or the group as written."""
 
@@ -235,24 +235,24 @@ class Wish(NamedTuple):
     goal: Text
 
 
-def phases(document: Document) -> Iterator[tuple[Flow, Phase]]:
+def phases(document: Document) -> Iterator[tuple[FlowEntry, PhaseEntry]]:
     """Every phase of every flow."""
     for flow in document.flows.values():
         for phase in flow.phases.values():
             yield flow, phase
 
 
-def wishes(document: Document, pairs: tuple[tuple[Text, Text], ...]) -> Iterator[Wish]:
+def assignments(document: Document, pairs: tuple[tuple[Text, Text], ...]) -> Iterator[Assignment]:
     """The `run` or the `give` of a phase, vehicle by vehicle; unknown names are left out."""
     for who, goal in pairs:
         for vehicle in members(document, who.text):
             if vehicle in document.vehicles:
-                yield Wish(vehicle, who, goal)
+                yield Assignment(vehicle, who, goal)
 
 
-def gifts(document: Document, phase: Phase) -> Iterator[Wish]:
+def handovers(document: Document, phase: PhaseEntry) -> Iterator[Assignment]:
     """The `give` of a phase, vehicle by vehicle, to flows that exist."""
-    yield from (w for w in wishes(document, phase.give) if w.goal.text in document.flows)
+    yield from (w for w in assignments(document, phase.give) if w.goal.text in document.flows)
 
 
 def all_known(document: Document) -> bool:
@@ -268,12 +268,12 @@ def all_known(document: Document) -> bool:
     )
 
 
-def has_state(vehicle: Vehicle, state: str) -> bool:
+def has_state(vehicle: VehicleEntry, state: str) -> bool:
     """Whether a mission's own state, or a chain of them, has that name."""
     return vehicle.goal(state) in vehicle.states
 
 
-def reached(document: Document, flow: Flow) -> set[str]:
+def reached(document: Document, flow: FlowEntry) -> set[str]:
     """The phases that arrows lead to from the first, or from one that a callback asks for."""
     waiting = [flow.begin.text, *_asked(document, flow)]
     found = set(waiting)
@@ -286,7 +286,7 @@ def reached(document: Document, flow: Flow) -> set[str]:
     return found - {END}
 
 
-def _asked(document: Document, flow: Flow) -> Iterator[str]:
+def _asked(document: Document, flow: FlowEntry) -> Iterator[str]:
     """The phases of the flow that callbacks enter."""
     for callback in document.callbacks:
         for action in callback.actions:

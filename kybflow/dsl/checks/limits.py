@@ -14,7 +14,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import PartUse, State, Vehicle
+from kybflow.dsl.document import PartUse, StateEntry, VehicleEntry
 from kybflow.parts import Footprint
 from kybflow.world.vehicle_context import Airframe, Parcel
 
@@ -32,7 +32,7 @@ def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
             yield from _beyond(vehicle, part)
 
 
-def _beyond(vehicle: Vehicle, part: PartUse) -> Iterator[Diagnostic]:
+def _beyond(vehicle: VehicleEntry, part: PartUse) -> Iterator[Diagnostic]:
     for field in fields_of(Airframe):
         name, dimension = field.name, field.dimension
         own = next((f for f in part.spec.fields if f.name == name), None)
@@ -53,7 +53,7 @@ def _beyond(vehicle: Vehicle, part: PartUse) -> Iterator[Diagnostic]:
 def too_steep(case: Case) -> Iterator[Diagnostic]:
     """KYB317: a behavior's curves need more tilt than the airframe has: atan(a / g) for the
     acceleration a."""
-    for vehicle, state, _, footprint in case.once(footprints):
+    for vehicle, state, _, footprint in case.cached(footprints):
         limit, tilt = vehicle.airframe.tilt, atan(footprint.acceleration / GRAVITY)
         if tilt <= limit + _ROUNDING:
             continue
@@ -175,7 +175,7 @@ def too_heavy_to_lift(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _lighter(vehicle: Vehicle, payload: Parcel) -> str:
+def _lighter(vehicle: VehicleEntry, payload: Parcel) -> str:
     """What it can carry: the same number of grams, where that could be meant, or how much at
     most."""
     most = vehicle.airframe.max_thrust / (_SPARE * GRAVITY) - vehicle.airframe.mass
@@ -187,7 +187,7 @@ def _lighter(vehicle: Vehicle, payload: Parcel) -> str:
     return f"carry {format_quantity(grams / 1000.0, MASS)} at most, or fly a stronger airframe"
 
 
-def _gripping(case: Case) -> Iterator[tuple[Vehicle, State]]:
+def _gripping(case: Case) -> Iterator[tuple[VehicleEntry, StateEntry]]:
     """Every state that asks for the servo."""
     for vehicle, state in case.states():
         if state.part.spec.cls.grips:

@@ -11,7 +11,7 @@ from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import ObstacleUse, State, Vehicle
+from kybflow.dsl.document import ObstacleEntry, StateEntry, VehicleEntry
 from kybflow.parts import GROUND, Footprint
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape
 
@@ -72,7 +72,7 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
     a landing is none to it, nor is one that it is too close to already.
     """
     for vehicle, state, entry, footprint in (
-        case.once(footprints) if case.document.obstacles else ()
+        case.cached(footprints) if case.document.obstacles else ()
     ):
         path, arm = path_of(footprint), vehicle.airframe.arm - _ROUNDING
         for obstacle in case.document.obstacles:
@@ -95,7 +95,7 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
 def may_fly_into(case: Case) -> Iterator[Diagnostic]:
     """KYB342: it can't be told whether a behavior stays clear of an obstacle, because only the
     bounds of its path are known and the obstacle stands within."""
-    for vehicle, state, _, footprint in case.once(footprints):
+    for vehicle, state, _, footprint in case.cached(footprints):
         if path_of(footprint) or not footprint.points:
             continue
         low, high = (tuple(map(end, zip(*footprint.points, strict=True))) for end in (min, max))
@@ -171,23 +171,23 @@ def _between(a: Vec3, b: Vec3, part: float) -> Vec3:
     return x, y, z
 
 
-def _is_vertical(state: State) -> bool:
+def _is_vertical(state: StateEntry) -> bool:
     return any(GROUND in leg and leg.start is not leg.end for leg in state.part.spec.cls.flight)
 
 
-def _starts_in(obstacle: ObstacleUse, vehicle: Vehicle) -> bool:
+def _starts_in(obstacle: ObstacleEntry, vehicle: VehicleEntry) -> bool:
     room = obstacle.shape.distance(vehicle.start)
     too_close = room < vehicle.airframe.arm - _ROUNDING
     return too_close and not _carries(obstacle, vehicle.start, vehicle)
 
 
-def _carries(obstacle: ObstacleUse, point: Vec3, vehicle: Vehicle) -> bool:
+def _carries(obstacle: ObstacleEntry, point: Vec3, vehicle: VehicleEntry) -> bool:
     """Whether the vehicle, at or above the top of the obstacle, has all of itself over it."""
     top, inside = _top(obstacle, point)
     return point[2] >= top - _ROUNDING and inside >= vehicle.airframe.arm - _ROUNDING
 
 
-def _top(obstacle: ObstacleUse, point: Vec3) -> tuple[float, float]:
+def _top(obstacle: ObstacleEntry, point: Vec3) -> tuple[float, float]:
     """How high its level top is, and how far within the top's edge the point is, seen from above;
     an obstacle without a level top has none that a point is within."""
     (x, y, _), shape = point, obstacle.shape
@@ -205,10 +205,10 @@ def _top(obstacle: ObstacleUse, point: Vec3) -> tuple[float, float]:
     return top, inside
 
 
-def _near(vehicle: Vehicle, room: float) -> str:
+def _near(vehicle: VehicleEntry, room: float) -> str:
     where = f"{format_quantity(-room, LENGTH)} inside" if room < 0 else "too close"
     return f"{where}; it needs {format_quantity(vehicle.airframe.arm, LENGTH)} around it"
 
 
-def _stands(obstacle: ObstacleUse) -> str:
+def _stands(obstacle: ObstacleEntry) -> str:
     return f"`{obstacle.name.text}` stands in the world at {obstacle.span.at}"

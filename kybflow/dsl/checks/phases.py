@@ -16,11 +16,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.flows import Wish, gifts, phases, wishes
+from kybflow.dsl.checks.flows import Assignment, assignments, handovers, phases
 from kybflow.dsl.checks.reachability import PHRASES
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import Document, Flow, Phase, Transition
+from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry
 from kybflow.dsl.expressions import And, Condition, GroupInState, InState
 from kybflow.dsl.shaping.flows import GROUNDED, named_vehicles, own_vehicles
 from kybflow.parts import AIR, GROUND, MOVING, Flight
@@ -48,7 +48,7 @@ def two_drivers(case: Case) -> Iterator[Diagnostic]:
     A flow has every vehicle that it names and that no other flow gives it. A vehicle is driven by
     one flow at a time: let one give it to the other.
     """
-    first: dict[str, Flow] = {}
+    first: dict[str, FlowEntry] = {}
     for flow in case.document.flows.values():
         for vehicle in own_vehicles(case.document, flow):
             if vehicle not in first:
@@ -64,10 +64,10 @@ def two_drivers(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _named_at(document: Document, flow: Flow, vehicle: str) -> Span:
+def _named_at(document: Document, flow: FlowEntry, vehicle: str) -> Span:
     """Where a flow names a vehicle first."""
     for phase in flow.phases.values():
-        for wish in wishes(document, (*phase.run, *phase.give)):
+        for wish in assignments(document, (*phase.run, *phase.give)):
             if wish.vehicle == vehicle:
                 return wish.who.span
     return flow.span
@@ -80,14 +80,16 @@ def not_driven(case: Case) -> Iterator[Diagnostic]:
         holders = _holders(case.document, flow)
         for name, phase in flow.phases.items():
             held = dict(holders.get(name, {}))
-            for wish in gifts(case.document, phase):
+            for wish in handovers(case.document, phase):
                 yield from _taken(wish, held, flow, phase)
                 held[wish.vehicle] = _Holder(wish.goal.text, wish.who.span)
-            for wish in wishes(case.document, phase.run):
+            for wish in assignments(case.document, phase.run):
                 yield from _taken(wish, held, flow, phase)
 
 
-def _taken(wish: Wish, held: _Holders, flow: Flow, phase: Phase) -> Iterator[Diagnostic]:
+def _taken(
+    wish: Assignment, held: _Holders, flow: FlowEntry, phase: PhaseEntry
+) -> Iterator[Diagnostic]:
     holder = held.get(wish.vehicle)
     if holder is None or holder.flow == flow.name.text:
         return
@@ -110,7 +112,7 @@ def _way_out(holder: _Holder) -> str:
     return f"wait for its return with `{{event: {holder.flow}.finished, go: ...}}`"
 
 
-def _holders(document: Document, flow: Flow) -> dict[str, _Holders]:
+def _holders(document: Document, flow: FlowEntry) -> dict[str, _Holders]:
     """Who has each vehicle when a phase is entered."""
     own = _Holder(flow.name.text)
     entered: dict[str, _Holders] = {flow.begin.text: _first(document, flow)}
@@ -120,7 +122,7 @@ def _holders(document: Document, flow: Flow) -> dict[str, _Holders]:
         if phase is None:
             continue
         held = dict(entered[phase.name.text])
-        for wish in gifts(document, phase):
+        for wish in handovers(document, phase):
             held[wish.vehicle] = _Holder(wish.goal.text, wish.who.span)
         for arrow in phase.transitions:
             event = "" if arrow.event is None else arrow.event.text
@@ -134,13 +136,15 @@ def _holders(document: Document, flow: Flow) -> dict[str, _Holders]:
     return entered
 
 
-def _first(document: Document, flow: Flow) -> _Holders:
+def _first(document: Document, flow: FlowEntry) -> _Holders:
     """Who has each vehicle when the flow begins: one that waits has what every giver gives it."""
     own, had = _Holder(flow.name.text), own_vehicles(document, flow)
     givers = [
         (other.name.text, {w.vehicle for w in given})
         for other, phase in phases(document)
-        if (given := [w for w in wishes(document, phase.give) if w.goal.text == flow.name.text])
+        if (
+            given := [w for w in assignments(document, phase.give) if w.goal.text == flow.name.text]
+        )
     ]
     held: _Holders = {}
     for vehicle in named_vehicles(document, flow):
@@ -164,13 +168,13 @@ def _merged(a: _Holder, b: _Holder) -> _Holder:
     return (a if a.given is not None else b).doubtful
 
 
-def asked_twice(case: Case) -> Iterator[Diagnostic]:
+def assigned_twice(case: Case) -> Iterator[Diagnostic]:
     """KYB242: a phase asks one vehicle for two things, by its name and by a group's, or by two
     groups'."""
     for _, phase in phases(case.document):
         for pairs in (phase.run, phase.give):
-            first: dict[str, Wish] = {}
-            for wish in wishes(case.document, pairs):
+            first: dict[str, Assignment] = {}
+            for wish in assignments(case.document, pairs):
                 before = first.setdefault(wish.vehicle, wish)
                 if before.goal.text != wish.goal.text:
                     yield Diagnostic(
@@ -201,11 +205,11 @@ def can_not_enter(case: Case) -> Iterator[Diagnostic]:
         return
     for flow in case.document.flows.values():
         for name, places in _flight_conditions(case, flow).items():
-            for wish in wishes(case.document, flow.phases[name].run):
+            for wish in assignments(case.document, flow.phases[name].run):
                 yield from _impossible(case, wish, places[wish.vehicle])
 
 
-def _impossible(case: Case, wish: Wish, places: frozenset[Flight]) -> Iterator[Diagnostic]:
+def _impossible(case: Case, wish: Assignment, places: frozenset[Flight]) -> Iterator[Diagnostic]:
     vehicle = case.document.vehicles[wish.vehicle]
     goal = vehicle.goal(wish.goal.text)
     starts = {leg.start for leg in case.legs(vehicle, goal)}
@@ -226,7 +230,7 @@ def _said(places: set[Flight] | frozenset[Flight]) -> str:
     return " or ".join(PHRASES[place] for place in (GROUND, AIR, MOVING) if place in places)
 
 
-def _flight_conditions(case: Case, flow: Flow) -> dict[str, _Places]:
+def _flight_conditions(case: Case, flow: FlowEntry) -> dict[str, _Places]:
     """Where each vehicle can be when a phase is entered."""
     document = case.document
     own = own_vehicles(document, flow)
@@ -253,11 +257,13 @@ def _flight_conditions(case: Case, flow: Flow) -> dict[str, _Places]:
     return entered
 
 
-def _conditions_after(case: Case, phase: Phase, arrow: Transition, places: _Places) -> _Places:
+def _conditions_after(
+    case: Case, phase: PhaseEntry, arrow: TransitionEntry, places: _Places
+) -> _Places:
     """Where each vehicle can be after a way out of a phase."""
     document = case.document
-    asked = {wish.vehicle for wish in wishes(document, phase.run)}
-    asked |= {wish.vehicle for wish in gifts(document, phase)}
+    asked = {wish.vehicle for wish in assignments(document, phase.run)}
+    asked |= {wish.vehicle for wish in handovers(document, phase)}
     still = frozenset({GROUND})
     left = {v: p if p == still and v not in asked else _ANY for v, p in places.items()}
     for vehicle, state in _said_states(case.condition(arrow.when, case.scopes.flow())):

@@ -14,17 +14,17 @@ from functools import partial
 from kybflow.dsl.checks.case import TARGETS, Case
 from kybflow.dsl.checks.events import OPERATOR
 from kybflow.dsl.checks.reachability import (
-    Flights,
-    Link,
-    Node,
+    FlightEdge,
+    FlightGraph,
+    FlightNode,
     comes_down,
     endless_states,
-    flights_of,
+    flight_graph,
 )
 from kybflow.dsl.checks.transitions import reached_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import Transition, Vehicle
-from kybflow.dsl.expressions import Compare, Number, Read
+from kybflow.dsl.document import TransitionEntry, VehicleEntry
+from kybflow.dsl.expressions import Compare, Quantity, Read
 from kybflow.parts import AIR, GROUND
 
 
@@ -37,7 +37,7 @@ def never_lands(case: Case) -> Iterator[Diagnostic]:
     Failures do not count as a way out, nor does a `within` where the behavior ends before it. A
     `then` that is never taken is reported as KYB206 alone.
     """
-    for vehicle, flights in case.once(_sound):
+    for vehicle, flights in case.cached(_sound):
         endless = endless_states(vehicle) - _told(vehicle)
         down = comes_down(vehicle, flights, endless)
         if _asked_down(vehicle, down):
@@ -62,10 +62,10 @@ def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
     what a callback or a flow asks for, and that the battery has less than a share left which it
     must come to within the `time_limit`.
     """
-    for vehicle, flights in case.once(_sound):
+    for vehicle, flights in case.cached(_sound):
         endless = endless_states(vehicle)
         down = comes_down(vehicle, flights, endless)
-        if vehicle.asked or not flights.nodes <= down:
+        if vehicle.requested or not flights.nodes <= down:
             continue
         drains = partial(_drains, case, vehicle)
         surely = comes_down(vehicle, flights, endless, partial(_comes_surely, drains))
@@ -88,7 +88,7 @@ def failures_that_circle(case: Case) -> Iterator[Diagnostic]:
     Without a `failed` of its own, what flies brakes and lands, and a landing that fails goes down
     blind: a failure then always ends on the ground.
     """
-    for vehicle, flights in case.once(_sound):
+    for vehicle, flights in case.cached(_sound):
         failing = {link.source: link for link in flights.links if link.transition.cause == "failed"}
         told: set[str] = set()
         for node in sorted(failing, key=lambda n: list(vehicle.states).index(n.state)):
@@ -107,12 +107,12 @@ def failures_that_circle(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _failures(first: Node, failing: dict[Node, Link]) -> list[Link]:
+def _failures(first: FlightNode, failing: dict[FlightNode, FlightEdge]) -> list[FlightEdge]:
     """The arrows from `first` back to it, each a failure; none where they end elsewhere."""
     circle = [failing[first]]
     for _ in failing:
         link = circle[-1]
-        successor = Node(link.transition.target.text, link.flight)
+        successor = FlightNode(link.transition.target.text, link.flight)
         if successor.state == first.state:
             return circle
         if successor not in failing:
@@ -121,28 +121,28 @@ def _failures(first: Node, failing: dict[Node, Link]) -> list[Link]:
     return []
 
 
-def _sound(case: Case) -> Iterator[tuple[Vehicle, Flights]]:
+def _sound(case: Case) -> Iterator[tuple[VehicleEntry, FlightGraph]]:
     """The vehicles whose arrows all lead somewhere and meet; before that nothing can be proven."""
     for vehicle in case.vehicles():
-        flights = flights_of(case, vehicle)
+        flights = flight_graph(case, vehicle)
         if not flights.broken and reached_states(vehicle) <= {*vehicle.states, *TARGETS}:
             yield vehicle, flights
 
 
-def _drains(case: Case, vehicle: Vehicle, arrow: Transition) -> bool:
+def _drains(case: Case, vehicle: VehicleEntry, arrow: TransitionEntry) -> bool:
     """Whether an arrow waits for nothing but that the vehicle's own battery has less than some
     share left, which hovering brings about within the mission's time limit."""
     if arrow.event is not None or arrow.after is not None or arrow.hold > 0.0:
         return False
     own = vehicle.name.text
     match case.condition(arrow.when, case.scopes.condition(own)):
-        case Compare("<", Read(who, "battery.remaining"), Number(share)) if who in (None, own):
+        case Compare("<", Read(who, "battery.remaining"), Quantity(share)) if who in (None, own):
             return (1.0 - share) * vehicle.airframe.endurance < case.document.time_limit
     return False
 
 
 def _comes_surely(
-    drains: Callable[[Transition], bool], arrow: Transition, is_endless: bool
+    drains: Callable[[TransitionEntry], bool], arrow: TransitionEntry, is_endless: bool
 ) -> bool:
     """Whether an arrow opens without anything that may never be, and nothing before it."""
     if drains(arrow):
@@ -161,20 +161,23 @@ def _way_out(path: list[str]) -> str:
     return "add a `within`, or a `next` with `after: 60 s`, that leads to a landing"
 
 
-def _asked_down(vehicle: Vehicle, down: AbstractSet[Node]) -> bool:
+def _asked_down(vehicle: VehicleEntry, down: AbstractSet[FlightNode]) -> bool:
     """Whether a callback or a flow asks for something that comes down."""
-    own = any(Node(state, AIR) in down for state in vehicle.asked)
-    return own or not vehicle.asked <= vehicle.states.keys()
+    own = any(FlightNode(state, AIR) in down for state in vehicle.requested)
+    return own or not vehicle.requested <= vehicle.states.keys()
 
 
-def _told(vehicle: Vehicle) -> set[str]:
+def _told(vehicle: VehicleEntry) -> set[str]:
     """The states with a `then`: where it is never taken, KYB206 says so."""
     states = vehicle.states.items()
     return {name for name, s in states if any(t.cause == "then" for t in s.transitions)}
 
 
 def _traps(
-    vehicle: Vehicle, flights: Flights, stuck: AbstractSet[Node], endless: AbstractSet[str]
+    vehicle: VehicleEntry,
+    flights: FlightGraph,
+    stuck: AbstractSet[FlightNode],
+    endless: AbstractSet[str],
 ) -> Iterator[list[str]]:
     """Each state that never ends and each circle of `then` among the `stuck`, once: its states, the
     first again at the end of a circle."""
@@ -201,7 +204,7 @@ def _along(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[
     return path
 
 
-def _told_path(vehicle: Vehicle, flights: Flights, path: list[str]) -> str:
+def _told_path(vehicle: VehicleEntry, flights: FlightGraph, path: list[str]) -> str:
     """The counter-example: from the first state into the trap, and round in it."""
     names = [*_way(vehicle.begin.text, path[0], flights)[:-1], *path]
     shown = "`" + "` → `".join(names) + "`"
@@ -211,7 +214,7 @@ def _told_path(vehicle: Vehicle, flights: Flights, path: list[str]) -> str:
     return f"{shown} ({part}) never ends by itself"
 
 
-def _way(start: str, goal: str, flights: Flights) -> list[str]:
+def _way(start: str, goal: str, flights: FlightGraph) -> list[str]:
     """The shortest way along the arrows; the goal alone where it is asked for from outside."""
     ahead: dict[str, list[str]] = {}
     for link in flights.links:

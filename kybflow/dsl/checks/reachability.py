@@ -15,41 +15,43 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.dsl.checks.case import TARGETS, Case
-from kybflow.dsl.document import State, Transition, Vehicle
+from kybflow.dsl.document import StateEntry, TransitionEntry, VehicleEntry
 from kybflow.parts import AIR, GROUND, MOVING, Flight, Leg
 
 
-class Node(NamedTuple):
+class FlightNode(NamedTuple):
     """A state as it is entered in one flight condition."""
 
     state: str
     flight: Flight
 
 
-class Link(NamedTuple):
+class FlightEdge(NamedTuple):
     """An arrow of the mission out of a node; `flight` is what it leaves the vehicle in."""
 
-    source: Node
-    transition: Transition
+    source: FlightNode
+    transition: TransitionEntry
     flight: Flight
 
 
 @dataclass(frozen=True, slots=True)
-class Flights:
+class FlightGraph:
     """What the walk found: `nodes` that can be entered, `links` that fit, `broken` ones whose ends
     don't meet. Links to what can't be a target are in neither."""
 
-    nodes: frozenset[Node]
-    links: tuple[Link, ...]
-    broken: tuple[Link, ...]
+    nodes: frozenset[FlightNode]
+    links: tuple[FlightEdge, ...]
+    broken: tuple[FlightEdge, ...]
 
 
-def flights_of(case: Case, vehicle: Vehicle) -> Flights:
+def flight_graph(case: Case, vehicle: VehicleEntry) -> FlightGraph:
     """Walk every arrow of the mission from the first state, and from those that may be asked for
     wherever they can start."""
-    asked = [Node(s, leg.start) for s in sorted(vehicle.asked) for leg in case.legs(vehicle, s)]
-    first = [Node(vehicle.begin.text, GROUND), *asked]
-    found, links, broken = set(first), list[Link](), list[Link]()
+    asked = [
+        FlightNode(s, leg.start) for s in sorted(vehicle.requested) for leg in case.legs(vehicle, s)
+    ]
+    first = [FlightNode(vehicle.begin.text, GROUND), *asked]
+    found, links, broken = set(first), list[FlightEdge](), list[FlightEdge]()
     waiting = [node for node in first if node.state in vehicle.states]
     while waiting:
         node = waiting.pop()
@@ -61,23 +63,23 @@ def flights_of(case: Case, vehicle: Vehicle) -> Flights:
                 broken.append(link)
                 continue
             links.append(link)
-            successor = Node(target, link.flight)
+            successor = FlightNode(target, link.flight)
             if target in vehicle.states and successor not in found:
                 found.add(successor)
                 waiting.append(successor)
-    return Flights(frozenset(found), tuple(links), tuple(broken))
+    return FlightGraph(frozenset(found), tuple(links), tuple(broken))
 
 
-def _links(state: State, node: Node) -> Iterator[Link]:
+def _links(state: StateEntry, node: FlightNode) -> Iterator[FlightEdge]:
     legs = [leg for leg in state.part.spec.cls.flight if leg.start is node.flight]
     for leg in legs[:1]:
         left_early = leg.end if leg.start is leg.end else MOVING
         for transition in state.transitions:
             flight = leg.end if transition.cause == "then" else left_early
-            yield Link(node, transition, flight)
+            yield FlightEdge(node, transition, flight)
 
 
-def may_end(arrow: Transition, is_endless: bool) -> bool:
+def may_end(arrow: TransitionEntry, is_endless: bool) -> bool:
     """Whether an arrow may be taken without anything failing, from a behavior that has an end or
     none: `within` is the way out of one without, and the failure of one that has."""
     if arrow.cause == "within":
@@ -86,18 +88,18 @@ def may_end(arrow: Transition, is_endless: bool) -> bool:
 
 
 def comes_down(
-    vehicle: Vehicle,
-    flights: Flights,
+    vehicle: VehicleEntry,
+    flights: FlightGraph,
     endless: AbstractSet[str],
-    counts: Callable[[Transition, bool], bool] = may_end,
-) -> frozenset[Node]:
+    counts: Callable[[TransitionEntry, bool], bool] = may_end,
+) -> frozenset[FlightNode]:
     """The nodes from which the ground can be reached without anything failing, by arrows that
     count.
 
     A behavior without `then` ends in `brake`, `hover` and then `auto_land`, or is on the ground.
     The states of `endless` have no normal end.
     """
-    before: dict[Node, list[Node]] = {}
+    before: dict[FlightNode, list[FlightNode]] = {}
     waiting = [node for node in flights.nodes if node.flight is GROUND]
     ending = (node for node in flights.nodes if node.state not in endless)
     waiting += [node for node in ending if _ends_by_default(vehicle, node)]
@@ -106,7 +108,7 @@ def comes_down(
         if not counts(link.transition, link.source.state in endless):
             continue
         if target in vehicle.states:
-            before.setdefault(Node(target, link.flight), []).append(link.source)
+            before.setdefault(FlightNode(target, link.flight), []).append(link.source)
         else:
             waiting.append(link.source)
     down = set(waiting)
@@ -117,7 +119,7 @@ def comes_down(
     return frozenset(down)
 
 
-def _ends_by_default(vehicle: Vehicle, node: Node) -> bool:
+def _ends_by_default(vehicle: VehicleEntry, node: FlightNode) -> bool:
     state = vehicle.states.get(node.state)
     if state is None:
         return True
@@ -150,12 +152,12 @@ class Entries:
         self.points.append(point)
         return True
 
-    def asked(self) -> list[Vec3 | None]:
+    def candidates(self) -> list[Vec3 | None]:
         """The entries to ask a footprint for; None stands for one that is unknown."""
         return [*self.points] if self.known else [*self.points, None]
 
 
-def entries_of(vehicle: Vehicle) -> dict[str, Entries]:
+def entries_of(vehicle: VehicleEntry) -> dict[str, Entries]:
     """The entries of every state of the vehicle that is reached, from its start on. One that a
     callback or a flow may ask for is also entered from anywhere; where a flow's first wish finds
     it, it waits at its start."""
@@ -165,13 +167,13 @@ def entries_of(vehicle: Vehicle) -> dict[str, Entries]:
     return found
 
 
-def _walked(vehicle: Vehicle) -> dict[str, Entries]:
+def _walked(vehicle: VehicleEntry) -> dict[str, Entries]:
     found = {vehicle.begin.text: Entries([vehicle.start])}
     waiting: list[tuple[str, Vec3 | None]] = [(vehicle.begin.text, vehicle.start)]
-    for name in sorted(vehicle.asked):
+    for name in sorted(vehicle.requested):
         found.setdefault(name, Entries()).add(None)
         waiting.append((name, None))
-    for name in sorted(vehicle.asked_first):
+    for name in sorted(vehicle.requested_first):
         found[name].add(vehicle.start)
         waiting.append((name, vehicle.start))
     while waiting:
@@ -188,18 +190,18 @@ def _walked(vehicle: Vehicle) -> dict[str, Entries]:
     return found
 
 
-def endless_states(vehicle: Vehicle) -> frozenset[str]:
+def endless_states(vehicle: VehicleEntry) -> frozenset[str]:
     """The states whose behavior has no normal end, as its parameters are."""
     found = set()
     for name, entries in entries_of(vehicle).items():
         state = vehicle.states[name]
-        footprints = (state.footprint(entry) for entry in entries.asked())
+        footprints = (state.footprint(entry) for entry in entries.candidates())
         if any(footprint is not None and footprint.is_endless for footprint in footprints):
             found.add(name)
     return frozenset(found)
 
 
-def _left_at(state: State, transition: Transition, entry: Vec3 | None) -> Vec3 | None:
+def _left_at(state: StateEntry, transition: TransitionEntry, entry: Vec3 | None) -> Vec3 | None:
     """Where an arrow leaves the vehicle; None when that can't be told."""
     cls = state.part.spec.cls
     if all(leg.start is GROUND and leg.end is GROUND for leg in cls.flight):

@@ -13,7 +13,7 @@ from kybflow.dsl.checks.reachability import endless_states, entries_of, may_end
 from kybflow.dsl.checks.space import aim_of, shown_point
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import State, Vehicle
+from kybflow.dsl.document import StateEntry, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.parts import GROUND
 
@@ -21,7 +21,7 @@ _BELOW = frozenset({"landed", "brake", "hover", "auto_land"})
 """Built-in states that lead to the ground below."""
 
 
-class Rest(NamedTuple):
+class RestingPlace(NamedTuple):
     """A place where a vehicle stays, and what in the mission says so."""
 
     at: Vec3
@@ -44,7 +44,9 @@ def rest_in_one_place(case: Case) -> Iterator[Diagnostic]:
                 break
 
 
-def _together(a: Vehicle, first: Rest, b: Vehicle, second: Rest, apart: float) -> Diagnostic:
+def _together(
+    a: VehicleEntry, first: RestingPlace, b: VehicleEntry, second: RestingPlace, apart: float
+) -> Diagnostic:
     return Diagnostic(
         "KYB344",
         f"`{b.name.text}` comes to rest where `{a.name.text}` does",
@@ -56,10 +58,10 @@ def _together(a: Vehicle, first: Rest, b: Vehicle, second: Rest, apart: float) -
     )
 
 
-def _rests(vehicle: Vehicle) -> list[Rest]:
+def _rests(vehicle: VehicleEntry) -> list[RestingPlace]:
     """Every place where the vehicle may rest for good when nothing fails; none where one of them is
     not known."""
-    found: list[Rest] = []
+    found: list[RestingPlace] = []
     endless = endless_states(vehicle)
     for name, entries in entries_of(vehicle).items():
         state = vehicle.states[name]
@@ -70,14 +72,14 @@ def _rests(vehicle: Vehicle) -> list[Rest]:
         goes_on = name in endless or any(a.cause == "then" for a in arrows if a not in by_default)
         if goes_on and not (_is_on_ground(state) and not arrows):
             continue
-        rests = [_rest(vehicle, state, entry) for entry in entries.asked()]
+        rests = [_rest(vehicle, state, entry) for entry in entries.candidates()]
         if None in rests:
             return []
         found += (rest for rest in rests if rest is not None)
     return found
 
 
-def _rest(vehicle: Vehicle, state: State, entry: Vec3 | None) -> Rest | None:
+def _rest(vehicle: VehicleEntry, state: StateEntry, entry: Vec3 | None) -> RestingPlace | None:
     """Where the vehicle rests after a behavior that nothing follows: below the end of its way."""
     footprint = state.footprint(entry)
     if footprint is None or footprint.exit is None:
@@ -85,10 +87,12 @@ def _rest(vehicle: Vehicle, state: State, entry: Vec3 | None) -> Rest | None:
     x, y, z = footprint.exit
     if _is_on_ground(state):
         is_start = entry == vehicle.start
-        return Rest(footprint.exit, vehicle.start_span if is_start else state.part.name.span)
+        return RestingPlace(
+            footprint.exit, vehicle.start_span if is_start else state.part.name.span
+        )
     lands = any(leg.end is GROUND for leg in state.part.spec.cls.flight)
-    return Rest(footprint.exit if lands else (x, y, min(z, 0.0)), aim_of(state, footprint))
+    return RestingPlace(footprint.exit if lands else (x, y, min(z, 0.0)), aim_of(state, footprint))
 
 
-def _is_on_ground(state: State) -> bool:
+def _is_on_ground(state: StateEntry) -> bool:
     return all(leg == (GROUND, GROUND) for leg in state.part.spec.cls.flight)

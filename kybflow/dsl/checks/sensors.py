@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from kybflow.core.signals import Frame, MeasurementKind, kind_name
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.document import SensorUse, Vehicle
+from kybflow.dsl.document import SensorEntry, VehicleEntry
 from kybflow.world.cameras import Camera
 
 
@@ -63,7 +63,7 @@ def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
     """KYB394: two sensors give a vehicle the same measurements. Every estimator that needs them
     hears every sensor of the vehicle, whatever name a sensor stands under, so they would be
     mixed."""
-    given: dict[tuple[str, str], SensorUse] = {}
+    given: dict[tuple[str, str], SensorEntry] = {}
     for vehicle, use in _written(case):
         for what in use.part.spec.cls.gives(use.part.params, _cameras(vehicle)):
             first = given.setdefault((vehicle.name.text, what), use)
@@ -81,15 +81,15 @@ def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
             break
 
 
-def _is_same(one: SensorUse, other: SensorUse) -> bool:
+def _is_same(one: SensorEntry, other: SensorEntry) -> bool:
     return (one.part.spec.name, one.part.params) == (other.part.spec.name, other.part.params)
 
 
-def _cameras(vehicle: Vehicle) -> dict[str, Camera]:
+def _cameras(vehicle: VehicleEntry) -> dict[str, Camera]:
     return {camera.name.text: camera.camera for camera in vehicle.cameras}
 
 
-def _written(case: Case) -> Iterator[tuple[Vehicle, SensorUse]]:
+def _written(case: Case) -> Iterator[tuple[VehicleEntry, SensorEntry]]:
     """Every sensor that the mission names."""
     for vehicle in case.vehicles():
         yield from ((vehicle, use) for use in vehicle.sensors if use.estimator.text)

@@ -12,7 +12,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.reachability import Entries, entries_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import State, Vehicle
+from kybflow.dsl.document import StateEntry, VehicleEntry
 from kybflow.parts import AIR, GROUND, Footprint
 from kybflow.world.shapes import Box
 
@@ -54,14 +54,14 @@ def starts_too_close(case: Case) -> Iterator[Diagnostic]:
         )
 
 
-def _apart(a: Vehicle, b: Vehicle) -> float:
+def _apart(a: VehicleEntry, b: VehicleEntry) -> float:
     return max(a.airframe.diameter, b.airframe.diameter)
 
 
 def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
     """KYB313: a behavior goes outside the fence from an entry inside it that it can have."""
     fence = case.document.fence
-    for vehicle, state, entry, footprint in case.once(footprints):
+    for vehicle, state, entry, footprint in case.cached(footprints):
         if fence is None or (entry is not None and fence.outside_by(entry) > _ROUNDING):
             continue
         far = max(footprint.points, key=fence.outside_by, default=vehicle.start)
@@ -80,7 +80,7 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
     fence = case.document.fence
     if fence is None:
         return
-    for vehicle, state, entry, footprint in case.once(footprints):
+    for vehicle, state, entry, footprint in case.cached(footprints):
         inside = [p for p in footprint.points if fence.outside_by(p) <= _ROUNDING]
         for part in vehicle.processors:
             room = part.spec.cls.keeps_inside(part.params, fence)
@@ -106,7 +106,7 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
 def too_fast(case: Case) -> Iterator[Diagnostic]:
     """KYB314: a behavior asks for more speed than the airframe may fly; in a take-off and a
     landing, for more than it may climb or sink."""
-    for vehicle, state, _, footprint in case.once(footprints):
+    for vehicle, state, _, footprint in case.cached(footprints):
         legs = state.part.spec.cls.flight
         is_vertical = any(GROUND in leg and leg.start is not leg.end for leg in legs)
         limit = min(vehicle.airframe.speed, vehicle.airframe.climb if is_vertical else inf)
@@ -167,27 +167,27 @@ def undecided(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _entered(case: Case) -> Iterator[tuple[Vehicle, State, Entries]]:
+def _entered(case: Case) -> Iterator[tuple[VehicleEntry, StateEntry, Entries]]:
     """Every state that is reached, with its entries."""
     for vehicle in case.vehicles():
         for name, entries in entries_of(vehicle).items():
             yield vehicle, vehicle.states[name], entries
 
 
-def footprints(case: Case) -> Iterator[tuple[Vehicle, State, Vec3 | None, Footprint]]:
+def footprints(case: Case) -> Iterator[tuple[VehicleEntry, StateEntry, Vec3 | None, Footprint]]:
     """The footprint of every state that is reached, from every entry that it can have."""
     for vehicle, state, entries in _entered(case):
-        for entry in entries.asked():
+        for entry in entries.candidates():
             footprint = _footprint(state, entry)
             if footprint is not None:
                 yield vehicle, state, entry, footprint
 
 
-def _footprint(state: State, entry: Vec3 | None) -> Footprint | None:
+def _footprint(state: StateEntry, entry: Vec3 | None) -> Footprint | None:
     return state.footprint(entry)
 
 
-def _travels(state: State, fence: Box | None) -> bool:
+def _travels(state: StateEntry, fence: Box | None) -> bool:
     """Whether the behavior moves sideways from where it is entered."""
     (ax, ay, az), (bx, by, bz) = fence or Box(ZERO, ZERO)
     middle = ((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)
@@ -249,14 +249,14 @@ def without_a_fence(case: Case) -> Iterator[Diagnostic]:
         )
 
 
-def _flies(state: State) -> bool:
+def _flies(state: StateEntry) -> bool:
     return any(AIR in leg for leg in state.part.spec.cls.flight)
 
 
 _SAME = 1e-6
 
 
-def aim_of(state: State, footprint: Footprint) -> Span:
+def aim_of(state: StateEntry, footprint: Footprint) -> Span:
     """The place that the behavior was told to go to, where it was; else the behavior's name."""
     part = state.part
     way = (*footprint.points, *footprint.path, *([footprint.exit] if footprint.exit else []))

@@ -11,7 +11,7 @@ from kybflow.core.geometry import Vec3, conjugate, distance, dot, multiply, rota
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import TagsUse
+from kybflow.dsl.document import TagsEntry
 from kybflow.dsl.schema.world import GridParams
 from kybflow.world.shapes import Box
 from kybflow.world.tags import Key, Tag
@@ -26,7 +26,7 @@ _SHOWN = 8
 class _Floor(NamedTuple):
     """An entry of `tags`: those of it, the largest one's side, and where the centres lie."""
 
-    use: TagsUse
+    use: TagsEntry
     tags: list[Tag]
     size: float
     low: tuple[float, float]
@@ -36,7 +36,7 @@ class _Floor(NamedTuple):
 def same_tag_twice(case: Case) -> Iterator[Diagnostic]:
     """KYB383: the same number of one family is on two tags of the world, so that no camera can tell
     which of them it sees."""
-    first: dict[Key, tuple[TagsUse, int]] = {}
+    first: dict[Key, tuple[TagsEntry, int]] = {}
     for use in case.document.tags:
         doubled = [i for i, tag in enumerate(use.tags) if tag.key in first]
         for index, tag in enumerate(use.tags):
@@ -56,15 +56,15 @@ def same_tag_twice(case: Case) -> Iterator[Diagnostic]:
         )
 
 
-def _place(use: TagsUse, index: int) -> str:
+def _place(use: TagsEntry, index: int) -> str:
     return f"in line {use.lines[index]} of it"
 
 
-def _in_file(use: TagsUse, index: int) -> str:
+def _in_file(use: TagsEntry, index: int) -> str:
     return f", {_place(use, index)}" if use.lines else ""
 
 
-def _renumbered(use: TagsUse, every: tuple[TagsUse, ...]) -> str:
+def _renumbered(use: TagsEntry, every: tuple[TagsEntry, ...]) -> str:
     family = use.tags[0].family
     taken = [t.id for other in every if other is not use for t in other.tags if t.family == family]
     free = max(taken) + 1
@@ -84,7 +84,7 @@ def tags_that_overlap(case: Case) -> Iterator[Diagnostic]:
                 yield _overlap(pairs, under.use, over.use)
 
 
-def _floors(uses: tuple[TagsUse, ...]) -> Iterator[_Floor]:
+def _floors(uses: tuple[TagsEntry, ...]) -> Iterator[_Floor]:
     """Each entry with those of its tags that no entry above has."""
     known: set[Key] = set()
     for use in uses:
@@ -96,7 +96,7 @@ def _floors(uses: tuple[TagsUse, ...]) -> Iterator[_Floor]:
             yield _Floor(use, own, size, (min(x), min(y)), (max(x), max(y)))
 
 
-def _overlap(pairs: list[tuple[Tag, Tag]], under: TagsUse, over: TagsUse) -> Diagnostic:
+def _overlap(pairs: list[tuple[Tag, Tag]], under: TagsEntry, over: TagsEntry) -> Diagnostic:
     a, b = pairs[0]
     covered = sorted({tag.id for tag, _ in pairs})
     more = f"; {len(pairs) - 1} more pairs" if len(pairs) > 1 else ""
@@ -196,7 +196,7 @@ def _is_far(tag: Tag, fence: Box | None) -> bool:
     return any(not low - longest <= at <= high + longest for at, low, high in pairs)
 
 
-def _strange(use: TagsUse, index: int, what: str, column: str) -> Diagnostic:
+def _strange(use: TagsEntry, index: int, what: str, column: str) -> Diagnostic:
     tag = use.tags[index]
     hint = "give the number its unit, like `19.5 cm`, if it is no metres"
     if use.lines:

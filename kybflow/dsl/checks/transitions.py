@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 from kybflow.dsl.checks.case import TARGETS, WORDS, Case, no_state, part_of, wrong_goal
 from kybflow.dsl.checks.flows import all_known, phases
-from kybflow.dsl.checks.reachability import PHRASES, Link, endless_states, flights_of
+from kybflow.dsl.checks.reachability import PHRASES, FlightEdge, endless_states, flight_graph
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import Phase, State, Transition, Vehicle
+from kybflow.dsl.document import PhaseEntry, StateEntry, TransitionEntry, VehicleEntry
 from kybflow.dsl.expressions import Condition
 from kybflow.dsl.expressions.reasoning import implies
 from kybflow.dsl.names.built_in import BUILT_IN
@@ -65,11 +65,11 @@ def ends_that_do_not_meet(case: Case) -> Iterator[Diagnostic]:
     vehicle is then moving, which `brake`, `land` and `land_blind` accept.
     """
     for vehicle in case.vehicles():
-        for link in flights_of(case, vehicle).broken:
+        for link in flight_graph(case, vehicle).broken:
             yield _broken(case, vehicle, link)
 
 
-def _broken(case: Case, vehicle: Vehicle, link: Link) -> Diagnostic:
+def _broken(case: Case, vehicle: VehicleEntry, link: FlightEdge) -> Diagnostic:
     source = vehicle.states[link.source.state]
     target = link.transition.target.text
     legs = case.legs(vehicle, target)
@@ -88,7 +88,7 @@ def _broken(case: Case, vehicle: Vehicle, link: Link) -> Diagnostic:
     )
 
 
-def _alternative(case: Case, vehicle: Vehicle, link: Link) -> str:
+def _alternative(case: Case, vehicle: VehicleEntry, link: FlightEdge) -> str:
     """The next behavior written after the source that fits; else a built-in state that does."""
     names = list(vehicle.states)
     behind = names[names.index(link.source.state) + 1 :] + names
@@ -128,7 +128,9 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _unreached(vehicle: Vehicle, state: State, reached: AbstractSet[str]) -> tuple[str, Span]:
+def _unreached(
+    vehicle: VehicleEntry, state: StateEntry, reached: AbstractSet[str]
+) -> tuple[str, Span]:
     """What is not reached, and where: the outermost chain whose first state is not, else the
     state."""
     name, span = state.name.text, state.name.span
@@ -138,9 +140,12 @@ def _unreached(vehicle: Vehicle, state: State, reached: AbstractSet[str]) -> tup
     return name, span
 
 
-def reached_states(vehicle: Vehicle) -> set[str]:
+def reached_states(vehicle: VehicleEntry) -> set[str]:
     """The states that an arrow leads to, or that something may ask for; unknown names too."""
-    waiting, reached = [vehicle.begin.text, *vehicle.asked], {vehicle.begin.text, *vehicle.asked}
+    waiting, reached = (
+        [vehicle.begin.text, *vehicle.requested],
+        {vehicle.begin.text, *vehicle.requested},
+    )
     while waiting:
         state = vehicle.states.get(waiting.pop())
         for transition in state.transitions if state else ():
@@ -157,7 +162,7 @@ _MARKS = frozenset({"*", "="})  # `transitions` reads them as any state and as t
 class _Asked:
     """An arrow with its condition understood; None where it has none or it can't be."""
 
-    transition: Transition
+    transition: TransitionEntry
     when: Condition | None
 
     @property
@@ -197,7 +202,7 @@ def phases_never_left(case: Case) -> Iterator[Diagnostic]:
                 yield _shadowed("KYB241", phase, later.transition, before[0].transition)
 
 
-def _never_done(state: State) -> Iterator[Diagnostic]:
+def _never_done(state: StateEntry) -> Iterator[Diagnostic]:
     for transition in state.transitions:
         if transition.cause == "then" and not transition.since:
             yield Diagnostic(
@@ -209,7 +214,7 @@ def _never_done(state: State) -> Iterator[Diagnostic]:
             )
 
 
-def _asked(case: Case, vehicle: Vehicle, state: State) -> Iterator[_Asked]:
+def _asked(case: Case, vehicle: VehicleEntry, state: StateEntry) -> Iterator[_Asked]:
     scope = case.scopes.condition(vehicle.name.text)
     timed = [t for t in state.transitions if t.cause in ("next", "within")]
     for transition in sorted(timed, key=lambda t: t.cause == "within"):
@@ -217,7 +222,7 @@ def _asked(case: Case, vehicle: Vehicle, state: State) -> Iterator[_Asked]:
         yield _Asked(transition, when)
 
 
-def _is_beside(first: _Asked, later: _Asked, vehicle: Vehicle, state: State) -> bool:
+def _is_beside(first: _Asked, later: _Asked, vehicle: VehicleEntry, state: StateEntry) -> bool:
     """Whether `first` can make `later` useless: an arrow of a whole chain is so by another of it
     alone, which is told for its first state."""
     chain = later.transition.since
@@ -248,13 +253,15 @@ def _is_sooner(first: _Asked, later: _Asked) -> bool:
     return a.after < b.after
 
 
-def _is_empty(transition: Transition) -> bool:
+def _is_empty(transition: TransitionEntry) -> bool:
     return transition.when is None and transition.event is None and transition.after is None
 
 
-def _shadowed(code: str, state: State | Phase, later: Transition, first: Transition) -> Diagnostic:
+def _shadowed(
+    code: str, state: StateEntry | PhaseEntry, later: TransitionEntry, first: TransitionEntry
+) -> Diagnostic:
     sooner = f"{first.span.beside(later.span)} goes to `{first.target.text}`"
-    brought = isinstance(state, Phase) and later.cause == "within" and later.span.used
+    brought = isinstance(state, PhaseEntry) and later.cause == "within" and later.span.used
     way_out = "put the narrower one first, or remove it"
     return Diagnostic(
         code,

@@ -44,7 +44,7 @@ Diagnosed = Generator[Diagnostic, None, T]
 its value. `value = yield from step(...)` hands the findings of a step on."""
 
 
-class Found(NamedTuple, Generic[T]):
+class Collected(NamedTuple, Generic[T]):
     """The value of a step that has run to its end, and what it found, in order."""
 
     value: T
@@ -55,14 +55,14 @@ class Stopped(Exception):
     """Ends the compilation after a pass with errors, whose findings are yielded before."""
 
 
-def collect(step: Diagnosed[T]) -> Found[T]:
+def collect(step: Diagnosed[T]) -> Collected[T]:
     """Run a step to its end."""
     found: list[Diagnostic] = []
     try:
         while True:
             found.append(next(step))
     except StopIteration as end:
-        return Found(end.value, found)
+        return Collected(end.value, found)
 
 
 def every(steps: Iterable[Diagnosed[T]]) -> Diagnosed[list[T]]:

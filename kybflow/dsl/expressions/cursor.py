@@ -14,7 +14,7 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic, goals_like
 from kybflow.dsl.diagnostics.spans import PREFIX, Text
 from kybflow.dsl.expressions import errors
 from kybflow.dsl.expressions.tokens import Token, tokens_of
-from kybflow.dsl.expressions.tree import Aggregate, Operator, Value
+from kybflow.dsl.expressions.tree import Aggregate, ComparisonOperator, Value
 from kybflow.parts.observables import OBSERVABLES
 
 HEALTH: Mapping[str, str] = {"age": "estimate.age", "spread": "estimate.spread"}
@@ -90,11 +90,11 @@ class Cursor:
             raise errors.unreadable(self.text, self.peek(), what)
         return self.take()
 
-    def operator(self) -> Operator:
+    def operator(self) -> ComparisonOperator:
         token = self.peek()
         if token.kind != "operator":
             raise errors.unreadable(self.text, token, "a comparison such as `<`")
-        return cast(Operator, self.take().text)
+        return cast(ComparisonOperator, self.take().text)
 
     def quantity(self, dimension: Dimension) -> float:
         token = self.peek()

@@ -7,7 +7,6 @@ from kybflow.dsl.expressions.tree import (
     Aggregate,
     Always,
     And,
-    Clock,
     Compare,
     Distance,
     Eventually,
@@ -16,10 +15,11 @@ from kybflow.dsl.expressions.tree import (
     Finished,
     GroupInState,
     InState,
+    Location,
+    MissionTime,
     Not,
-    Number,
     Or,
-    Place,
+    Quantity,
     Read,
     Separation,
     Value,
@@ -75,13 +75,13 @@ def _grouped(part: Expression, loose: tuple[type, ...]) -> str:
 
 def _value(value: Value | Aggregate) -> str:
     match value:
-        case Number(number, dimension):
+        case Quantity(number, dimension):
             return quantity(number, dimension)
         case Word(text):
             return text
         case Read(vehicle, name):
             return f"{vehicle}.{name}" if vehicle else name
-        case Clock():
+        case MissionTime():
             return "time"
         case Distance(a, b):
             return f"distance({_place(a)} to {_place(b)})"
@@ -91,7 +91,7 @@ def _value(value: Value | Aggregate) -> str:
             return f"{function}({_value(inner)}{f' in {state}' if state else ''})"
 
 
-def _place(place: Place) -> str:
+def _place(place: Location) -> str:
     if place.point is not None:
         return "[" + " ".join(f"{c:.6g}" for c in place.point) + "]"
     if place.vehicle is None:

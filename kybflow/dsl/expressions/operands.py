@@ -19,10 +19,10 @@ from kybflow.dsl.expressions.cursor import HEALTH, Operand, is_quantity
 from kybflow.dsl.expressions.tokens import Token
 from kybflow.dsl.expressions.tree import (
     Aggregate,
-    Clock,
     Distance,
     Function,
-    Place,
+    Location,
+    MissionTime,
     Read,
     Separation,
     Value,
@@ -55,7 +55,7 @@ class Operands(Types):
     def _meaning(self, token: Token) -> tuple[Value | None, Dimension | None]:
         """What a dotted name reads; (None, None) for one that may be a bare word."""
         if token.text == "time" and self.scope.kind != "health":
-            return Clock(), DURATION
+            return MissionTime(), DURATION
         if self.scope.kind == "health":
             name = HEALTH.get(token.text)
             return (Read(None, name), OBSERVABLES[name].dimension) if name else (None, None)
@@ -96,28 +96,28 @@ class Operands(Types):
         self.expect("to")
         return Distance(a, self._place())
 
-    def _place(self) -> Place:
+    def _place(self) -> Location:
         if self.skip("["):
             point = (self.quantity(LENGTH), self.quantity(LENGTH), self.quantity(LENGTH))
             self.expect("]")
-            return Place(None, point=point)
+            return Location(None, point=point)
         token = self.name("a vehicle or a point")
         if token.text == "start" and self.scope.own is not None:
-            return Place(None, start=True)
+            return Location(None, start=True)
         if token.text.startswith(PREFIX):
-            return Place(None, point=self.point(token))
+            return Location(None, point=self.point(token))
         own = "payload" if token.text.endswith(".payload") else "start"
         name = token.text.removesuffix(f".{own}")
         self.vehicle(Token("name", name, token.start, token.start + len(name)))
         if name == token.text:
-            return Place(name)
+            return Location(name)
         if own == "start":
-            return Place(name, start=True)
+            return Location(name, start=True)
         self.payload(name, token)
         if self.scope.kind != "expectation":
             place = (token.start, token.end)
             self.findings.append(errors.known_to_the_simulator(self.text, place, token.text))
-        return Place(name, payload=True)
+        return Location(name, payload=True)
 
     def _separation(self, function: Token) -> Separation:
         first = self.name("a vehicle, a group or `all`")

@@ -17,7 +17,7 @@ from difflib import get_close_matches
 from typing import cast, get_args
 
 from kybflow.core.units import DURATION
-from kybflow.dsl.diagnostics.diagnostic import Found
+from kybflow.dsl.diagnostics.diagnostic import Collected
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.expressions import errors
 from kybflow.dsl.expressions.cursor import Scope
@@ -28,6 +28,7 @@ from kybflow.dsl.expressions.tree import (
     Always,
     And,
     Compare,
+    ComparisonOperator,
     Condition,
     Eventually,
     Expression,
@@ -36,10 +37,9 @@ from kybflow.dsl.expressions.tree import (
     GroupInState,
     InState,
     Not,
-    Number,
-    Operator,
     Or,
     Quantifier,
+    Quantity,
 )
 
 __all__ = ["Scope", "parse"]
@@ -48,7 +48,7 @@ MAX_DEPTH = 32
 MAX_LENGTH = 2000
 EXPECTATIONS = ("always", "eventually", "finally", "finished")
 _QUANTIFIERS = frozenset(get_args(Quantifier))
-FLIPPED: Mapping[Operator, Operator] = {
+FLIPPED: Mapping[ComparisonOperator, ComparisonOperator] = {
     "<": ">",
     "<=": ">=",
     ">": "<",
@@ -58,23 +58,23 @@ FLIPPED: Mapping[Operator, Operator] = {
 }
 
 
-def parse(text: Text, scope: Scope) -> Found[Expression | None]:
+def parse(text: Text, scope: Scope) -> Collected[Expression | None]:
     """The expression that `text` says, or None and what is wrong with it. Never raises."""
     if text not in scope.read:
         scope.read[text] = _parsed(text, scope)
-    found: Found[Expression | None] = scope.read[text]
+    found: Collected[Expression | None] = scope.read[text]
     return found
 
 
-def _parsed(text: Text, scope: Scope) -> Found[Expression | None]:
+def _parsed(text: Text, scope: Scope) -> Collected[Expression | None]:
     try:
         if len(text.text) > MAX_LENGTH:
             raise errors.too_long(text, MAX_LENGTH)
         parser = _Parser(text, scope)
         expression = parser.whole()
     except errors.Unreadable as stop:
-        return Found(None, [stop.finding])
-    return Found(None if parser.findings else expression, parser.findings)
+        return Collected(None, [stop.finding])
+    return Collected(None if parser.findings else expression, parser.findings)
 
 
 class _Parser(Operands):
@@ -189,7 +189,7 @@ class _Parser(Operands):
         compare = self.compared(left, operator, right)
         if not isinstance(compare, Compare):
             return compare
-        if isinstance(compare.left, Number) and isinstance(compare.right, Aggregate):
+        if isinstance(compare.left, Quantity) and isinstance(compare.right, Aggregate):
             return self.compared(right, FLIPPED[operator], left)
         return compare
 
@@ -198,5 +198,5 @@ def _is_statistic(condition: Condition) -> bool:
     return (
         isinstance(condition, Compare)
         and isinstance(condition.left, Aggregate)
-        and isinstance(condition.right, Aggregate | Number)
+        and isinstance(condition.right, Aggregate | Quantity)
     )

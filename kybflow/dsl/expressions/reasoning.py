@@ -15,25 +15,25 @@ from typing import NamedTuple
 
 from kybflow.dsl.expressions import (
     And,
-    Clock,
     Compare,
     Condition,
     GroupInState,
     InState,
+    MissionTime,
     Not,
-    Number,
     Or,
+    Quantity,
     Read,
     Word,
 )
 from kybflow.dsl.expressions.parse import FLIPPED
-from kybflow.dsl.expressions.tree import Aggregate, Distance, Operator, Separation
+from kybflow.dsl.expressions.tree import Aggregate, ComparisonOperator, Distance, Separation
 from kybflow.parts.observables import OBSERVABLES, is_in
 
 Bounds = Callable[[object], tuple[float, float]]
 """The range that a value never leaves (SI)."""
 _MOST = 64
-_OPPOSITE: dict[Operator, Operator] = {
+_OPPOSITE: dict[ComparisonOperator, ComparisonOperator] = {
     "<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "==",
 }  # fmt: skip
 
@@ -43,7 +43,7 @@ class _Fact(NamedTuple):
     `not` also holds where the value is not known."""
 
     value: object
-    operator: Operator
+    operator: ComparisonOperator
     bound: float | str
     is_plain: bool
 
@@ -55,13 +55,13 @@ class _TooManyError(Exception):
     """The form has more groups than are worth looking at."""
 
 
-def natural(longest: float) -> Bounds:
+def physical_bounds(longest: float) -> Bounds:
     """The bounds that nature sets, in a run of `longest` seconds at most: no speed or distance is
     negative, no share above one, no time longer than the run."""
 
     def bounds(value: object) -> tuple[float, float]:
         match value:
-            case Read(_, "elapsed") | Clock():
+            case Read(_, "elapsed") | MissionTime():
                 return 0.0, longest
             case Read(_, name):
                 return OBSERVABLES[name].low, OBSERVABLES[name].high
@@ -115,9 +115,9 @@ def _groups(condition: Condition, truth: bool) -> list[_Group]:
             return _joined([_groups(p, truth) for p in parts], isinstance(condition, And) is truth)
         case InState(vehicle, state):
             return [(_Fact(Read(vehicle, "behavior"), "==" if truth else "!=", state, truth),)]
-        case Compare(operator, Number(bound, _), value):
+        case Compare(operator, Quantity(bound, _), value):
             return [(_fact(value, FLIPPED[operator], bound, truth),)]
-        case Compare(operator, value, Number(bound, _) | Word(bound)):
+        case Compare(operator, value, Quantity(bound, _) | Word(bound)):
             return [(_fact(value, operator, bound, truth),)]
     return [(_Fact(condition, "==" if truth else "!=", "true", truth),)]
 
@@ -134,7 +134,7 @@ def _joined(parts: list[list[_Group]], together: bool) -> list[_Group]:
     return groups
 
 
-def _fact(value: object, operator: Operator, bound: float | str, truth: bool) -> _Fact:
+def _fact(value: object, operator: ComparisonOperator, bound: float | str, truth: bool) -> _Fact:
     return _Fact(value, operator if truth else _OPPOSITE[operator], bound, truth)
 
 

@@ -10,13 +10,13 @@ from typing import Literal
 from kybflow.core.geometry import Vec3
 from kybflow.core.units import Dimension
 
-Operator = Literal["<", "<=", ">", ">=", "==", "!="]
+ComparisonOperator = Literal["<", "<=", ">", ">=", "==", "!="]
 Quantifier = Literal["all", "any"]
 Function = Literal["mean", "max", "min", "rms"]
 
 
 @dataclass(frozen=True, slots=True)
-class Number:
+class Quantity:
     """A quantity in SI; `dimension` is that of what it is compared with."""
 
     value: float
@@ -39,12 +39,12 @@ class Read:
 
 
 @dataclass(frozen=True, slots=True)
-class Clock:
+class MissionTime:
     """Seconds since the start of the run."""
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Location:
     """A point: where `vehicle` is, or its start pose, or its payload, or `point` (metres, world).
 
     Without a point, `vehicle` None is the vehicle that asks.
@@ -60,8 +60,8 @@ class Place:
 class Distance:
     """Metres between two places."""
 
-    a: Place
-    b: Place
+    a: Location
+    b: Location
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class Separation:
     vehicles: tuple[str, ...]
 
 
-Value = Number | Word | Read | Clock | Distance | Separation
+Value = Quantity | Word | Read | MissionTime | Distance | Separation
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ class Aggregate:
 class Compare:
     """In an expectation the left side is an aggregate, the right one an aggregate or a number."""
 
-    operator: Operator
+    operator: ComparisonOperator
     left: Value | Aggregate
     right: Value | Aggregate
 

@@ -11,25 +11,25 @@ from kybflow.dsl.expressions.cursor import Cursor, Operand, is_quantity
 from kybflow.dsl.expressions.tokens import Token
 from kybflow.dsl.expressions.tree import (
     Compare,
+    ComparisonOperator,
     Condition,
     InState,
     Not,
-    Number,
-    Operator,
+    Quantity,
     Read,
     Value,
     Word,
 )
 from kybflow.parts.observables import OBSERVABLES, chains_of
 
-STAND_IN = Number(0.0, NUMBER)
+STAND_IN = Quantity(0.0, NUMBER)
 """Stands where a finding says why there is nothing."""
 
 
 class Types(Cursor):
     """The middle third of the parser."""
 
-    def compared(self, left: Operand, operator: Operator, right: Operand) -> Condition:
+    def compared(self, left: Operand, operator: ComparisonOperator, right: Operand) -> Condition:
         """The comparison, its sides brought to one dimension; `behavior == CHAIN` asks whether the
         vehicle is anywhere inside of the chain."""
         a, b = left.node, right.node
@@ -46,7 +46,7 @@ class Types(Cursor):
             self.mismatch(right, message, "names have no order", "")
         return self._in_chain(a, operator, b) or Compare(operator, a, b)
 
-    def _in_chain(self, a: object, operator: Operator, b: object) -> Condition | None:
+    def _in_chain(self, a: object, operator: ComparisonOperator, b: object) -> Condition | None:
         read, word = (a, b) if isinstance(a, Read) else (b, a)
         if not isinstance(read, Read) or not isinstance(word, Word) or read.name != "behavior":
             return None
@@ -59,7 +59,9 @@ class Types(Cursor):
             return inside
         return Not(inside) if operator == "!=" else None
 
-    def _nothing_known(self, left: Operand, operator: Operator, right: Operand) -> Compare:
+    def _nothing_known(
+        self, left: Operand, operator: ComparisonOperator, right: Operand
+    ) -> Compare:
         words = [side for side in (left, right) if not is_quantity(side)]
         for word in words:
             self.unknown_name(word)
@@ -76,7 +78,7 @@ class Types(Cursor):
             value = self.measured(side.source, place, other.dimension, told)
             if other.dimension is RATIO and not 0.0 <= value <= 1.0:
                 self.findings.append(errors.never_reached(self.text, place, other.source))
-            return Number(value, other.dimension)
+            return Quantity(value, other.dimension)
         if is_quantity(side):
             self.mismatch(side, f"{told}, `{side.source}` is a quantity", "a quantity", "")
             return STAND_IN

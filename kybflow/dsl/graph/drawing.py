@@ -26,7 +26,7 @@ from kybflow.dsl.plan import (
 )
 
 
-class Box(NamedTuple):
+class StateBox(NamedTuple):
     """A state: its name, its part, its flight type in words. A phase has none, and for a part what
     it asks. An asker is no state: a flow or a callback that may ask for states."""
 
@@ -52,15 +52,15 @@ class Drawing(NamedTuple):
 
     title: str
     begin: str
-    boxes: tuple[Box, ...]
+    boxes: tuple[StateBox, ...]
     edges: tuple[Edge, ...]
 
 
-Asked = Mapping[str, tuple[str, ...]]
+Requests = Mapping[str, tuple[str, ...]]
 """The states that are asked for, by who asks."""
 
 
-def asked(plan: Plan, vehicle: str) -> Asked:
+def requests_to(plan: Plan, vehicle: str) -> Requests:
     """Who asks `vehicle` for what, each state once."""
     found: dict[str, dict[str, None]] = {}
     for flow in plan.flows:
@@ -81,7 +81,7 @@ def drawings(plan: Plan) -> list[Drawing]:
     """One drawing for each machine, with the vehicles that have it."""
     same: dict[_Machine, list[str]] = {}
     for vehicle in plan.vehicles:
-        same.setdefault(_machine(vehicle, asked(plan, vehicle.name)), []).append(vehicle.name)
+        same.setdefault(_machine(vehicle, requests_to(plan, vehicle.name)), []).append(vehicle.name)
     vehicles = [Drawing(", ".join(names), m.begin, m.boxes, m.edges) for m, names in same.items()]
     return [*vehicles, *(_flow(flow, plan.groups) for flow in plan.flows)]
 
@@ -89,11 +89,11 @@ def drawings(plan: Plan) -> list[Drawing]:
 @dataclass(frozen=True, slots=True)
 class _Machine:
     begin: str
-    boxes: tuple[Box, ...]
+    boxes: tuple[StateBox, ...]
     edges: tuple[Edge, ...]
 
 
-def _machine(vehicle: VehiclePlan, askers: Asked) -> _Machine:
+def _machine(vehicle: VehiclePlan, askers: Requests) -> _Machine:
     drawn = _reached(vehicle, askers)
     boxes = tuple(_box(state) for name, state in vehicle.states.items() if name in drawn)
     labels: dict[tuple[str, str], list[str]] = {}
@@ -105,7 +105,7 @@ def _machine(vehicle: VehiclePlan, askers: Asked) -> _Machine:
             labels.setdefault(ends, []).append(cause_of(arrow))
             implied[ends] = implied.get(ends, True) and added
     edges = tuple(Edge(*ends, tuple(text), implied[ends]) for ends, text in labels.items())
-    asking = tuple(Box(name, "asks", "", False, is_asker=True) for name in askers)
+    asking = tuple(StateBox(name, "asks", "", False, is_asker=True) for name in askers)
     entries = tuple(
         Edge(name, state, (), False, is_asked=True)
         for name, states in askers.items()
@@ -114,7 +114,7 @@ def _machine(vehicle: VehiclePlan, askers: Asked) -> _Machine:
     return _Machine(vehicle.begin, (*boxes, *asking), (*edges, *entries))
 
 
-def _reached(vehicle: VehiclePlan, askers: Asked) -> set[str]:
+def _reached(vehicle: VehiclePlan, askers: Requests) -> set[str]:
     """The mission's own states, and the built-in ones that a drawn arrow leads to."""
     own = (name for name, state in vehicle.states.items() if not state.built_in)
     waiting = [*own, vehicle.begin, *(state for states in askers.values() for state in states)]
@@ -139,10 +139,10 @@ def _drawn(state: StatePlan) -> list[TransitionPlan]:
     ]
 
 
-def _box(state: StatePlan) -> Box:
+def _box(state: StatePlan) -> StateBox:
     leg = state.legs[0]
     flight = f"{leg.start.value} → {leg.end.value}"
-    return Box(state.name, state.behavior.name, flight, state.built_in)
+    return StateBox(state.name, state.behavior.name, flight, state.built_in)
 
 
 def cause_of(arrow: TransitionPlan) -> str:
@@ -173,24 +173,24 @@ def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
             labels.setdefault((phase.name, arrow.target), []).append(cause_of(arrow))
         if not phase.transitions:
             labels[phase.name, END] = ["done"]
-    boxes = [Box(p.name, _phase_text(p, groups), "", False) for p in flow.phases.values()]
+    boxes = [StateBox(p.name, _phase_text(p, groups), "", False) for p in flow.phases.values()]
     if any(target == END for _, target in labels):
-        boxes.append(Box(END, "the flow is over", "", True))
+        boxes.append(StateBox(END, "the flow is over", "", True))
     edges = tuple(Edge(*ends, tuple(text), False) for ends, text in labels.items())
     return Drawing(f"flow {flow.name}", flow.begin, tuple(boxes), edges)
 
 
 def _phase_text(phase: PhasePlan, groups: Groups) -> str:
     """What a phase asks of whom."""
-    asked = {**phase.run, **phase.chains}
-    texts = [f"{names}: {state}" for names, state in _together(asked, groups)]
+    requests_to = {**phase.run, **phase.chains}
+    texts = [f"{names}: {state}" for names, state in _together(requests_to, groups)]
     texts += [f"{names} to {flow}" for names, flow in _together(phase.give, groups)]
     return " · ".join(texts) or "asks nothing"
 
 
-def _together(asked: Mapping[str, str], groups: Groups) -> Iterator[tuple[str, str]]:
+def _together(requests_to: Mapping[str, str], groups: Groups) -> Iterator[tuple[str, str]]:
     """Those of whom the same is asked, by their group's name where there is one."""
-    for goal in dict.fromkeys(asked.values()):
-        names = tuple(name for name, own in asked.items() if own == goal)
+    for goal in dict.fromkeys(requests_to.values()):
+        names = tuple(name for name, own in requests_to.items() if own == goal)
         group = next((g for g, of in groups.items() if set(of) == set(names)), None)
         yield group or ", ".join(names), goal

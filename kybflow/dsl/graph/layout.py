@@ -25,7 +25,7 @@ class Size(NamedTuple):
     height: float
 
 
-class Chain(NamedTuple):
+class EdgePath(NamedTuple):
     """An arrow laid out: its vertices from the upper end to the lower; `is_reversed` when it points
     up."""
 
@@ -40,7 +40,7 @@ class Layout:
 
     sizes: list[Size]
     layers: list[list[int]] = field(default_factory=list)
-    chains: list[Chain] = field(default_factory=list)
+    chains: list[EdgePath] = field(default_factory=list)
     x: list[float] = field(default_factory=list)
     y: list[float] = field(default_factory=list)
 
@@ -58,7 +58,7 @@ def arranged(
         layout.layers[2 * rank].append(box)
     for index, (upper, lower) in enumerate(down):
         chain = _chain(layout, upper, lower, ranks, labels[index])
-        layout.chains.append(Chain(chain, index in back))
+        layout.chains.append(EdgePath(chain, index in back))
     above, below = _neighbours(layout)
     _order(layout, above, below)
     _place(layout, above, below)

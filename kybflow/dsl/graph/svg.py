@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import pairwise
 
-from kybflow.dsl.graph.drawing import Box, Drawing, Edge, drawings
+from kybflow.dsl.graph.drawing import Drawing, Edge, StateBox, drawings
 from kybflow.dsl.graph.layout import Layout, Size, arranged
 from kybflow.dsl.plan import Plan
 
@@ -108,7 +108,7 @@ def _drawing(drawing: Drawing) -> tuple[str, float, float]:
     return "\n".join(parts), max(width, _width(drawing.title, 8.0)), height
 
 
-def _box_size(box: Box, loop: Edge | None, is_first: bool) -> Size:
+def _box_size(box: StateBox, loop: Edge | None, is_first: bool) -> Size:
     half = _box_width(box) / 2
     return Size(
         half + (_BEGIN if is_first else 0.0),
@@ -117,11 +117,11 @@ def _box_size(box: Box, loop: Edge | None, is_first: bool) -> Size:
     )
 
 
-def _box_width(box: Box) -> float:
+def _box_width(box: StateBox) -> float:
     return max(_width(box.name, 8.2), _width(_caption(box), 6.2)) + 28
 
 
-def _caption(box: Box) -> str:
+def _caption(box: StateBox) -> str:
     return f"{box.part} · {box.flight}" if box.flight else box.part
 
 
@@ -186,7 +186,7 @@ def _curve(points: Sequence[Point]) -> str:
     return " ".join(path)
 
 
-def _begin(box: Box, x: float, y: float) -> str:
+def _begin(box: StateBox, x: float, y: float) -> str:
     """The dot from which the machine begins, in the room that is kept left of its box."""
     left = x - _box_width(box) / 2
     return (
@@ -195,7 +195,7 @@ def _begin(box: Box, x: float, y: float) -> str:
     )
 
 
-def _box(box: Box, x: float, y: float) -> str:
+def _box(box: StateBox, x: float, y: float) -> str:
     width = _box_width(box)
     start, _, end = box.flight.partition(" → ")
     kind = "phase" if not box.flight else start if start == end else "change"
@@ -208,7 +208,7 @@ def _box(box: Box, x: float, y: float) -> str:
     )
 
 
-def _loop(edge: Edge, box: Box, x: float, y: float) -> str:
+def _loop(edge: Edge, box: StateBox, x: float, y: float) -> str:
     right = x + _box_width(box) / 2
     path = f"M{right:.1f} {y - 9:.1f} C{right + 30:.1f} {y - 9:.1f} "
     path += f"{right + 30:.1f} {y + 9:.1f} {right:.1f} {y + 9:.1f}"

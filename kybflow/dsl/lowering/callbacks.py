@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.diagnostics.diagnostic import collect
-from kybflow.dsl.document import ActionUse, Callback, Document
+from kybflow.dsl.document import ActionEntry, CallbackEntry, Document
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.names.option_names import members, option_values
 from kybflow.dsl.plan import (
@@ -17,7 +17,7 @@ from kybflow.dsl.plan import (
     Emit,
     Enable,
     EnterPhase,
-    Log,
+    LogText,
     PartPlan,
     SetOption,
     Stop,
@@ -34,7 +34,7 @@ def callback_plans(document: Document, scope: Scope, catalog: Catalog) -> tuple[
 
 
 def _callback(
-    callback: Callback, document: Document, scope: Scope, catalog: Catalog
+    callback: CallbackEntry, document: Document, scope: Scope, catalog: Catalog
 ) -> CallbackPlan:
     event, vehicles = _heard(callback.event.text, document)
     return CallbackPlan(
@@ -56,7 +56,7 @@ def _heard(event: str, document: Document) -> tuple[str, tuple[str, ...]]:
     return (name, vehicles) if dot and vehicles else (event, ("",))
 
 
-def _action(action: ActionUse, document: Document, catalog: Catalog) -> Iterator[ActionPlan]:
+def _action(action: ActionEntry, document: Document, catalog: Catalog) -> Iterator[ActionPlan]:
     name, target, part = action.name.text, action.target, action.part
     if part is not None:
         label = f"actions.{part.label}"
@@ -77,10 +77,14 @@ def _action(action: ActionUse, document: Document, catalog: Catalog) -> Iterator
         yield _TOLD[name](action.value.text)
 
 
-_TOLD: dict[str, type[Emit] | type[Log] | type[Stop]] = {"emit": Emit, "log": Log, "stop": Stop}
+_TOLD: dict[str, type[Emit] | type[LogText] | type[Stop]] = {
+    "emit": Emit,
+    "log": LogText,
+    "stop": Stop,
+}
 
 
-def _phase(action: ActionUse, document: Document) -> EnterPhase:
+def _phase(action: ActionEntry, document: Document) -> EnterPhase:
     phase = action.value.text
     if action.target is not None:
         return EnterPhase(action.target.text, phase)

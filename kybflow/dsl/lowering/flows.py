@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from kybflow.dsl.diagnostics.diagnostic import collect
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import Document, Flow, Phase, Transition
+from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.names.option_names import members, option_values
 from kybflow.dsl.plan import FlowPlan, PhasePlan, SetOption, TransitionPlan
@@ -21,7 +21,7 @@ def flow_plans(document: Document, scope: Scope, catalog: Catalog) -> tuple[Flow
     return tuple(_flow(flow, document, scope, catalog) for flow in document.flows.values())
 
 
-def _flow(flow: Flow, document: Document, scope: Scope, catalog: Catalog) -> FlowPlan:
+def _flow(flow: FlowEntry, document: Document, scope: Scope, catalog: Catalog) -> FlowPlan:
     own = own_vehicles(document, flow)
     return FlowPlan(
         name=flow.name.text,
@@ -33,7 +33,7 @@ def _flow(flow: Flow, document: Document, scope: Scope, catalog: Catalog) -> Flo
     )
 
 
-def _phase(phase: Phase, document: Document, scope: Scope, catalog: Catalog) -> PhasePlan:
+def _phase(phase: PhaseEntry, document: Document, scope: Scope, catalog: Catalog) -> PhasePlan:
     options = (
         SetOption(option.name, value)
         for action in phase.set
@@ -56,7 +56,7 @@ def _spread(pairs: tuple[tuple[Text, Text], ...], document: Document) -> dict[st
     return {vehicle: goal.text for who, goal in pairs for vehicle in members(document, who.text)}
 
 
-def _arrow(arrow: Transition, scope: Scope) -> TransitionPlan:
+def _arrow(arrow: TransitionEntry, scope: Scope) -> TransitionPlan:
     return TransitionPlan(
         cause=arrow.cause,
         target=arrow.target.text,

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from kybflow.core.files import File
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import Document, FaultUse, PartUse, SensorUse, State, Transition, Vehicle
+from kybflow.dsl.document import (
+    Document,
+    FaultEntry,
+    PartUse,
+    SensorEntry,
+    StateEntry,
+    TransitionEntry,
+    VehicleEntry,
+)
 from kybflow.dsl.expressions import Expression, Scope, parse
 from kybflow.dsl.lowering.callbacks import callback_plans
 from kybflow.dsl.lowering.flows import flow_plans
@@ -74,7 +82,7 @@ def lower(
     )
 
 
-def _fault(use: FaultUse, scopes: Scopes) -> FaultPlan:
+def _fault(use: FaultEntry, scopes: Scopes) -> FaultPlan:
     vehicle = use.vehicle.text
     when = None if use.when is None else _parsed(use.when, scopes.condition(vehicle))
     part = _part(use.part, use.part.label)
@@ -89,7 +97,7 @@ def _parsed(text: Text, scope: Scope) -> Expression:
 
 
 def _vehicle(
-    vehicle: Vehicle, scopes: Scopes, built_in: dict[str, StatePlan], hover_limit: float
+    vehicle: VehicleEntry, scopes: Scopes, built_in: dict[str, StatePlan], hover_limit: float
 ) -> VehiclePlan:
     name = vehicle.name.text
     own = {n: _state(s, name, scopes) for n, s in vehicle.states.items()}
@@ -122,7 +130,7 @@ def _vehicle(
     )
 
 
-def _cameras(vehicle: Vehicle) -> dict[str, Camera]:
+def _cameras(vehicle: VehicleEntry) -> dict[str, Camera]:
     """The airframe's, as the sensors on this target have them."""
     cameras: Mapping[str, Camera] = {use.name.text: use.camera for use in vehicle.cameras}
     for use in vehicle.sensors:
@@ -130,9 +138,9 @@ def _cameras(vehicle: Vehicle) -> dict[str, Camera]:
     return dict(cameras)
 
 
-def _sensors(vehicle: Vehicle) -> Iterator[SensorPlan]:
+def _sensors(vehicle: VehicleEntry) -> Iterator[SensorPlan]:
     """Each sensor once, however many estimators it is named for."""
-    named: dict[tuple[str, Any], tuple[SensorUse, list[str]]] = {}
+    named: dict[tuple[str, Any], tuple[SensorEntry, list[str]]] = {}
     for use in vehicle.sensors:
         _, names = named.setdefault((use.part.spec.name, use.part.params), (use, []))
         names += [use.estimator.text] if use.estimator.text else []
@@ -144,7 +152,7 @@ def _part(use: PartUse, label: str) -> PartPlan:
     return PartPlan(use.spec.name, use.spec.cls, use.params, label, use.span.at)
 
 
-def _state(state: State, vehicle: str, scopes: Scopes) -> StatePlan:
+def _state(state: StateEntry, vehicle: str, scopes: Scopes) -> StatePlan:
     legs = state.part.spec.cls.flight
     arrows = [_arrow(t, vehicle, scopes) for t in state.transitions]
     causes = {arrow.cause for arrow in arrows}
@@ -166,7 +174,7 @@ def _label(state: str) -> str:
     return f"behaviors.{state}"
 
 
-def _arrow(arrow: Transition, vehicle: str, scopes: Scopes) -> TransitionPlan:
+def _arrow(arrow: TransitionEntry, vehicle: str, scopes: Scopes) -> TransitionPlan:
     return TransitionPlan(
         cause=arrow.cause,
         target=arrow.target.text,

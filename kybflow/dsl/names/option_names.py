@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from kybflow.core.params import Field
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, did_you_mean, every
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import ActionUse, Document, Vehicle
+from kybflow.dsl.document import ActionEntry, Document, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.reading.values import decode
 
@@ -55,7 +55,7 @@ def unknown_vehicle(
 
 
 def option_values(
-    action: ActionUse, document: Document, catalog: Catalog
+    action: ActionEntry, document: Document, catalog: Catalog
 ) -> Diagnosed[tuple[tuple[Option, Any], ...]]:
     """What `{OPTION: VALUE}` sets: each option with its value (SI). None where it has errors."""
     assert action.target is not None
@@ -83,7 +83,7 @@ def options_named(name: Text, document: Document, catalog: Catalog) -> Named:
     return Named(tuple(options))
 
 
-def _option(name: Text, rest: str, vehicle: Vehicle, catalog: Catalog) -> Option | Diagnostic:
+def _option(name: Text, rest: str, vehicle: VehicleEntry, catalog: Catalog) -> Option | Diagnostic:
     parts = _parts(vehicle, catalog)
     label, _, word = rest.rpartition(".")
     start, end = len(name.text) - len(rest), len(name.text)
@@ -112,7 +112,7 @@ def _option(name: Text, rest: str, vehicle: Vehicle, catalog: Catalog) -> Option
     return Option(f"{vehicle.name.text}.{rest}", field, getattr(params, word))
 
 
-def _parts(vehicle: Vehicle, catalog: Catalog) -> dict[str, tuple[tuple[Field, ...], Any]]:
+def _parts(vehicle: VehicleEntry, catalog: Catalog) -> dict[str, tuple[tuple[Field, ...], Any]]:
     """Every part of a vehicle by its label among the options, with its parameters."""
     uses = {
         **{f"estimators.{use.part.label}": use.part for use in vehicle.estimators},

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
-from kybflow.dsl.document import Document, Vehicle
+from kybflow.dsl.document import Document, VehicleEntry
 from kybflow.dsl.expressions import Scope
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.parts.observables import chains_of
@@ -56,6 +56,6 @@ class Scopes:
         return self._scopes[kind, own]
 
 
-def _chains(vehicle: Vehicle) -> list[str]:
+def _chains(vehicle: VehicleEntry) -> list[str]:
     """The chains of a vehicle: it is in one while it is in a state inside."""
     return list(dict.fromkeys(chain for state in vehicle.states for chain in chains_of(state)))

@@ -12,12 +12,12 @@ from typing import Any
 
 import yaml
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Found
+from kybflow.dsl.diagnostics.diagnostic import Collected, Diagnostic
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import (
     NO_COMMAS,
-    Entry,
     Mapping,
+    MappingEntry,
     Node,
     Scalar,
     Sequence,
@@ -52,15 +52,15 @@ class _Unreadable(Exception):
         self.diagnostic = diagnostic
 
 
-def compose(text: str, file: str) -> Found[Node | None]:
+def compose(text: str, file: str) -> Collected[Node | None]:
     """The tree of `text`; None, and a finding, when it can't be had."""
     composer = _Composer(file)
     try:
-        return Found(composer.document(_Loader(text)), composer.found)
+        return Collected(composer.document(_Loader(text)), composer.found)
     except _Unreadable as stop:
-        return Found(None, [*composer.found, stop.diagnostic])
+        return Collected(None, [*composer.found, stop.diagnostic])
     except (yaml.YAMLError, UnicodeError) as error:
-        return Found(None, [*composer.found, _not_yaml(error, text, file)])
+        return Collected(None, [*composer.found, _not_yaml(error, text, file)])
 
 
 class _Composer:
@@ -114,7 +114,7 @@ class _Composer:
             while not isinstance(inner := loader.get_event(), yaml.SequenceEndEvent):
                 items.append(self._node(loader, inner, depth + 1))
             return Sequence(tuple(items), self._span(event, inner))
-        entries: dict[str, Entry] = {}
+        entries: dict[str, MappingEntry] = {}
         while not isinstance(inner := loader.get_event(), yaml.MappingEndEvent):
             key = self._node(loader, inner, depth + 1)
             if entries and not isinstance(key, Scalar):
@@ -123,7 +123,7 @@ class _Composer:
             self._enter(entries, key, value)
         return Mapping(entries, self._span(event, inner))
 
-    def _cut(self, before: Entry, key: Node) -> None:
+    def _cut(self, before: MappingEntry, key: Node) -> None:
         """Stop where YAML ended a condition at its comma: what follows is no mapping."""
         if is_cut(before.value):
             name = before.key.text
@@ -131,7 +131,7 @@ class _Composer:
             hint = f"{NO_COMMAS}; a point is `$point`, a parameter of the type `position`"
             raise _Unreadable(Diagnostic("KYB010", message, key.span, help=hint))
 
-    def _enter(self, entries: dict[str, Entry], key: Node, value: Node) -> None:
+    def _enter(self, entries: dict[str, MappingEntry], key: Node, value: Node) -> None:
         if not isinstance(key, Scalar):
             what = "a list" if isinstance(key, Sequence) else "a mapping"
             self.found.append(
@@ -158,7 +158,7 @@ class _Composer:
                 Diagnostic("KYB007", message, first, "first", (f"again at {key.span.at}",)),
             ]
         else:
-            entries[key.text] = Entry(key, value)
+            entries[key.text] = MappingEntry(key, value)
 
     def _alias(self, event: Any) -> Node:
         name = event.anchor

@@ -63,7 +63,7 @@ class Scalar(NamedTuple):
         return Text(self.text, s, verbatim, self.written, self.insets)
 
 
-class Entry(NamedTuple):
+class MappingEntry(NamedTuple):
     """One key of a mapping with its value. `inherited`: it came through `like` or the defaults;
     `used`: the places of the `like` through which a flow has it, outermost first; `depth`: how
     many mappings stand over the one that it is from."""
@@ -76,7 +76,7 @@ class Entry(NamedTuple):
 
 
 class Mapping(NamedTuple):
-    entries: dict[str, Entry]
+    entries: dict[str, MappingEntry]
     span: Span
 
     def get(self, key: str) -> Node | None:
@@ -145,7 +145,7 @@ def is_cut(node: Node) -> bool:
     return isinstance(node, Scalar) and node.text.count("(") > node.text.count(")")
 
 
-def entries_of(node: Node | None) -> dict[str, Entry]:
+def entries_of(node: Node | None) -> dict[str, MappingEntry]:
     """The entries of a mapping; none of anything else."""
     return node.entries if isinstance(node, Mapping) else {}
 

@@ -23,7 +23,7 @@ _MOST = 200
 """Files that are compared with a name that is none."""
 
 
-class Source(NamedTuple):
+class ParsedFile(NamedTuple):
     """One file as read: the path as reported, its text, the SHA-256 of its bytes, its tree (None
     when it can't be had) and what was found."""
 
@@ -40,15 +40,15 @@ class _Unreadable(Exception):
         self.diagnostic = diagnostic
 
 
-def read(path: Path, file: str) -> Source:
+def read(path: Path, file: str) -> ParsedFile:
     """Read `path` and report it as `file`."""
     try:
         data = _bytes_of(path, file)
         text = _decode(data, file)
     except _Unreadable as stop:
-        return Source(file, "", "", None, (stop.diagnostic,))
+        return ParsedFile(file, "", "", None, (stop.diagnostic,))
     root, found = compose(text, file)
-    return Source(file, text, hashlib.sha256(data).hexdigest(), root, tuple(found))
+    return ParsedFile(file, text, hashlib.sha256(data).hexdigest(), root, tuple(found))
 
 
 def _bytes_of(path: Path, file: str) -> bytes:

@@ -34,26 +34,26 @@ LARGEST = 10.0
 _LIKE = "family, id, size, x, y, z, heading [deg]"
 
 
-class Row(NamedTuple):
+class TagRow(NamedTuple):
     """One tag, and the line where it stands."""
 
     tag: Tag
     line: int
 
 
-def read_tags(file: File) -> tuple[Row, ...]:
+def read_tags(file: File) -> tuple[TagRow, ...]:
     """The tags of a file, one at least."""
     table = read_table(file.text, _COLUMNS, "tags", _LIKE)
     need(table, _NEEDED, header_line(file.text))
     first: dict[tuple[str, int], int] = {}
-    rows: list[Row] = []
+    rows: list[TagRow] = []
     for line, numbers, words in table.rows:
         tag = _tag(line, numbers, words["family"])
         if tag.key in first:
             message = f"tag {tag.id} of {tag.family} is in line {first[tag.key]} already"
             raise FileError(message, line)
         first[tag.key] = line
-        rows.append(Row(tag, line))
+        rows.append(TagRow(tag, line))
     if not rows:
         raise FileError("it has no tags")
     return tuple(rows)

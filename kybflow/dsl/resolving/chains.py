@@ -17,9 +17,9 @@ from kybflow.core.params import RESERVED
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, did_you_mean, every
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, Sequence, entries_of
-from kybflow.dsl.resolving.offers import Offers, chain_of
-from kybflow.dsl.resolving.parameters import Parameters, Setting, declare
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, entries_of
+from kybflow.dsl.resolving.exports import Exports, chain_of
+from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
 from kybflow.dsl.resolving.substitution import Substitution, known, names_in, unused_parameter
 
 CODES = {
@@ -35,15 +35,15 @@ _ARROWS = frozenset({"then", "next", "failed", "within"})
 _KEYS = _ARROWS | {"do", "estimators"}
 
 
-class Use(NamedTuple):
+class ChainExpansion(NamedTuple):
     """One use of a chain: the name of the state, the `do` that names the chain, its arrows, the
     file in which its name means something, and the uses around it, outermost first."""
 
     state: str
     do: Scalar
     body: Mapping
-    offers: Offers
-    around: tuple[Use, ...] = ()
+    exports: Exports
+    around: tuple[ChainExpansion, ...] = ()
     inherited: bool = False
     is_alone: bool = False
     """Nothing uses it: its parameters may have no value."""
@@ -63,10 +63,10 @@ class Chains:
     """Expands chains in the vehicles of one mission. What several vehicles share is expanded
     once."""
 
-    def __init__(self, offers: Offers) -> None:
-        self._offers = offers
+    def __init__(self, exports: Exports) -> None:
+        self._exports = exports
         self._done: dict[int, tuple[Mapping, Mapping]] = {}
-        self._seen: set[tuple[Offers, str]] = set()
+        self._seen: set[tuple[Exports, str]] = set()
         self._uses = 0
 
     def expanded(self, vehicle: Mapping) -> Diagnosed[Mapping]:
@@ -84,30 +84,32 @@ class Chains:
 
     def judge(self) -> Iterator[Diagnostic]:
         """What is wrong with the file's own chains, those that nothing uses included."""
-        offers, written = self._offers, self._offers.written("chains")
+        exports, written = self._exports, self._exports.written("chains")
         for name, entry in written.items():
-            chain = offers.entry("chains", name)
+            chain = exports.entry("chains", name)
             own = entries_of(chain.get("parameters"))
             named = set(names_in(chain.entries["behaviors"].value))
             for parameter, declared in own.items():
                 span = declared.key.span
-                yield from _taken(parameter, span, offers.parameters)
+                yield from _taken(parameter, span, exports.parameters)
                 if parameter not in named:
                     yield unused_parameter(parameter, span)
-            if (offers, name) not in self._seen:
+            if (exports, name) not in self._seen:
                 do = entry.key._replace(text=f"chain.{name}")
-                landed = {"then": Entry(do, do._replace(text="landed"))}
-                alone = Use(name, do, Mapping(landed, do.span), offers, is_alone=True)
-                parameters = yield from self._parameters(alone, offers, name)
-                yield from self._inside(alone, offers, name, parameters)
+                landed = {"then": MappingEntry(do, do._replace(text="landed"))}
+                alone = ChainExpansion(name, do, Mapping(landed, do.span), exports, is_alone=True)
+                parameters = yield from self._parameters(alone, exports, name)
+                yield from self._inside(alone, exports, name, parameters)
 
     def _behaviors(self, written: Mapping) -> Diagnosed[Mapping]:
-        states: dict[str, Entry] = {}
+        states: dict[str, MappingEntry] = {}
         for name, entry in written.entries.items():
             do, several = chain_of(entry.value), [(name, entry)]
             if do is not None:
                 assert isinstance(entry.value, Mapping)
-                use = Use(name, do, entry.value, self._offers, inherited=entry.inherited)
+                use = ChainExpansion(
+                    name, do, entry.value, self._exports, inherited=entry.inherited
+                )
                 several = yield from self._used(use)
             for inner, state in several:
                 if inner in states:
@@ -116,40 +118,42 @@ class Chains:
                     states[inner] = state
         return Mapping(states, written.span)
 
-    def _used(self, use: Use) -> Diagnosed[list[tuple[str, Entry]]]:
+    def _used(self, use: ChainExpansion) -> Diagnosed[list[tuple[str, MappingEntry]]]:
         """The states of a use, and the entry that holds its arrows."""
-        meant = yield from use.offers.chain(use.do)
+        meant = yield from use.exports.chain(use.do)
         if meant is None:
             return []
-        offers, name = meant
+        exports, name = meant
         arrows = {k: e for k, e in use.body.entries.items() if k in _ARROWS}
-        whole = Entry(Scalar(use.state, use.do.span), Mapping(arrows, use.body.span))
-        parameters = yield from self._parameters(use, offers, name)
-        inside = yield from self._inside(use, offers, name, parameters)
+        whole = MappingEntry(Scalar(use.state, use.do.span), Mapping(arrows, use.body.span))
+        parameters = yield from self._parameters(use, exports, name)
+        inside = yield from self._inside(use, exports, name, parameters)
         return [(use.state, whole), *inside] if arrows else inside
 
-    def _parameters(self, use: Use, offers: Offers, name: str) -> Diagnosed[Parameters]:
+    def _parameters(
+        self, use: ChainExpansion, exports: Exports, name: str
+    ) -> Diagnosed[ParameterTable]:
         """The values of the chain's parameters, and of those of its file."""
-        own, found = collect(_given(use, offers, name))
+        own, found = collect(_given(use, exports, name))
         yield from (f for f in found if not use.is_alone or f.code == "KYB131")
-        return Parameters(
-            {**offers.parameters.names, **own.names},
-            {**offers.parameters.declared, **own.declared},
+        return ParameterTable(
+            {**exports.parameters.names, **own.names},
+            {**exports.parameters.declared, **own.declared},
         )
 
     def _inside(
-        self, use: Use, offers: Offers, name: str, parameters: Parameters
-    ) -> Diagnosed[list[tuple[str, Entry]]]:
-        """The states of the chain `name` of `offers`, the first on top."""
+        self, use: ChainExpansion, exports: Exports, name: str, parameters: ParameterTable
+    ) -> Diagnosed[list[tuple[str, MappingEntry]]]:
+        """The states of the chain `name` of `exports`, the first on top."""
         if (yield from self._is_endless(use)):
             return []
-        self._seen.add((offers, name))
-        chain = offers.entry("chains", name)
+        self._seen.add((exports, name))
+        chain = exports.entry("chains", name)
         written = chain.entries["behaviors"].value
         filled = entries_of((yield from Substitution(parameters).apply(written)))
         behaviors = {inner: e for inner, e in filled.items() if isinstance(e.value, Mapping)}
         begin = yield from _begin(chain, behaviors)
-        states: list[tuple[str, Entry]] = []
+        states: list[tuple[str, MappingEntry]] = []
         for inner in sorted(behaviors, key=lambda inner: inner != begin):
             key, value = behaviors[inner].key, _used_at(behaviors[inner].value, use.places)
             full = f"{use.state}.{inner}"
@@ -159,14 +163,16 @@ class Chains:
             do = chain_of(body)
             if do is None:
                 span = replace(key.span, used=use.places)
-                states.append((full, Entry(Scalar(full, span), body, use.inherited)))
+                states.append((full, MappingEntry(Scalar(full, span), body, use.inherited)))
             else:
                 around = (*use.around, use)
-                nested = Use(full, do, body, offers, around, use.inherited, use.is_alone)
+                nested = ChainExpansion(
+                    full, do, body, exports, around, use.inherited, use.is_alone
+                )
                 states += yield from self._used(nested)
         return states
 
-    def _is_endless(self, use: Use) -> Diagnosed[bool]:
+    def _is_endless(self, use: ChainExpansion) -> Diagnosed[bool]:
         self._uses += 1
         first = next((u for u in use.around if _same(u, use)), None)
         if first is not None:
@@ -178,17 +184,17 @@ class Chains:
         return first is not None or self._uses >= MAX_USES
 
 
-def _given(use: Use, offers: Offers, name: str) -> Diagnosed[Parameters]:
+def _given(use: ChainExpansion, exports: Exports, name: str) -> Diagnosed[ParameterTable]:
     """The chain's own parameters, with the values that its use gives them."""
-    section = offers.entry("chains", name).get("parameters")
+    section = exports.entry("chains", name).get("parameters")
     if section is not None:
-        section = yield from Substitution(offers.parameters).apply(section)
+        section = yield from Substitution(exports.parameters).apply(section)
     given = {k: e for k, e in use.body.entries.items() if k not in _KEYS}
     settings = {key: Setting(known(e.value), e.key.span) for key, e in given.items()}
     return (yield from declare(section, settings, use.do))
 
 
-def _begin(chain: Mapping, behaviors: dict[str, Entry]) -> Diagnosed[str]:
+def _begin(chain: Mapping, behaviors: dict[str, MappingEntry]) -> Diagnosed[str]:
     begin = chain.get("begin")
     if not isinstance(begin, Scalar):
         return next(iter(behaviors), "")
@@ -197,7 +203,7 @@ def _begin(chain: Mapping, behaviors: dict[str, Entry]) -> Diagnosed[str]:
     return begin.text
 
 
-def _arrows(body: Mapping, use: Use, behaviors: Collection[str]) -> Diagnosed[Mapping]:
+def _arrows(body: Mapping, use: ChainExpansion, behaviors: Collection[str]) -> Diagnosed[Mapping]:
     """A state of the chain whose arrows go to the states of the use, or out of it. A `then: end` is
     left out: the `then` of the use holds for it."""
     entries = dict(body.entries)
@@ -214,7 +220,7 @@ def _arrows(body: Mapping, use: Use, behaviors: Collection[str]) -> Diagnosed[Ma
     return Mapping(entries, body.span)
 
 
-def _way(item: Node, use: Use, behaviors: Collection[str]) -> Diagnosed[Node]:
+def _way(item: Node, use: ChainExpansion, behaviors: Collection[str]) -> Diagnosed[Node]:
     go = item.get("go") if isinstance(item, Mapping) else None
     if not isinstance(item, Mapping) or not isinstance(go, Scalar):
         return item
@@ -222,7 +228,7 @@ def _way(item: Node, use: Use, behaviors: Collection[str]) -> Diagnosed[Node]:
     return Mapping({**item.entries, "go": entry}, item.span)
 
 
-def _goal(goal: Scalar, use: Use, behaviors: Collection[str]) -> Diagnosed[Scalar]:
+def _goal(goal: Scalar, use: ChainExpansion, behaviors: Collection[str]) -> Diagnosed[Scalar]:
     if goal.text in behaviors:
         return goal._replace(text=f"{use.state}.{goal.text}")
     if goal.text == END:
@@ -275,11 +281,11 @@ def _flown_on(state: Mapping, use: Mapping) -> Mapping:
     return Mapping({**state.entries, "estimators": named}, state.span)
 
 
-def _same(a: Use, b: Use) -> bool:
-    return a.offers is b.offers and a.do.text == b.do.text
+def _same(a: ChainExpansion, b: ChainExpansion) -> bool:
+    return a.exports is b.exports and a.do.text == b.do.text
 
 
-def _taken(name: str, span: Span, file: Parameters) -> Iterator[Diagnostic]:
+def _taken(name: str, span: Span, file: ParameterTable) -> Iterator[Diagnostic]:
     if name in file.names:
         message = f"`{name}` is a parameter of the file and of a chain in it"
         other = file.names[name]

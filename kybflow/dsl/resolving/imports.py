@@ -15,7 +15,7 @@ from typing import NamedTuple
 import kybflow
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
 from kybflow.dsl.reading.nodes import Mapping, Scalar
-from kybflow.dsl.reading.reader import Source, read
+from kybflow.dsl.reading.reader import ParsedFile, read
 from kybflow.dsl.schema.judge import judge_file
 
 CODES = {
@@ -32,14 +32,14 @@ _MOST = 200
 """Files that are compared with a name that is none."""
 
 
-class Place(NamedTuple):
+class LibraryPath(NamedTuple):
     """A file to import: where it is and how reports call it."""
 
     path: Path
     file: str
 
 
-def find(text: Scalar, importer: Place, root: Path) -> Diagnosed[Place | None]:
+def find(text: Scalar, importer: LibraryPath, root: Path) -> Diagnosed[LibraryPath | None]:
     """The file that `text` names in the file `importer` of a mission whose folder is `root`."""
     relative = Path(text.text)
     try:
@@ -56,7 +56,7 @@ def find(text: Scalar, importer: Place, root: Path) -> Diagnosed[Place | None]:
     return place if place and place.file else None
 
 
-def _search(relative: Path, importer: Place, root: Path) -> Place | None:
+def _search(relative: Path, importer: LibraryPath, root: Path) -> LibraryPath | None:
     """The file beside the importer, else in an installed library; one without a name where there is
     none, None where it is outside of the roots."""
     beside = importer.path.parent / relative
@@ -64,18 +64,18 @@ def _search(relative: Path, importer: Place, root: Path) -> Place | None:
         return None
     if beside.is_file():
         folder = os.path.dirname(importer.file)
-        return Place(beside, os.path.normpath(os.path.join(folder, relative)))
+        return LibraryPath(beside, os.path.normpath(os.path.join(folder, relative)))
     home = installed(relative.parts[0]) if len(relative.parts) > 1 else None
     if home is None:
-        return Place(beside, "")
+        return LibraryPath(beside, "")
     path = home.joinpath(*relative.parts[1:])
     path = path if path.suffix else path.with_suffix(".yaml")
     if not _within(path, (home,)):
         return None
-    return Place(path, shown_path(path) if path.is_file() else "")
+    return LibraryPath(path, shown_path(path) if path.is_file() else "")
 
 
-def _missing(text: Scalar, importer: Place) -> Diagnostic:
+def _missing(text: Scalar, importer: LibraryPath) -> Diagnostic:
     near = get_close_matches(text.text[:_LONGEST], _at_hand(importer, text.text), n=1)
     return Diagnostic(
         "KYB120",
@@ -86,7 +86,7 @@ def _missing(text: Scalar, importer: Place) -> Diagnostic:
     )
 
 
-def _at_hand(importer: Place, name: str) -> list[str]:
+def _at_hand(importer: LibraryPath, name: str) -> list[str]:
     """What can be imported: the files of the folder that `name` speaks of, installed libraries."""
     folder = os.path.dirname(name)
     beside = importer.path.parent / folder
@@ -169,14 +169,14 @@ def _homes() -> dict[str, str]:
 class Library(NamedTuple):
     """A library file as read, and what is wrong with its shape."""
 
-    source: Source
+    source: ParsedFile
     findings: tuple[Diagnostic, ...]
 
 
 class _Version(NamedTuple):
     """One state of a file on disk."""
 
-    place: Place
+    place: LibraryPath
     modified: int
     size: int
 
@@ -187,7 +187,7 @@ def _read(version: _Version) -> Library:
     return judged(read(place.path, place.file))
 
 
-def judged(source: Source) -> Library:
+def judged(source: ParsedFile) -> Library:
     """The library with what is wrong with it."""
     root = source.root
     if source.found or not isinstance(root, Mapping) or "library" not in root.entries:
@@ -195,7 +195,7 @@ def judged(source: Source) -> Library:
     return Library(source, tuple(judge_file(root, "library")))
 
 
-def read_library(place: Place) -> Library:
+def read_library(place: LibraryPath) -> Library:
     """A library file, read and judged again only when it changed."""
     try:
         status = place.path.stat()

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, Sequence
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence
 
 CODES = {
     "KYB124": "`like`, `airframe`, `stack`, `world` or `do: chain.` names what doesn't exist.",
@@ -32,9 +32,9 @@ def merge(base: Mapping, own: Mapping, used: Places = ()) -> Mapping:
         if _removes(entry.value):
             entries.pop(key, None)
         elif under is not None and isinstance(under.value, Mapping):
-            entries[key] = Entry(entry.key, _over(under.value, entry.value, under.used))
+            entries[key] = MappingEntry(entry.key, _over(under.value, entry.value, under.used))
         else:
-            entries[key] = Entry(entry.key, _over(None, entry.value, ()))
+            entries[key] = MappingEntry(entry.key, _over(None, entry.value, ()))
     return Mapping(entries, own.span)
 
 
@@ -58,7 +58,7 @@ def _removes(value: Node) -> bool:
     return isinstance(value, Scalar) and value.is_null
 
 
-class UsedAt:
+class UseMarker:
     """Copies nodes, whose spans say then where `like` brought them to; what an alias shares stays
     shared."""
 
@@ -81,10 +81,10 @@ class UsedAt:
         entries = {name: self._entry(entry, used) for name, entry in node.entries.items()}
         return Mapping(entries, _span(node.span, used))
 
-    def _entry(self, entry: Entry, used: Places) -> Entry:
+    def _entry(self, entry: MappingEntry, used: Places) -> MappingEntry:
         places = (*used, *entry.used)
         value = self.marked(entry.value, places)
-        return Entry(_scalar(entry.key, places), value, entry.inherited, depth=entry.depth)
+        return MappingEntry(_scalar(entry.key, places), value, entry.inherited, depth=entry.depth)
 
 
 def _scalar(node: Scalar, used: Places) -> Scalar:

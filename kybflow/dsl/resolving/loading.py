@@ -1,4 +1,4 @@
-"""Imports away: what each imported file offers, with its own parameters in place."""
+"""Imports away: what each imported file exports, with its own parameters in place."""
 
 from __future__ import annotations
 
@@ -7,10 +7,17 @@ from pathlib import Path
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of
-from kybflow.dsl.reading.reader import Source
-from kybflow.dsl.resolving.imports import Library, Place, find, installed, read_library, shown_path
-from kybflow.dsl.resolving.offers import EMPTY, Offers
-from kybflow.dsl.resolving.parameters import Parameters, Setting, declare
+from kybflow.dsl.reading.reader import ParsedFile
+from kybflow.dsl.resolving.exports import EMPTY, Exports
+from kybflow.dsl.resolving.imports import (
+    Library,
+    LibraryPath,
+    find,
+    installed,
+    read_library,
+    shown_path,
+)
+from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
 from kybflow.dsl.resolving.substitution import Substitution
 
 MAX_IMPORTS = 200
@@ -23,28 +30,28 @@ _KEPT = frozenset({"import", "parameters"})
 class Files:
     """The files of one compilation: the mission, and what it imports, as they are read."""
 
-    def __init__(self, mission: Source, path: Path) -> None:
+    def __init__(self, mission: ParsedFile, path: Path) -> None:
         self.root = path.parent
-        self.sources: dict[str, Source] = {mission.file: mission}
+        self.sources: dict[str, ParsedFile] = {mission.file: mission}
         self.via: dict[str, tuple[Span, ...]] = {mission.file: ()}
         readable = mission.root is not None
         first = Span(mission.file, 1, 1, 1, 1)
         self.open: dict[Path, Span] = {path.resolve(): first} if readable else {}
-        self.mission = Place(path, mission.file)
+        self.mission = LibraryPath(path, mission.file)
         self.imports = 0
 
-    def add(self, source: Source, importer: str, at: Span) -> None:
+    def add(self, source: ParsedFile, importer: str, at: Span) -> None:
         self.sources.setdefault(source.file, source)
         self.via.setdefault(source.file, (*self.via[importer], at))
 
 
 def load(
-    files: Files, root: Mapping, declared: Parameters
-) -> Diagnosed[tuple[Offers, Mapping, Substitution]]:
-    """What the file under compilation, whose top level is `root`, offers with its imports; itself
+    files: Files, root: Mapping, declared: ParameterTable
+) -> Diagnosed[tuple[Exports, Mapping, Substitution]]:
+    """What the file under compilation, whose top level is `root`, exports with its imports; itself
     with its parameters in place; which of these were used."""
     base = yield from _default_vehicle(files)
-    return (yield from _Loader(files, base).offers(root, declared, files.mission))
+    return (yield from _Loader(files, base).exports(root, declared, files.mission))
 
 
 def _default_vehicle(files: Files) -> Diagnosed[Mapping]:
@@ -53,15 +60,15 @@ def _default_vehicle(files: Files) -> Diagnosed[Mapping]:
     if home is None:
         return EMPTY
     path = home / "defaults.yaml"
-    place = Place(path, shown_path(path))
+    place = LibraryPath(path, shown_path(path))
     library = read_library(place)
     files.sources.setdefault(place.file, library.source)
     files.via.setdefault(place.file, ())
     root = yield from library_root(library, Span(place.file, 1, 1, 1, 1))
     if root is None:
         return EMPTY
-    offers, _, _ = yield from _Loader(files, EMPTY).offers(root, Parameters({}, {}), place)
-    return (yield from offers.get("vehicles", "default")) or EMPTY
+    exports, _, _ = yield from _Loader(files, EMPTY).exports(root, ParameterTable({}, {}), place)
+    return (yield from exports.get("vehicles", "default")) or EMPTY
 
 
 class _Loader:
@@ -71,10 +78,10 @@ class _Loader:
     def __init__(self, files: Files, base: Mapping) -> None:
         self._files, self._base = files, base
 
-    def offers(
-        self, root: Mapping, declared: Parameters, place: Place
-    ) -> Diagnosed[tuple[Offers, Mapping, Substitution]]:
-        """What the file `root` offers; itself with its parameters in place; which were used."""
+    def exports(
+        self, root: Mapping, declared: ParameterTable, place: LibraryPath
+    ) -> Diagnosed[tuple[Exports, Mapping, Substitution]]:
+        """What the file `root` exports; itself with its parameters in place; which were used."""
         substitution = Substitution(declared)
         entries = {key: entry for key, entry in root.entries.items() if key not in _KEPT}
         if "$" in self._files.sources[place.file].text:
@@ -86,23 +93,23 @@ class _Loader:
                 entries[key] = entry._replace(value=value)
         plain = Mapping(entries, root.span)
         imports = yield from self._imports(root.get("import"), substitution, place)
-        return Offers(plain, imports, self._base, declared), plain, substitution
+        return Exports(plain, imports, self._base, declared), plain, substitution
 
     def _imports(
-        self, section: Node | None, substitution: Substitution, place: Place
-    ) -> Diagnosed[dict[str, Offers | None]]:
-        offers: dict[str, Offers | None] = {}
+        self, section: Node | None, substitution: Substitution, place: LibraryPath
+    ) -> Diagnosed[dict[str, Exports | None]]:
+        exports: dict[str, Exports | None] = {}
         for name, entry in entries_of(section).items():
             text, settings = yield from _import_of(entry.value, substitution)
-            root, offers[name] = self._files.root, None
+            root, exports[name] = self._files.root, None
             target = None if text is None else (yield from find(text, place, root))
             if text is not None and target is not None:
-                offers[name] = yield from self._library(target, text.span, settings, place)
-        return offers
+                exports[name] = yield from self._library(target, text.span, settings, place)
+        return exports
 
     def _library(
-        self, target: Place, at: Span, settings: dict[str, Setting], importer: Place
-    ) -> Diagnosed[Offers | None]:
+        self, target: LibraryPath, at: Span, settings: dict[str, Setting], importer: LibraryPath
+    ) -> Diagnosed[Exports | None]:
         files, real = self._files, target.path.resolve()
         if not (yield from self._may_open(target, real, at)):
             return None
@@ -113,11 +120,11 @@ class _Loader:
             return None
         files.open[real] = at
         declared = yield from declare(root.get("parameters"), settings, set_by=_WITH)
-        offers, _, _ = yield from self.offers(root, declared, target)
+        exports, _, _ = yield from self.exports(root, declared, target)
         del files.open[real]
-        return offers
+        return exports
 
-    def _may_open(self, target: Place, real: Path, at: Span) -> Diagnosed[bool]:
+    def _may_open(self, target: LibraryPath, real: Path, at: Span) -> Diagnosed[bool]:
         files = self._files
         files.imports += 1
         if files.imports > MAX_IMPORTS:

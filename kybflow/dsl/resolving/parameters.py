@@ -16,7 +16,7 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_me
 from kybflow.dsl.diagnostics.spans import PREFIX, SET, Span
 from kybflow.dsl.document import Parameter
 from kybflow.dsl.reading.composer import compose
-from kybflow.dsl.reading.nodes import NAME, Entry, Mapping, Node, Scalar, Sequence
+from kybflow.dsl.reading.nodes import NAME, Mapping, MappingEntry, Node, Scalar, Sequence
 from kybflow.dsl.reading.values import (
     QUANTITIES,
     TYPES,
@@ -36,7 +36,7 @@ CODES = {
 _BOUNDS = ("above", "at_least", "below", "at_most")
 
 
-class Declared(NamedTuple):
+class BoundParameter(NamedTuple):
     """A parameter with its value, as typed and as the node that takes the place of `$name`;
     `is_set` when a file gives it: not the default, nor `--set`."""
 
@@ -46,12 +46,12 @@ class Declared(NamedTuple):
     is_set: bool = False
 
 
-class Parameters(NamedTuple):
+class ParameterTable(NamedTuple):
     """The parameters of one file: their names, with the places where they stand, and those that
     have a value."""
 
     names: dict[str, Span]
-    declared: dict[str, Declared]
+    declared: dict[str, BoundParameter]
 
 
 class Setting(NamedTuple):
@@ -95,11 +95,11 @@ def declare(
     settings: MappingOf[str, Setting],
     use: Scalar | None = None,
     set_by: str = "--set {}=...",
-) -> Diagnosed[Parameters]:
+) -> Diagnosed[ParameterTable]:
     """The parameters of `section` after `settings` (values by name). `use` is the place where a
     chain is used; None for a file, whose parameters are `set_by` that."""
     entries = section.entries if isinstance(section, Mapping) else {}
-    declared: dict[str, Declared] = {}
+    declared: dict[str, BoundParameter] = {}
     for name, entry in entries.items():
         given = settings.get(name)
         if given is not None and given.node is None:
@@ -112,12 +112,12 @@ def declare(
             whose = "there is no" if use is None else f"`{use.text}` has no"
             hint = did_you_mean(name, entries) if entries else "it declares none"
             yield Diagnostic("KYB131", f"{whose} parameter `{name}`", setting.name, help=hint)
-    return Parameters({name: entry.key.span for name, entry in entries.items()}, declared)
+    return ParameterTable({name: entry.key.span for name, entry in entries.items()}, declared)
 
 
 def _declare(
-    name: str, entry: Entry, setting: Node | None, use: Scalar | None, set_by: str
-) -> Diagnosed[Declared | None]:
+    name: str, entry: MappingEntry, setting: Node | None, use: Scalar | None, set_by: str
+) -> Diagnosed[BoundParameter | None]:
     body = entry.value
     if not isinstance(body, Mapping):
         yield Diagnostic("KYB106", f"the parameter `{name}` is empty", entry.key.span)
@@ -143,7 +143,7 @@ def _declare(
     if value is None:
         return None
     shown, is_set = _typed(node, field), setting is not None and node.span.file != SET
-    return Declared(Parameter(name, kind.text, value), shown, entry.key.span, is_set)
+    return BoundParameter(Parameter(name, kind.text, value), shown, entry.key.span, is_set)
 
 
 def _valueless(name: str, declared: Span, use: Scalar | None, set_by: str) -> Diagnostic:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity, did_you_mean, every
 from kybflow.dsl.diagnostics.spans import Inset, Span
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence
-from kybflow.dsl.resolving.parameters import Declared, Parameters
+from kybflow.dsl.resolving.parameters import BoundParameter, ParameterTable
 
 CODES = {
     "KYB130": "`$name` where no parameter has that name.",
@@ -24,7 +24,7 @@ class Substitution:
     """Puts values in the place of `$name`; remembers which were used. A node without any stays the
     same object, and an aliased one is replaced once."""
 
-    def __init__(self, parameters: Parameters) -> None:
+    def __init__(self, parameters: ParameterTable) -> None:
         self._names = parameters.names
         self._declared = parameters.declared
         self._done: dict[tuple[int, bool], tuple[Node, Node]] = {}
@@ -87,7 +87,7 @@ class Substitution:
 
     def _lookup(
         self, name: str, node: Scalar, place: tuple[int, int] | None = None
-    ) -> Diagnosed[Declared | None]:
+    ) -> Diagnosed[BoundParameter | None]:
         self._used.add(name)
         if name in self._names:
             return self._declared.get(name)

@@ -9,7 +9,15 @@ from itertools import chain
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import PREFIX
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, entries_of, is_null, items_of, texts_in
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    MappingEntry,
+    Node,
+    entries_of,
+    is_null,
+    items_of,
+    texts_in,
+)
 from kybflow.dsl.resolving.loading import Files
 from kybflow.dsl.resolving.parameters import Setting
 
@@ -67,7 +75,7 @@ def _part(node: Node | None, key: str) -> Node | None:
     return node.get(key) if isinstance(node, Mapping) else None
 
 
-def _named(node: Node | None) -> dict[str, Entry]:
+def _named(node: Node | None) -> dict[str, MappingEntry]:
     return {name: e for name, e in entries_of(node).items() if not is_null(e.value)}
 
 
@@ -96,7 +104,7 @@ def _words_in(texts: Iterable[str]) -> Iterator[str]:
         yield from _WORD.findall(text)
 
 
-def _warning(kind: str, entry: Entry, way: str) -> Diagnostic:
+def _warning(kind: str, entry: MappingEntry, way: str) -> Diagnostic:
     message = f"nothing uses the {kind} `{entry.key.text}`"
     hint, span = f"{way}, or remove it", entry.key.span
     return Diagnostic("KYB112", message, span, help=hint, severity=Severity.WARNING)

@@ -14,8 +14,8 @@ from kybflow.core.units import DIMENSIONS, NUMBER, article, parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect, did_you_mean
 from kybflow.dsl.reading.nodes import (
     NAME,
-    Entry,
     Mapping,
+    MappingEntry,
     Node,
     Scalar,
     Sequence,
@@ -51,7 +51,7 @@ _SHAPES = {
 }
 
 
-class Fault(NamedTuple):
+class SchemaViolation(NamedTuple):
     """One error of `jsonschema`: the keyword that failed, what it wanted, the value and the schema;
     the node that it is about, the name by which a person would call that, and the part whose
     parameters are judged, with the keys beside them that could be meant too."""
@@ -66,7 +66,7 @@ class Fault(NamedTuple):
     beside: frozenset[str] = frozenset()
 
 
-def explain(fault: Fault) -> Iterator[Diagnostic]:
+def explain(fault: SchemaViolation) -> Iterator[Diagnostic]:
     """The findings that say what `fault` means."""
     if fault.keyword == "pattern" and isinstance(fault.node, Mapping):
         return _explain_name(fault)
@@ -75,7 +75,7 @@ def explain(fault: Fault) -> Iterator[Diagnostic]:
     return _EXPLAINERS.get(fault.keyword, _explain_value)(fault)
 
 
-def _explain_unknown(fault: Fault) -> Iterator[Diagnostic]:
+def _explain_unknown(fault: SchemaViolation) -> Iterator[Diagnostic]:
     node = fault.node
     assert isinstance(node, Mapping)
     known = fault.schema["properties"]
@@ -99,7 +99,7 @@ def _explain_unknown(fault: Fault) -> Iterator[Diagnostic]:
             )
 
 
-def _explain_missing(fault: Fault) -> Iterator[Diagnostic]:
+def _explain_missing(fault: SchemaViolation) -> Iterator[Diagnostic]:
     node = fault.node
     assert isinstance(node, Mapping)
     is_closed = fault.schema.get("additionalProperties") is False
@@ -121,7 +121,7 @@ def _explain_missing(fault: Fault) -> Iterator[Diagnostic]:
             yield Diagnostic("KYB102", message, head_of(node), help=hint)
 
 
-def _explain_value(fault: Fault) -> Iterator[Diagnostic]:
+def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
     """A type, a pattern, a bound, a choice: our own decoder says it best where it can."""
     node, name = fault.node, fault.name
     schema = fault.schema
@@ -185,7 +185,7 @@ def _bounds(schema: dict[str, Any]) -> dict[str, Any]:
     return {ours: schema[theirs] for theirs, ours in names.items() if theirs in schema}
 
 
-def _explain_version(fault: Fault) -> Iterator[Diagnostic]:
+def _explain_version(fault: SchemaViolation) -> Iterator[Diagnostic]:
     node = fault.node
     shown = node.text if isinstance(node, Scalar) else describe(node)
     yield Diagnostic(
@@ -196,11 +196,11 @@ def _explain_version(fault: Fault) -> Iterator[Diagnostic]:
     )
 
 
-def _explain_empty(fault: Fault) -> Iterator[Diagnostic]:
+def _explain_empty(fault: SchemaViolation) -> Iterator[Diagnostic]:
     yield Diagnostic("KYB106", f"`{fault.name}` is empty", fault.node.span)
 
 
-def _explain_few(fault: Fault) -> Iterator[Diagnostic]:
+def _explain_few(fault: SchemaViolation) -> Iterator[Diagnostic]:
     """A list of the language, that is; those of parts have a decoder."""
     if fault.part or fault.wanted != 1:
         yield from _explain_value(fault)
@@ -209,7 +209,7 @@ def _explain_few(fault: Fault) -> Iterator[Diagnostic]:
         yield Diagnostic("KYB106", f"`{fault.name}` is empty", fault.node.span, help=hint)
 
 
-def _explain_name(fault: Fault) -> Iterator[Diagnostic]:
+def _explain_name(fault: SchemaViolation) -> Iterator[Diagnostic]:
     node = fault.node
     assert isinstance(node, Mapping)
     bad = str(fault.instance)
@@ -221,7 +221,7 @@ def _explain_name(fault: Fault) -> Iterator[Diagnostic]:
     )
 
 
-def _explain_title(fault: Fault) -> Iterator[Diagnostic]:
+def _explain_title(fault: SchemaViolation) -> Iterator[Diagnostic]:
     most = fault.schema["maxLength"]
     found = repr(str(fault.instance)[:most])[1:-1]
     yield Diagnostic(
@@ -264,7 +264,7 @@ def cut_by_yaml(node: Mapping, key: str, known: Iterable[str]) -> Diagnostic | N
     return _cut(name, entry, (), _QUOTE) if name in _TEXTS else None
 
 
-def _cut(name: str, entry: Entry, notes: tuple[str, ...], hint: str) -> Diagnostic:
+def _cut(name: str, entry: MappingEntry, notes: tuple[str, ...], hint: str) -> Diagnostic:
     key = entry.key
     message = f"YAML ends `{name}` at the comma and reads `{key.text}` as a key"
     return Diagnostic("KYB101", message, key.span, notes=notes, help=hint)

@@ -13,7 +13,7 @@ from kybflow.core.params import fields_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Stopped
 from kybflow.dsl.reading.nodes import Mapping, Node, Sequence, describe, head_of, to_json
 from kybflow.dsl.schema.building import nullable, params_schema
-from kybflow.dsl.schema.explain import Fault, explain
+from kybflow.dsl.schema.explain import SchemaViolation, explain
 from kybflow.dsl.schema.mission import library_schema, skeleton
 
 
@@ -71,7 +71,7 @@ def _findings(
         node, name = _locate(root, error.absolute_path)
         schema = error.schema if isinstance(error.schema, dict) else {}
         yield from explain(
-            Fault(
+            SchemaViolation(
                 str(error.validator),
                 error.validator_value,
                 error.instance,

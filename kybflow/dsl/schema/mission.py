@@ -20,7 +20,7 @@ from kybflow.dsl.schema.building import (
     vector,
 )
 from kybflow.dsl.schema.flows import faults_schema, flows_schema, groups_schema, on_schema
-from kybflow.dsl.schema.world import CameraParams, world, worlds
+from kybflow.dsl.schema.world import AirframeCameraParams, world, worlds
 from kybflow.world.vehicle_context import Airframe, Parcel
 
 STATE: Schema = {
@@ -76,7 +76,7 @@ def _airframe() -> Schema:
 
 
 def _camera() -> Schema:
-    schema = params_schema(fields_of(CameraParams), "camera")
+    schema = params_schema(fields_of(AirframeCameraParams), "camera")
     return {**schema, "description": "A camera.", "required": []}
 
 

@@ -36,7 +36,7 @@ _TRIM = "Turned from there about the body's {} axis, right-handed; roll first, t
 
 
 @declared
-class CameraParams:
+class AirframeCameraParams:
     at: Position = param("Where its lens is, body frame (x forward, y left, z up).")
     facing: CameraFacing = param(
         "Where it looks; `down` and `up` have the image's upper edge forward.", default="down"

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import ActionUse, Callback, FaultUse, PartUse
+from kybflow.dsl.document import ActionEntry, CallbackEntry, FaultEntry, PartUse
 from kybflow.dsl.reading.nodes import (
-    Entry,
     Mapping,
+    MappingEntry,
     Node,
     Scalar,
     describe,
@@ -18,8 +18,8 @@ from kybflow.dsl.reading.nodes import (
     items_of,
 )
 from kybflow.dsl.schema.explain import cut_by_yaml
+from kybflow.dsl.shaping.parts import PartDecoder, params_of
 from kybflow.dsl.shaping.states import duration
-from kybflow.dsl.shaping.uses import Uses, params_of
 from kybflow.parts.action import BUILT_IN
 
 CODES = {
@@ -30,20 +30,20 @@ CODES = {
 _CALLBACK_KEYS = frozenset({"event", "when", "do"})
 
 
-def callbacks(node: Node | None, uses: Uses) -> Diagnosed[tuple[Callback, ...]]:
+def callbacks(node: Node | None, uses: PartDecoder) -> Diagnosed[tuple[CallbackEntry, ...]]:
     """The callbacks of `on:`."""
     items = (item for item in items_of(node) if isinstance(item, Mapping))
     return tuple((yield from every(_callback(item, uses) for item in items)))
 
 
-def _callback(node: Mapping, uses: Uses) -> Diagnosed[Callback]:
+def _callback(node: Mapping, uses: PartDecoder) -> Diagnosed[CallbackEntry]:
     event, when, items = node.get("event"), node.get("when"), items_of(node.get("do"))
     assert isinstance(event, Scalar)
     if not items:
         message = f"nothing is done when `{event.text}` is heard"
         yield Diagnostic("KYB171", message, head_of(node), help="write `do: [...]`")
     actions = yield from every(_actions(item, uses) for item in items)
-    return Callback(
+    return CallbackEntry(
         event=event.as_text,
         fields=tuple(
             (entry.key.as_text, entry.value.as_text)
@@ -58,7 +58,7 @@ def _callback(node: Mapping, uses: Uses) -> Diagnosed[Callback]:
     )
 
 
-def _actions(node: Node, uses: Uses) -> Diagnosed[list[ActionUse]]:
+def _actions(node: Node, uses: PartDecoder) -> Diagnosed[list[ActionEntry]]:
     """The actions of one item: `switch` and `set` may name several things."""
     if not isinstance(node, Mapping) or len(node.entries) != 1:
         last = next(reversed(entries_of(node)), "")
@@ -71,18 +71,18 @@ def _actions(node: Node, uses: Uses) -> Diagnosed[list[ActionUse]]:
     name = entry.key.text
     if name not in BUILT_IN:
         part = yield from _part(entry, uses)
-        return [] if part is None else [ActionUse(entry.key.as_text, None, None, part)]
+        return [] if part is None else [ActionEntry(entry.key.as_text, None, None, part)]
     if isinstance(entry.value, Mapping):
         return (yield from named_values(entry))
     if isinstance(entry.value, Scalar) and not entry.value.is_null:
-        return [ActionUse(entry.key.as_text, None, entry.value.as_text)]
+        return [ActionEntry(entry.key.as_text, None, entry.value.as_text)]
     yield Diagnostic("KYB171", f"`{name}` says nothing", entry.key.span)
     return []
 
 
-def named_values(entry: Entry) -> Diagnosed[list[ActionUse]]:
+def named_values(entry: MappingEntry) -> Diagnosed[list[ActionEntry]]:
     """The actions of `{set: {NAME: VALUE, ...}}`: one for each name."""
-    actions: list[ActionUse] = []
+    actions: list[ActionEntry] = []
     for target in entries_of(entry.value).values():
         value = target.value
         if is_null(value):
@@ -91,11 +91,11 @@ def named_values(entry: Entry) -> Diagnosed[list[ActionUse]]:
         said: Node | Text = value
         if entry.key.text != "set" and isinstance(value, Scalar):
             said = value.as_text
-        actions.append(ActionUse(entry.key.as_text, target.key.as_text, said))
+        actions.append(ActionEntry(entry.key.as_text, target.key.as_text, said))
     return actions
 
 
-def _part(entry: Entry, uses: Uses) -> Diagnosed[PartUse | None]:
+def _part(entry: MappingEntry, uses: PartDecoder) -> Diagnosed[PartUse | None]:
     """An action of a package; its value is its parameters."""
     name, known = entry.key, uses.catalog.names("actions")
     if name.text not in known:
@@ -121,14 +121,14 @@ def _part(entry: Entry, uses: Uses) -> Diagnosed[PartUse | None]:
 _FAULT_KEYS = frozenset({"at", "when", "on", "for"})
 
 
-def faults_of(node: Node | None, uses: Uses) -> Diagnosed[tuple[FaultUse, ...]]:
+def faults_of(node: Node | None, uses: PartDecoder) -> Diagnosed[tuple[FaultEntry, ...]]:
     """The faults of `faults:`; one with errors is left out."""
     items = (item for item in items_of(node) if isinstance(item, Mapping))
     decoded = yield from every(_fault(item, uses) for item in items)
     return tuple(fault for fault in decoded if fault is not None)
 
 
-def _fault(node: Mapping, uses: Uses) -> Diagnosed[FaultUse | None]:
+def _fault(node: Mapping, uses: PartDecoder) -> Diagnosed[FaultEntry | None]:
     vehicle, when = node.get("on"), node.get("when")
     assert isinstance(vehicle, Scalar)
     at = yield from duration(node, "at")
@@ -144,4 +144,4 @@ def _fault(node: Mapping, uses: Uses) -> Diagnosed[FaultUse | None]:
     if part is None:
         return None
     text = when.as_text if isinstance(when, Scalar) else None
-    return FaultUse(part, vehicle.as_text, at, text, lasts, part.span)
+    return FaultEntry(part, vehicle.as_text, at, text, lasts, part.span)

@@ -6,11 +6,11 @@ from math import tan
 
 from kybflow.core.geometry import Quat, from_axes, from_euler, multiply
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
-from kybflow.dsl.document import CameraUse
+from kybflow.dsl.document import CameraEntry
 from kybflow.dsl.reading.calibration import read_calibration
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, entries_of
-from kybflow.dsl.schema.world import CameraParams
-from kybflow.dsl.shaping.uses import params_of
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, entries_of
+from kybflow.dsl.schema.world import AirframeCameraParams
+from kybflow.dsl.shaping.parts import params_of
 from kybflow.world.cameras import DOWN, Camera, Lens
 
 CODES = {
@@ -38,18 +38,18 @@ def without_cameras(airframe: Mapping) -> Mapping:
     return Mapping(own, airframe.span)
 
 
-def cameras_of(airframe: Node | None) -> Diagnosed[tuple[CameraUse, ...]]:
+def cameras_of(airframe: Node | None) -> Diagnosed[tuple[CameraEntry, ...]]:
     """The cameras of an airframe; one with errors is left out."""
     cameras = airframe.get("cameras") if isinstance(airframe, Mapping) else None
     found = yield from every(_camera(entry) for entry in entries_of(cameras).values())
     return tuple(camera for camera in found if camera is not None)
 
 
-def _camera(entry: Entry) -> Diagnosed[CameraUse | None]:
+def _camera(entry: MappingEntry) -> Diagnosed[CameraEntry | None]:
     if not isinstance(entry.value, Mapping):
         return None
     name, body = entry.key, _with_nearest_lens(entry.value)
-    params = yield from params_of(CameraParams, body, "camera", name.span)
+    params = yield from params_of(AirframeCameraParams, body, "camera", name.span)
     lens = None if params is None else (yield from _lens(params, entry, body))
     if params is None or lens is None:
         return None
@@ -57,7 +57,7 @@ def _camera(entry: Entry) -> Diagnosed[CameraUse | None]:
     attitude = multiply(trim, FACING[params.facing])
     camera = Camera(name.text, lens, params.at, attitude, params.rate, params.row_time)
     spans = {key: own.value.span for key, own in body.entries.items()}
-    return CameraUse(name.as_text, params, camera, name.span, spans)
+    return CameraEntry(name.as_text, params, camera, name.span, spans)
 
 
 def _with_nearest_lens(body: Mapping) -> Mapping:
@@ -71,7 +71,9 @@ def _with_nearest_lens(body: Mapping) -> Mapping:
     return Mapping({k: e for k, e in body.entries.items() if k not in passed}, body.span)
 
 
-def _lens(params: CameraParams, entry: Entry, body: Mapping) -> Diagnosed[Lens | None]:
+def _lens(
+    params: AirframeCameraParams, entry: MappingEntry, body: Mapping
+) -> Diagnosed[Lens | None]:
     written = [key for key in _LENS if getattr(params, key) is not None]
     missing = [key for key in _LENS if key not in written]
     if params.calibration is not None and written:

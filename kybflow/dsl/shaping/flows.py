@@ -9,9 +9,9 @@ from dataclasses import replace
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import Document, Flow, Phase, Transition, Vehicle
+from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry, VehicleEntry
 from kybflow.dsl.names.option_names import members
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, entries_of, items_of
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, entries_of, items_of
 from kybflow.dsl.shaping.callbacks import named_values
 from kybflow.dsl.shaping.states import duration, next_arrow
 from kybflow.parts import GROUND
@@ -31,7 +31,7 @@ def groups_of(node: Node | None) -> dict[str, tuple[Text, ...]]:
     }
 
 
-def flows_of(node: Node | None) -> Diagnosed[dict[str, Flow]]:
+def flows_of(node: Node | None) -> Diagnosed[dict[str, FlowEntry]]:
     """The flows as written."""
     flows = {}
     for name, entry in entries_of(node).items():
@@ -49,11 +49,11 @@ def flows_of(node: Node | None) -> Diagnosed[dict[str, Flow]]:
         begin = body.get("begin")
         first = next(iter(phases.values())).name
         text = begin.as_text if isinstance(begin, Scalar) else first
-        flows[name] = Flow(entry.key.as_text, text, phases, entry.key.span)
+        flows[name] = FlowEntry(entry.key.as_text, text, phases, entry.key.span)
     return flows
 
 
-def _own(phases: Entry | None) -> dict[str, Entry]:
+def _own(phases: MappingEntry | None) -> dict[str, MappingEntry]:
     """The phases, each of which says whether it came through `like`."""
     if phases is None:
         return {}
@@ -63,14 +63,14 @@ def _own(phases: Entry | None) -> dict[str, Entry]:
     return {name: entry._replace(inherited=True) for name, entry in entries.items()}
 
 
-def _phase(entry: Entry) -> Diagnosed[Phase]:
+def _phase(entry: MappingEntry) -> Diagnosed[PhaseEntry]:
     body = entry.value if isinstance(entry.value, Mapping) else Mapping({}, entry.key.span)
     options = body.entries.get("set")
     items = (item for item in items_of(body.get("next")) if isinstance(item, Mapping))
     actions = [] if options is None else (yield from named_values(options))
     arrows = yield from every(next_arrow(item) for item in items)
     limit = yield from _limit(body)
-    return Phase(
+    return PhaseEntry(
         name=entry.key.as_text,
         run=tuple(_pairs(body.get("run"))),
         give=tuple(_pairs(body.get("give"))),
@@ -81,12 +81,12 @@ def _phase(entry: Entry) -> Diagnosed[Phase]:
     )
 
 
-def _limit(body: Mapping) -> Diagnosed[tuple[Transition, ...]]:
+def _limit(body: Mapping) -> Diagnosed[tuple[TransitionEntry, ...]]:
     """The arrow of `within` and `otherwise`; none where one of them is missing."""
     limit, goal = body.get("within"), body.get("otherwise")
     if limit is not None and isinstance(goal, Scalar):
         after = yield from duration(body, "within", above=0.0)
-        return (Transition("within", goal.as_text, limit.span, after=after),)
+        return (TransitionEntry("within", goal.as_text, limit.span, after=after),)
     if limit is not None:
         message, span = "nothing says where the phase goes after `within`", limit.span
         yield Diagnostic("KYB192", message, span, help="add `otherwise: PHASE`")
@@ -115,7 +115,7 @@ def with_waiting(document: Document) -> Document:
     return replace(document, vehicles=vehicles)
 
 
-def _waiting(vehicle: Vehicle) -> Vehicle:
+def _waiting(vehicle: VehicleEntry) -> VehicleEntry:
     first = vehicle.states.get(vehicle.begin.text)
     legs = first.part.spec.cls.flight if first is not None else ()
     if legs and all(leg.start is leg.end is GROUND for leg in legs):
@@ -123,13 +123,13 @@ def _waiting(vehicle: Vehicle) -> Vehicle:
     return replace(vehicle, begin=Text(GROUNDED, vehicle.span, verbatim=False))
 
 
-def named_vehicles(document: Document, flow: Flow) -> tuple[str, ...]:
+def named_vehicles(document: Document, flow: FlowEntry) -> tuple[str, ...]:
     """The vehicles that a flow asks something of, or gives away."""
     names = [who.text for phase in flow.phases.values() for who, _ in (*phase.run, *phase.give)]
     return tuple(dict.fromkeys(v for name in names for v in members(document, name)))
 
 
-def given_vehicles(document: Document, flow: Flow) -> frozenset[str]:
+def given_vehicles(document: Document, flow: FlowEntry) -> frozenset[str]:
     """The vehicles that other flows give to this one."""
     return frozenset(
         vehicle
@@ -141,30 +141,30 @@ def given_vehicles(document: Document, flow: Flow) -> frozenset[str]:
     )
 
 
-def own_vehicles(document: Document, flow: Flow) -> tuple[str, ...]:
+def own_vehicles(document: Document, flow: FlowEntry) -> tuple[str, ...]:
     """The vehicles that a flow drives from the start: those it names and that nobody gives it."""
     given = given_vehicles(document, flow)
     return tuple(name for name in named_vehicles(document, flow) if name not in given)
 
 
-def with_asked(document: Document) -> Document:
+def with_requests(document: Document) -> Document:
     """The document, whose vehicles know which of their states callbacks and flows ask for."""
-    asked = set(_asked(document))
+    asked = set(_requests(document))
     if not asked:
         return document
-    first = set(_asked_first(document))
+    first = set(_first_requests(document))
     vehicles = {
         name: dataclasses.replace(
             vehicle,
-            asked=frozenset(state for who, state in asked if who == name),
-            asked_first=frozenset(state for who, state in first if who == name),
+            requested=frozenset(state for who, state in asked if who == name),
+            requested_first=frozenset(state for who, state in first if who == name),
         )
         for name, vehicle in document.vehicles.items()
     }
     return dataclasses.replace(document, vehicles=vehicles)
 
 
-def _asked(document: Document) -> Iterator[tuple[str, str]]:
+def _requests(document: Document) -> Iterator[tuple[str, str]]:
     """(vehicle, state) of each wish; names that are unknown are left out."""
     wishes = [
         (action.target.text, action.value.text)
@@ -189,7 +189,7 @@ def _goals(document: Document, who: str, state: str) -> Iterator[tuple[str, str]
             yield vehicle, goal
 
 
-def _asked_first(document: Document) -> Iterator[tuple[str, str]]:
+def _first_requests(document: Document) -> Iterator[tuple[str, str]]:
     """(vehicle, state) of the first wishes that a flow has for a vehicle which waits for it."""
     for flow in document.flows.values():
         for vehicle in own_vehicles(document, flow):
@@ -197,7 +197,7 @@ def _asked_first(document: Document) -> Iterator[tuple[str, str]]:
                 yield from _first_of(document, flow, vehicle)
 
 
-def _first_of(document: Document, flow: Flow, vehicle: str) -> Iterator[tuple[str, str]]:
+def _first_of(document: Document, flow: FlowEntry, vehicle: str) -> Iterator[tuple[str, str]]:
     """Along the arrows from the first phase, until a phase asks something or gives it away."""
     waiting, seen = [flow.begin.text], {flow.begin.text}
     while waiting:

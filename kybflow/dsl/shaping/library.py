@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect
 from kybflow.dsl.diagnostics.spans import PREFIX, Span
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, entries_of, items_of
-from kybflow.dsl.resolving.offers import EMPTY, chain_of, stack_of
+from kybflow.dsl.resolving.exports import EMPTY, chain_of, stack_of
 from kybflow.dsl.schema.building import LISTS
 from kybflow.dsl.schema.mission import ESTIMATOR_KEYS
 from kybflow.dsl.shaping.flows import flows_of
+from kybflow.dsl.shaping.parts import PartDecoder
 from kybflow.dsl.shaping.shape import airframes_of
 from kybflow.dsl.shaping.states import KEYS
-from kybflow.dsl.shaping.uses import Uses
 from kybflow.dsl.shaping.world import world_of
 
 if TYPE_CHECKING:
@@ -30,13 +30,13 @@ def judge_library(library: Mapping, catalog: Catalog) -> Iterator[Diagnostic]:
     for entry in entries_of(library.get("worlds")).values():
         yield from world_of(entry.value)
     yield from airframes_of(library)
-    left, findings = set[Span](), collect(_judge(library, Uses(catalog))).diagnostics
+    left, findings = set[Span](), collect(_judge(library, PartDecoder(catalog))).diagnostics
     for section in ("vehicles", "stacks", "chains", "flows"):
         left.update(_left_open(library.get(section) or EMPTY))
     yield from (f for f in findings if f.code not in _LACKING and f.span not in left)
 
 
-def _judge(library: Mapping, uses: Uses) -> Diagnosed[None]:
+def _judge(library: Mapping, uses: PartDecoder) -> Diagnosed[None]:
     for section in ("vehicles", "stacks", "chains"):
         for entry in entries_of(library.get(section)).values():
             if isinstance(entry.value, Mapping):
@@ -44,7 +44,7 @@ def _judge(library: Mapping, uses: Uses) -> Diagnosed[None]:
     yield from flows_of(library.get("flows"))
 
 
-def _judge_parts(body: Mapping, uses: Uses) -> Diagnosed[None]:
+def _judge_parts(body: Mapping, uses: PartDecoder) -> Diagnosed[None]:
     for kind in LISTS:
         own = frozenset(ESTIMATOR_KEYS if kind == "estimators" else ())
         for item in items_of(body.get(kind)):

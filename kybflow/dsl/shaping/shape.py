@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 from kybflow.core.units import DURATION, FREQUENCY, Dimension
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, passed
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import AirframeUse, Document, PartUse, Vehicle
+from kybflow.dsl.document import AirframeEntry, Document, PartUse, VehicleEntry
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of, items_of
 from kybflow.dsl.reading.values import decode, quantity_field
 from kybflow.dsl.resolving.resolve import Resolved
 from kybflow.dsl.shaping.callbacks import callbacks, faults_of
 from kybflow.dsl.shaping.cameras import cameras_of, without_cameras
-from kybflow.dsl.shaping.flows import flows_of, groups_of, with_asked, with_waiting
+from kybflow.dsl.shaping.flows import flows_of, groups_of, with_requests, with_waiting
+from kybflow.dsl.shaping.parts import PartDecoder, params_of
 from kybflow.dsl.shaping.targets import (
     drivers_of,
     needed_rate,
@@ -23,9 +24,8 @@ from kybflow.dsl.shaping.targets import (
     with_sensors,
     with_trackers,
 )
-from kybflow.dsl.shaping.uses import Uses, params_of
 from kybflow.dsl.shaping.vehicles import vehicle_of
-from kybflow.dsl.shaping.world import placed, with_points, world_of
+from kybflow.dsl.shaping.world import with_coordinates, with_points, world_of
 from kybflow.world.vehicle_context import Airframe
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ _LACKING = frozenset({"KYB108", "KYB385"})
 def shape(resolved: Resolved, catalog: Catalog, target: str | None) -> Diagnosed[Document]:
     """The document. Raises Stopped when a vehicle, a part or a value has errors."""
     document = yield from passed(_document(resolved, catalog, target))
-    return with_asked(with_waiting(document))
+    return with_requests(with_waiting(document))
 
 
 def _document(resolved: Resolved, catalog: Catalog, target: str | None) -> Diagnosed[Document]:
@@ -51,7 +51,7 @@ def _document(resolved: Resolved, catalog: Catalog, target: str | None) -> Diagn
     root = resolved.root
     if resolved.names_points:
         root = yield from with_points(root, world.points)
-    uses = Uses(catalog, resolved.chains)
+    uses = PartDecoder(catalog, resolved.chains)
     name = yield from target_of(root, target, uses)
     drivers = yield from drivers_of(root, name, uses)
     yield from other_targets(root, name, catalog)
@@ -63,7 +63,7 @@ def _document(resolved: Resolved, catalog: Catalog, target: str | None) -> Diagn
         mission=_text(root, "mission"),
         summary=_text(root, "summary").text,
         target=name,
-        parameters=placed(resolved.parameters, world.points),
+        parameters=with_coordinates(resolved.parameters, world.points),
         fence=world.fence,
         control_rate=(yield from _control(root, rate)),
         control_span=_span_of(root.get("control")),
@@ -122,9 +122,9 @@ def _control(root: Mapping, needed: int) -> Diagnosed[int]:
     return int(rate)
 
 
-def airframes_of(root: Mapping) -> Diagnosed[tuple[AirframeUse, ...]]:
+def airframes_of(root: Mapping) -> Diagnosed[tuple[AirframeEntry, ...]]:
     """Those of the file itself. One that lacks something may be there to start from."""
-    airframes: list[AirframeUse] = []
+    airframes: list[AirframeEntry] = []
     for entry in entries_of(root.get("airframes")).values():
         assert isinstance(entry.value, Mapping)
         own = without_cameras(entry.value)
@@ -133,14 +133,14 @@ def airframes_of(root: Mapping) -> Diagnosed[tuple[AirframeUse, ...]]:
         yield from (finding for finding in found if finding.code not in _LACKING)
         if airframe is not None:
             spans = {key: value.value.span for key, value in own.entries.items()}
-            airframes.append(AirframeUse(entry.key.as_text, airframe, spans))
+            airframes.append(AirframeEntry(entry.key.as_text, airframe, spans))
     return tuple(airframes)
 
 
 def _vehicles(
-    root: Mapping, drivers: dict[str, PartUse], uses: Uses
-) -> Diagnosed[dict[str, Vehicle]]:
-    decoded: dict[str, Vehicle] = {}
+    root: Mapping, drivers: dict[str, PartUse], uses: PartDecoder
+) -> Diagnosed[dict[str, VehicleEntry]]:
+    decoded: dict[str, VehicleEntry] = {}
     for name, entry in entries_of(root.get("vehicles")).items():
         vehicle = yield from vehicle_of(entry, drivers.get(name), uses)
         if vehicle is not None:

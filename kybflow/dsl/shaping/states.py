@@ -14,12 +14,12 @@ from typing import NamedTuple
 from kybflow.core.units import DURATION
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import ChainUse, PartUse, State, Transition
+from kybflow.dsl.document import ChainEntry, PartUse, StateEntry, TransitionEntry
 from kybflow.dsl.names.built_in import failure_of
 from kybflow.dsl.plan import Cause
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, items_of
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, items_of
 from kybflow.dsl.reading.values import decode, quantity_field
-from kybflow.dsl.shaping.uses import Uses
+from kybflow.dsl.shaping.parts import PartDecoder
 from kybflow.parts.observables import chains_of
 
 CODES = {
@@ -32,8 +32,8 @@ _OF_CHAINS = KEYS - {"estimators"}
 class States(NamedTuple):
     """The states and chains of one vehicle. `first` is the first state of each chain."""
 
-    states: dict[str, State]
-    chains: dict[str, ChainUse]
+    states: dict[str, StateEntry]
+    chains: dict[str, ChainEntry]
     first: dict[str, str]
 
     def goal(self, name: Text) -> tuple[Text, str]:
@@ -44,7 +44,7 @@ class States(NamedTuple):
         return Text(first, name.span, verbatim=False), name.text
 
 
-def states_of(behaviors: Mapping, uses: Uses) -> Diagnosed[States]:
+def states_of(behaviors: Mapping, uses: PartDecoder) -> Diagnosed[States]:
     """The states and chains that `behaviors` says; a state with errors is left out."""
     names = [name for name, e in behaviors.entries.items() if not _is_chain(e.value)]
     first: dict[str, str] = {}
@@ -62,7 +62,7 @@ def states_of(behaviors: Mapping, uses: Uses) -> Diagnosed[States]:
     return found
 
 
-def _chain(entry: Entry, states: States) -> Diagnosed[ChainUse]:
+def _chain(entry: MappingEntry, states: States) -> Diagnosed[ChainEntry]:
     name = entry.key.text
     assert isinstance(entry.value, Mapping)
     for key, inner in entry.value.entries.items():
@@ -71,12 +71,12 @@ def _chain(entry: Entry, states: States) -> Diagnosed[ChainUse]:
             hint = did_you_mean(key, _OF_CHAINS)
             yield Diagnostic("KYB101", message, inner.key.span, help=hint)
     arrows = yield from _written(entry.value, states)
-    return ChainUse(
+    return ChainEntry(
         entry.key.as_text, tuple(replace(a, since=name) for a in arrows), entry.key.span
     )
 
 
-def _state(entry: Entry, states: States, uses: Uses) -> Diagnosed[State | None]:
+def _state(entry: MappingEntry, states: States, uses: PartDecoder) -> Diagnosed[StateEntry | None]:
     name, node = entry.key, entry.value
     use = yield from uses.one("behaviors", node, KEYS, "do")
     if use is None or not isinstance(node, Mapping):
@@ -88,13 +88,13 @@ def _state(entry: Entry, states: States, uses: Uses) -> Diagnosed[State | None]:
     arrows = _joined(own, around, failure_of(part.spec.cls.flight))
     first = (n for n in items_of(node.get("estimators")) if isinstance(n, Scalar))
     estimators = tuple(item.as_text for item in first)
-    return State(name.as_text, part, arrows, name.span, entry.inherited, estimators)
+    return StateEntry(name.as_text, part, arrows, name.span, entry.inherited, estimators)
 
 
-def _written(node: Mapping, states: States) -> Diagnosed[list[Transition]]:
+def _written(node: Mapping, states: States) -> Diagnosed[list[TransitionEntry]]:
     """The arrows of one entry; the goal of `within` is that of its `failed`, else empty."""
     items = (item for item in items_of(node.get("next")) if isinstance(item, Mapping))
-    arrows: list[Transition] = []
+    arrows: list[TransitionEntry] = []
     for arrow in (yield from every(next_arrow(item) for item in items)):
         target, enters = states.goal(arrow.target)
         arrows.append(replace(arrow, target=target, enters=enters) if enters else arrow)
@@ -103,12 +103,12 @@ def _written(node: Mapping, states: States) -> Diagnosed[list[Transition]]:
         goal = node.get(cause)
         if isinstance(goal, Scalar):
             target, enters = states.goal(goal.as_text)
-            arrows.append(Transition(cause, target, goal.span, enters=enters))
+            arrows.append(TransitionEntry(cause, target, goal.span, enters=enters))
     limit = node.get("within")
     after = yield from duration(node, "within", above=0.0)
     if limit is not None and after is not None:
         nowhere = Text("", limit.span, verbatim=False)
-        arrows.append(Transition("within", nowhere, limit.span, after=after))
+        arrows.append(TransitionEntry("within", nowhere, limit.span, after=after))
     return arrows
 
 
@@ -117,8 +117,8 @@ def _is_chain(node: Node) -> bool:
 
 
 def _joined(
-    own: list[Transition], around: list[tuple[Transition, ...]], implied: str
-) -> tuple[Transition, ...]:
+    own: list[TransitionEntry], around: list[tuple[TransitionEntry, ...]], implied: str
+) -> tuple[TransitionEntry, ...]:
     """The arrows of a state: `next` of the chains around it from the outermost, and its own; `then`
     and `failed` of itself, else of the nearest chain; every `within`, its own first."""
     inward = [own, *reversed(around)]
@@ -137,11 +137,11 @@ def _joined(
     return tuple(arrows)
 
 
-def _first_of(cause: str, levels: Iterable[Iterable[Transition]]) -> Transition | None:
+def _first_of(cause: str, levels: Iterable[Iterable[TransitionEntry]]) -> TransitionEntry | None:
     return next((arrow for level in levels for arrow in level if arrow.cause == cause), None)
 
 
-def next_arrow(node: Mapping) -> Diagnosed[Transition]:
+def next_arrow(node: Mapping) -> Diagnosed[TransitionEntry]:
     """The arrow that an item of `next` is; its shape is judged already."""
     when, event, goal = node.get("when"), node.get("event"), node.get("go")
     assert isinstance(goal, Scalar)
@@ -155,7 +155,7 @@ def next_arrow(node: Mapping) -> Diagnosed[Transition]:
         yield Diagnostic("KYB143", message, span, help=hint)
     after = yield from duration(node, "after")
     hold = yield from duration(node, "for")
-    return Transition(
+    return TransitionEntry(
         "next",
         goal.as_text,
         node.span,

@@ -11,12 +11,12 @@ from kybflow.core.geometry import LEVEL, Quat, Vec3, add, from_axes, from_headin
 from kybflow.core.params import fields_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import TagsUse
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, entries_of
+from kybflow.dsl.document import TagsEntry
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, entries_of
 from kybflow.dsl.reading.tag_table import read_tags
 from kybflow.dsl.reading.values import decode
 from kybflow.dsl.schema.world import GridParams, TagFile, TagParams
-from kybflow.dsl.shaping.uses import params_of
+from kybflow.dsl.shaping.parts import params_of
 from kybflow.vision.families import FAMILIES
 from kybflow.world.tags import Tag
 
@@ -44,9 +44,9 @@ _FACING: dict[str, Quat] = {
 """Attitude of a tag with heading 0 whose printed side looks there."""
 
 
-def tags_in(node: Node | None) -> Diagnosed[tuple[TagsUse, ...]]:
+def tags_in(node: Node | None) -> Diagnosed[tuple[TagsEntry, ...]]:
     """The entries of `world.tags`; one with errors is left out."""
-    uses: list[TagsUse] = []
+    uses: list[TagsEntry] = []
     for name, entry in entries_of(node).items():
         kinds = {kind: e for kind, e in entries_of(entry.value).items() if kind in _KINDS}
         if len(kinds) != 1:
@@ -61,7 +61,7 @@ def tags_in(node: Node | None) -> Diagnosed[tuple[TagsUse, ...]]:
     return tuple(uses)
 
 
-def _grid(entry: Entry, own: Entry) -> Diagnosed[TagsUse | None]:
+def _grid(entry: MappingEntry, own: MappingEntry) -> Diagnosed[TagsEntry | None]:
     grid = yield from _decoded(GridParams, own)
     if grid is None or not isinstance(own.value, Mapping):
         return None
@@ -75,7 +75,7 @@ def _grid(entry: Entry, own: Entry) -> Diagnosed[TagsUse | None]:
         return None
     if not (yield from _leaves_some(grid, last, spans)):
         return None
-    return TagsUse(entry.key.as_text, grid, tuple(tags_of(grid)), entry.key.span)
+    return TagsEntry(entry.key.as_text, grid, tuple(tags_of(grid)), entry.key.span)
 
 
 def _leaves_some(grid: GridParams, last: int, spans: dict[str, Span]) -> Diagnosed[bool]:
@@ -92,22 +92,22 @@ def _leaves_some(grid: GridParams, last: int, spans: dict[str, Span]) -> Diagnos
     return not message
 
 
-def _tag(entry: Entry, own: Entry) -> Diagnosed[TagsUse | None]:
+def _tag(entry: MappingEntry, own: MappingEntry) -> Diagnosed[TagsEntry | None]:
     tag = yield from _decoded(TagParams, own)
     if tag is None or not isinstance(own.value, Mapping):
         return None
     if not (yield from _has(tag.family, tag.id, own.value.entries["id"].value.span)):
         return None
-    return TagsUse(entry.key.as_text, tag, (tag_of(tag),), entry.key.span)
+    return TagsEntry(entry.key.as_text, tag, (tag_of(tag),), entry.key.span)
 
 
-def _file(entry: Entry, own: Entry) -> Diagnosed[TagsUse | None]:
+def _file(entry: MappingEntry, own: MappingEntry) -> Diagnosed[TagsEntry | None]:
     file: File | None = yield from decode(own.value, fields_of(TagFile)[0])
     if file is None:
         return None
     rows = read_tags(file)
     tags, lines = tuple(row.tag for row in rows), tuple(row.line for row in rows)
-    return TagsUse(entry.key.as_text, TagFile(file=file), tags, own.value.span, lines)
+    return TagsEntry(entry.key.as_text, TagFile(file=file), tags, own.value.span, lines)
 
 
 def _has(family: str, number: int, span: Span) -> Diagnosed[bool]:
@@ -118,7 +118,7 @@ def _has(family: str, number: int, span: Span) -> Diagnosed[bool]:
     return number <= most
 
 
-def _decoded(cls: type[P], own: Entry) -> Diagnosed[P | None]:
+def _decoded(cls: type[P], own: MappingEntry) -> Diagnosed[P | None]:
     if not isinstance(own.value, Mapping):
         return None
     return (yield from params_of(cls, own.value, own.key.text, own.key.span))

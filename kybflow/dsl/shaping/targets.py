@@ -18,9 +18,17 @@ from kybflow.dsl.diagnostics.diagnostic import (
     every,
 )
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import PartUse, SensorUse, Vehicle
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, entries_of, is_null, items_of
-from kybflow.dsl.shaping.uses import Uses
+from kybflow.dsl.document import PartUse, SensorEntry, VehicleEntry
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    MappingEntry,
+    Node,
+    Scalar,
+    entries_of,
+    is_null,
+    items_of,
+)
+from kybflow.dsl.shaping.parts import PartDecoder
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
@@ -35,7 +43,7 @@ FILE = "--target"
 """The name of the file that the span of an unknown target points into."""
 
 
-def target_of(root: Mapping, target: str | None, uses: Uses) -> Diagnosed[Text]:
+def target_of(root: Mapping, target: str | None, uses: PartDecoder) -> Diagnosed[Text]:
     """The target to fly on: `sim` unless another is asked for."""
     mission = root.entries["mission"].key.span
     entries = entries_of(root.get("targets"))
@@ -69,7 +77,7 @@ def _written(value: str | bool) -> str:
     return str(value).lower() if isinstance(value, bool) else value
 
 
-def drivers_of(root: Mapping, target: Text, uses: Uses) -> Diagnosed[dict[str, PartUse]]:
+def drivers_of(root: Mapping, target: Text, uses: PartDecoder) -> Diagnosed[dict[str, PartUse]]:
     """The driver of each vehicle on `target`: its own entry, else that of `all`, else the one that
     the target's name implies."""
     vehicles = entries_of(root.get("vehicles"))
@@ -91,7 +99,7 @@ def drivers_of(root: Mapping, target: Text, uses: Uses) -> Diagnosed[dict[str, P
     return drivers
 
 
-def _implied(target: Text, uses: Uses) -> Diagnosed[PartUse | None]:
+def _implied(target: Text, uses: PartDecoder) -> Diagnosed[PartUse | None]:
     """The driver that stands behind the name of the target; None where none does."""
     span = target.span
     if target.text == "sim":
@@ -104,18 +112,18 @@ def _implied(target: Text, uses: Uses) -> Diagnosed[PartUse | None]:
 
 def _node(values: dict[str, str], span: Span) -> Mapping:
     """What would be written there."""
-    entries = {k: Entry(Scalar(k, span), Scalar(value, span)) for k, value in values.items()}
+    entries = {k: MappingEntry(Scalar(k, span), Scalar(value, span)) for k, value in values.items()}
     return Mapping(entries, span)
 
 
 def with_trackers(
-    root: Mapping, target: Text, uses: Uses, vehicles: dict[str, Vehicle]
-) -> Diagnosed[dict[str, Vehicle]]:
+    root: Mapping, target: Text, uses: PartDecoder, vehicles: dict[str, VehicleEntry]
+) -> Diagnosed[dict[str, VehicleEntry]]:
     """The vehicles with their trackers on `target`: that of the vehicle's own entry, else that of
     `all`, else the one that the driver asks for, else the mission's."""
     chosen = entries_of(root.get("targets")).get(target.text)
     entries = {} if chosen is None else entries_of(chosen.value)
-    whole: dict[str, Vehicle] = {}
+    whole: dict[str, VehicleEntry] = {}
     for name, vehicle in vehicles.items():
         node = _tracker(entries.get(name)) or _tracker(entries.get("all"))
         driver = vehicle.driver
@@ -129,12 +137,12 @@ def with_trackers(
     return whole
 
 
-def _tracker(entry: Entry | None) -> Node | None:
+def _tracker(entry: MappingEntry | None) -> Node | None:
     return entry.value.get("tracker") if entry and isinstance(entry.value, Mapping) else None
 
 
 def _decoded_drivers(
-    entries: dict[str, Entry], vehicles: dict[str, Entry], uses: Uses
+    entries: dict[str, MappingEntry], vehicles: dict[str, MappingEntry], uses: PartDecoder
 ) -> Diagnosed[dict[str, PartUse | None]]:
     """The drivers that are written; trackers are looked at as well."""
     decoded: dict[str, PartUse | None] = {}
@@ -157,7 +165,7 @@ def other_targets(root: Mapping, chosen: Text, catalog: Catalog) -> Iterator[Dia
     vehicles = entries_of(root.get("vehicles"))
     for name, entry in entries_of(root.get("targets")).items():
         if name != chosen.text:
-            entries, uses = entries_of(entry.value), Uses(catalog)
+            entries, uses = entries_of(entry.value), PartDecoder(catalog)
             found = collect(_decoded_drivers(entries, vehicles, uses)).diagnostics
             found += collect(sensors_of(entries, vehicles, uses)).diagnostics
             for d in found:
@@ -165,15 +173,15 @@ def other_targets(root: Mapping, chosen: Text, catalog: Catalog) -> Iterator[Dia
 
 
 def with_sensors(
-    root: Mapping, target: Text, uses: Uses, vehicles: dict[str, Vehicle]
-) -> Diagnosed[dict[str, Vehicle]]:
+    root: Mapping, target: Text, uses: PartDecoder, vehicles: dict[str, VehicleEntry]
+) -> Diagnosed[dict[str, VehicleEntry]]:
     """The vehicles with their sensors on `target`: for each estimator the vehicle's own, else that
     of `all`; then those that the driver brings."""
     chosen = entries_of(root.get("targets")).get(target.text)
     entries = {} if chosen is None else entries_of(chosen.value)
     written = entries_of(root.get("vehicles"))
     decoded = yield from sensors_of(entries, written, uses)
-    whole: dict[str, Vehicle] = {}
+    whole: dict[str, VehicleEntry] = {}
     for name, vehicle in vehicles.items():
         labels = set(_estimators(written[name].value))
         named = {k: v for k, v in decoded.get("all", {}).items() if k in labels}
@@ -184,17 +192,17 @@ def with_sensors(
     return whole
 
 
-def provided(vehicle: Vehicle) -> frozenset[MeasurementKind]:
+def provided(vehicle: VehicleEntry) -> frozenset[MeasurementKind]:
     """What the vehicle's driver and sensors measure."""
     sources = (vehicle.driver, *(use.part for use in vehicle.sensors))
     return frozenset(kind for part in sources for kind in part.spec.cls.provides)
 
 
 def sensors_of(
-    target: dict[str, Entry], vehicles: dict[str, Entry], uses: Uses
-) -> Diagnosed[dict[str, dict[str, list[SensorUse]]]]:
+    target: dict[str, MappingEntry], vehicles: dict[str, MappingEntry], uses: PartDecoder
+) -> Diagnosed[dict[str, dict[str, list[SensorEntry]]]]:
     """The sensors of each entry of a target, by estimator."""
-    decoded: dict[str, dict[str, list[SensorUse]]] = {}
+    decoded: dict[str, dict[str, list[SensorEntry]]] = {}
     for name, entry in target.items():
         if name == "all":
             known = [label for other in vehicles.values() for label in _estimators(other.value)]
@@ -207,9 +215,9 @@ def sensors_of(
 
 
 def _decoded_sensors(
-    name: str, target: Node, known: list[str], uses: Uses
-) -> Diagnosed[dict[str, list[SensorUse]]]:
-    decoded: dict[str, list[SensorUse]] = {}
+    name: str, target: Node, known: list[str], uses: PartDecoder
+) -> Diagnosed[dict[str, list[SensorEntry]]]:
+    decoded: dict[str, list[SensorEntry]] = {}
     sensors = target.get("sensors") if isinstance(target, Mapping) else None
     for label, entry in entries_of(sensors).items():
         if is_null(entry.value):
@@ -223,7 +231,7 @@ def _decoded_sensors(
         parts = yield from every(uses.one("sensors", node) for node in nodes)
         if label in known:
             whole = [(p, i) for i, p in enumerate(parts) if p is not None]
-            decoded[label] = [SensorUse(entry.key.as_text, part, i) for part, i in whole]
+            decoded[label] = [SensorEntry(entry.key.as_text, part, i) for part, i in whole]
     return decoded
 
 
@@ -237,7 +245,9 @@ def _estimators(vehicle: Node) -> Iterator[str]:
             yield name.text
 
 
-def _brought(vehicle: Vehicle, target: Text, uses: Uses) -> Diagnosed[list[SensorUse]]:
+def _brought(
+    vehicle: VehicleEntry, target: Text, uses: PartDecoder
+) -> Diagnosed[list[SensorEntry]]:
     """The sensors that the driver brings for what nothing else gives an estimator; they stand where
     the first of those does."""
     given = provided(vehicle)
@@ -245,14 +255,14 @@ def _brought(vehicle: Vehicle, target: Text, uses: Uses) -> Diagnosed[list[Senso
     shows = driver.spec.cls.shows(driver.params)
     parts = [use.part for use in vehicle.estimators]
     lacking = [(p, kinds) for p in parts if (kinds := p.spec.cls.uses(p.params) - given)]
-    brought: list[SensorUse] = []
+    brought: list[SensorEntry] = []
     for name in driver.spec.cls.brings if lacking else ():
         part = yield from uses.one("sensors", Scalar(name, lacking[0][0].span))
         if part is None or part.spec.cls.simulated > shows:
             continue
         if part.spec.cls.provides & {k for _, kinds in lacking for k in kinds}:
             lacking = [(p, kinds - part.spec.cls.provides) for p, kinds in lacking]
-            brought.append(SensorUse(Text("", target.span, verbatim=False), part))
+            brought.append(SensorEntry(Text("", target.span, verbatim=False), part))
     return brought
 
 

@@ -8,17 +8,19 @@ from kybflow.core.geometry import ZERO
 from kybflow.core.units import ANGLE, LENGTH
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import EstimatorUse, PartUse, Vehicle
-from kybflow.dsl.reading.nodes import Entry, Mapping, Scalar, entries_of
+from kybflow.dsl.document import EstimatorEntry, PartUse, VehicleEntry
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Scalar, entries_of
 from kybflow.dsl.reading.values import decode, quantity_field
 from kybflow.dsl.schema.mission import ESTIMATOR_KEYS
 from kybflow.dsl.shaping.cameras import cameras_of, without_cameras
+from kybflow.dsl.shaping.parts import PartDecoder, params_of
 from kybflow.dsl.shaping.states import States, duration, states_of
-from kybflow.dsl.shaping.uses import Uses, params_of
 from kybflow.world.vehicle_context import Airframe, Parcel
 
 
-def vehicle_of(entry: Entry, driver: PartUse | None, uses: Uses) -> Diagnosed[Vehicle | None]:
+def vehicle_of(
+    entry: MappingEntry, driver: PartUse | None, uses: PartDecoder
+) -> Diagnosed[VehicleEntry | None]:
     """The vehicle; None when it has errors."""
     name, body = entry.key, entry.value
     assert isinstance(body, Mapping)
@@ -33,7 +35,7 @@ def vehicle_of(entry: Entry, driver: PartUse | None, uses: Uses) -> Diagnosed[Ve
     if airframe is None or tracker is None or driver is None or begin is None:
         return None
     home_at = quantity_field("home", LENGTH, "vector")
-    return Vehicle(
+    return VehicleEntry(
         name=name.as_text,
         airframe=airframe,
         start=start,
@@ -89,7 +91,7 @@ def _start(name: Scalar, body: Mapping) -> Diagnosed[tuple[Any, float, Span]]:
     return start, heading or 0.0, node.span if place is None else place.span
 
 
-def _tracker(name: Scalar, body: Mapping, uses: Uses) -> Diagnosed[PartUse | None]:
+def _tracker(name: Scalar, body: Mapping, uses: PartDecoder) -> Diagnosed[PartUse | None]:
     node = body.get("tracker")
     if node is None:
         yield _missing(name, "tracker", "name one: `tracker: cascade`")
@@ -97,7 +99,7 @@ def _tracker(name: Scalar, body: Mapping, uses: Uses) -> Diagnosed[PartUse | Non
     return (yield from uses.one("trackers", node))
 
 
-def _estimators(body: Mapping, uses: Uses) -> Diagnosed[tuple[EstimatorUse, ...]]:
+def _estimators(body: Mapping, uses: PartDecoder) -> Diagnosed[tuple[EstimatorEntry, ...]]:
     several = yield from uses.many("estimators", body.get("estimators"), frozenset(ESTIMATOR_KEYS))
     decoded = []
     for use, node in several:
@@ -106,11 +108,11 @@ def _estimators(body: Mapping, uses: Uses) -> Diagnosed[tuple[EstimatorUse, ...]
         recover = yield from duration(keys, "recover_after")
         limit = yield from duration(keys, "for_at_most", above=0.0)
         text = healthy.as_text if isinstance(healthy, Scalar) else None
-        decoded.append(EstimatorUse(use, text, recover or 0.0, limit))
+        decoded.append(EstimatorEntry(use, text, recover or 0.0, limit))
     return tuple(decoded)
 
 
-def _supervisors(body: Mapping, span: Span, uses: Uses) -> Diagnosed[tuple[PartUse, ...]]:
+def _supervisors(body: Mapping, span: Span, uses: PartDecoder) -> Diagnosed[tuple[PartUse, ...]]:
     """Those written, then those that every vehicle has."""
     written = [use for use, _ in (yield from uses.many("supervisors", body.get("supervisors")))]
     names = {use.name.text for use in written}
@@ -119,7 +121,7 @@ def _supervisors(body: Mapping, span: Span, uses: Uses) -> Diagnosed[tuple[PartU
     return (*written, *(use for use in always if use is not None))
 
 
-def _states(name: Scalar, body: Mapping, uses: Uses) -> Diagnosed[States]:
+def _states(name: Scalar, body: Mapping, uses: PartDecoder) -> Diagnosed[States]:
     behaviors = body.get("behaviors")
     if not isinstance(behaviors, Mapping) or not behaviors.entries:
         yield _missing(name, "behaviors", "a vehicle does one thing at least")

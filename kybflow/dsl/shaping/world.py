@@ -14,8 +14,16 @@ from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.units import LENGTH, NUMBER
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
 from kybflow.dsl.diagnostics.spans import PREFIX, Span
-from kybflow.dsl.document import ObstacleUse, Parameter, TagsUse
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, Sequence, entries_of, head_of
+from kybflow.dsl.document import ObstacleEntry, Parameter, TagsEntry
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    MappingEntry,
+    Node,
+    Scalar,
+    Sequence,
+    entries_of,
+    head_of,
+)
 from kybflow.dsl.reading.values import decode, origin, quantity_field
 from kybflow.dsl.shaping.tags import tags_in
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
@@ -29,24 +37,24 @@ CODES = {
 }
 
 
-class World(NamedTuple):
+class WorldEntry(NamedTuple):
     """What of the world the mission says."""
 
     fence: Box | None
     points: dict[str, Vec3]
     point_spans: dict[str, Span]
-    obstacles: tuple[ObstacleUse, ...]
-    tags: tuple[TagsUse, ...]
+    obstacles: tuple[ObstacleEntry, ...]
+    tags: tuple[TagsEntry, ...]
 
 
-def world_of(node: Node | None) -> Diagnosed[World]:
+def world_of(node: Node | None) -> Diagnosed[WorldEntry]:
     """The world of a mission; what is wrong with it is left out."""
     entries = entries_of(node)
     points = entries_of(_value(entries.get("points")))
     places: dict[str, Vec3] = {}
     for name, entry in points.items():
         places[name] = (yield from _vector(entry.value, name)) or ZERO
-    return World(
+    return WorldEntry(
         fence=(yield from _fence(entries.get("fence"))),
         points=places,
         point_spans={name: entry.key.span for name, entry in points.items()},
@@ -55,7 +63,7 @@ def world_of(node: Node | None) -> Diagnosed[World]:
     )
 
 
-def _value(entry: Entry | None) -> Node | None:
+def _value(entry: MappingEntry | None) -> Node | None:
     return None if entry is None else entry.value
 
 
@@ -71,7 +79,7 @@ def _length(node: Node | None, name: str) -> Diagnosed[float | None]:
     return value
 
 
-def _fence(entry: Entry | None) -> Diagnosed[Box | None]:
+def _fence(entry: MappingEntry | None) -> Diagnosed[Box | None]:
     if entry is None or not isinstance(entry.value, Mapping):
         return None
     if not (yield from _is_whole(entry.value, "fence", _CORNERS)):
@@ -103,8 +111,8 @@ def _has_inside(box: Box) -> bool:
 _ORDER = "each number of `from` must be below that of `to`"
 
 
-def _obstacles(node: Node | None) -> Diagnosed[tuple[ObstacleUse, ...]]:
-    obstacles: list[ObstacleUse] = []
+def _obstacles(node: Node | None) -> Diagnosed[tuple[ObstacleEntry, ...]]:
+    obstacles: list[ObstacleEntry] = []
     for name, entry in entries_of(node).items():
         solids = {kind: e for kind, e in entries_of(entry.value).items() if kind in _SOLIDS}
         if len(solids) != 1:
@@ -118,7 +126,7 @@ def _obstacles(node: Node | None) -> Diagnosed[tuple[ObstacleUse, ...]]:
         if isinstance(body, Mapping) and (yield from _is_whole(body, kind, _KEYS[kind])):
             shape = yield from _SOLIDS[kind](body)
             if shape is not None:
-                obstacles.append(ObstacleUse(entry.key.as_text, shape, entry.key.span))
+                obstacles.append(ObstacleEntry(entry.key.as_text, shape, entry.key.span))
     return tuple(obstacles)
 
 
@@ -233,7 +241,7 @@ def with_points(root: Mapping, points: MappingOf[str, Vec3]) -> Diagnosed[Mappin
     return Mapping(entries, root.span)
 
 
-def placed(
+def with_coordinates(
     parameters: MappingOf[str, Parameter], points: MappingOf[str, Vec3]
 ) -> dict[str, Parameter]:
     """The parameters, those that name a point with its coordinates."""

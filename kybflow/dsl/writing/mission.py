@@ -9,12 +9,20 @@ from typing import Any
 from kybflow.core.params import fields_of
 from kybflow.core.units import DURATION, FREQUENCY, LENGTH, NUMBER
 from kybflow.dsl.diagnostics.spans import PREFIX, Text
-from kybflow.dsl.document import ActionUse, Callback, Document, FaultUse, Flow, Phase, SensorUse
+from kybflow.dsl.document import (
+    ActionEntry,
+    CallbackEntry,
+    Document,
+    FaultEntry,
+    FlowEntry,
+    PhaseEntry,
+    SensorEntry,
+)
 from kybflow.dsl.reading.nodes import Node, Scalar, Sequence
 from kybflow.dsl.resolving.imports import without_homes
 from kybflow.dsl.schema.world import GridParams, TagParams
 from kybflow.dsl.writing.values import (
-    Line,
+    YamlLine,
     origin,
     parameters,
     part,
@@ -29,7 +37,7 @@ from kybflow.dsl.writing.vehicle import vehicle_lines
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
 
-def written(document: Document) -> str:
+def to_yaml(document: Document) -> str:
     """The text, each line with its origin as a comment."""
     lines = list(_mission(document))
     width = min(max(len(line) for line, _ in lines), 76)
@@ -39,7 +47,7 @@ def written(document: Document) -> str:
     )
 
 
-def _mission(document: Document) -> Iterator[Line]:
+def _mission(document: Document) -> Iterator[YamlLine]:
     at = {key: span.at for key, span in document.spans.items()}
     yield "kybflow: 1", at["kybflow"]
     yield f"mission: {quoted(document.mission.text)}", at["mission"]
@@ -62,7 +70,7 @@ def _mission(document: Document) -> Iterator[Line]:
     yield from _target(document)
 
 
-def _target(document: Document) -> Iterator[Line]:
+def _target(document: Document) -> Iterator[YamlLine]:
     header = place(document.spans.get("targets"))
     is_written = document.target.span != document.spans["mission"]
     yield "targets:", header
@@ -89,7 +97,7 @@ def _target(document: Document) -> Iterator[Line]:
             yield from _sensors([use for use in named if use.estimator.text == estimator])
 
 
-def _sensors(uses: list[SensorUse]) -> Iterator[Line]:
+def _sensors(uses: list[SensorEntry]) -> Iterator[YamlLine]:
     """Those of one estimator, as a list where they are several."""
     first = uses[0]
     if len(uses) == 1:
@@ -100,7 +108,7 @@ def _sensors(uses: list[SensorUse]) -> Iterator[Line]:
         yield f"          - {part(use.part)}", origin(use.part)
 
 
-def world_lines(document: Document) -> Iterator[Line]:
+def world_lines(document: Document) -> Iterator[YamlLine]:
     """The fence, the points, the obstacles and the tags; nothing where there are none."""
     at = place(document.spans.get("world"))
     parts = (document.fence, document.points, document.obstacles, document.tags)
@@ -155,7 +163,7 @@ def _solid(shape: Shape) -> str:
             return f"plane: {{{at}, facing: {vector(facing, NUMBER)}}}"
 
 
-def flow_lines(document: Document) -> Iterator[Line]:
+def flow_lines(document: Document) -> Iterator[YamlLine]:
     """`groups:` and `flows:`, each group and each phase on a line; nothing where there is none."""
     if document.groups:
         yield "groups:", place(document.spans.get("groups"))
@@ -168,7 +176,7 @@ def flow_lines(document: Document) -> Iterator[Line]:
         yield from _flow(flow)
 
 
-def _flow(flow: Flow) -> Iterator[Line]:
+def _flow(flow: FlowEntry) -> Iterator[YamlLine]:
     yield f"  {flow.name.text}:", flow.span.at
     yield f"    begin: {flow.begin.text}", flow.begin.span.at
     yield "    phases:", flow.span.at
@@ -176,7 +184,7 @@ def _flow(flow: Flow) -> Iterator[Line]:
         yield f"      {phase.name.text}: {_phase(phase)}", phase.span.at
 
 
-def _phase(phase: Phase) -> str:
+def _phase(phase: PhaseEntry) -> str:
     options = [f"{a.target.text}: {option_value(a.value)}" for a in phase.set if a.target]
     pairs = [_pairs("give", phase.give), _pairs("run", phase.run)]
     pairs.insert(1, f"set: {{{', '.join(options)}}}" if options else "")
@@ -194,7 +202,7 @@ def _pairs(key: str, pairs: tuple[tuple[Text, Text], ...]) -> str:
     return f"{key}: {{{inside}}}" if pairs else ""
 
 
-def callback_lines(document: Document) -> Iterator[Line]:
+def callback_lines(document: Document) -> Iterator[YamlLine]:
     """`on:` with each callback on a line; nothing where there is none."""
     if document.callbacks:
         yield "on:", place(document.spans.get("on"))
@@ -202,7 +210,7 @@ def callback_lines(document: Document) -> Iterator[Line]:
         yield f"  - {_callback_text(callback)}", callback.span.at
 
 
-def _callback_text(callback: Callback) -> str:
+def _callback_text(callback: CallbackEntry) -> str:
     pairs = [f"event: {quoted(callback.event.text)}"]
     pairs += [f"{field.text}: {quoted(value.text)}" for field, value in callback.fields]
     if callback.when is not None:
@@ -211,7 +219,7 @@ def _callback_text(callback: Callback) -> str:
     return "{" + ", ".join((*pairs, f"do: [{actions}]")) + "}"
 
 
-def _action_text(action: ActionUse) -> str:
+def _action_text(action: ActionEntry) -> str:
     if action.part is not None:
         return f"{{{action.name.text}: {{{', '.join(parameters(action.part))}}}}}"
     value = action.value if action.name.text == "set" else quoted(action.value.text)
@@ -228,7 +236,7 @@ def option_value(node: Node) -> str:
     return quoted(node.text) if isinstance(node, Scalar) else ""
 
 
-def fault_lines(document: Document) -> Iterator[Line]:
+def fault_lines(document: Document) -> Iterator[YamlLine]:
     """`faults:` with each on a line; nothing where there is none."""
     if document.faults:
         yield "faults:", place(document.spans.get("faults"))
@@ -237,7 +245,7 @@ def fault_lines(document: Document) -> Iterator[Line]:
         yield f"  - {_fault(fault)}", fault.span.at + values
 
 
-def _fault(fault: FaultUse) -> str:
+def _fault(fault: FaultEntry) -> str:
     pairs = [f"on: {fault.vehicle.text}", f"inject: {fault.part.spec.name}"]
     if fault.time is not None:
         pairs.insert(0, f"at: {quantity(fault.time, DURATION)}")

@@ -8,9 +8,9 @@ from typing import Any
 from kybflow.core.params import Field
 from kybflow.core.units import ANGLE, ANGULAR_RATE, DEG, DURATION, RATIO, Dimension, parse_quantity
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import PartUse, Transition
+from kybflow.dsl.document import PartUse, TransitionEntry
 
-Line = tuple[str, str]
+YamlLine = tuple[str, str]
 """A line of YAML, and where it came from; empty for a default."""
 _WRITTEN = {ANGLE: (DEG, "deg"), ANGULAR_RATE: (DEG, "deg/s"), RATIO: (0.01, "%")}
 _PLAIN_FIRST = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ")
@@ -59,12 +59,12 @@ def written_fields(params: Any, fields: Iterable[Field]) -> list[str]:
     ]
 
 
-def goal(arrow: Transition) -> str:
+def goal(arrow: TransitionEntry) -> str:
     """Where an arrow goes, as an author writes it."""
     return arrow.enters or arrow.target.text
 
 
-def way(arrow: Transition) -> str:
+def way(arrow: TransitionEntry) -> str:
     """One item of `next`."""
     texts: tuple[tuple[str, Text | None], ...] = (("when", arrow.when), ("event", arrow.event))
     pairs = [f"{key}: {quoted(text.text)}" for key, text in texts if text is not None]

@@ -6,10 +6,16 @@ from collections.abc import Iterator, Sequence
 
 from kybflow.core.params import fields_of
 from kybflow.core.units import ANGLE, DURATION, LENGTH
-from kybflow.dsl.document import ChainUse, EstimatorUse, State, Transition, Vehicle
-from kybflow.dsl.schema.world import CameraParams
+from kybflow.dsl.document import (
+    ChainEntry,
+    EstimatorEntry,
+    StateEntry,
+    TransitionEntry,
+    VehicleEntry,
+)
+from kybflow.dsl.schema.world import AirframeCameraParams
 from kybflow.dsl.writing.values import (
-    Line,
+    YamlLine,
     given,
     goal,
     origin,
@@ -25,7 +31,7 @@ from kybflow.dsl.writing.values import (
 from kybflow.world.vehicle_context import Airframe, Parcel
 
 
-def vehicle_lines(vehicle: Vehicle) -> Iterator[Line]:
+def vehicle_lines(vehicle: VehicleEntry) -> Iterator[YamlLine]:
     """The vehicle under `vehicles:`, whole."""
     at = {key: span.at for key, span in vehicle.spans.items()}
     yield f"  {vehicle.name.text}:", vehicle.span.at
@@ -36,7 +42,7 @@ def vehicle_lines(vehicle: Vehicle) -> Iterator[Line]:
     if vehicle.cameras:
         yield "      cameras:", place(vehicle.airframe_spans.get("cameras"))
     for camera in vehicle.cameras:
-        fields = ", ".join(written_fields(camera.params, fields_of(CameraParams)))
+        fields = ", ".join(written_fields(camera.params, fields_of(AirframeCameraParams)))
         yield f"        {camera.name.text}: {{{fields}}}", camera.span.at
     start, heading = vector(vehicle.start, LENGTH), quantity(vehicle.heading, ANGLE)
     came_from = at["start"] + given("at", vehicle.start_span) if "start" in at else ""
@@ -63,18 +69,18 @@ def vehicle_lines(vehicle: Vehicle) -> Iterator[Line]:
         yield f"      {state.name.text}: {_state(state)}", _origin(state)
 
 
-def _list(key: str, items: Sequence[Line], origins: dict[str, str]) -> Iterator[Line]:
+def _list(key: str, items: Sequence[YamlLine], origins: dict[str, str]) -> Iterator[YamlLine]:
     yield f"    {key}:{'' if items else ' []'}", origins.get(key, "")
     for text, came_from in items:
         yield f"      - {text}", came_from
 
 
-def _origin(state: State) -> str:
+def _origin(state: StateEntry) -> str:
     limits = (("within", a.span) for a in state.transitions if a.cause == "within" and not a.since)
     return place(state.span) + origin(state.part, *limits).removeprefix(state.part.span.at)
 
 
-def _estimator(estimator: EstimatorUse) -> str:
+def _estimator(estimator: EstimatorEntry) -> str:
     more = [f"recover_after: {quantity(estimator.recover_after, DURATION)}"]
     if estimator.healthy is not None:
         more.insert(0, f"healthy: {quoted(estimator.healthy.text)}")
@@ -83,18 +89,18 @@ def _estimator(estimator: EstimatorUse) -> str:
     return part(estimator.part, more=tuple(more))
 
 
-def _state(state: State) -> str:
+def _state(state: StateEntry) -> str:
     own = [arrow for arrow in state.transitions if not arrow.since]
     first = ", ".join(name.text for name in state.estimators)
     more = (f"estimators: [{first}]",) if first else ()
     return part(state.part, "do", (*more, *_arrows(own)))
 
 
-def _chain(chain: ChainUse) -> str:
+def _chain(chain: ChainEntry) -> str:
     return "{" + ", ".join(_arrows(chain.transitions)) + "}"
 
 
-def _arrows(arrows: Sequence[Transition]) -> Iterator[str]:
+def _arrows(arrows: Sequence[TransitionEntry]) -> Iterator[str]:
     ways = [way(arrow) for arrow in arrows if arrow.cause == "next"]
     if ways:
         yield f"next: [{', '.join(ways)}]"

@@ -20,7 +20,7 @@ from kybflow.dsl.plan import (
     Emit,
     Enable,
     EnterPhase,
-    Log,
+    LogText,
     PartPlan,
     SetOption,
     Stop,
@@ -113,7 +113,7 @@ def _bound(action: ActionPlan, context: ActionContext) -> Do:
             return lambda _: context.emit(name)
         case EnterPhase(flow, phase):
             return lambda _: context.phase(flow, phase)
-        case Log(text):
+        case LogText(text):
             return lambda event: context.log(filled(text, event))
         case Stop(reason):
             return lambda _: context.stop(reason)

@@ -67,10 +67,10 @@ def test_more_entries_than_a_few_count_as_unknown() -> None:
     assert entries.add((99.0, 0.0, 0.0))
     assert not entries.known
     assert not entries.add((98.0, 0.0, 0.0))
-    assert len(entries.asked()) == 17
+    assert len(entries.candidates()) == 17
 
 
 def test_an_entry_that_is_known_already_changes_nothing() -> None:
     entries = Entries([(1.0, 0.0, 0.0)])
     assert not entries.add((1.0, 0.0, 0.0))
-    assert entries.asked() == [(1.0, 0.0, 0.0)]
+    assert entries.candidates() == [(1.0, 0.0, 0.0)]

@@ -11,7 +11,7 @@ from kybflow.core.signals import Battery, CommandKind, Pose, SetpointKind
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.data import chains_that_do_not_connect, control_rates, missing_measurements
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import Document, EstimatorUse, PartUse, State, Vehicle
+from kybflow.dsl.document import Document, EstimatorEntry, PartUse, StateEntry, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.parts import AIR, GROUND, Leg
 from kybflow.parts.catalog import PartSpec
@@ -67,7 +67,7 @@ def case(flown: PartUse, control_rate: int = 250, **parts: Any) -> Case:
         **parts,
     }
     name = Text("go", SPAN)
-    vehicle = Vehicle(
+    vehicle = VehicleEntry(
         name=Text("a", SPAN),
         airframe=NANO,
         start=(0.0, 0.0, 0.0),
@@ -75,7 +75,7 @@ def case(flown: PartUse, control_rate: int = 250, **parts: Any) -> Case:
         heading=0.0,
         supervisors=(),
         begin=name,
-        states={"go": State(name, flown, (), SPAN)},
+        states={"go": StateEntry(name, flown, (), SPAN)},
         span=SPAN,
         **facts,
     )
@@ -150,7 +150,7 @@ def test_a_tracker_may_give_several_kinds_and_one_that_fits_is_named() -> None:
 
 def test_measurements_that_nobody_provides() -> None:
     needs = frozenset({Pose, Battery})
-    estimator = EstimatorUse(use("mocap", uses=lambda _: needs), None, 1.0, None)
+    estimator = EstimatorEntry(use("mocap", uses=lambda _: needs), None, 1.0, None)
     flown = case(behavior(POSITION), estimators=(estimator,))
     expected = ["KYB302 `mocap` needs battery measurements: `bench` provides `pose`"]
     assert expected == messages(missing_measurements(flown))

@@ -16,7 +16,7 @@ from kybflow.dsl.plan import (
     CallbackPlan,
     Emit,
     Enable,
-    Log,
+    LogText,
     PartPlan,
     SetOption,
     Stop,
@@ -103,7 +103,7 @@ def call(cls: type[Action], params: object = None) -> Call:
 
 
 def test_an_event_is_answered_once_by_whom_it_concerns():
-    bench = Bench(on("landed", Log("down")), on("landed", Log("never"), vehicles=("b",)))
+    bench = Bench(on("landed", LogText("down")), on("landed", LogText("never"), vehicles=("b",)))
     bench.events.tell("landed", "a")
     bench.callbacks.step()
     bench.callbacks.step()
@@ -111,7 +111,7 @@ def test_an_event_is_answered_once_by_whom_it_concerns():
 
 
 def test_what_a_simulator_alone_knows_is_not_answered():
-    bench = Bench(on("collided", Log("bang")))
+    bench = Bench(on("collided", LogText("bang")))
     bench.events.note("collided", "a")
     bench.callbacks.step()
     assert bench.logged() == []
@@ -136,7 +136,7 @@ def test_actions_are_done_in_order_and_say_where_they_come_from():
 
 
 def test_an_option_that_is_refused_is_told_by_the_options_alone():
-    bench = Bench(on("landed", SetOption("a.tracker.tilt", 9.0), Log("next")), refuses=True)
+    bench = Bench(on("landed", SetOption("a.tracker.tilt", 9.0), LogText("next")), refuses=True)
     bench.events.tell("landed", "a")
     bench.callbacks.step()
     assert bench.logged() == ["next"]
@@ -147,14 +147,14 @@ def test_an_option_that_is_refused_is_told_by_the_options_alone():
     ("fields", "answered"), [({"how": "done"}, True), ({"how": "next"}, False)]
 )
 def test_a_filter_compares_a_field(fields: dict[str, str], answered: bool):
-    bench = Bench(on("behavior_ended", Log("over"), fields=(("how", "done"),)))
+    bench = Bench(on("behavior_ended", LogText("over"), fields=(("how", "done"),)))
     bench.events.tell("behavior_ended", "a", **fields)
     bench.callbacks.step()
     assert bool(bench.logged()) is answered
 
 
 def test_a_condition_must_hold_when_the_event_is_answered():
-    bench = Bench(on("landed", Log("down"), when=InState("a", "down")))
+    bench = Bench(on("landed", LogText("down"), when=InState("a", "down")))
     bench.holds = False
     bench.events.tell("landed", "a")
     bench.callbacks.step()
@@ -167,7 +167,7 @@ def test_a_condition_must_hold_when_the_event_is_answered():
 
 
 def test_what_is_emitted_is_answered_in_the_next_tick_one_round_a_tick():
-    bench = Bench(on("ping", Log("ping"), Emit("ping"), vehicles=("",)))
+    bench = Bench(on("ping", LogText("ping"), Emit("ping"), vehicles=("",)))
     bench.events.tell("ping")
     for rounds in (1, 2, 3):
         bench.events.turn(rounds)
@@ -184,7 +184,7 @@ def test_an_action_of_a_package_gets_the_event_and_its_parameters():
 
 
 def test_an_action_that_raises_is_told_and_left_out_and_the_others_go_on():
-    bench = Bench(on("landed", call(Broken), Log("still here")))
+    bench = Bench(on("landed", call(Broken), LogText("still here")))
     for _ in range(2):
         bench.events.tell("landed", "a")
         bench.callbacks.step()
@@ -220,7 +220,7 @@ def test_a_flight_is_switched_and_its_options_changed_by_its_events(run):
     speed = "b.processors.fence.margin"
     callbacks = (
         on("took_off", Switch("b", "down"), SetOption(speed, 0.4)),
-        on("option_changed", Log("{option} is {value}"), vehicles=("a", "b")),
+        on("option_changed", LogText("{option} is {value}"), vehicles=("a", "b")),
     )
     a = vehicle("a", [up("hold"), hold(2.0, "down"), down()], start=(-1.0, 0.0, 0.0))
     b = vehicle("b", [up("hold", 0.3), hold(60.0, "down"), down()])
@@ -235,8 +235,8 @@ def test_a_flight_is_switched_and_its_options_changed_by_its_events(run):
 
 def test_what_was_told_before_the_first_tick_is_answered_in_it(run):
     callbacks = (
-        on("run_started", Log("begun"), vehicles=("",)),
-        on("behavior_started", Log("{behavior}"), fields=(("behavior", "up"),)),
+        on("run_started", LogText("begun"), vehicles=("",)),
+        on("behavior_started", LogText("{behavior}"), fields=(("behavior", "up"),)),
     )
     _, told = run(vehicle("a", [up("down"), down()]), callbacks=callbacks)
     assert [e.fields["text"] for e in named(told, "logged")] == ["begun", "up"]

@@ -8,7 +8,7 @@ from plans import part, plan, state, vehicle
 
 from kybflow.core.errors import EventRefused
 from kybflow.core.signals import NS
-from kybflow.dsl.plan import CallbackPlan, Emit, Log, TransitionPlan
+from kybflow.dsl.plan import CallbackPlan, Emit, LogText, TransitionPlan
 from kybflow.runtime.fleet.operator import check_emitted
 
 
@@ -74,7 +74,7 @@ def test_what_nothing_waits_for_is_refused_with_the_nearest():
 
 @pytest.mark.parametrize("name", ["a.landed", "landed", "run_started"])
 def test_nobody_can_give_an_event_of_the_engine(name: str):
-    heard = CallbackPlan("landed", ("a",), (Log("down"),))
+    heard = CallbackPlan("landed", ("a",), (LogText("down"),))
     with pytest.raises(EventRefused, match="nothing here waits for"):
         check_emitted(plan(waiting(), callbacks=(heard,)), [name])
 
@@ -82,6 +82,6 @@ def test_nobody_can_give_an_event_of_the_engine(name: str):
 def test_a_mission_s_own_event_and_the_commands_can_be_given():
     own = (
         CallbackPlan("landed", ("a",), (Emit("ready"),)),
-        CallbackPlan("ready", ("",), (Log("ready"),)),
+        CallbackPlan("ready", ("",), (LogText("ready"),)),
     )
     check_emitted(plan(held(), callbacks=own), ["ready", "operator.pause", "operator.stop"])

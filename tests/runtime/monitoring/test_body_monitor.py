@@ -7,11 +7,11 @@ from flights import down, hold, named, path, up
 from plans import part, vehicle
 
 from kybflow.core.units import DURATION
-from kybflow.dsl.expressions import Compare, Number, Read
+from kybflow.dsl.expressions import Compare, Quantity, Read
 from kybflow.dsl.plan import EstimatorPlan, FaultPlan
 
 EVENTS = ("body_lost", "body_froze", "body_jumped", "body_swapped", "body_recovered")
-HEALTHY = Compare("<", Read("mocap", "estimate.age"), Number(0.1, DURATION))
+HEALTHY = Compare("<", Read("mocap", "estimate.age"), Quantity(0.1, DURATION))
 FALLBACK = (
     EstimatorPlan(part("estimators", "mocap"), HEALTHY, 0.5, None),
     EstimatorPlan(part("estimators", "inertial"), None, 1.0, 3.0),

@@ -13,7 +13,7 @@ from kybflow.core.errors import PartFailed
 from kybflow.core.geometry import LEVEL, ZERO, Vec3
 from kybflow.core.signals import NS, Estimate, Event
 from kybflow.core.units import DURATION
-from kybflow.dsl.expressions import Compare, Number, Read
+from kybflow.dsl.expressions import Compare, Quantity, Read
 from kybflow.dsl.plan import EstimatorPlan, PartPlan
 from kybflow.parts import Estimator
 from kybflow.runtime.events import Events
@@ -53,7 +53,7 @@ class Scripted(Estimator[Named]):
 
 def candidate(name: str, recover: float = 1.0, at_most: float | None = None) -> EstimatorPlan:
     part = PartPlan(name, Scripted, Named(name), f"estimators.{name}")
-    fresh = Compare("<", Read(None, "estimate.age"), Number(0.3, DURATION))
+    fresh = Compare("<", Read(None, "estimate.age"), Quantity(0.3, DURATION))
     return EstimatorPlan(part, fresh, recover, at_most)
 
 

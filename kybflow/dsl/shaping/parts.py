@@ -28,7 +28,7 @@ CODES = {
 _BROKEN = "mend or update the package that offers it"
 
 
-class Uses:
+class PartDecoder:
     """Decodes the uses of parts of one mission; one and the same node is decoded once. `chains` are
     those that could be meant by the name of a behavior."""
 

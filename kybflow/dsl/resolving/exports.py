@@ -1,4 +1,4 @@
-"""What a file offers: its airframes, vehicles, stacks, worlds and flows, each whole after `like`
+"""What a file exports: its airframes, vehicles, stacks, worlds and flows, each whole after `like`
 and with the parts of a stack in the place of `- stack: NAME`; its chains as they are written."""
 
 from __future__ import annotations
@@ -7,10 +7,18 @@ from collections.abc import Iterable, Iterator
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity, did_you_mean
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.reading.nodes import Entry, Mapping, Node, Scalar, Sequence, entries_of, is_null
-from kybflow.dsl.resolving.imports import Place, installed, read_library
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    MappingEntry,
+    Node,
+    Scalar,
+    Sequence,
+    entries_of,
+    is_null,
+)
+from kybflow.dsl.resolving.imports import LibraryPath, installed, read_library
 from kybflow.dsl.resolving.like import merge
-from kybflow.dsl.resolving.parameters import Parameters
+from kybflow.dsl.resolving.parameters import ParameterTable
 from kybflow.dsl.schema.building import LISTS
 
 CODES = {
@@ -20,19 +28,19 @@ _CHAIN = 20
 EMPTY = Mapping({}, Span("", 1, 1, 1, 1))
 _STANDARD = "kybflow/airframes"
 SECTIONS = ("airframes", "vehicles", "chains", "stacks", "worlds", "flows")
-"""What a library offers."""
+"""What a library exports."""
 _REMOVED = {"vehicles": "behaviors", "flows": "phases"}
 
 
-class Offers:
-    """What one file offers, whole; each entry is resolved when first asked for."""
+class Exports:
+    """What one file exports, whole; each entry is resolved when first asked for."""
 
     def __init__(
         self,
         root: Mapping,
-        imports: dict[str, Offers | None],
+        imports: dict[str, Exports | None],
         base: Mapping,
-        parameters: Parameters,
+        parameters: ParameterTable,
     ) -> None:
         self._root = root
         self._imports = imports
@@ -40,7 +48,7 @@ class Offers:
         self.parameters = parameters
         self._done: dict[tuple[str, str], Mapping | None] = {}
         self._qualified: dict[tuple[str, str], Mapping] = {}
-        self._written: dict[str, dict[str, Entry]] = {}
+        self._written: dict[str, dict[str, MappingEntry]] = {}
         self._open: list[tuple[str, str]] = []
 
     def own(self, section: str) -> list[str]:
@@ -85,7 +93,7 @@ class Offers:
             body = yield from self.started("airframes", airframe.value, whole.get("airframe"))
             if body is None:
                 return None
-            whole.entries["airframe"] = Entry(airframe.key, body)
+            whole.entries["airframe"] = MappingEntry(airframe.key, body)
         return whole
 
     def started(self, section: str, written: Node, plain: Node | None) -> Diagnosed[Node | None]:
@@ -110,21 +118,21 @@ class Offers:
             return None
         library, _, inner = name.text.rpartition(".")
         if library in self._imports:
-            offers = self._imports[library]
-            if offers is None:
+            exports = self._imports[library]
+            if exports is None:
                 return None
-            if inner in offers.written(section):
-                return (yield from self._imported(section, library, inner, offers))
+            if inner in exports.written(section):
+                return (yield from self._imported(section, library, inner, exports))
         elif not library and inner in self.written(section):
             return (yield from self.get(section, inner))
         yield self._unknown(section, name, library)
         return None
 
     def _imported(
-        self, section: str, library: str, name: str, offers: Offers
+        self, section: str, library: str, name: str, exports: Exports
     ) -> Diagnosed[Mapping | None]:
         """An entry of an import; the chains that a vehicle names are called as they are here."""
-        whole = yield from offers.get(section, name)
+        whole = yield from exports.get(section, name)
         if whole is None or section != "vehicles":
             return whole
         key = (library, name)
@@ -135,7 +143,7 @@ class Offers:
     def _with_stacks(self, body: Mapping) -> Diagnosed[Mapping]:
         """A vehicle, or a stack, with every stack in its lists replaced by its parts. One without
         any stays the same object."""
-        entries: dict[str, Entry] = {}
+        entries: dict[str, MappingEntry] = {}
         for key in LISTS:
             entry = body.entries.get(key)
             node = None if entry is None else entry.value
@@ -163,28 +171,28 @@ class Offers:
                 yield Diagnostic("KYB157", message, name.span, help=hint)
         return parts
 
-    def chain(self, name: Scalar) -> Diagnosed[tuple[Offers, str] | None]:
+    def chain(self, name: Scalar) -> Diagnosed[tuple[Exports, str] | None]:
         """(the file, the name in it) of the chain that `chain.NAME` or `chain.IMPORT.NAME` means
         here; None, and a finding, where there is none."""
         *libraries, inner = name.text.split(".")[1:]
-        offers: Offers = self
+        exports: Exports = self
         for library in libraries:
-            found = offers._imports.get(library)
-            if library not in offers._imports:
+            found = exports._imports.get(library)
+            if library not in exports._imports:
                 rest = name._replace(text=name.text.removeprefix("chain."))
                 yield self._unknown("chains", rest, library)
             if found is None:
                 return None
-            offers = found
-        if inner in offers.own("chains"):
-            return offers, inner
+            exports = found
+        if inner in exports.own("chains"):
+            return exports, inner
         known = [f"chain.{own}" for own in self.names("chains")]
         hint = did_you_mean(name.text, known) or "no chain is at hand"
         message = f"no chain is called `{name.text.removeprefix('chain.')}`"
         yield Diagnostic("KYB124", message, name.span, help=hint)
         return None
 
-    def written(self, section: str) -> dict[str, Entry]:
+    def written(self, section: str) -> dict[str, MappingEntry]:
         """The own entries as they are written, those that are null left out."""
         if section not in self._written:
             entries = entries_of(self._root.get(section))
@@ -226,7 +234,7 @@ def _import_of(name: str, imports: Iterable[str]) -> str:
     home = installed("kybflow")
     if near.startswith("did") or home is None:
         return near
-    root = read_library(Place(home / "airframes.yaml", "")).source.root
+    root = read_library(LibraryPath(home / "airframes.yaml", "")).source.root
     offered = [entries_of(root.get(s)) for s in SECTIONS] if isinstance(root, Mapping) else []
     if any(inner in entries for entries in offered):
         return f"write `import: {{{library}: {_STANDARD}}}`"
