@@ -1,3 +1,3 @@
-"""What concerns several vehicles or the whole run: flows, callbacks, the operator, faults at work,
-collisions and released payloads. Called by the engine once a tick.
+"""What concerns several vehicles or the whole run: flows, callbacks, the operator, fault injection,
+collisions and released payloads. The engine calls them once a tick.
 """

@@ -1,4 +1,4 @@
-"""What the callbacks of a mission may do, on the vehicles, options, events and flows of a run."""
+"""What a mission's callbacks may do to the vehicles, options, events and flows of a run."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from kybflow.runtime.options import Options
 from kybflow.runtime.vehicle.requests import Requester, Requests
 
 BY = "callback"
-"""Who asks, as events say it."""
+"""The requester, as it appears in events."""
 _OPERATOR = "operator."
 
 
 class RunControls(NamedTuple):
-    """What callbacks may do to a run. phase: called with flow, phase, who asks and the mission
-    line. stop: called with a reason and the mission line."""
+    """The parts of a run that callbacks may use. phase(flow, phase, requester, mission line) enters
+    a phase; stop(reason, mission line) ends the run."""
 
     requests: Mapping[str, Requests]
     options: Options
@@ -40,13 +40,13 @@ class CallbackContext:
         try:
             self._controls.options.set(option, value, BY, self._at)
         except OptionRefused:
-            return  # it is told
+            return  # `Options` has published the refusal
 
     def enable(self, vehicle: str, label: str, on: bool) -> None:
         self._controls.requests[vehicle].enable(label, on, BY, self._at)
 
     def emit(self, name: str) -> None:
-        """See `ActionContext.emit`."""
+        """Raises ValueError for the events of kybflow and of the operator."""
         if name in EVENTS or name.startswith(_OPERATOR):
             raise ValueError(f"`{name}` is not an action's to tell")
         self._controls.events.tell(name, at=self._at)

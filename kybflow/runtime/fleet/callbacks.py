@@ -1,8 +1,8 @@
-"""Callbacks: what a mission does when an event is heard.
+"""Callbacks: a mission's actions on events.
 
-They are asked at the end of each tick, about everything that was told since the last one, in the
-order in which it happened. What they ask of vehicles is decided in the next tick, and an event that
-they emit is heard then: one round a tick, so that no circle of events holds up the flight.
+At the end of each tick, callbacks handle every event since the last one, in order. Vehicles answer
+their requests in the next tick, in which the events that they emit are handled too: one round a
+tick, so that a loop of events can't block the flight.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Do = Callable[[Event], None]
 
 
 class Callbacks:
-    """Every callback of a plan. Raises PartFailed when an action of a package can't be made."""
+    """The callbacks of a plan. Raises PartFailed if a package's action can't be constructed."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class Callbacks:
                 self._listening.setdefault((vehicle, plan.event), []).append(callback)
 
     def step(self) -> None:
-        """Answer what was told since the last step."""
+        """Handle the events since the last step."""
         if not self._events.unanswered:
             return
         events, self._events.unanswered = self._events.unanswered, []
@@ -61,12 +61,12 @@ class Callbacks:
 
     @property
     def pending(self) -> bool:
-        """Whether something was told that the next step will answer."""
+        """Whether a callback listens to an event that the next step will handle."""
         return any((e.vehicle, e.name) in self._listening for e in self._events.unanswered)
 
 
 class _Callback:
-    """One entry of `on:`. An action that raises is told and left out from then on."""
+    """One entry of `on:`. An action that raises is reported and removed."""
 
     def __init__(
         self, plan: CallbackPlan, when: Callable[[], bool] | None, context: ActionContext
@@ -76,7 +76,7 @@ class _Callback:
 
     def answer(self, event: Event, events: Events) -> None:
         try:
-            if not self._heeds(event):
+            if not self._matches(event):
                 return
         except Exception as error:  # a lab's own link may show anything
             self._actions = []
@@ -84,12 +84,12 @@ class _Callback:
         for name, do in tuple(self._actions):
             try:
                 do(event)
-            except Exception as error:  # a part may raise anything; it ends nothing but itself
+            except Exception as error:  # a part may raise anything; only it is removed
                 self._actions.remove((name, do))
                 reason = described(error)
                 events.tell("action_failed", at=self._plan.at, action=name, reason=reason)
 
-    def _heeds(self, event: Event) -> bool:
+    def _matches(self, event: Event) -> bool:
         fields = event.fields
         if any(shown(fields.get(name)) != value for name, value in self._plan.fields):
             return False
@@ -101,7 +101,7 @@ def _name(action: ActionPlan) -> str:
 
 
 def _bound(action: ActionPlan, context: ActionContext) -> Do:
-    """The action as a function of the event that it answers."""
+    """Return the action as a function of the event that it handles."""
     match action:
         case Switch(vehicle, state):
             return lambda _: context.switch(vehicle, state)
@@ -131,22 +131,21 @@ def _made(part: PartPlan) -> Action[Any]:
 
 
 def filled(text: str, event: Event) -> str:
-    """`text` with the event's own in the place of `{vehicle}`, `{time}`, `{event}` and its
-    fields."""
+    """Return `text` with `{vehicle}`, `{time}`, `{event}` and the event's fields filled in."""
     fields = {name: shown(value) for name, value in event.fields.items()}
     own = {"event": event.name, "vehicle": event.vehicle, "time": f"{event.time / NS:.2f} s"}
     return text.format_map(_Known({**fields, **own}))
 
 
 class _Known(dict[str, str]):
-    """What an event carries; the compiler knows what it may be asked for."""
+    """The values of an event; one that it doesn't carry reads `none`."""
 
     def __missing__(self, name: str) -> str:
         return shown(None)
 
 
 def shown(value: Fields) -> str:
-    """A field as filters compare it and texts show it."""
+    """Return a field's value as filters compare it and texts show it."""
     if value is None:
         return "none"
     if isinstance(value, bool):

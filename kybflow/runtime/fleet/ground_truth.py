@@ -1,6 +1,6 @@
-"""What only a simulator knows: collisions, and where released payloads come to rest.
+"""Publishes what only a simulator knows: collisions, and where released payloads come to rest.
 
-Both are told to who records and judges; no vehicle hears of them.
+Listeners such as a recording receive these events; vehicles, flows and callbacks don't.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
 _STILL = 0.001
-"""Metres by which a payload at rest moves at most between two looks."""
-_LOOKS = 10
-"""So many looks in a row must have found it at rest."""
+"""Metres that a payload at rest moves at most between two steps."""
+_STEPS = 10
+"""Steps in a row that must find a payload at rest."""
 
 
 class Collisions:
-    """The engine calls `step` twenty times a second. `first` says what ran into what first, None
-    while nothing did; a run with a collision has not ended as it should."""
+    """Publishes collisions. The engine calls `step` twenty times a second. `first` describes the
+    first collision, None without one; a collision fails the run."""
 
     def __init__(self, links: Mapping[str, Link], events: Events) -> None:
         self.first: str | None = None
@@ -30,7 +30,7 @@ class Collisions:
         self._links, self._events = tuple(reporting), events
 
     def step(self) -> None:
-        """Tell what vehicles ran into since the last step."""
+        """Publish the collisions since the last step."""
         for name, link in self._links:
             for other in self._reported(link):
                 self.first = self.first or f"`{name}` ran into `{other}`"
@@ -39,19 +39,19 @@ class Collisions:
     def _reported(self, link: ReportsCollisions) -> Sequence[str]:
         try:
             return link.collisions()
-        except Exception:  # who looks on must not stop who flies
+        except Exception:  # reporting must not stop the flight
             self._links = tuple(other for other in self._links if other[1] is not link)
             return ()
 
 
 class PayloadDrops:
-    """The engine calls `step` twenty times a second."""
+    """Publishes where payloads come to rest. The engine calls `step` twenty times a second."""
 
     def __init__(self, vehicles: Sequence[Vehicle], events: Events) -> None:
         self._falling = [_PayloadDrop(v, events) for v in vehicles if v.plan.payload is not None]
 
     def step(self) -> None:
-        """Tell where payloads have come to rest since the last step."""
+        """Publish the payloads that came to rest in this step."""
         for drop in self._falling:
             drop.look()
 
@@ -71,6 +71,6 @@ class _PayloadDrop:
         rests = self._last is not None and distance(place, self._last) < _STILL
         self._still = self._still + 1 if rests else 0
         self._last = place
-        if self._still == _LOOKS:
+        if self._still == _STEPS:
             x, y, z = place
             self._events.note("payload_rested", self._vehicle.name, x=x, y=y, z=z)

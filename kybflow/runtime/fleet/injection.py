@@ -1,6 +1,5 @@
-"""Faults at work: each of the plan's is injected at its time or when its condition first holds, and
-mended when its own time is over. One that raises, when it is injected or at work, is told and left
-out: it is test equipment, and what is tested flies on."""
+"""Fault injection: starts each fault of the plan at its time or when its condition first holds, and
+ends it after its duration. A fault that raises is reported and removed, and the flight goes on."""
 
 from __future__ import annotations
 
@@ -19,13 +18,13 @@ from kybflow.parts.fault import Air
 from kybflow.runtime.events import Events
 
 Conditions = Callable[[str], Callable[[Expression], Callable[[], bool]]]
-"""By vehicle: what makes a closure of a condition of its."""
+"""Returns, for a vehicle's name, the function that compiles that vehicle's conditions."""
 
 
 class Injection:
-    """The engine calls `step` once a tick, before anything is sensed. Chance comes from `seed` and
-    the fault's place in the mission. `failure` says which fault could not be injected or failed at
-    work, and why; None while all went well."""
+    """The engine calls `step` once a tick, before the vehicles sense. Each fault's random generator
+    is seeded by `seed` and the fault's place in the mission. `failure` says which fault failed last
+    and why, None without a failure."""
 
     def __init__(
         self,
@@ -44,7 +43,7 @@ class Injection:
         self._working: list[_Working] = []
 
     def step(self, now: Time) -> None:
-        """Mend what is over and what has failed, then inject what is due."""
+        """End the faults that are over or have failed, then inject those that are due."""
         if self._working:
             over = [fault for fault in self._working if fault.failed or fault.over(now)]
             self._working = [fault for fault in self._working if fault not in over]
@@ -93,7 +92,7 @@ def _take_away(fault: _Working) -> None:
 
 
 class _Waiting:
-    """A fault that was not injected yet."""
+    """A fault that has not been injected yet."""
 
     def __init__(
         self, plan: FaultPlan, due: Callable[[Time], bool], generator: random.Random
@@ -102,8 +101,8 @@ class _Waiting:
 
 
 class _Working:
-    """A fault that is at work. It does nothing any more from when it has `failed`, which `fail` is
-    told once, and is mended in the next tick."""
+    """An active fault. When one of its effects raises, it calls `fail`, has no effect from then on
+    and ends in the next tick."""
 
     def __init__(
         self, plan: FaultPlan, began: Time, fail: Callable[[FaultPlan, str, Exception], None]
@@ -118,7 +117,7 @@ class _Working:
         return self._until is not None and now >= self._until
 
     def guarded(self, effect: Effect) -> Effect:
-        """The same effect, but what it raises is this fault's failure and nobody else's."""
+        """Return `effect` with guarded functions: what they raise fails this fault alone."""
         change, blow = effect.filter, effect.wind
         return replace(
             effect,
@@ -144,7 +143,7 @@ class _Working:
                 return ZERO
             try:
                 return _moving(blow(seconds))
-            except Exception as error:  # see _filter
+            except Exception as error:  # a lab's own fault may raise anything
                 self._has_failed(error)
                 return ZERO
 
@@ -156,14 +155,14 @@ class _Working:
 
 
 def _measured(given: Measurement | None, taken: Measurement) -> Measurement | None:
-    """What a filter gave. Raises TypeError for what is no such measurement."""
+    """Return what a filter gave. Raises TypeError unless it is None or of the type of `taken`."""
     if given is not None and type(given) is not type(taken):
         raise TypeError(f"its filter made {given!r} of a {type(taken).__name__}")
     return given
 
 
 def _moving(wind: Vec3) -> Vec3:
-    """A wind. Raises ValueError for one that is not finite."""
+    """Return `wind`. Raises ValueError if it is not finite."""
     x, y, z = wind
     if not isfinite(x + y + z):
         raise ValueError(f"its wind is not finite: {wind}")
@@ -171,7 +170,7 @@ def _moving(wind: Vec3) -> Vec3:
 
 
 def _due(plan: FaultPlan, conditions: Conditions) -> Callable[[Time], bool]:
-    """Whether a fault that was not injected yet is to be, now."""
+    """Return a function that says whether the fault is due at a time."""
     if plan.when is not None:
         holds = conditions(plan.vehicle)(plan.when)
         return lambda _: holds()

@@ -1,8 +1,8 @@
-"""The operator: events that a person gives while a mission flies, now or at set times.
+"""The operator: events that a person sends during a mission, at once or at scheduled times.
 
-Any name can be given, and a mission may wait for it. These also act, on every vehicle:
-`operator.pause` and `operator.resume` hold it and let it go on, `operator.land` lands it,
-`operator.reset` takes it out of `fault` on the ground, `operator.stop` lands it and ends the run.
+A mission may wait for an event of any name. These also act on every vehicle: `operator.pause` and
+`operator.resume` hold it and let it go on, `operator.land` lands it, `operator.reset` takes it out
+of `fault` on the ground, `operator.stop` lands it and ends the run.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from kybflow.runtime.vehicle.requests import Requests
 BY = "operator"
 PREFIX = "operator."
 
-
 LAND = "operator.land"
 _ORDERS: Mapping[str, Callable[[Requests], None]] = {
     "operator.pause": lambda requests: requests.pause(BY),
@@ -30,11 +29,11 @@ _ORDERS: Mapping[str, Callable[[Requests], None]] = {
 }
 STOP = "operator.stop"
 COMMANDS = (*_ORDERS, STOP)
-"""The events that act whether the mission hears them or not."""
+"""The events that act whether or not the mission waits for them."""
 
 
 class Operator:
-    """`scheduled` are the events to give, each with seconds of the run."""
+    """scheduled: the events to send, each with its time in seconds of the run."""
 
     def __init__(
         self,
@@ -48,17 +47,17 @@ class Operator:
         self._waiting: deque[tuple[Time, str]] = deque(times)
 
     def step(self, now: Time) -> None:
-        """Give what is due."""
+        """Send the scheduled events that are due."""
         while self._waiting and self._waiting[0][0] <= now:
             self.give(self._waiting.popleft()[1])
 
     @property
     def waiting(self) -> tuple[tuple[float, str], ...]:
-        """What has not been given yet, each with its seconds of the run."""
+        """The scheduled events that have not been sent yet, each with its seconds of the run."""
         return tuple((due / NS, name) for due, name in self._waiting)
 
     def give(self, name: str) -> None:
-        """Tell the event `name`, and do what it commands."""
+        """Publish the event `name` and do what it commands."""
         self._events.tell(name)
         order = _ORDERS.get(name)
         if order is not None:
@@ -69,7 +68,7 @@ class Operator:
 
 
 def check_emitted(plan: Plan, names: Iterable[str]) -> None:
-    """Raises EventRefused for the first of `names` that nothing in the mission waits for."""
+    """Raises EventRefused for the first of `names` that the mission doesn't wait for."""
     known = {*_awaited(plan), *COMMANDS}
     for name in names:
         if name not in known:
@@ -78,7 +77,7 @@ def check_emitted(plan: Plan, names: Iterable[str]) -> None:
 
 
 def _awaited(plan: Plan) -> Iterator[str]:
-    """The operator's and the mission's own events that an arrow, a phase or a callback hears."""
+    """Yield the operator's and the mission's own events that a transition or a callback hears."""
     own = {name for one in plan.callbacks for action in one.actions for name in _emitted(action)}
     states = (state for vehicle in plan.vehicles for state in vehicle.states.values())
     phases = (phase for flow in plan.flows for phase in flow.phases.values())

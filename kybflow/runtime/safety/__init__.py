@@ -1,3 +1,3 @@
-"""Reactions to what supervisors report: the failsafe, the hold of pause and brake, a vehicle's own
-land mode, how far a vehicle may stand from its start.
+"""What keeps a vehicle safe: the failsafe, the hold of pause and brake, a vehicle's land mode,
+and the tolerance of its start position.
 """

@@ -1,11 +1,11 @@
-"""The failsafe of one vehicle: what its supervisors and processors report becomes one reaction.
+"""The failsafe of one vehicle: turns the alarms of supervisors and processors into one reaction.
 
-Severest first: `cut`, `land_blind`, `land`, `go_home`, `brake`, `warn`. An alarm that persists is
-told once. `brake` holds the vehicle until every alarm that braked it was silent for 1 s; one that
-sounds again within 5 s of that holds it for good. From `go_home` upwards a reaction latches:
-nothing but a severer one is heard until the vehicle rests in `fault`, on the ground, and is reset.
-A reaction that needs a position is replaced by `land_blind` where there is none. A part that raises
-lands its vehicle; a supervisor that does is not asked again.
+Severest first: `cut`, `land_blind`, `land`, `go_home`, `brake`, `warn`. A persistent alarm is
+reported once. `brake` holds the vehicle until every alarm that braked it has been silent for 1 s;
+an alarm that returns within 5 s of the release holds it for good. A reaction from `go_home` upwards
+latches: only a severer one takes effect until the vehicle is reset in `fault`, on the ground.
+Without an estimate, `land_blind` replaces any reaction that needs a position. A part that raises
+lands its vehicle; a supervisor that raises is not called again.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ STATES = {
     Reaction.LAND_BLIND: "land_blind",
     Reaction.CUT: "fault",
 }
-"""The built-in state that each reaction puts a flying vehicle in; `brake` holds it where it is."""
+"""The built-in state that each reaction enters in flight; `brake` keeps the state and holds."""
 RELEASED_AFTER = 1.0
-"""Seconds for which every alarm that braked must have been silent."""
+"""Seconds of silence of every braking alarm that end a brake."""
 AGAIN = 5.0
-"""Seconds after a release within which the same alarm holds the vehicle for good."""
+"""Seconds after a release within which a returning alarm holds the vehicle for good."""
 _UNHURRIED = NS // 50
-"""How often an unhurried supervisor is asked."""
+"""Period of the calls of an unhurried supervisor."""
 _QUIET = NS // 2
-"""An alarm that was silent for so long is told again."""
+"""Silence after which an alarm is reported again."""
 _RESTING = frozenset({"brake", "hover", "auto_land", "land_blind", "fault"})
-"""Built-in states that are no faster for being braked, or that must come to their end."""
+"""Built-in states that a brake leaves alone: they hold already, or must be completed."""
 
 
 _Check = tuple[str, Callable[[Tick, bool], Alarm | None]]
-"""A supervisor's label and what it is asked by."""
+"""A supervisor's label and its `check`."""
 
 
 class RaisedAlarm(NamedTuple):
@@ -50,8 +50,8 @@ class RaisedAlarm(NamedTuple):
 
 
 class Failsafe:
-    """`latched` is the reaction that can't be undone in the air any more, or None. `lines` are the
-    mission lines of the parts, by label."""
+    """latched: the reaction that only a severer one can replace in the air, None without one.
+    lines: the mission lines of the parts, by label."""
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class Failsafe:
         self._for_good = False
 
     def check(self, tick: Tick, airborne: bool) -> RaisedAlarm | None:
-        """Ask every supervisor that is due; the severest alarm, None when all is well."""
+        """Call every supervisor that is due; return the severest alarm, None without one."""
         worst, self._failed = self._failed, None
         asked = self._hurried
         if tick.now >= self._all_due:
@@ -92,8 +92,8 @@ class Failsafe:
         return worst
 
     def foresee(self, tick: Tick) -> list[tuple[str, str, str]]:
-        """What would make it leave its mission at once if it flew as it stands: (supervisor,
-        reason, mission line)."""
+        """Return each (supervisor, reason, mission line) that would end the mission at once if
+        the vehicle flew now."""
         found = []
         for label, check in self._checks:
             at = self._lines.get(label, "")
@@ -107,18 +107,18 @@ class Failsafe:
         return found
 
     def report(self, failure: PartFailed) -> None:
-        """A part failed that a landing may do without; `check` asks for the landing."""
+        """Note the failure of a part that a landing doesn't need; `check` returns its alarm."""
         self._failed = self.failure(failure, Reaction.LAND)
 
     def failure(self, failure: PartFailed, reaction: Reaction, at: str = "") -> RaisedAlarm:
-        """Tell that a part failed; the alarm for it."""
+        """Publish that a part failed; return the alarm for it."""
         reason, at = str(failure), at or self._lines.get(failure.part, "")
         self._events.tell("part_failed", self._vehicle, at, part=failure.part, reason=reason)
         alarm = Alarm("part_failed", reaction, f"`{failure.part}` failed: {reason}")
         return RaisedAlarm(alarm, at)
 
     def tell(self, label: str, alarm: Alarm, now: Time) -> RaisedAlarm:
-        """Make an alarm of the part `label` an event, once as long as it goes on."""
+        """Publish an alarm of the part `label` as an event, once for as long as it persists."""
         heard = RaisedAlarm(alarm, self._lines.get(label, ""))
         last = self._last.get(alarm.event)
         self._last[alarm.event] = now
@@ -136,8 +136,8 @@ class Failsafe:
         self._events.tell(event, self._vehicle, at, reaction=name, reason=alarm.reason, **fields)
 
     def decide(self, heard: RaisedAlarm, tick: Tick, airborne: bool, state: str) -> Reaction | None:
-        """What to do about an alarm, None when the vehicle may stay as it is. On the ground every
-        reaction is to stay there, in `fault`."""
+        """Return the reaction to an alarm, None if there is nothing to do. On the ground every
+        reaction severer than `brake` keeps the vehicle there, in `fault`."""
         alarm = heard.alarm
         reaction = alarm.reaction
         if reaction is Reaction.WARN:
@@ -147,7 +147,7 @@ class Failsafe:
         if tick.estimate is None and reaction < Reaction.LAND_BLIND:
             reaction = Reaction.LAND_BLIND
         if self.latched is Reaction.GO_HOME and reaction is Reaction.BRAKE:
-            reaction = Reaction.LAND  # nothing holds it on its way home: it comes down there
+            reaction = Reaction.LAND  # a brake would end the way home: land instead
         if self.latched is not None and reaction <= self.latched:
             return None
         if reaction is Reaction.BRAKE:
@@ -160,7 +160,7 @@ class Failsafe:
         return reaction
 
     def _brakes(self, event: str, now: Time) -> bool:
-        """Note an alarm that brakes; whether the vehicle was braked already."""
+        """Note a braking alarm; return whether the vehicle was braked already."""
         braked, released = bool(self._braking), self._released.get(event)
         if released is not None and now - released <= AGAIN * NS:
             self._for_good = True
@@ -169,11 +169,11 @@ class Failsafe:
 
     @property
     def braking(self) -> str | None:
-        """The alarms that brake the vehicle, None without any."""
+        """The names of the braking alarms, None without any."""
         return " and ".join(self._braking) or None
 
     def release(self, now: Time) -> bool:
-        """Whether a brake ends now; told as an event."""
+        """End the brake if its alarms have been silent for long enough; return whether it ended."""
         if not self._braking or self._for_good:
             return False
         if any(now - last < RELEASED_AFTER * NS for last in self._braking.values()):
@@ -184,11 +184,11 @@ class Failsafe:
         return True
 
     def unbrake(self) -> None:
-        """The vehicle does something else now."""
+        """Forget the brake, because the vehicle does something else now."""
         self._braking.clear()
         self._for_good = False
 
     def reset(self) -> None:
-        """A person has looked at the vehicle, on the ground."""
+        """Release every reaction: a person has checked the vehicle on the ground."""
         self.latched = None
         self.unbrake()

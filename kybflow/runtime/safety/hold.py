@@ -1,9 +1,9 @@
-"""The overlay of `pause` and `brake`: the vehicle comes to rest and holds, its behavior is frozen.
+"""The hold of `pause` and `brake`: the vehicle comes to rest and holds, its behavior is frozen.
 
-On release it flies back to the setpoint that its behavior gave last, and as far beyond as it takes
-to gather the speed that this had; there the behavior goes on, its speed blended in. So the setpoint
-that the processors are given has no step in position or velocity, wherever the vehicle was pushed
-meanwhile. World frame.
+On release the vehicle flies back to the behavior's last setpoint, and ahead of it by the way that
+the blend covers while it regains that setpoint's velocity. There the behavior resumes. So the
+setpoint that the processors receive has no step in position or velocity, wherever the vehicle was
+pushed meanwhile. World frame.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from kybflow.parts import Entry
 Holder = Literal["brake", "pause", "pilot"]
 
 _DECELERATION = 2.0
-"""With which it comes to rest, m/s^2; also that of the blend."""
+"""Deceleration to rest, and largest acceleration of the blend, m/s^2."""
 _SPEED, _ACCELERATION, _TURN_RATE = 0.5, 0.7, 1.0
-"""Of the way back: m/s, m/s^2, rad/s."""
+"""Limits on the way back: m/s, m/s^2, rad/s."""
 _SHORTEST = 0.4
 
 
 class Hold:
-    """Made when the first holder asks for it. `wanted` is the frozen behavior's last setpoint, None
-    where it gave none; `since` is when the hold began."""
+    """Begins with its first holder. wanted: the frozen behavior's last setpoint, None without one.
+    since: when the hold began."""
 
     def __init__(
         self, holder: Holder, entry: Entry, wanted: Setpoint | None, grounded: bool
@@ -47,14 +47,14 @@ class Hold:
         return bool(self.holders)
 
     def leave(self, holder: Holder, now: Time) -> None:
-        """One holder lets go; when it was the last one, the way back begins."""
+        """Remove a holder; after the last one, the way back begins."""
         self.holders.discard(holder)
         if not self.holders and not self._grounded:
             motion = self._coast.at((now - self.since) / NS)
             self._back = _WayBack(now, motion, self._heading, self.wanted)
 
     def update(self, now: Time) -> Setpoint | None:
-        """The setpoint now; None when the vehicle is back and its behavior goes on."""
+        """Return the setpoint, None once the vehicle is back and its behavior resumes."""
         if self._grounded:
             return IDLE if self.holders else None
         if self._back is not None:
@@ -63,7 +63,7 @@ class Hold:
 
 
 class _WayBack:
-    """From a motion to rest at the frozen setpoint, with its heading."""
+    """The way from a motion to rest at the frozen setpoint, with its heading."""
 
     def __init__(self, now: Time, motion: Motion, heading: float, goal: Setpoint | None) -> None:
         self._began, self._heading = now, heading
@@ -88,14 +88,14 @@ class _WayBack:
 
 
 class SetpointBlend:
-    """Takes what the tracker followed last over into what a behavior asks for.
+    """Blends from the setpoint that the tracker followed last to those of a behavior.
 
-    With the gap d and the difference w of the velocities at its beginning, s = t / T,
+    With the initial position gap d, the initial velocity difference w, and s = t / T,
 
         added(t) = d (1 - 10 s^3 + 15 s^4 - 6 s^5) + w T (s - 6 s^3 + 8 s^4 - 3 s^5),
 
     T at least 0.4 s and 15/8 |w| / (2 m/s^2). A gap d = -w T / 2 is closed without a detour, as
-    |added'| falls from |w| to zero; what it differs by is closed with at most 0.5 m/s.
+    |added'| falls from |w| to zero; any difference from that is closed at 0.5 m/s at most.
     """
 
     def __init__(self, now: Time, followed: Setpoint | None, asked: Setpoint) -> None:
@@ -109,7 +109,7 @@ class SetpointBlend:
         self._span = max(self._span, STEEPEST * detour / _SPEED)
 
     def added(self, setpoint: Setpoint, now: Time) -> Setpoint | None:
-        """`setpoint` with what is still to be added; None when that is nothing."""
+        """Return `setpoint` plus the remaining offset, None once nothing is left of it."""
         s = (now - self._began) / (NS * self._span)
         if s >= 1.0 or setpoint.velocity is None:
             return None
@@ -142,12 +142,12 @@ class SetpointBlend:
 
 
 def _span(excess: Vec3) -> float:
-    """Seconds in which a blend takes away this difference of velocities."""
+    """Return the seconds that a blend needs for this velocity difference."""
     return max(STEEPEST * norm(excess) / _DECELERATION, _SHORTEST)
 
 
 def _meeting(goal: Setpoint) -> Vec3 | None:
-    """Where to be at rest for a behavior to go on from `goal`: half a blend ahead of it."""
+    """Return where to rest for the behavior to resume at `goal`: half a blend ahead of it."""
     if goal.position is None or goal.velocity is None:
         return goal.position
     return add(goal.position, scale(goal.velocity, 0.5 * _span(goal.velocity)))

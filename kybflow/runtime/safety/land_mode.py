@@ -1,9 +1,9 @@
-"""A landing by the land mode of the vehicle itself, which for `land` the failsafe prefers to its
-own, and for `land_blind` too where that mode comes down without a position.
+"""Landing by the vehicle's own land mode, which the failsafe prefers for the reaction `land`, and
+for `land_blind` where the mode needs no position.
 
-The autopilot lands by what it knows; this program sends no command meanwhile and asks in every
-tick. A vehicle that won't, that leaves the mode, or that has not landed within 10 s and its height
-at 0.2 m/s, is landed by the state `auto_land` or `land_blind`.
+The autopilot lands by its own estimate; the runtime sends no command meanwhile and requests the
+mode in every tick. If the vehicle refuses, leaves the mode, or has not landed in time (10 s plus
+its height at 0.2 m/s), the state `auto_land` or `land_blind` lands it.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NS, Command, Time
 
 HANDED_OVER = Command(LEVEL, 0.0, ZERO, None)
-"""What is recorded as the command meanwhile: armed, and nothing is asked of the rotors."""
+"""The command that is recorded meanwhile: armed, with no thrust requested."""
 TIMEOUT, SLOWEST = 10.0, 0.2
-"""Seconds, and m/s: a landing may take `TIMEOUT`, and as long as its height takes at `SLOWEST`."""
+"""Seconds, and m/s: a landing may take `TIMEOUT` plus the height divided by `SLOWEST`."""
 
 
 class LandMode:
-    """`land` is the link's; `height`: metres above where the ground is expected."""
+    """land: the link's method. height: metres above the expected ground."""
 
     def __init__(self, land: Callable[[Time], bool], now: Time, height: float) -> None:
         self._land = land
@@ -29,7 +29,8 @@ class LandMode:
         self._until = now + round(self._timeout * NS)
 
     def has_landed(self, now: Time) -> bool:
-        """Ask for it, once a tick. Raises Refused."""
+        """Request the land mode; return whether the vehicle has landed. Called once a tick. Raises
+        Refused."""
         if now > self._until:
             raise Refused(f"it has not landed within {self._timeout:.0f} s")
         return self._land(now)

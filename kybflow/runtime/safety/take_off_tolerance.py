@@ -1,9 +1,8 @@
-"""How far a vehicle that stands may be from where it should, as its estimate has it.
+"""How far a vehicle's estimate may be from its declared start before take-off.
 
     allowed = max(25 cm, min(3 spread, 2 m))
 
-with the estimate's own spread: one that knows itself to be vague, as on positions alone, can't be
-held to what motion capture tells.
+with the spread of the estimate: one from GPS alone can't be as accurate as motion capture.
 """
 
 from __future__ import annotations
@@ -16,12 +15,12 @@ SPREADS = 3.0
 
 
 def allowed(estimate: Estimate) -> float:
-    """Metres."""
+    """Return the largest allowed distance in metres."""
     return max(LEAST, min(SPREADS * estimate.spread, WIDEST))
 
 
 def said(estimate: Estimate) -> str:
-    """The same in words."""
+    """Describe the allowed distance in words, for a message."""
     metres = allowed(estimate)
     if metres <= LEAST:
         return f"{metres:.2f} m allowed"
