@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from fake import Bench
 from pymavlink.dialects.v20 import all as mavlink
+from test_preflight_checks import looked
 from test_signing import KEY, OTHER, Wall, signing
-from test_watch import looked
 
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.discovery import Discovery
