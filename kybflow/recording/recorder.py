@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from io import FileIO
 from pathlib import Path
 from struct import Struct
 
@@ -57,7 +58,6 @@ from kybflow.recording.layout import (
     layout_of,
     struct_format,
 )
-from kybflow.recording.sink import Sink
 from kybflow.runtime.observer import EstimationState, VehicleObserver
 
 CHUNK_SECONDS = 0.5
@@ -133,6 +133,42 @@ class Recorder:
             self._sink.close()
 
 
+class Sink:
+    """The file that a recording goes to, unbuffered, so that what is written survives this program.
+
+    An error is kept in `failed` and ends the recording: what comes later is dropped. The SDK's
+    writer never sees it, because it would print it. Raises OSError when the file can't be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = FileIO(path, "w")
+        self._size = 0
+        self.failed: str | None = None
+
+    def write(self, data: bytes) -> int:
+        left = memoryview(data)
+        try:
+            while left and self.failed is None:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self.failed = f"the recording stopped: {error.strerror or error}"
+        self._size += len(data)
+        return len(data)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Where the file ends; with seeking disabled the SDK only asks for that."""
+        return self._size
+
+    def flush(self) -> None:
+        """There is nothing to flush: the file is unbuffered."""
+
+    def close(self) -> None:
+        try:
+            self._file.close()
+        except OSError as error:
+            self.failed = self.failed or f"the recording stopped: {error.strerror or error}"
+
+
 class VehicleChannel(VehicleObserver):
     """What is recorded of one vehicle; of its estimators one tick of `every`, from the first on."""
 
@@ -143,7 +179,7 @@ class VehicleChannel(VehicleObserver):
         self._measured: dict[MeasurementKind, _Measured] = {}
         for kind in (Pose, Battery, Imu):
             self._open(kind)
-        self._rare: dict[str, _Log] = {}
+        self._optional: dict[str, _Log] = {}
         self._estimators: dict[str, _Log] = {}
 
     def tick(
@@ -177,7 +213,7 @@ class VehicleChannel(VehicleObserver):
         if sent is not None:
             marks, p0, v0, a0, j0, heading0, rate0 = _marked(sent)
             data = _SETPOINT.pack(*marks, *p0, *v0, *a0, *j0, heading0, rate0)
-            self._log_rare("command", "Setpoint", data, now)
+            self._log_optional("command", "Setpoint", data, now)
 
     def estimators(self, now: Time, estimation: EstimationState) -> None:
         """What each estimator says in this tick."""
@@ -202,7 +238,7 @@ class VehicleChannel(VehicleObserver):
         packed, log = self._measured.get(kind) or self._open(kind)
         if log is None:
             topic = layout_of(kind).topic(measurement)
-            self._log_rare(topic, kind, packed(measurement), now)
+            self._log_optional(topic, kind, packed(measurement), now)
         else:
             log(packed(measurement), now)
 
@@ -215,11 +251,11 @@ class VehicleChannel(VehicleObserver):
         self._measured[kind] = layout.packed, log
         return layout.packed, log
 
-    def _log_rare(self, topic: str, message: _Message, data: bytes, now: Time) -> None:
-        """What most vehicles have none of gets its channel with its first message."""
-        if topic not in self._rare:
-            self._rare[topic] = _log(self._context, f"/{self._name}/{topic}", message)
-        self._rare[topic](data, now)
+    def _log_optional(self, topic: str, message: _Message, data: bytes, now: Time) -> None:
+        """A topic that most vehicles don't have gets its channel with its first message."""
+        if topic not in self._optional:
+            self._optional[topic] = _log(self._context, f"/{self._name}/{topic}", message)
+        self._optional[topic](data, now)
 
 
 def _marked(setpoint: Setpoint | None) -> _Marked:

@@ -1,4 +1,4 @@
-"""The folder that a run leaves: who may write where, and the files beside the recording.
+"""The folder that a run leaves, and the files beside the recording.
 
 `events.jsonl` is written as the run goes, a line an event; `mission.resolved.yaml`, the files that
 it names and `provenance.json` before it, `summary.json` and `report.html` after it. Points in
@@ -8,20 +8,24 @@ wall-clock time stand in `provenance.json` and in the folder's name only, how lo
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Mapping
+import os
+import platform
+from codecs import BOM_UTF8
+from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
 from io import FileIO
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.errors import KybflowError
+from kybflow.core.files import File
 from kybflow.core.signals import Event
-from kybflow.dsl.plan import Plan
+from kybflow.dsl.plan import EstimatorPlan, Plan, SensorPlan
 from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
 from kybflow.recording.layout import event_record
-from kybflow.recording.provenance import FLOWN_FROM, provenance
-from kybflow.recording.run_files import contents, copies
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -30,6 +34,9 @@ SUMMARY, EVENTS, LOG, REPORT = "summary.json", "events.jsonl", "log.mcap", "repo
 FRAMES = "frames"
 """The folder of what cameras saw."""
 FILES = frozenset({SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES})
+FLOWN_FROM = "files"
+"""The key of `provenance.json` for the mission's files that are in the run folder."""
+_PACKAGES = ("kybflow", "mujoco", "numpy", "foxglove-sdk", "transitions", "PyYAML", "jsonschema")
 
 
 class RunFolderError(KybflowError):
@@ -147,6 +154,71 @@ def _copied(path: Path) -> set[str]:
         return {PurePath(name).parts[0] for name in names}
     except (OSError, ValueError, LookupError, TypeError):
         return set()
+
+
+def copies(files: Iterable[File], taken: Container[str]) -> dict[str, File]:
+    """The files that a mission names, by their place in the run folder, which is the name that the
+    resolved mission gives them, so that it flies from there. A file is left out where its place is
+    not its own, because it is `taken` by the run itself, or another file of the mission names a
+    different file by it: a missing file is refused, a wrong one would fly."""
+    placed: dict[str, dict[str, File]] = {}
+    for file in files:
+        placed.setdefault(os.path.normpath(file.name), {})[file.sha256] = file
+    folders = {str(above) for name in placed for above in PurePath(name).parents}
+    return {
+        name: file
+        for name, (file, *others) in ((name, [*of.values()]) for name, of in placed.items())
+        if not others and name not in folders and PurePath(name).parts[0] not in taken
+    }
+
+
+def contents(file: File) -> bytes:
+    """The bytes of a file as they were read: its text, after a byte order mark if it had one."""
+    data = file.text.encode()
+    same = hashlib.sha256(data).hexdigest() == file.sha256
+    return data if same else BOM_UTF8 + data
+
+
+def provenance(
+    plan: Plan, request: Mapping[str, Any], started: datetime, files: Iterable[str]
+) -> dict[str, Any]:
+    """The content of `provenance.json`: what the run was made of and the `request` for it, sources
+    with their SHA-256, the copied `files`, versions, machine."""
+    return {
+        "kybflow": 1,
+        "mission": plan.mission,
+        "target": plan.target,
+        **request,
+        "started": started.isoformat(timespec="seconds"),
+        "sources": [{"path": source.path, "sha256": source.sha256} for source in plan.sources],
+        FLOWN_FROM: [*files],
+        "versions": {"python": platform.python_version(), **_versions(_packages(plan))},
+        "machine": {
+            "system": platform.platform(),
+            "processor": platform.machine(),
+            "cores": os.cpu_count(),
+        },
+    }
+
+
+def _packages(plan: Plan) -> Iterator[str]:
+    """The packages that every run uses, then those that its sensors and estimators need."""
+    yield from _PACKAGES
+    for vehicle in plan.vehicles:
+        parts: list[SensorPlan | EstimatorPlan] = [*vehicle.sensors, *vehicle.estimators]
+        for plan_part in parts:
+            yield from plan_part.part.cls.packages
+
+
+def _versions(packages: Iterable[str]) -> dict[str, str]:
+    """The versions of the packages that are installed."""
+    found = {}
+    for package in dict.fromkeys(packages):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
 
 
 def _json(value: dict[str, Any]) -> str:

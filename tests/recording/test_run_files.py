@@ -17,8 +17,7 @@ from kybflow.core.files import File
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 from kybflow.recording.layout import EVENTS_TOPIC
-from kybflow.recording.run_files import contents, copies
-from kybflow.recording.run_folder import FILES, RunFolderError
+from kybflow.recording.run_folder import FILES, RunFolderError, contents, copies
 
 MISSION = """kybflow: 1
 mission: way

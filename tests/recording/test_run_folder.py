@@ -14,8 +14,7 @@ from recorded_run import STARTED, make_plan
 from kybflow.api.flight import RunRequest
 from kybflow.core.signals import NS, Event
 from kybflow.dsl.plan import EstimatorPlan, SensorPlan
-from kybflow.recording.provenance import provenance
-from kybflow.recording.run_folder import RunFolderError, create_run_folder
+from kybflow.recording.run_folder import RunFolderError, create_run_folder, provenance
 
 PLAN = make_plan("mk")
 
