@@ -93,7 +93,7 @@ def hammer(count: int, jobs: int) -> None:
 
 def flown(found: list[Judged], count: int, folder: Path) -> None:
     """Fly accepted mutants; each must end on the ground, whatever it then misses."""
-    from kybflow.campaigns.cases import Case, try_case
+    from kybflow.campaigns.cases import FlightCase, fly_case
 
     accepted = [one for one in found if not one.refused and one.why in ("", MOVED)]
     chosen = random.Random(0).sample(accepted, min(count, len(accepted)))
@@ -101,7 +101,7 @@ def flown(found: list[Judged], count: int, folder: Path) -> None:
     for index, one in enumerate(chosen):
         path = folder / one.mission
         path.write_text(one.text, encoding="utf-8")
-        tried = try_case(Case(path, 0, folder / f"run{index}"))
+        tried = fly_case(FlightCase(path, 0, folder / f"run{index}"))
         reason = tried.reason[0] if tried.reason else ""
         ends[f"{tried.verdict} {reason[:60]}".strip()] += 1
     print(f"{len(chosen)} accepted mutants flown:")

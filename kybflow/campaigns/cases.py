@@ -1,19 +1,23 @@
-"""One flight of one mission as a test; it runs in a process of its own."""
+"""Missions as test cases, and the flight of one, which runs in a process of its own."""
 
 from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from kybflow.api.flight import Flown, RunRequest, fly
 from kybflow.api.validation import findings
-from kybflow.campaigns.coverage import Arrow, State, Traces, written
+from kybflow.campaigns.coverage import CoverageItem, CoverageListener, coverage_items
 from kybflow.core.details import headline
 from kybflow.core.errors import KybflowError
 from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.reading.folders import RESOLVED, mission_files
+from kybflow.dsl.reading.reader import read
+from kybflow.dsl.schema.judge import is_library
 from kybflow.parts.catalog import load_catalog
 from kybflow.recording.outcome import Outcome
 from kybflow.recording.run_folder import RunFolderError
@@ -23,7 +27,7 @@ Verdict = Outcome | Literal["invalid"]
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class FlightCase:
     """A mission to fly with a seed. out: its run folder, kept when it doesn't succeed, or always
     with `keep`."""
 
@@ -40,46 +44,61 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
-class Tried:
+class FlightResult:
     """What became of a case. reason: why it did not succeed, a line an item. seconds: wall time.
-    written, taken: the mission's states and transitions, and those that this flight took."""
+    items, taken: the mission's states and transitions, and those that this flight took."""
 
-    case: Case
+    case: FlightCase
     verdict: Verdict
     reason: tuple[str, ...] = ()
     seconds: float = 0.0
     folder: Path | None = None
-    written: tuple[State | Arrow, ...] = ()
-    taken: frozenset[State | Arrow] = field(default_factory=frozenset)
+    items: tuple[CoverageItem, ...] = ()
+    taken: frozenset[CoverageItem] = field(default_factory=frozenset)
 
     @property
     def passed(self) -> bool:
         return self.verdict == "succeeded"
 
 
-def try_case(case: Case) -> Tried:
+def missions_under(paths: Iterable[Path]) -> Iterator[Path]:
+    """Each of `paths`; a folder stands for the missions in it and below, without its libraries and
+    what runs have left."""
+    for path in paths:
+        if path.is_dir():
+            yield from (p for p in mission_files(path) if p.name != RESOLVED and not _is_library(p))
+        else:
+            yield path
+
+
+def _is_library(path: Path) -> bool:
+    root = read(path, str(path)).root
+    return root is not None and is_library(root)
+
+
+def fly_case(case: FlightCase) -> FlightResult:
     """Compile and fly a case; never raises for what the mission does, or a disk that is full."""
     began = time.monotonic()
     result = compile_mission(case.path, catalog=load_catalog(), target=case.target, sets=case.sets)
     if result.plan is None:
-        return Tried(case, "invalid", tuple(findings(result, case.path)))
-    traces = Traces()
+        return FlightResult(case, "invalid", tuple(findings(result, case.path)))
+    traces = CoverageListener()
     request = RunRequest(seed=case.seed, out=case.out, sets=case.sets)
     try:
         flown = fly(result.plan, request, (traces.hear,))
         verdict: Verdict = flown.summary["outcome"]
         folder = _kept(flown, case.keep or verdict in ("failed", "driver_failed"))
     except RunFolderError as error:
-        return Tried(case, "driver_failed", (str(error),))
+        return FlightResult(case, "driver_failed", (str(error),))
     except KybflowError as error:
-        return Tried(case, "invalid", (str(error),))
-    return Tried(
+        return FlightResult(case, "invalid", (str(error),))
+    return FlightResult(
         case,
         verdict,
         _reasons(flown),
         time.monotonic() - began,
         folder,
-        tuple(written(result.plan)),
+        tuple(coverage_items(result.plan)),
         frozenset(traces.taken),
     )
 

@@ -1,8 +1,8 @@
 """Which states and transitions of a mission no run has taken.
 
-Arrows from one state with the same cause, goal and mission line count as one: the events of a run
-can't tell them apart. What the language adds by itself, implied arrows and built-in states, is not
-asked for.
+Transitions from one state with equal cause, target and mission line count as one: the events of a
+run can't tell them apart. Implied transitions and built-in states, which the language adds by
+itself, do not count.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from kybflow.core.signals import Event
 from kybflow.dsl.plan import Plan
 
 _CAUSES = {"done": "then", "refused": "failed"}
-"""How a behavior's end is told, where the arrow's cause has another name."""
+"""The cause of a transition for a behavior's `how`, where the names differ."""
 
 
-class State(NamedTuple):
+class StateItem(NamedTuple):
     """A state of a vehicle; `at` is its mission line."""
 
     vehicle: str
@@ -28,7 +28,7 @@ class State(NamedTuple):
         return f"{self.vehicle}: {self.name}"
 
 
-class Arrow(NamedTuple):
+class TransitionItem(NamedTuple):
     """A transition of a vehicle; `at` is its mission line."""
 
     vehicle: str
@@ -41,11 +41,14 @@ class Arrow(NamedTuple):
         return f"{self.vehicle}: {self.source} -> {self.target} ({self.cause})"
 
 
-class Traces:
-    """A listener that keeps what the vehicles of one run went through."""
+CoverageItem = StateItem | TransitionItem
+
+
+class CoverageListener:
+    """Hears the events of one run and keeps the states and transitions that its vehicles took."""
 
     def __init__(self) -> None:
-        self.taken: set[State | Arrow] = set()
+        self.taken: set[CoverageItem] = set()
         self._left: dict[str, tuple[str, str, str]] = {}
 
     def hear(self, event: Event) -> None:
@@ -54,23 +57,26 @@ class Traces:
             how = str(event.fields["how"])
             self._left[vehicle] = (name, _CAUSES.get(how, how), event.at)
         elif event.name == "behavior_started":
-            self.taken.add(State(vehicle, name))
+            self.taken.add(StateItem(vehicle, name))
             left = self._left.pop(vehicle, None)
             if left is not None:
                 source, cause, at = left
-                self.taken.add(Arrow(vehicle, source, cause, name, at))
+                self.taken.add(TransitionItem(vehicle, source, cause, name, at))
 
 
-def written(plan: Plan) -> list[State | Arrow]:
-    """Every state and transition that the mission itself has, in its order."""
-    found: list[State | Arrow] = []
+def coverage_items(plan: Plan) -> list[CoverageItem]:
+    """Every state and transition that the mission itself writes, in its order."""
+    found: list[CoverageItem] = []
     for vehicle in plan.vehicles:
         for state in vehicle.states.values():
             if state.built_in:
                 continue
-            found.append(State(vehicle.name, state.name, state.at))
-            arrows = (arrow for arrow in state.transitions if not arrow.implied)
-            found += [Arrow(vehicle.name, state.name, a.cause, a.target, a.at) for a in arrows]
+            found.append(StateItem(vehicle.name, state.name, state.at))
+            found += [
+                TransitionItem(vehicle.name, state.name, t.cause, t.target, t.at)
+                for t in state.transitions
+                if not t.implied
+            ]
     return list(dict.fromkeys(found))
 
 
@@ -78,19 +84,19 @@ class Coverage(NamedTuple):
     """How much of a mission its runs took: `missed` of `total` states and transitions."""
 
     total: int
-    missed: tuple[State | Arrow, ...]
+    missed: tuple[CoverageItem, ...]
 
     @property
     def share(self) -> float:
         return 1.0 - len(self.missed) / self.total if self.total else 1.0
 
 
-def covered(all_of_it: Iterable[State | Arrow], taken: Iterable[State | Arrow]) -> Coverage:
-    """What of `all_of_it` is not among `taken`; where a state stands does not matter."""
-    everything, known = tuple(all_of_it), set(taken)
+def covered(items: Iterable[CoverageItem], taken: Iterable[CoverageItem]) -> Coverage:
+    """The coverage of `items` by `taken`, in which states have no mission line."""
+    everything, known = tuple(items), set(taken)
     missed = tuple(
         one
         for one in everything
-        if (one._replace(at="") if isinstance(one, State) else one) not in known
+        if (one._replace(at="") if isinstance(one, StateItem) else one) not in known
     )
     return Coverage(len(everything), missed)

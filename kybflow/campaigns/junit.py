@@ -7,17 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
-from kybflow.campaigns.cases import Tried
+from kybflow.campaigns.cases import FlightResult
 
 _FORBIDDEN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd]")
 """What XML 1.0 can't carry, and what lies beyond the basic plane, which some readers drop."""
 
 
-def write_junit(path: Path, tried: Sequence[Tried]) -> None:
+def write_junit(path: Path, results: Sequence[FlightResult]) -> None:
     """Raises OSError when `path` can't be written."""
     root = Element("testsuites", name="kybflow test")
-    by_mission: dict[Path, list[Tried]] = {}
-    for one in tried:
+    by_mission: dict[Path, list[FlightResult]] = {}
+    for one in results:
         by_mission.setdefault(one.case.path, []).append(one)
     for mission, cases in by_mission.items():
         _suite(root, str(mission), cases)
@@ -25,7 +25,7 @@ def write_junit(path: Path, tried: Sequence[Tried]) -> None:
     ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
 
 
-def _suite(root: Element, name: str, cases: Sequence[Tried]) -> None:
+def _suite(root: Element, name: str, cases: Sequence[FlightResult]) -> None:
     suite = SubElement(
         root,
         "testsuite",
@@ -50,9 +50,9 @@ def _suite(root: Element, name: str, cases: Sequence[Tried]) -> None:
             fault.text = _plain("\n".join(one.reason))
 
 
-def _is_failure(tried: Tried) -> bool:
+def _is_failure(result: FlightResult) -> bool:
     """The mission itself failed; an invalid one or a driver's failure is an error."""
-    return tried.verdict == "failed"
+    return result.verdict == "failed"
 
 
 def _plain(text: str) -> str:

@@ -2,13 +2,19 @@
 
 from plans import part, plan, state, vehicle
 
-from kybflow.campaigns.coverage import Arrow, State, Traces, covered, written
+from kybflow.campaigns.coverage import (
+    CoverageListener,
+    StateItem,
+    TransitionItem,
+    coverage_items,
+    covered,
+)
 from kybflow.core.signals import Event
 from kybflow.dsl.plan import TransitionPlan
 
 
-def told(*events: tuple[str, dict[str, str], str]) -> set[State | Arrow]:
-    traces = Traces()
+def told(*events: tuple[str, dict[str, str], str]) -> set[StateItem | TransitionItem]:
+    traces = CoverageListener()
     for time, (name, fields, at) in enumerate(events):
         traces.hear(Event(time, name, "a", dict(fields), at))
     return traces.taken
@@ -23,29 +29,29 @@ def ended(name: str, how: str, at: str = "m.yaml:3") -> tuple[str, dict[str, str
 
 
 def test_the_first_state_has_no_arrow():
-    assert told(started("up")) == {State("a", "up")}
+    assert told(started("up")) == {StateItem("a", "up")}
 
 
 def test_a_normal_end_takes_the_arrow_then():
     expected = {
-        State("a", "up"),
-        State("a", "hold"),
-        Arrow("a", "up", "then", "hold", "m.yaml:3"),
+        StateItem("a", "up"),
+        StateItem("a", "hold"),
+        TransitionItem("a", "up", "then", "hold", "m.yaml:3"),
     }
     assert told(started("up"), ended("up", "done"), started("hold")) == expected
 
 
 def test_a_refusal_takes_the_arrow_failed():
     taken = told(started("up"), ended("up", "refused", ""), started("home"))
-    assert Arrow("a", "up", "failed", "home", "") in taken
+    assert TransitionItem("a", "up", "failed", "home", "") in taken
 
 
 def test_what_was_not_taken_is_missed_in_the_missions_order():
     everything = [
-        State("a", "up", "m.yaml:3"),
-        Arrow("a", "up", "then", "hold", "m.yaml:3"),
-        Arrow("a", "up", "within", "auto_land", "m.yaml:4"),
-        State("a", "hold", "m.yaml:5"),
+        StateItem("a", "up", "m.yaml:3"),
+        TransitionItem("a", "up", "then", "hold", "m.yaml:3"),
+        TransitionItem("a", "up", "within", "auto_land", "m.yaml:4"),
+        StateItem("a", "hold", "m.yaml:5"),
     ]
     coverage = covered(everything, told(started("up"), ended("up", "done"), started("hold")))
     assert coverage.missed == (everything[2],)
@@ -55,5 +61,8 @@ def test_what_was_not_taken_is_missed_in_the_missions_order():
 def test_two_arrows_of_one_line_with_one_goal_count_once():
     arrows = [TransitionPlan("next", "down", after=t, at="m.yaml:3") for t in (1.0, 2.0)]
     hold = state("hold", part("behaviors", "hover"), *arrows, at="m.yaml:3")
-    expected = [State("a", "hold", "m.yaml:3"), Arrow("a", "hold", "next", "down", "m.yaml:3")]
-    assert written(plan(vehicle("a", [hold]))) == expected
+    expected = [
+        StateItem("a", "hold", "m.yaml:3"),
+        TransitionItem("a", "hold", "next", "down", "m.yaml:3"),
+    ]
+    assert coverage_items(plan(vehicle("a", [hold]))) == expected

@@ -13,12 +13,10 @@ from typer.testing import CliRunner
 
 from kybflow.api.flight import Flown
 from kybflow.campaigns import cases
-from kybflow.campaigns.cases import Case, Tried, try_case
-from kybflow.campaigns.coverage import State, written
-from kybflow.campaigns.finding import missions_under
+from kybflow.campaigns.cases import FlightCase, FlightResult, fly_case, missions_under
+from kybflow.campaigns.coverage import StateItem, coverage_items
 from kybflow.campaigns.junit import write_junit
-from kybflow.campaigns.pool import Pool
-from kybflow.campaigns.session import coverage_of, exit_code, run_cases
+from kybflow.campaigns.session import Pool, coverage_of, exit_code, run_cases
 from kybflow.cli.app import app
 from kybflow.core.details import detailed
 from kybflow.dsl.compiler import compile_mission
@@ -50,8 +48,8 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def case(folder: Path, name: str, seed: int = 0) -> Case:
-    return Case(folder / f"{name}.yaml", seed, folder / "runs" / f"{name}-{seed}")
+def case(folder: Path, name: str, seed: int = 0) -> FlightCase:
+    return FlightCase(folder / f"{name}.yaml", seed, folder / "runs" / f"{name}-{seed}")
 
 
 def ran(*arguments: str):
@@ -59,14 +57,14 @@ def ran(*arguments: str):
 
 
 def test_a_flight_that_succeeds_leaves_no_folder(folder: Path):
-    tried = try_case(case(folder, "good"))
+    tried = fly_case(case(folder, "good"))
     assert tried.passed
     assert tried.folder is None
     assert not case(folder, "good").out.exists()
 
 
 def test_a_flight_that_fails_says_why_and_keeps_its_folder(folder: Path):
-    tried = try_case(case(folder, "broken"))
+    tried = fly_case(case(folder, "broken"))
     assert tried.verdict == "failed"
     assert any("`max(nano.state.altitude) < 1 cm` did not hold" in r for r in tried.reason)
     assert tried.folder is not None
@@ -82,19 +80,19 @@ def test_a_reason_is_told_without_the_tables_below_it(
         return Flown(request.out, {"outcome": "interrupted", "reason": reason, "expectations": []})
 
     monkeypatch.setattr(cases, "fly", refused)
-    tried = try_case(case(folder, "good"))
+    tried = fly_case(case(folder, "good"))
     assert tried.reason == ("preflight: nano: parameters: 2 are wrong; more",)
 
 
 def test_an_invalid_mission_gives_its_findings(folder: Path):
-    tried = try_case(case(folder, "invalid"))
+    tried = fly_case(case(folder, "invalid"))
     assert tried.verdict == "invalid"
     assert "KYB" in tried.reason[0]
 
 
 def test_a_library_is_no_mission(folder: Path):
     assert folder / "shared.yaml" not in list(missions_under([folder]))
-    assert "is a library" in try_case(case(folder, "shared")).reason[0]
+    assert "is a library" in fly_case(case(folder, "shared")).reason[0]
 
 
 def test_parallel_flights_are_those_of_one_process(folder: Path):
@@ -105,32 +103,32 @@ def test_parallel_flights_are_those_of_one_process(folder: Path):
     ]
 
 
-def in_turn(case: Case) -> Tried:
+def in_turn(case: FlightCase) -> FlightResult:
     """Seed 1 dies of what its mission's name says; the others succeed."""
     if case.seed == 1 and case.path.stem == "killed":
         os.kill(os.getpid(), signal.SIGKILL)
     if case.seed == 1 and case.path.stem == "raised":
         raise ZeroDivisionError("of all things")
-    return Tried(case, "succeeded")
+    return FlightResult(case, "succeeded")
 
 
-def last_alone(case: Case) -> Tried:
+def last_alone(case: FlightCase) -> FlightResult:
     """Seed 0 succeeds at once; the others fly for long."""
-    return try_case(case) if case.seed else Tried(case, "succeeded")
+    return fly_case(case) if case.seed else FlightResult(case, "succeeded")
 
 
-def stubborn(case: Case) -> Tried:
+def stubborn(case: FlightCase) -> FlightResult:
     """Seed 0 succeeds at once; the others hear no signal and never end."""
     if case.seed:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         threading.Event().wait()
-    return Tried(case, "succeeded")
+    return FlightResult(case, "succeeded")
 
 
-def orphaned(case: Case) -> Tried:
+def orphaned(case: FlightCase) -> FlightResult:
     """A long flight whose session is killed at its beginning."""
     os.kill(os.getppid(), signal.SIGKILL)
-    return try_case(case)
+    return fly_case(case)
 
 
 @pytest.mark.parametrize(
@@ -165,22 +163,22 @@ expect:"""
 
 def test_an_interrupt_lands_what_flies_and_leaves_out_the_rest(long: Path):
     cases = [case(long, "long", seed) for seed in range(9)]
-    told: list[Tried] = []
+    told: list[FlightResult] = []
 
-    def done(tried: Tried) -> None:
+    def done(tried: FlightResult) -> None:
         told.append(tried)
         signal.raise_signal(signal.SIGTERM)
 
     tried = run_cases(cases, 2, done, last_alone)
-    assert tried == told == [Tried(cases[0], "succeeded")]
+    assert tried == told == [FlightResult(cases[0], "succeeded")]
     assert exit_code(tried, len(cases)) == 130
 
 
 def test_a_second_interrupt_kills(folder: Path):
     cases = [case(folder, "good", seed) for seed in range(3)]
-    told: list[Tried] = []
+    told: list[FlightResult] = []
 
-    def done(tried: Tried) -> None:
+    def done(tried: FlightResult) -> None:
         told.append(tried)
         pool.interrupts = 2
 
@@ -265,15 +263,15 @@ def test_a_folder_that_holds_nothing_is_not_left(folder: Path):
     ],
 )
 def test_the_exit_code_is_that_of_the_gravest(verdicts: list[str], code: int):
-    tried = [Tried(Case(Path("m"), 0, Path("r")), verdict) for verdict in verdicts]
+    tried = [FlightResult(FlightCase(Path("m"), 0, Path("r")), verdict) for verdict in verdicts]
     assert exit_code(tried, len(tried)) == code
     assert exit_code(tried, len(tried) + 1) == 130
 
 
 def test_junit_tells_failures_from_errors(folder: Path, tmp_path: Path):
-    cases = [Case(Path("m.yaml"), seed, tmp_path) for seed in range(3)]
+    cases = [FlightCase(Path("m.yaml"), seed, tmp_path) for seed in range(3)]
     verdicts = ("succeeded", "failed", "invalid")
-    tried = [Tried(c, v, ("why\x00",)) for c, v in zip(cases, verdicts, strict=True)]
+    tried = [FlightResult(c, v, ("why\x00",)) for c, v in zip(cases, verdicts, strict=True)]
     write_junit(tmp_path / "junit.xml", tried)
     (suite,) = ElementTree.parse(tmp_path / "junit.xml").getroot()
     assert {k: suite.attrib[k] for k in ("name", "tests", "failures", "errors")} == {
@@ -296,11 +294,13 @@ def test_what_never_flew_has_nothing_to_tell_of_its_states(folder: Path):
     path = folder / "good.yaml"
     mission = compile_mission(path, catalog=load_catalog()).plan
     assert mission is not None
-    stuck = Tried(Case(path, 0, folder), "driver_failed", written=tuple(written(mission)))
+    stuck = FlightResult(
+        FlightCase(path, 0, folder), "driver_failed", items=tuple(coverage_items(mission))
+    )
     assert coverage_of([stuck]) == {}
-    taken = frozenset({State("nano", "up")})
-    flew = Tried(Case(path, 1, folder), "failed", written=stuck.written, taken=taken)
-    assert len(coverage_of([stuck, flew])[path].missed) == len(stuck.written) - 1
+    taken = frozenset({StateItem("nano", "up")})
+    flew = FlightResult(FlightCase(path, 1, folder), "failed", items=stuck.items, taken=taken)
+    assert len(coverage_of([stuck, flew])[path].missed) == len(stuck.items) - 1
 
 
 def test_full_fails_when_something_was_not_taken(folder: Path):

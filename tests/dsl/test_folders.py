@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from kybflow.api.validation import validate_paths
-from kybflow.campaigns.finding import missions_under
+from kybflow.campaigns.cases import missions_under
 from kybflow.dsl.reading.folders import mission_files
 
 MISSION = "kybflow: 1\nmission: m\n"

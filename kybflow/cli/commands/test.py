@@ -16,7 +16,7 @@ from kybflow.cli.arguments import INVALID, Sets, Target, examples
 from kybflow.cli.output import console, echo
 
 if TYPE_CHECKING:
-    from kybflow.campaigns.cases import Case, Tried
+    from kybflow.campaigns.cases import FlightCase, FlightResult
 
 EXAMPLES = examples(
     "kybflow test missions",
@@ -58,8 +58,7 @@ def fly_tests(
     """
     from datetime import datetime
 
-    from kybflow.campaigns.cases import Case
-    from kybflow.campaigns.finding import missions_under
+    from kybflow.campaigns.cases import FlightCase, missions_under
 
     folder = out / f"test-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     numbers = _seeds(seeds)
@@ -68,7 +67,7 @@ def fly_tests(
         echo(f"no mission is under {', '.join(map(str, paths))}", err=True)
         raise typer.Exit(INVALID)
     cases = [
-        Case(path, seed, folder / f"{n}-{path.stem}-{seed}", target, tuple(sets or ()), keep)
+        FlightCase(path, seed, folder / f"{n}-{path.stem}-{seed}", target, tuple(sets or ()), keep)
         for n, path in enumerate(found)
         for seed in numbers
     ]
@@ -78,22 +77,22 @@ def fly_tests(
         raise typer.Exit(_fly(cases, jobs or os.cpu_count() or 1, junit, full))
 
 
-def _fly(cases: Sequence[Case], jobs: int, junit: Path | None, full: bool) -> int:
+def _fly(cases: Sequence[FlightCase], jobs: int, junit: Path | None, full: bool) -> int:
     """Fly them and tell what became of them; the exit code."""
     from kybflow.campaigns.session import coverage_of, exit_code, run_cases
     from kybflow.cli.printing.test_results import Bar, show_table
 
     screen = console(sys.stdout)
     with Bar(screen, len(cases)) as bar:
-        tried = run_cases(cases, jobs, bar.done)
-    coverage = coverage_of(tried)
-    show_table(screen, tried, coverage)
-    if len(tried) < len(cases):
-        screen.print(f"stopped after {len(tried)} of {len(cases)} flights", highlight=False)
+        results = run_cases(cases, jobs, bar.done)
+    coverage = coverage_of(results)
+    show_table(screen, results, coverage)
+    if len(results) < len(cases):
+        screen.print(f"stopped after {len(results)} of {len(cases)} flights", highlight=False)
     if junit is not None:
-        _report(junit, tried)
+        _report(junit, results)
     missed = full and any(one.missed for one in coverage.values())
-    return exit_code(tried, len(cases)) or int(missed)
+    return exit_code(results, len(cases)) or int(missed)
 
 
 @contextmanager
@@ -111,11 +110,11 @@ def _made(folder: Path) -> Iterator[None]:
             folder.rmdir()
 
 
-def _report(junit: Path, tried: Sequence[Tried]) -> None:
+def _report(junit: Path, results: Sequence[FlightResult]) -> None:
     from kybflow.campaigns.junit import write_junit
 
     try:
-        write_junit(junit, tried)
+        write_junit(junit, results)
     except OSError as error:
         message = f"`{junit}` can't be written: {error.strerror}"
         raise typer.BadParameter(message, param_hint="--junit") from None

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from kybflow.campaigns.cases import Tried
+from kybflow.campaigns.cases import FlightResult
 from kybflow.campaigns.coverage import Coverage
 
 
@@ -41,27 +41,29 @@ class Bar:
     ) -> None:
         self._progress.stop()
 
-    def done(self, tried: Tried) -> None:
+    def done(self, result: FlightResult) -> None:
         self._progress.advance(self._task)
-        if tried.passed:
+        if result.passed:
             return
-        self._say(f"{tried.verdict.upper()}  {tried.case.name}")
-        for reason in tried.reason:
+        self._say(f"{result.verdict.upper()}  {result.case.name}")
+        for reason in result.reason:
             self._say("    " + reason.replace("\n", "\n    "))
-        if tried.folder is not None:
-            self._say(f"    kept in {tried.folder}")
+        if result.folder is not None:
+            self._say(f"    kept in {result.folder}")
 
     def _say(self, text: str) -> None:
         self._console.print(text, markup=False, soft_wrap=True)
 
 
-def show_table(console: Console, tried: Sequence[Tried], coverage: dict[Path, Coverage]) -> None:
+def show_table(
+    console: Console, results: Sequence[FlightResult], coverage: dict[Path, Coverage]
+) -> None:
     """A line a mission: how many flights passed, how much of it they took; then what none took."""
     table = Table(box=None, pad_edge=False)
     for heading in ("mission", "passed", "states and transitions taken"):
         table.add_column(heading, overflow="fold")
-    for path in dict.fromkeys(one.case.path for one in tried):
-        cases = [one for one in tried if one.case.path == path]
+    for path in dict.fromkeys(one.case.path for one in results):
+        cases = [one for one in results if one.case.path == path]
         passed = sum(one.passed for one in cases)
         found = coverage.get(path)
         taken = "" if found is None else f"{found.total - len(found.missed)} of {found.total}"
