@@ -23,7 +23,7 @@ machines are flat.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from functools import partial
 from typing import Literal, NamedTuple
@@ -116,11 +116,34 @@ class _Watched(NamedTuple):
 
 
 class _FromAnyState(Transition):
-    """One transition that leaves many states; its source is the state that the machine is in."""
+    """A transition that leaves many states; its source is the state that the machine is in."""
+
+    def __init__(self, target: str, *guards: Guard) -> None:
+        super().__init__("", target)
+        self.conditions.extend(Condition(guard) for guard in guards)
 
     def execute(self, event_data: EventData) -> bool:
         self.source = event_data.state.name
         return bool(super().execute(event_data))
+
+
+class _FromEach(Mapping[str, list[Transition]]):
+    """The transitions of one trigger where each of `states` has the same: they are kept once, since
+    a transition between every two states would be a million for a thousand states."""
+
+    def __init__(self, states: Collection[str], transitions: list[Transition]) -> None:
+        self._states, self._transitions = states, transitions
+
+    def __getitem__(self, state: str) -> list[Transition]:
+        if state not in self._states:
+            raise KeyError(state)
+        return self._transitions
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._states)
+
+    def __len__(self) -> int:
+        return len(self._states)
 
 
 class StateMachine:
@@ -144,6 +167,7 @@ class StateMachine:
         self._machine = Machine(None, initial=initial, auto_transitions=False, queued=True)
         self._machine.get_state(initial).add_callback("enter", self._entered)
         self._machine.add_states(list(states), on_enter=[self._entered], on_exit=[self._exited])
+        self._machine.add_transition("step", [], initial)
         self._machine.add_model(self._model)
         self._watch(initial)
 
@@ -243,16 +267,12 @@ class StateMachine:
             self._reason = Exit(how, transition.at, transition)
 
     def _declare_from(
-        self, sources: Iterable[str], trigger: str, target: str, *guards: Guard
+        self, states: Collection[str], trigger: str, target: str, *guards: Guard
     ) -> None:
-        """Declare one transition that leaves each of `sources`, after those that they have: it
-        costs no more than one from one state."""
-        shared = _FromAnyState("", target)
-        shared.conditions.extend(Condition(guard) for guard in guards)
+        """Declare one transition that leaves each of `states` by a trigger of its own."""
         self._machine.add_transition(trigger, [], target)
-        leaving = self._machine.events[trigger].transitions
-        for source in sources:
-            leaving[source].append(shared)
+        leaving = _FromEach(states, [_FromAnyState(target, *guards)])
+        self._machine.events[trigger].transitions = leaving  # type: ignore[assignment]
 
 
 class VehicleMachine(StateMachine):
@@ -277,21 +297,23 @@ class VehicleMachine(StateMachine):
         states = vehicle.states
         super().__init__(_START, states, on_enter, on_exit)
         self._machine.add_transition("begin", _START, vehicle.begin)
-        for state in states.values():
-            for transition, guard in self._guarded(state.name, state.transitions, conditions):
-                target, may_enter = transition.target, partial(self._may_enter, transition.target)
+        last_way_out = [
+            _FromAnyState("brake", self._has_refused, airborne),
+            _FromAnyState("landed", self._has_refused),
+        ]
+        for name, state in states.items():
+            for transition, guard in self._guarded(name, state.transitions, conditions):
+                target = transition.target
                 if target == "landed":
-                    self._declare(
-                        state.name, "fault", transition, guard, latched, self._has_started
-                    )
-                self._declare(state.name, target, transition, guard, may_enter)
-        self._declare_from(states, "step", "brake", self._has_refused, airborne)
-        self._declare_from(states, "step", "landed", self._has_refused)
-        healthy = [name for name in states if name != "fault"]
-        for name in healthy:
-            self._declare_from(healthy, f"switch {name}", name, partial(starts, name))
-        for name in (state.name for state in states.values() if state.built_in):
-            self._declare_from(states, f"failsafe {name}", name)
+                    self._declare(name, "fault", transition, guard, latched, self._has_started)
+                self._declare(name, target, transition, guard, partial(self._may_enter, target))
+            self._machine.events["step"].transitions[name].extend(last_way_out)
+        healthy = states.keys() - {"fault"}
+        for name in states:
+            if name in healthy:
+                self._declare_from(healthy, f"switch {name}", name, partial(starts, name))
+            if states[name].built_in:
+                self._declare_from(states, f"failsafe {name}", name)
 
     def failsafe(self, state: str) -> None:
         """Enter a built-in state from wherever the vehicle is. Raises ValueError for another."""

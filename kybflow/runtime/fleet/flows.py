@@ -1,10 +1,10 @@
 """Flows: phases over several vehicles, stepped once a tick after every vehicle has acted.
 
-Each flow is a machine of phases. Entering one gives vehicles to other flows, asks for options, and
-asks vehicles to enter states; they decide in the next tick. A vehicle is driven by one flow at a
-time: what another asks of it is refused, and told. A flow that ends gives back what it was given.
-Its time stands still while a vehicle that it drives is paused. When a person lands, every
-flow ends.
+Each flow has a state machine, whose states are its phases. On entry a phase gives vehicles to other
+flows, sets options and asks vehicles to enter states, which they decide on in the next tick. One
+flow at a time drives a vehicle: what another asks of it is refused, and told. A flow that ends
+gives back the vehicles that it was given. Its time stands still while a vehicle that it drives is
+paused. When a person lands the vehicles, every flow ends.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class RunningFlow:
         self.visits[-1] = self.visits[-1]._replace(end_s=rounded(now / NS), ended=how)
 
     def wait(self, dt: float) -> None:
-        """A tick in which its time stands still."""
+        """Let a tick of `dt` seconds pass in which the phase's time stands still."""
         self.entered += round(dt * NS)
 
 

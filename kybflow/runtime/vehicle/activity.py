@@ -1,5 +1,5 @@
-"""What a vehicle is doing: its state machine, the behavior that is active and where it is in
-flight; and the hold that freezes them for a while."""
+"""What a vehicle is doing: the state that its machine is in, the behavior of that state, whether it
+flies, and the hold that freezes all of this for a while."""
 
 from __future__ import annotations
 
@@ -24,16 +24,17 @@ _SAFE = frozenset({"brake", "landed"})
 
 
 class Activity:
-    """`flight` is GROUND, AIR, or MOVING while a take-off or a landing is under way or was left.
+    """Builds a behavior when the machine enters a state, and clears what was kept for it on exit.
 
-    `begun` is false until the preflight lets the vehicle enter its first state. `changed` is true
-    from the entry into a state until the vehicle has taken note of it. `hold` is the overlay under
-    which the state, its behavior and its timers are frozen, None without one.
-    `land_mode` is the vehicle's own landing in place of the behavior's, None without one.
-    `grip` is what the behavior asks of the payload's servo in this tick, None for nothing.
-    `objection` says what else speaks against a take-off, None when nothing does.
-    `stands` is where the vehicle must be to take off: its start, then where it landed; None when
-    nobody knows.
+    flight: GROUND, AIR, or MOVING while a take-off or a landing is under way or was broken off.
+    begun: whether the preflight has let the vehicle enter its first state. changed: a state was
+    entered, and nobody has settled for it yet. hold: freezes the state, its behavior and its
+    timers, None without one. land_mode: the vehicle's own landing in place of the behavior's, None
+    without one. grip: what the behavior asks of the payload's servo in this tick, None for nothing.
+    resting_place: where the vehicle must be to take off, which is its start, later where it landed;
+    None when that is not known. entry: gives what a behavior is entered with now. objection: gives
+    what else speaks against a take-off, None when nothing does. latched: whether the failsafe's
+    reaction can't be undone in the air.
     """
 
     machine: VehicleMachine
@@ -58,7 +59,7 @@ class Activity:
         self.hold: Hold | None = None
         self.land_mode: LandMode | None = None
         self.grip: Grip | None = None
-        self.stands: Vec3 | None = plan.start
+        self.resting_place: Vec3 | None = plan.start
         self._outcome: Outcome = "running"
         self._reason = ""
         self._wanted: Setpoint | None = None
@@ -98,30 +99,32 @@ class Activity:
         self.machine.step(tick.elapsed, self._events.heard(self._name), self._outcome, tick.dt)
 
     def go(self, goal: str) -> None:
-        """Enter a built-in state at once, whatever the mission's transitions say."""
+        """Enter the built-in state `goal` at once, whatever the mission's transitions say. Raises
+        Refused where neither `brake` nor `landed` starts."""
         self.machine.failsafe(goal)
 
     def switch(self, goal: str, at: str) -> None:
-        """Enter a state that somebody asked for. Raises Refused, and nothing has changed, when its
-        behavior refuses to start; PartFailed when that raises anything else."""
+        """Enter the state `goal`, which the mission asks for at the line `at`, or a person where
+        that is empty. Raises Refused when its behavior refuses to start and PartFailed when that
+        raises anything else; nothing has changed then."""
         try:
             self.machine.switch(goal, at)
         finally:
             self._started = None
 
     def freeze(self, holder: Holder) -> None:
-        """Come to rest and hold, for this holder too, until it and all others let go."""
+        """Come to rest and hold until this holder and all others let go."""
         if self.hold is not None and self.hold.lasts:
             self.hold.holders.add(holder)
             return
         self.hold = Hold(holder, self.entry(), self._wanted, not self.airborne)
 
     def wait(self, dt: float) -> None:
-        """A tick in which the timers of the present state stand still."""
+        """Let a tick of `dt` seconds pass in which the state's timers stand still."""
         self.entered += round(dt * NS)
 
     def update(self, tick: Tick) -> Setpoint | Command:
-        """The output of the hold or of the behavior, whose end is noted and takes effect in the
+        """Return the output of the hold or of the behavior. The behavior's end takes effect in the
         next tick."""
         if self.hold is not None:
             held = self.hold.update(tick.now)
@@ -153,12 +156,12 @@ class Activity:
         return blended or asked
 
     def fail(self, reason: str) -> None:
-        """The behavior has failed: it said so, refused to start, or a part of its chain raised."""
+        """Note that the behavior has failed: it said so, refused to start, or a part raised."""
         self._outcome, self._reason = "failed", reason
 
     def has_landed(self, now: Time, estimate: Estimate | None) -> bool:
-        """Let the vehicle land by its own mode; whether it has, which ends the behavior. Raises
-        Refused."""
+        """Let the vehicle land by its own land mode; return whether it has landed, which ends the
+        behavior. Raises Refused when the vehicle does not follow."""
         assert self.land_mode is not None
         landed = self.land_mode.has_landed(now)
         if landed:
@@ -167,14 +170,15 @@ class Activity:
         return landed
 
     def refuse(self, reason: str) -> None:
-        """The vehicle would not arm: it stays on the ground, and its behavior never began."""
+        """Note that the vehicle would not arm: it stays on the ground, and its behavior has refused
+        to start."""
         self.flight = GROUND
         self.fail(reason)
         self._refused = frozenset()
         self.machine.refuse({self.state.name})
 
     def thaw(self, holder: Holder) -> None:
-        """A holder that moved the vehicle lets go of it: what was frozen begins where it is now."""
+        """Let go for a holder that moved the vehicle: what was frozen goes on where it is now."""
         before = self.hold
         if before is not None:
             entry = self.entry()
@@ -183,22 +187,22 @@ class Activity:
             self.hold.leave(holder, entry.now)
 
     def close(self, now: Time) -> None:
-        """The run is over: the present behavior's figures are complete."""
+        """End the run: the figures of the active behavior are complete."""
         self._score.left("run_ended", now / NS)
 
     def _end(self, estimate: Estimate | None) -> None:
-        """The behavior's normal end: the vehicle is at the far side of its leg."""
+        """Note that the behavior is done, which leaves the vehicle at the end of its leg."""
         self._outcome = "done"
         start, end = self.leg
         if start is not end:
             self.flight = end
-            self.stands = None if estimate is None else estimate.position
+            self.resting_place = None if estimate is None else estimate.position
             if end is GROUND or start is GROUND:
                 self._events.tell("landed" if end is GROUND else "took_off", self._name)
 
     def _enter(self, name: str) -> None:
         """Build the behavior of the state that the machine has entered. One that refuses to start
-        has failed."""
+        has failed, and the machine leaves the state again."""
         state, entry = self.plan.states[name], self.entry()
         self.entered, self.changed = entry.now, True
         self._score.entered(name, state.behavior.name, entry.now / NS)
@@ -219,7 +223,7 @@ class Activity:
             self.flight = MOVING
 
     def _exit(self, reason: Exit) -> None:
-        """Nothing is left of the state that the machine leaves."""
+        """Tell how the machine leaves the state, and clear what was kept for it."""
         if self._outcome == "failed":
             self._tell("behavior_failed", reason.at, reason=self._reason)
         self._score.left(reason.how, self._events.now / NS)
@@ -244,7 +248,7 @@ class Activity:
         return True
 
     def _built(self, state: StatePlan, entry: Entry) -> Behavior[Any]:
-        """The behavior of `state`. Raises Refused where it can't start."""
+        """Return the behavior of `state`. Raises Refused where it can't start."""
         reason = unfit(state, self.flight, entry.estimate is not None or self.airborne)
         reason = reason or self._misplaced(state, entry.estimate)
         if reason is not None:
@@ -253,11 +257,13 @@ class Activity:
         return behavior
 
     def _misplaced(self, state: StatePlan, estimate: Estimate | None) -> str | None:
-        """Why a take-off can't start as the vehicle stands, None when it can."""
+        """Return why a take-off can't start from where the vehicle is, None when it can."""
         leaves = any(leg == (GROUND, AIR) for leg in state.legs)
         if self.flight is not GROUND or not leaves or estimate is None:
             return None
-        away = 0.0 if self.stands is None else distance(estimate.position, self.stands)
+        away = (
+            0.0 if self.resting_place is None else distance(estimate.position, self.resting_place)
+        )
         if away <= take_off_tolerance.allowed(estimate):
             return self._objection()
         allowed = take_off_tolerance.said(estimate)

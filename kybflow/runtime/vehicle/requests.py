@@ -203,7 +203,7 @@ class Requests:
             self._tell("reset_refused", at, by=by, reason="it is in the air")
             return
         self._failsafe.reset()
-        self._activity.stands = None
+        self._activity.resting_place = None
         if self._activity.machine.state == "fault":
             self._activity.go("landed")
         self._tell("reset", at, by=by)

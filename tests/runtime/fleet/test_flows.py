@@ -217,6 +217,16 @@ def test_a_flow_that_waits_begins_with_each_vehicle_that_it_is_given() -> None:
     assert stage.phases("solo")[:2] == ["alone: next", "alone"]
 
 
+def test_a_flow_that_another_begins_in_the_first_tick_begins_once() -> None:
+    """`solo` has a vehicle of its own, so that it does not wait for the one that it is given."""
+    team = flow("team", phase("part", go("end", after=1.0), give={"b": "solo"}), vehicles="b")
+    solo = flow("solo", phase("alone", go("end", after=0.5), run={"b": "away"}), vehicles="a")
+    stage = Stage(team, solo)
+    stage.step()
+    assert stage.phases("solo") == ["alone"]
+    assert stage.names().count("phase_started") == 2
+
+
 def test_what_a_flow_asks_of_a_vehicle_that_another_drives_is_refused() -> None:
     _, solo = two()
     greedy = flow(
