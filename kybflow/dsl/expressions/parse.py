@@ -1,4 +1,5 @@
-"""The parser of expressions: recursive descent, bounded in depth.
+"""The parser of expressions: recursive descent, bounded in depth. What the names and quantities in
+it mean, and whether they fit, says `kybflow.dsl.expressions.semantics`.
 
     expectation := 'finished' 'within' quantity | 'always' condition | 'finally' condition
                  | 'eventually' condition ['within' quantity] | statistic operator statistic
@@ -6,8 +7,13 @@
     both        := single ('and' single)*
     single      := 'not' single | '(' condition ')' | VEHICLE 'in' STATE
                  | ('all' | 'any') GROUP 'in' STATE | operand operator operand
-
-Operands, their types and units: `kybflow.dsl.expressions.operands`.
+    operand     := quantity | 'time' | observable | VEHICLE '.' observable | word
+                 | 'distance' '(' place 'to' place ')'
+                 | 'separation' '(' all | some 'and' some ... ')'
+                 | ('mean'|'max'|'min'|'rms') '(' operand ['in' STATE] ')'
+    some        := VEHICLE | GROUP
+    place       := VEHICLE | VEHICLE '.start' | 'start' | VEHICLE '.payload'
+                 | 'world.points.' NAME | '[' x y z ']'
 """
 
 from __future__ import annotations
@@ -16,13 +22,12 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import cast, get_args
 
-from kybflow.core.units import DURATION
+from kybflow.core.units import DURATION, LENGTH, Dimension
 from kybflow.dsl.diagnostics.diagnostic import Collected
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics.spans import PREFIX, Text
 from kybflow.dsl.expressions import errors
-from kybflow.dsl.expressions.cursor import Scope
-from kybflow.dsl.expressions.operands import Operands
-from kybflow.dsl.expressions.tokens import Token
+from kybflow.dsl.expressions.semantics import HEALTH, Operand, Scope, Semantics, is_quantity
+from kybflow.dsl.expressions.tokens import Token, tokens_of
 from kybflow.dsl.expressions.tree import (
     Aggregate,
     Always,
@@ -30,17 +35,25 @@ from kybflow.dsl.expressions.tree import (
     Compare,
     ComparisonOperator,
     Condition,
+    Distance,
     Eventually,
     Expression,
     Finally,
     Finished,
+    Function,
     GroupInState,
     InState,
+    Location,
+    MissionTime,
     Not,
     Or,
     Quantifier,
     Quantity,
+    Read,
+    Separation,
+    Value,
 )
+from kybflow.parts.observables import OBSERVABLES
 
 __all__ = ["Scope", "parse"]
 
@@ -56,6 +69,7 @@ FLIPPED: Mapping[ComparisonOperator, ComparisonOperator] = {
     "==": "==",
     "!=": "!=",
 }
+_FUNCTIONS = frozenset(get_args(Function))
 
 
 def parse(text: Text, scope: Scope) -> Collected[Expression | None]:
@@ -70,128 +84,322 @@ def _parsed(text: Text, scope: Scope) -> Collected[Expression | None]:
     try:
         if len(text.text) > MAX_LENGTH:
             raise errors.too_long(text, MAX_LENGTH)
-        parser = _Parser(text, scope)
-        expression = parser.whole()
+        semantics = Semantics(text, scope)
+        expression = _Parser(text, semantics).whole()
     except errors.Unreadable as stop:
         return Collected(None, [stop.finding])
-    return Collected(None if parser.findings else expression, parser.findings)
+    return Collected(None if semantics.findings else expression, semantics.findings)
 
 
-class _Parser(Operands):
-    """The grammar. A form whose names or types are wrong leaves a finding and a stand-in, so that
-    the rest is judged too."""
+class _Parser:
+    """The grammar of expectations and conditions."""
 
-    def __init__(self, text: Text, scope: Scope) -> None:
-        super().__init__(text, scope)
+    def __init__(self, text: Text, semantics: Semantics) -> None:
+        self._text, self._semantics = text, semantics
+        self._tokens = _Cursor(text)
+        self._operands = _Operands(self._tokens, semantics)
         self._depth = 0
 
     def whole(self) -> Expression:
-        expectation = self.scope.kind == "expectation"
+        expectation = self._semantics.scope.kind == "expectation"
         expression = self._expectation() if expectation else self._condition()
-        if self.peek().kind != "end":
-            raise errors.unreadable(self.text, self.peek(), "`and`, `or` or the end")
+        if self._tokens.peek().kind != "end":
+            raise errors.unreadable(self._text, self._tokens.peek(), "`and`, `or` or the end")
         return expression
 
     def _expectation(self) -> Expression:
-        first = self.peek()
-        if self.skip("finished"):
-            self.expect("within")
+        first = self._tokens.peek()
+        if self._tokens.skip("finished"):
+            self._tokens.expect("within")
             return Finished(self._limit())
-        if self.skip("always"):
+        if self._tokens.skip("always"):
             return Always(self._condition())
-        if self.skip("finally"):
+        if self._tokens.skip("finally"):
             return Finally(self._condition())
-        if self.skip("eventually"):
+        if self._tokens.skip("eventually"):
             condition = self._condition()
-            limit = self._limit() if self.skip("within") else None
+            limit = self._limit() if self._tokens.skip("within") else None
             return Eventually(condition, limit)
         near = get_close_matches(first.text, EXPECTATIONS, n=1)
-        if near and self.peek(1).kind != "operator" and self.peek(1).text != "in":
-            raise errors.misspelt(self.text, first, near[0])
+        if near and self._tokens.peek(1).kind != "operator" and self._tokens.peek(1).text != "in":
+            raise errors.misspelt(self._text, first, near[0])
         return self._statistic(first)
 
     def _limit(self) -> float:
         """Seconds after the start, more than none."""
-        token = self.peek()
-        before = len(self.findings)
-        value = self.quantity(DURATION)
-        if value <= 0.0 and len(self.findings) == before:
+        token = self._tokens.peek()
+        before = len(self._semantics.findings)
+        value = self._operands.quantity(DURATION)
+        if value <= 0.0 and len(self._semantics.findings) == before:
             place = (token.start, token.end)
-            self.findings.append(errors.before_the_start(self.text, place))
+            self._semantics.findings.append(errors.before_the_start(self._text, place))
         return value
 
     def _statistic(self, first: Token) -> Condition:
-        self.statistics_allowed = True
+        self._operands.statistics_allowed = True
         condition = self._condition()
-        if self.findings or _is_statistic(condition):
+        if self._semantics.findings or _is_statistic(condition):
             return condition
-        place = (first.start, self.behind())
+        place = (first.start, self._tokens.behind())
         finding = errors.timeless
-        if self.statistics_seen:
+        if self._operands.has_statistics:
             alone = isinstance(condition, Compare)
             finding = errors.momentary if alone else errors.joined_statistics
-        self.findings.append(finding(self.text, place))
+        self._semantics.findings.append(finding(self._text, place))
         return condition
 
     def _condition(self) -> Condition:
         parts = [self._both()]
-        while self.skip("or"):
+        while self._tokens.skip("or"):
             parts.append(self._both())
         return parts[0] if len(parts) == 1 else Or(tuple(parts))
 
     def _both(self) -> Condition:
         parts = [self._single()]
-        while self.skip("and"):
+        while self._tokens.skip("and"):
             parts.append(self._single())
         return parts[0] if len(parts) == 1 else And(tuple(parts))
 
     def _single(self) -> Condition:
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            raise errors.too_deep(self.text, self.peek(), MAX_DEPTH)
+            raise errors.too_deep(self._text, self._tokens.peek(), MAX_DEPTH)
         try:
-            if self.skip("not"):
+            if self._tokens.skip("not"):
                 return Not(self._single())
-            if self.skip("("):
+            if self._tokens.skip("("):
                 inner = self._condition()
-                self.expect(")")
+                self._tokens.expect(")")
                 return inner
-            if self.peek(1).text == "in":
+            if self._tokens.peek(1).text == "in":
                 return self._in_state()
-            if self.peek().text in _QUANTIFIERS and self.peek(1).kind == "name":
+            if self._tokens.peek().text in _QUANTIFIERS and self._tokens.peek(1).kind == "name":
                 return self._group_in_state()
             return self._comparison()
         finally:
             self._depth -= 1
 
     def _in_state(self) -> Condition:
-        vehicle = self.vehicle(self.name("a vehicle"))
-        self.expect("in")
-        return InState(vehicle, self.state(vehicle, self.name("a state")))
+        vehicle = self._semantics.vehicle(self._tokens.name("a vehicle"))
+        self._tokens.expect("in")
+        return InState(vehicle, self._semantics.state(vehicle, self._tokens.name("a state")))
 
     def _group_in_state(self) -> Condition:
-        quantifier = cast(Quantifier, self.take().text)
-        name = self.name("a group")
-        vehicles = self.group(name)
-        self.expect("in")
-        token, before = self.name("a state"), len(self.findings)
+        quantifier = cast(Quantifier, self._tokens.take().text)
+        name = self._tokens.name("a group")
+        vehicles = self._semantics.group(name)
+        self._tokens.expect("in")
+        token, before = self._tokens.name("a state"), len(self._semantics.findings)
         for vehicle in vehicles:
-            if len(self.findings) == before:
-                self.state(vehicle, token)
+            if len(self._semantics.findings) == before:
+                self._semantics.state(vehicle, token)
         return GroupInState(quantifier, name.text, vehicles, token.text)
 
     def _comparison(self) -> Condition:
-        left = self.operand()
-        operator = self.operator()
-        right = self.operand()
-        if self.peek().kind == "operator":
-            raise errors.unreadable(self.text, self.peek(), "`and`, `or` or the end")
-        compare = self.compared(left, operator, right)
+        left = self._operands.operand()
+        operator = self._tokens.operator()
+        right = self._operands.operand()
+        if self._tokens.peek().kind == "operator":
+            raise errors.unreadable(self._text, self._tokens.peek(), "`and`, `or` or the end")
+        compare = self._semantics.compared(left, operator, right)
         if not isinstance(compare, Compare):
             return compare
         if isinstance(compare.left, Quantity) and isinstance(compare.right, Aggregate):
-            return self.compared(right, FLIPPED[operator], left)
+            return self._semantics.compared(right, FLIPPED[operator], left)
         return compare
+
+
+class _Operands:
+    """The grammar of one side of a comparison. A statistic is allowed in an expectation without
+    `always`, `eventually` or `finally`; `has_statistics` once there is one."""
+
+    def __init__(self, tokens: _Cursor, semantics: Semantics) -> None:
+        self._tokens, self._semantics = tokens, semantics
+        self._text, self._scope = semantics.text, semantics.scope
+        self.statistics_allowed = False
+        self.has_statistics = False
+
+    def quantity(self, dimension: Dimension) -> float:
+        """A quantity of `dimension`, in SI."""
+        token = self._tokens.peek()
+        if token.kind != "quantity":
+            raise errors.unreadable(self._text, token, f"a {dimension.name}")
+        self._tokens.take()
+        return self._semantics.measured(token.text, (token.start, token.end), dimension, "")
+
+    def operand(self) -> Operand:
+        """One side. A function's name is one only before a bracket."""
+        token = self._tokens.peek()
+        if token.kind == "quantity":
+            self._tokens.take()
+            return Operand(token.text, token.start, token.end)
+        if token.kind != "name":
+            raise errors.unreadable(self._text, token, "a name or a quantity")
+        if self._tokens.peek(1).text == "(":
+            return self._call(self._tokens.take())
+        return self._path(self._tokens.take())
+
+    def _path(self, token: Token) -> Operand:
+        node, dimension = self._meaning(token)
+        return Operand(token.text, token.start, token.end, node, dimension)
+
+    def _meaning(self, token: Token) -> tuple[Value | None, Dimension | None]:
+        """What a dotted name reads; (None, None) for one that may be a bare word."""
+        if token.text == "time" and self._scope.kind != "health":
+            return MissionTime(), DURATION
+        if self._scope.kind == "health":
+            name = HEALTH.get(token.text)
+            return (Read(None, name), OBSERVABLES[name].dimension) if name else (None, None)
+        first, _, rest = token.text.partition(".")
+        if token.text in OBSERVABLES and self._scope.own is not None:
+            return self._read(None, token.text, token)
+        if first in self._scope.vehicles and rest in OBSERVABLES:
+            return self._read(first, rest, token)
+        return None, None
+
+    def _read(self, vehicle: str | None, name: str, token: Token) -> tuple[Read, Dimension | None]:
+        if name.partition(".")[0] == "payload":
+            self._semantics.payload(vehicle or self._scope.own or "", token)
+        return Read(vehicle, name), OBSERVABLES[name].dimension
+
+    def _call(self, token: Token) -> Operand:
+        self._tokens.expect("(")
+        node: Value | Aggregate
+        dimension: Dimension | None = LENGTH
+        before = len(self._semantics.findings)
+        if token.text == "distance":
+            node = self._distance()
+        elif token.text == "separation":
+            node = self._separation(token)
+        elif token.text in _FUNCTIONS:
+            node, dimension = self._aggregate(token)
+        else:
+            message = f"there is no function `{token.text}`"
+            self._semantics.unknown(token, message, [*_FUNCTIONS, "distance", "separation"])
+            raise errors.Unreadable(self._semantics.findings.pop())
+        self._tokens.expect(")")
+        source = self._text.text[token.start : self._tokens.behind()]
+        is_broken = len(self._semantics.findings) > before
+        return Operand(source, token.start, self._tokens.behind(), node, dimension, is_broken)
+
+    def _distance(self) -> Distance:
+        a = self._place()
+        self._tokens.expect("to")
+        return Distance(a, self._place())
+
+    def _place(self) -> Location:
+        if self._tokens.skip("["):
+            point = (self.quantity(LENGTH), self.quantity(LENGTH), self.quantity(LENGTH))
+            self._tokens.expect("]")
+            return Location(None, point=point)
+        token = self._tokens.name("a vehicle or a point")
+        if token.text == "start" and self._scope.own is not None:
+            return Location(None, start=True)
+        if token.text.startswith(PREFIX):
+            return Location(None, point=self._semantics.point(token))
+        own = "payload" if token.text.endswith(".payload") else "start"
+        name = token.text.removesuffix(f".{own}")
+        self._semantics.vehicle(Token("name", name, token.start, token.start + len(name)))
+        if name == token.text:
+            return Location(name)
+        if own == "start":
+            return Location(name, start=True)
+        self._semantics.payload(name, token)
+        if self._scope.kind != "expectation":
+            place = (token.start, token.end)
+            self._semantics.findings.append(
+                errors.known_to_the_simulator(self._text, place, token.text)
+            )
+        return Location(name, payload=True)
+
+    def _separation(self, function: Token) -> Separation:
+        first = self._tokens.name("a vehicle, a group or `all`")
+        if first.text == "all" and "all" not in self._scope.vehicles:
+            vehicles = list(self._scope.vehicles)
+        else:
+            vehicles = [*self._some(first)]
+            while self._tokens.skip("and"):
+                vehicles += self._some(self._tokens.name("a vehicle or a group"))
+        if len(set(vehicles)) < 2:
+            place = (function.start, self._tokens.behind())
+            message = "a separation needs two vehicles"
+            way_out = "write `separation(a and b)` or `separation(all)`"
+            found = errors.mismatch(self._text, place, message, "one vehicle", way_out)
+            self._semantics.findings.append(found)
+        return Separation(tuple(dict.fromkeys(vehicles)))
+
+    def _some(self, token: Token) -> tuple[str, ...]:
+        return self._scope.groups.get(token.text) or (self._semantics.vehicle(token),)
+
+    def _aggregate(self, token: Token) -> tuple[Aggregate, Dimension | None]:
+        self.has_statistics = True
+        if not self.statistics_allowed:
+            place = (token.start, token.end)
+            self._semantics.findings.append(
+                errors.misplaced_statistic(self._text, place, token.text)
+            )
+        inner = self.operand()
+        node = inner.node
+        vehicle = _subject(node)
+        if not isinstance(node, Read | Distance | Separation) or inner.dimension is None:
+            node = self._no_statistic(inner)
+        state = None
+        if self._tokens.skip("in"):
+            state = self._semantics.state(vehicle or "", self._tokens.name("a state"))
+            if vehicle is None and inner.node is not None and not inner.is_broken:
+                message = f"`{inner.source}` belongs to no one vehicle that could be in `{state}`"
+                self._semantics.mismatch(inner, message, "of no one vehicle", "leave `in ...` away")
+        function = cast(Function, token.text)
+        return Aggregate(function, node, vehicle if state else None, state), inner.dimension
+
+    def _no_statistic(self, inner: Operand) -> Read:
+        if inner.node is None and not is_quantity(inner):
+            self._semantics.unknown_name(inner)
+        else:
+            message = f"there is no statistic of `{inner.source}`"
+            self._semantics.mismatch(inner, message, "not measured in numbers", "")
+        return Read(None, "elapsed")
+
+
+class _Cursor:
+    """Walks along the tokens of a text. Raises Unreadable where another token is needed."""
+
+    def __init__(self, text: Text) -> None:
+        self._text = text
+        self._tokens = tokens_of(text.text)
+        self._next = 0
+
+    def peek(self, ahead: int = 0) -> Token:
+        return self._tokens[min(self._next + ahead, len(self._tokens) - 1)]
+
+    def take(self) -> Token:
+        token = self.peek()
+        self._next += 1
+        return token
+
+    def skip(self, word: str) -> bool:
+        found = self.peek().text == word
+        self._next += found
+        return found
+
+    def expect(self, word: str) -> None:
+        if not self.skip(word):
+            raise errors.unreadable(self._text, self.peek(), f"`{word}`")
+
+    def behind(self) -> int:
+        """Where the last token that was taken ends."""
+        return self._tokens[self._next - 1].end if self._next else 0
+
+    def name(self, what: str) -> Token:
+        if self.peek().kind != "name":
+            raise errors.unreadable(self._text, self.peek(), what)
+        return self.take()
+
+    def operator(self) -> ComparisonOperator:
+        token = self.peek()
+        if token.kind != "operator":
+            raise errors.unreadable(self._text, token, "a comparison such as `<`")
+        return cast(ComparisonOperator, self.take().text)
 
 
 def _is_statistic(condition: Condition) -> bool:
@@ -200,3 +408,12 @@ def _is_statistic(condition: Condition) -> bool:
         and isinstance(condition.left, Aggregate)
         and isinstance(condition.right, Aggregate | Quantity)
     )
+
+
+def _subject(node: object) -> str | None:
+    """The vehicle that a value is about: of a distance, the first that is named."""
+    if isinstance(node, Read):
+        return node.vehicle
+    if isinstance(node, Distance):
+        return node.a.vehicle or node.b.vehicle
+    return None

@@ -1,21 +1,32 @@
-"""Walking along the tokens of an expression, and what is common to every rule of its grammar: names
-that must exist, quantities that must have a dimension, findings."""
+"""What an expression means: names that must exist, quantities that must have a dimension, and the
+two sides of a comparison, which must fit together. What does not becomes a finding."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple
 
 from kybflow.core.errors import UnitError
 from kybflow.core.geometry import ZERO, Vec3
-from kybflow.core.units import Dimension, parse_quantity
+from kybflow.core.units import NUMBER, RATIO, Dimension, article, parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, goals_like
 from kybflow.dsl.diagnostics.spans import PREFIX, Text
 from kybflow.dsl.expressions import errors
-from kybflow.dsl.expressions.tokens import Token, tokens_of
-from kybflow.dsl.expressions.tree import Aggregate, ComparisonOperator, Value
-from kybflow.parts.observables import OBSERVABLES
+from kybflow.dsl.expressions.tokens import Token
+from kybflow.dsl.expressions.tree import (
+    Aggregate,
+    Compare,
+    ComparisonOperator,
+    Condition,
+    InState,
+    Not,
+    Quantity,
+    Read,
+    Value,
+    Word,
+)
+from kybflow.parts.observables import OBSERVABLES, chains_of
 
 HEALTH: Mapping[str, str] = {"age": "estimate.age", "spread": "estimate.spread"}
 """What an estimator's health may read, and the observable it stands for."""
@@ -51,57 +62,18 @@ class Operand(NamedTuple):
     is_broken: bool = False
 
 
-class Cursor:
-    """The lower third of the parser. Unknown names and wrong units become findings; only text that
-    can't be read at all stops it, with Unreadable."""
+STAND_IN = Quantity(0.0, NUMBER)
+"""Stands where a finding says why there is nothing."""
+
+
+class Semantics:
+    """Judges the names, types and units of one expression. Unknown names and wrong units become
+    findings, with a stand-in for what they should be, so that the rest is judged too."""
 
     def __init__(self, text: Text, scope: Scope) -> None:
         self.text = text
         self.scope = scope
         self.findings: list[Diagnostic] = []
-        self.statistics_allowed = False
-        self.statistics_seen = False
-        self._tokens = tokens_of(text.text)
-        self._next = 0
-
-    def peek(self, ahead: int = 0) -> Token:
-        return self._tokens[min(self._next + ahead, len(self._tokens) - 1)]
-
-    def take(self) -> Token:
-        token = self.peek()
-        self._next += 1
-        return token
-
-    def skip(self, word: str) -> bool:
-        found = self.peek().text == word
-        self._next += found
-        return found
-
-    def expect(self, word: str) -> None:
-        if not self.skip(word):
-            raise errors.unreadable(self.text, self.peek(), f"`{word}`")
-
-    def behind(self) -> int:
-        """Where the last token that was taken ends."""
-        return self._tokens[self._next - 1].end if self._next else 0
-
-    def name(self, what: str) -> Token:
-        if self.peek().kind != "name":
-            raise errors.unreadable(self.text, self.peek(), what)
-        return self.take()
-
-    def operator(self) -> ComparisonOperator:
-        token = self.peek()
-        if token.kind != "operator":
-            raise errors.unreadable(self.text, token, "a comparison such as `<`")
-        return cast(ComparisonOperator, self.take().text)
-
-    def quantity(self, dimension: Dimension) -> float:
-        token = self.peek()
-        if token.kind != "quantity":
-            raise errors.unreadable(self.text, token, f"a {dimension.name}")
-        self.take()
-        return self.measured(token.text, (token.start, token.end), dimension, "")
 
     def vehicle(self, token: Token) -> str:
         if token.text in self.scope.groups:
@@ -149,7 +121,7 @@ class Cursor:
             self.findings.append(found)
             return 0.0
 
-    def _names(self) -> list[str]:
+    def _readable(self) -> list[str]:
         """Every name that could stand where a value is read."""
         if self.scope.kind == "health":
             return list(HEALTH)
@@ -165,7 +137,7 @@ class Cursor:
             token = Token("name", rest, side.end - len(rest), side.end)
             self.unknown(token, f"`{rest}` of `{first}` is unknown", OBSERVABLES)
         else:
-            self.unknown(token, f"`{side.source}` is unknown", self._names())
+            self.unknown(token, f"`{side.source}` is unknown", self._readable())
 
     def unknown(self, token: Token, message: str, known: Collection[str]) -> None:
         place = (token.start, token.end)
@@ -175,6 +147,90 @@ class Cursor:
         place = (side.start, side.end)
         self.findings.append(errors.mismatch(self.text, place, message, label, way_out))
 
+    def compared(self, left: Operand, operator: ComparisonOperator, right: Operand) -> Condition:
+        """The comparison, its sides brought to one dimension; `behavior == CHAIN` asks whether the
+        vehicle is anywhere inside of the chain."""
+        a, b = left.node, right.node
+        if left.is_broken or right.is_broken:
+            return Compare(operator, STAND_IN, STAND_IN)
+        if a is None and b is None:
+            return self._nothing_known(left, operator, right)
+        a = a if a is not None else self._beside(left, right)
+        b = b if b is not None else self._beside(right, left)
+        if left.node is not None and right.node is not None:
+            self._same_type(left, right)
+        if operator not in ("==", "!=") and left.dimension is right.dimension is None:
+            message = "names are compared with `==` and `!=`"
+            self.mismatch(right, message, "names have no order", "")
+        return self._in_chain(a, operator, b) or Compare(operator, a, b)
+
+    def _in_chain(self, a: object, operator: ComparisonOperator, b: object) -> Condition | None:
+        read, word = (a, b) if isinstance(a, Read) else (b, a)
+        if not isinstance(read, Read) or not isinstance(word, Word) or read.name != "behavior":
+            return None
+        vehicle = read.vehicle or self.scope.own or ""
+        states = self.scope.vehicles.get(vehicle, ())
+        if not any(word.text in chains_of(state) for state in states):
+            return None
+        inside = InState(vehicle, word.text)
+        if operator == "==":
+            return inside
+        return Not(inside) if operator == "!=" else None
+
+    def _nothing_known(
+        self, left: Operand, operator: ComparisonOperator, right: Operand
+    ) -> Compare:
+        words = [side for side in (left, right) if not is_quantity(side)]
+        for word in words:
+            self.unknown_name(word)
+        if not words:
+            message = "both sides are written out: this never changes"
+            self.mismatch(left, message, "a constant", "compare with something that is measured")
+        return Compare(operator, STAND_IN, STAND_IN)
+
+    def _beside(self, side: Operand, other: Operand) -> Value:
+        """What a quantity or a bare word means next to `other`."""
+        place = (side.start, side.end)
+        told = f"`{other.source}` is {type_name(other.dimension)}"
+        if is_quantity(side) and other.dimension is not None:
+            value = self.measured(side.source, place, other.dimension, told)
+            if other.dimension is RATIO and not 0.0 <= value <= 1.0:
+                self.findings.append(errors.never_reached(self.text, place, other.source))
+            return Quantity(value, other.dimension)
+        if is_quantity(side):
+            self.mismatch(side, f"{told}, `{side.source}` is a quantity", "a quantity", "")
+            return STAND_IN
+        if other.dimension is None and isinstance(other.node, Read):
+            return self._word(Token("name", side.source, *place), other.node)
+        self.unknown_name(side)
+        return STAND_IN
+
+    def _word(self, token: Token, read: Read) -> Word:
+        vehicle = read.vehicle or self.scope.own or ""
+        known: Collection[str] | None = None
+        if read.name == "behavior":
+            known = self.scope.vehicles.get(vehicle)
+        elif read.name == "estimator":
+            known = self.scope.estimators.get(vehicle)
+        words = OBSERVABLES[read.name].words
+        if words and token.text not in words:
+            self.unknown(token, f"`{read.name}` is never `{token.text}`", words)
+        if known is not None and token.text not in known:
+            message = f"`{vehicle}` has no {read.name} `{token.text}`"
+            self.unknown(token, message, known)
+        return Word(token.text)
+
+    def _same_type(self, left: Operand, right: Operand) -> None:
+        if left.dimension is right.dimension:
+            return
+        a, b = type_name(left.dimension), type_name(right.dimension)
+        message = f"`{left.source}` is {a}, but `{right.source}` is {b}"
+        self.mismatch(right, message, b, "")
+
 
 def is_quantity(side: Operand) -> bool:
     return side.node is None and (side.source[0] in "+-." or side.source[0].isdigit())
+
+
+def type_name(dimension: Dimension | None) -> str:
+    return "a name" if dimension is None else article(dimension.name)
