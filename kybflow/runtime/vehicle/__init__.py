@@ -1,3 +1,3 @@
-"""One vehicle, composed: what it knows, what it decides, what it sends. The engine calls `sense`
-and `act`.
+"""One vehicle, composed of what it knows, what it decides and what it sends. The engine calls
+`Vehicle.sense` and `Vehicle.act`.
 """

@@ -1,20 +1,20 @@
-"""What keeps the estimate continuous when a vehicle changes its estimator.
+"""Keeps the estimate continuous when a vehicle changes its estimator.
 
-The new one is elsewhere by x in position and by v in velocity, as the last output goes on for a
-tick. Both are added to it and decay, critically damped, so that the output begins where and as fast
-as the last one and its velocity is always the derivative of its position:
+The last output, extrapolated by a tick, differs from the new estimate by x in position and by v in
+velocity. Both are added to the new estimate and decay, critically damped, so that the output starts
+at the last position and velocity and its velocity is always the derivative of its position:
 
     x(t) = (x + (v + n x) t) exp(-n t),   n = 1.5 1/s
 
-It moves at most by n / e = 0.55 of x a second; a tracker with TeleKyb's gains (9.0, 7.5) follows
-that within 2 cm for the largest x. The heading is treated in the same way, by turning about world
-z, its rate left alone.
+The offset moves by at most n / e = 0.55 of x per second; a tracker with TeleKyb's gains (9.0, 7.5)
+follows that within 2 cm for the largest x. The heading is blended likewise, by a rotation about
+world z; the body rates stay unchanged.
 
-An output that is more than 0.3 m or 20 degrees from the new estimate was wrong, and one must not
-fly on a lie for seconds: then nothing is added, and the estimate steps. The processor
-`position_error` sees the step and brakes at the place that is now believed. 0.3 m is also how far a
-behavior that is entered trusts its setpoint (`Entry.position`). A velocity that differs by more
-than 0.5 m/s was noise: the new one counts at once, and the position's offset decays from rest.
+If the last output is more than 0.3 m or 20 degrees from the new estimate, it was wrong: nothing is
+added, and the estimate steps. The processor `position_error` detects the step and brakes at the new
+position. 0.3 m is also the distance within which a new behavior trusts its last setpoint
+(`Entry.position`). A velocity difference of more than 0.5 m/s is treated as noise: the new velocity
+counts at once, and the position offset decays from rest.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from kybflow.core.units import DEG
 DECAY = 1.5
 FARTHEST, FASTEST, WIDEST = 0.3, 0.5, 20.0 * DEG
 OVER = 8.0
-"""Seconds after which nothing that counts is left, 20 micrometres of the largest offset."""
+"""Seconds after which 20 micrometres of the largest offset are left."""
 
 
 class EstimateBlend:
-    """The offset from a switch at `time` on."""
+    """The decaying offset after a change of estimator at `time`."""
 
     __slots__ = ("_position", "_pull", "_turn", "_velocity", "time")
 
@@ -54,8 +54,8 @@ class EstimateBlend:
 
     @classmethod
     def between(cls, last: Estimate, new: Estimate) -> tuple[float, EstimateBlend | None]:
-        """(metres from `new` to where the `last` output would be now, the blend of the two; None
-        where the estimate is to step)."""
+        """Return (metres from `new` to the extrapolated `last` output, their blend or None if the
+        estimate must step)."""
         gone = (new.time - last.time) / NS
         position = sub(add(last.position, scale(last.velocity, gone)), new.position)
         velocity = sub(last.velocity, new.velocity)
@@ -68,7 +68,7 @@ class EstimateBlend:
         return far, cls(new.time, position, velocity, turn)
 
     def applied(self, estimate: Estimate) -> Estimate:
-        """`estimate` with what is left of the offset at its time."""
+        """Return `estimate` plus the offset that is left at its time."""
         t = (estimate.time - self.time) / NS
         fading = exp(-DECAY * t)
         pull = self._pull

@@ -1,6 +1,7 @@
-"""From the active behavior to a command: behavior ─► processors ─► tracker ─► command.
+"""Turns the active behavior into commands: behavior ─► processors ─► tracker ─► command.
 
-Processors and tracker are made anew at each take-off, so that nothing is left of the last flight.
+Processors and tracker are constructed anew for each take-off, so that they keep no state of the
+last flight.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ Commanded = tuple[Command, Setpoint | None]
 
 _Process = Callable[[Setpoint, Tick], Setpoint | Alarm]
 _LEAST_HOVER, _MOST_HOVER = 0.5, 2.0
-"""Parts of the airframe's weight between which a tracker's belief of the hover thrust counts."""
+"""Plausible range of a tracker's hover thrust, as a fraction of the airframe's weight."""
 
 
 class Control:
-    """followed: the setpoint that the tracker followed last, None while there is none. Raises
-    PartFailed for a part that can't be made."""
+    """followed: the setpoint that the tracker followed last, None without one. Raises PartFailed
+    for a part that can't be constructed."""
 
     def __init__(
         self,
@@ -52,7 +53,7 @@ class Control:
         self.renew()
 
     def renew(self) -> None:
-        """Make the processors and the tracker anew."""
+        """Construct the processors and the tracker anew."""
         params, context = self._params, self._context
         processors: dict[str, Processor[Any]] = {
             part.label: make(part, params[part.label], context) for part in self._plan.processors
@@ -62,19 +63,19 @@ class Control:
         self._active: tuple[tuple[str, _Process], ...] = ()
 
     def select(self, off: Set[str]) -> None:
-        """Choose the processors of the active behavior: all in the air, only those for safety from
-        take-off to touch-down; without those whose labels are in `off`."""
+        """Select the processors of the active behavior: all if it stays in the air, only those for
+        safety if it takes off or lands; never those whose labels are in `off`."""
         in_air = self._activity.stays_in_air
         self._active = tuple(
-            (label, processor.__call__)  # called as a method it costs less than as an object
+            (label, processor.__call__)  # faster than calling the object
             for label, processor in self._processors.items()
             if (in_air or processor.safety) and label not in off
         )
 
     def steer(self, tick: Tick) -> Commanded | None:
-        """Return the command of this tick; None where the vehicle does something else from now on,
-        and must be steered anew. Raises whatever a part raises, and ValueError for a setpoint or a
-        command that is not finite, or rests the rotors in the air."""
+        """Return the command of this tick, None if the state changed and `steer` must be called
+        again. Raises whatever a part raises, and ValueError for a setpoint or a command that is not
+        finite or would stop the rotors in the air."""
         activity = self._activity
         if self._output.arming is not None:
             activity.wait(tick.dt)
@@ -100,7 +101,7 @@ class Control:
         return None if command is None else (command, output)
 
     def _tracked(self, setpoint: Setpoint, tick: Tick) -> Command | None:
-        """Process and track a setpoint; None where a processor's alarm puts it out of date."""
+        """Process and track a setpoint; return None if a processor's alarm changed the state."""
         part = ""
         try:
             for part, process in self._active:
@@ -125,7 +126,7 @@ class Control:
         return command
 
     def _landing(self, tick: Tick) -> Commanded | None:
-        """Land by the vehicle's own land mode; once it refuses, the state begins anew."""
+        """Land by the vehicle's own land mode; if it refuses, enter the current state again."""
         self.followed = None
         activity, plan = self._activity, self._plan
         try:
@@ -138,16 +139,16 @@ class Control:
         return (RESTING if landed else HANDED_OVER), None
 
     def blame(self, error: Exception) -> tuple[PartFailed, bool]:
-        """Return what failed when `error` was raised, and whether nothing can do without it: a
-        processor is left out from now on."""
+        """Return the failure of the part that raised `error`, and whether the vehicle needs it to
+        fly. A processor is not needed and is removed."""
         part, self._raised = self._raised or self._activity.state.behavior.label, ""
         failure = error if isinstance(error, PartFailed) else PartFailed(part, error)
         self._active = tuple(active for active in self._active if active[0] != failure.part)
         return failure, self._processors.pop(failure.part, None) is None
 
     def hover_thrust(self) -> float:
-        """Newtons that hold the vehicle, as the tracker believes in the air; the airframe's weight
-        where it can't be asked."""
+        """Return the thrust that holds the vehicle (N): in the air the tracker's estimate if
+        that is plausible, else the airframe's weight."""
         weight = self._context.airframe.hover_thrust
         if not self._activity.airborne:
             return weight
@@ -158,5 +159,5 @@ class Control:
         return believed if _LEAST_HOVER <= believed / weight <= _MOST_HOVER else weight
 
     def parts(self) -> dict[str, Any]:
-        """Return the living parts by label."""
+        """Return the processors and the tracker by label."""
         return {**self._processors, self._tracker_label: self._tracker}

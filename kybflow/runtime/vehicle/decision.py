@@ -1,4 +1,4 @@
-"""What a vehicle does next: supervisors first, then who asks, then the mission's transitions."""
+"""Decides what a vehicle does: supervisors first, then requests, then the mission's transitions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kybflow.runtime.vehicle.requests import Requests
 
 
 class Decision:
-    """Changes the state of `activity`, and makes the others fit the state that was entered."""
+    """Changes the state of `activity` and adapts the other collaborators to the new state."""
 
     def __init__(
         self,
@@ -31,7 +31,7 @@ class Decision:
         self._knowledge = knowledge
 
     def decide(self, tick: Tick) -> Tick:
-        """Decide; return the tick as the active behavior sees it."""
+        """Decide on the state; return the tick for its behavior."""
         activity = self._activity
         if activity.hold is not None:
             activity.wait(tick.dt)
@@ -49,14 +49,13 @@ class Decision:
         return self.settle(tick) if activity.changed else tick
 
     def answer(self, now: Time) -> None:
-        """Answer what is asked of the vehicle."""
+        """Answer the waiting requests."""
         if self._requests.waiting:
             self._requests.answer(now)
             self._control.select(self._requests.off)
 
     def settle(self, tick: Tick) -> Tick:
-        """Make everything fit the state that was entered, if one was; return the tick as its
-        behavior sees it."""
+        """Adapt everything to a state that was entered; return the tick for its behavior."""
         activity = self._activity
         if not activity.changed:
             return tick

@@ -1,10 +1,10 @@
-"""Which estimator a vehicle flies on: the first healthy one of its list, with hysteresis.
+"""Selects the estimator that a vehicle flies on: the first healthy one listed, with hysteresis.
 
-Where none has been healthy for long enough, one that has become so just now is better than none:
-hysteresis keeps from changing to and fro, not from flying. One that raises, or whose estimate is
-not finite, is not asked again. The others are told in every tick what the one in use estimates. A
-behavior may name those that come first while it is active. Where the one in use changes, the
-estimate goes on without a step (`kybflow.runtime.vehicle.blending`).
+If none has been healthy for long enough, one that has just become healthy is used: hysteresis
+prevents toggling, not flying. An estimator that raises or gives an estimate that is not finite is
+removed. In every tick the others can align with the estimate in use (`Estimator.anchor`). A
+behavior may name estimators that it prefers. `kybflow.runtime.vehicle.blending` smooths the change
+from one estimator to another.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ Known = Callable[[frozenset[MeasurementKind]], str]
 
 
 class Candidate:
-    """One estimator of the list with its health; also the view that its health condition reads:
-    `age` and `spread` are those of the last estimate.
+    """One estimator of the list with its health, and the view that its health condition reads, with
+    the `age` and `spread` of its last estimate.
 
-    It is healthy while its condition holds. Once it was not, it must hold for `recover_after`
-    seconds before it is preferred to another again; to none at all it is preferred at once.
-    `for_at_most` bounds the time in which it may be used: the time of use is counted, and counted
-    back while another is used. Spent, it may be used again when all is counted back, so that
-    neither a moment's health of another nor none at all renews it.
+    It is healthy while its condition holds. After a loss of health, the condition must hold for
+    `recover_after` seconds before the estimator is chosen over another; if there is no other, it is
+    used at once. `for_at_most` limits the time of use, which is counted up while this estimator is
+    in use and down while another is. Once spent, it may be used again when the count is zero, so
+    that a moment on another estimator doesn't renew it.
     """
 
     def __init__(self, plan: EstimatorPlan, context: VehicleContext) -> None:
@@ -64,8 +64,8 @@ class Candidate:
         return bind(healthy, {self.name: self}, self.name, lambda: 0.0)
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> bool:
-        """Take the measurements; whether the estimator may be used now. Raises whatever the part
-        raises, and ValueError for an estimate that is not finite."""
+        """Process the measurements; return whether the estimator may be used now. Raises whatever
+        the part raises, and ValueError for an estimate that is not finite."""
         self.estimate = estimate = self.part.update(measurements, now)
         if estimate is not None:
             checked_estimate(estimate)
@@ -81,28 +81,28 @@ class Candidate:
 
     @property
     def is_bounded(self) -> bool:
-        """Whether it may be used for a time only."""
+        """Whether its time of use is limited."""
         return self._at_most is not None
 
     @property
     def is_usable(self) -> bool:
-        """Better than nothing: healthy now, however short, and not spent."""
+        """Whether it is healthy, however briefly, and not spent."""
         return self._healthy_since is not None and not self._is_spent
 
     def count(self, passed: Time, used: Candidate) -> None:
-        """In the last `passed` nanoseconds `used` was flown on. Only where its time is bounded."""
+        """Count `passed` nanoseconds in which `used` was in use. Requires `is_bounded`."""
         assert self._at_most is not None
         self._used = self._used + passed if used is self else max(self._used - passed, 0)
         self._is_spent = self._used >= self._at_most or (self._is_spent and self._used > 0)
 
     @property
     def is_starved(self) -> bool:
-        """Whether what came to it is why it can't be used now."""
+        """Whether it is unhealthy because of its measurements and not because it raised."""
         return not self.has_failed and self._healthy_since is None
 
     @property
     def trouble(self) -> str:
-        """Why it can't be used now, in words; empty while it can."""
+        """Why it can't be used now, in words; empty if it can."""
         estimate = self.estimate
         if self.has_failed:
             return f"`{self.name}` failed"
@@ -123,8 +123,8 @@ class Candidate:
 
 
 class Estimation:
-    """The list of a vehicle's estimators. `report` is told of one that has failed. `known` says
-    what is known to be wrong with measurements of these kinds, in words; nothing for nothing."""
+    """A vehicle's estimators. `report` is called with the failure of one. `known` returns in words
+    what is known to be wrong with the given kinds of measurements, empty for nothing."""
 
     def __init__(
         self,
@@ -149,7 +149,7 @@ class Estimation:
         self._known = known
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
-        """The estimate of the first healthy estimator, None when none is healthy."""
+        """Return the estimate of the first healthy estimator, None without a healthy one."""
         if self._bounded:
             self._count(now)
         chosen: Candidate | None = None
@@ -173,8 +173,8 @@ class Estimation:
         return self._flown
 
     def prefer(self, names: tuple[str, ...]) -> None:
-        """From now on the estimators of these names come first, in this order, then the others in
-        that of the mission."""
+        """Put the estimators of these names first, in this order, before the others in that of the
+        mission."""
         if names == self._preferred:
             return
         self._preferred, self._is_reordered = names, True
@@ -184,11 +184,11 @@ class Estimation:
 
     @property
     def candidates(self) -> Sequence[Candidate]:
-        """The living estimators, those that come first at present first."""
+        """The estimators that have not failed, in the current order of preference."""
         return self._candidates
 
     def kill(self, names: frozenset[str]) -> None:
-        """Let the estimators of these names fail as if they had raised."""
+        """Fail the estimators of these names as if they had raised."""
         for candidate in self._candidates:
             if candidate.name in names:
                 self._fail(candidate, RuntimeError("killed by a fault of the mission"))
@@ -199,7 +199,7 @@ class Estimation:
         return self._in_use.name if self._in_use is not None else None
 
     def parts(self) -> dict[str, Any]:
-        """The living estimators by label."""
+        """Return the estimators that have not failed, by label."""
         return {candidate.label: candidate.part for candidate in self._candidates}
 
     def _count(self, now: Time) -> None:
@@ -210,7 +210,7 @@ class Estimation:
                 candidate.count(passed, used)
 
     def _anchor(self, estimate: Estimate) -> None:
-        """Tell the others what the vehicle flies on, without what is left of an offset."""
+        """Pass the estimate in use, without a blend's offset, to the other estimators."""
         for candidate in self._candidates:
             if candidate.anchors and candidate is not self._in_use:
                 try:
@@ -225,7 +225,7 @@ class Estimation:
         self._report(PartFailed(failed.label, error))
 
     def _gain(self, name: str) -> str:
-        """Why another is flown on though nothing is wrong with the last one."""
+        """Return why `name` replaces an estimator that nothing is wrong with."""
         if not self._is_reordered:
             return f"`{name}` is healthy again"
         return f"`{name}` comes first {'in this behavior' if self._preferred else 'again'}"
@@ -239,7 +239,7 @@ class Estimation:
         return self._blend.applied(estimate)
 
     def _why(self, previous: Candidate) -> str:
-        """Why it can't be used any more, and what is known of that; empty where it can."""
+        """Return why `previous` can't be used any more and the known cause; empty if it can."""
         known = self._known(previous.uses) if previous.is_starved else ""
         return f"{previous.trouble}; {known}" if known else previous.trouble
 

@@ -1,6 +1,6 @@
 """What a vehicle knows: measurements of its link and its sensors ─► monitors ─► estimate.
 
-It only takes in; what is sent stands in `output`.
+This module only receives; `output` sends.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ _Take = Callable[[Any, Time], None]
 
 
 class _Stream:
-    """The measurements of one kind. began: when the first arrived, count: how many did. take: who
-    is told of each."""
+    """The measurements of one kind. began: when the first arrived. count: how many arrived. take:
+    called with each one."""
 
     __slots__ = ("began", "count", "take")
 
@@ -51,10 +51,10 @@ class _Stream:
 
 
 class Knowledge:
-    """The newest of each measurement, and the estimate that they make; None for what never came.
+    """The estimate and the latest measurements of each kind, None before the first.
 
-    resting: what the IMU felt when the rotors rested last. needs: the kinds of measurement that the
-    estimators use. `report` is called with a part that has failed.
+    resting: the accelerometer's bias at rest. needs: the kinds of measurement that the estimators
+    use. `report` is called with the failure of a part.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Knowledge:
         link.subscribe(self.needs)
 
     def update(self, now: Time, in_air: bool) -> None:
-        """Take in what arrived and renew the estimate. in_air: whether the vehicle flies."""
+        """Read the measurements and update the estimate. in_air: whether the vehicle flies."""
         measurements = self.link.listen(now, self._accepted)
         if self.sensing.streams:
             measurements = self.sensing.joined(measurements, now, self._note)
@@ -107,15 +107,14 @@ class Knowledge:
             self._fleet.note(self._name, self.estimate)
 
     def rate(self, kind: MeasurementKind) -> float:
-        """Return how many measurements of `kind` arrive a second; zero before the third one, and
-        where none arrive any more."""
+        """Return the average rate (Hz) of measurements of `kind`; zero before the third one."""
         stream, now = self._streams.get(kind), self.link.heard
         if stream is None or stream.count < 3 or now is None or now == stream.began:
             return 0.0
         return (stream.count - 1) * NS / (now - stream.began)
 
     def parts(self) -> dict[str, Any]:
-        """Return the living estimators by label."""
+        """Return the estimators that have not failed, by label."""
         return self.estimation.parts()
 
     def _known(self, kinds: frozenset[MeasurementKind]) -> str:
@@ -126,7 +125,8 @@ class Knowledge:
         return "; ".join(dict.fromkeys(words for words in said if words))
 
     def _accepted(self, measurements: Sequence[Measurement], now: Time) -> Sequence[Measurement]:
-        """Return what counts of the link's measurements; it is noted."""
+        """Note and return the link's measurements that count: those that are plausible and that no
+        sensor replaces."""
         measurements = self.sensing.left_of(measurements, now)
         self._note(measurements, now)
         return measurements
@@ -142,8 +142,8 @@ class Knowledge:
                 stream.take(measurement, now)
 
     def _open_stream(self, kind: MeasurementKind, now: Time) -> _Stream:
-        """Begin to count measurements of a kind. A kind that is not named here concerns none but
-        the estimators."""
+        """Start to count measurements of a kind. Kinds without a method here are used only by the
+        estimators."""
         takers: dict[MeasurementKind, _Take] = {
             Imu: self._take_imu,
             Battery: self._take_battery,

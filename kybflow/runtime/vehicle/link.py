@@ -1,7 +1,7 @@
-"""A vehicle's link, guarded: what arrives over it and what is sent.
+"""Guards a vehicle's link against exceptions of its driver, for receiving and for sending.
 
-A driver may raise anything. Whatever its link raises fails this vehicle alone and is reported once,
-while reading and sending go on being tried. A refusal is no failure: it is the vehicle's answer.
+Any exception fails this vehicle alone and is reported once; reading and sending are still attempted
+in every tick. `Refused` is not a failure: it is the vehicle's answer to a request.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ T = TypeVar("T")
 SILENCE = 0.3
 """Seconds without a message after which a link that delivers again has returned."""
 ALIVE = 0.5
-"""Seconds since the last message within which a vehicle can be asked for something."""
+"""Seconds since the last message within which a vehicle accepts requests."""
 
 Accept = Callable[[Sequence[Measurement], Time], Sequence[Measurement]]
 
 
 class LinkHealth:
-    """error: what the link said when it failed, None while it works. age: seconds since something
-    of the vehicle itself arrived, or since the link was first read."""
+    """error: the first exception of the link in words, None while it works. age: seconds since the
+    vehicle's last message, or since the link was first read."""
 
     __slots__ = ("_driver", "_report", "age", "error")
 
@@ -59,13 +59,13 @@ class LinkHealth:
         self._driver, self._report = driver, report
 
     def fail(self, error: Exception) -> None:
-        """Report a failure of the link; only the first one counts."""
+        """Report a failure of the link. Only the first call counts."""
         if self.error is None:
             self.error = described(error)
             self._report(PartFailed(self._driver, error))
 
     def attempt(self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
-        """Call a method of the link; return None when it raises, which is reported."""
+        """Call a method of the link. Report an exception and return None."""
         try:
             return call(*args, **kwargs)
         except Exception as error:  # a driver may raise anything
@@ -73,7 +73,7 @@ class LinkHealth:
             return None
 
     def ask(self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
-        """Call a method of the link that the vehicle may refuse. Raises Refused with its answer."""
+        """Call a method of the link as `attempt` does, but raise Refused if the vehicle refuses."""
         try:
             return call(*args, **kwargs)
         except Refused:
@@ -84,9 +84,9 @@ class LinkHealth:
 
 
 class LinkIn:
-    """What arrives. truth: what a simulator knows of the vehicle, None without one. heard: when
-    measurements arrived last, None before the first read. rig: what faults break, None on hardware.
-    """
+    """Receives measurements. truth: a simulator's ground truth, None on hardware. heard: when
+    measurements arrived last, None before the first read. rig: takes the effects of faults, None on
+    hardware."""
 
     def __init__(self, plan: VehiclePlan, link: Link, health: LinkHealth, events: Events) -> None:
         self.truth: Truth | None = None
@@ -100,14 +100,14 @@ class LinkIn:
         self._subscribed: frozenset[MeasurementKind] = frozenset()
 
     def listen(self, now: Time, accept: Accept) -> Sequence[Measurement]:
-        """Read the link; return what `accept` keeps of it."""
+        """Read the link; return the measurements that `accept` keeps."""
         measurements: Sequence[Measurement] = ()
         try:
             measurements = self._read(now)
             self.truth = self._truth()
             if measurements or self.heard is None:
                 if self._link.is_heard or self._alive is None:
-                    self._greet(now)
+                    self._note_alive(now)
                 self.heard = now
                 measurements = accept(measurements, now)
         except Exception as error:  # a driver may raise anything
@@ -123,7 +123,7 @@ class LinkIn:
         return measurements
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
-        """Ask the link for these kinds too from now on."""
+        """Subscribe to these kinds of measurement too."""
         if kinds <= self._subscribed:
             return
         self._subscribed |= kinds
@@ -136,8 +136,8 @@ class LinkIn:
             return ()
         return self._health.attempt(self._link.checks, now) or ()
 
-    def _greet(self, now: Time) -> None:
-        """Note that something of the vehicle itself arrived."""
+    def _note_alive(self, now: Time) -> None:
+        """Note a message of the vehicle itself; publish `link_returned` after a silence."""
         if self._alive is not None and now - self._alive > SILENCE * NS:
             silence = (now - self._alive) / NS
             self._events.tell("link_returned", self._vehicle, self._at, value=silence)
@@ -145,7 +145,7 @@ class LinkIn:
 
 
 class LinkOut:
-    """What is sent. tells_position: whether the vehicle wants to know its position."""
+    """Sends commands and requests. tells_position: the vehicle takes an external position."""
 
     def __init__(self, plan: VehiclePlan, link: Link, health: LinkHealth) -> None:
         self._link, self._health, self._send = link, health, link.send
@@ -160,23 +160,23 @@ class LinkOut:
 
     @property
     def override(self) -> Override | None:
-        """Why the vehicle doesn't follow though its link works; None while it follows."""
+        """Why the vehicle doesn't follow commands over a working link, None while it does."""
         return self._link.override
 
     @property
     def armed(self) -> bool | None:
-        """Whether its rotors may turn, as the vehicle says; None where it says nothing."""
+        """Whether the vehicle reports itself armed; None where it reports nothing."""
         return self._link.armed
 
     def send(self, command: Command, now: Time) -> None:
-        """Hand over a command."""
+        """Send a command."""
         try:
             self._send(command, now)
         except Exception as error:  # a driver may raise anything
             self._health.fail(error)
 
     def arm(self, command: Command, now: Time) -> bool:
-        """Ask the vehicle to get ready to follow; return whether it is. Raises Refused."""
+        """Request arming and command mode; return whether the vehicle is ready. Raises Refused."""
         return self._arm is None or bool(self._health.ask(self._arm, command, now))
 
     def cut(self, now: Time) -> None:
@@ -185,33 +185,33 @@ class LinkOut:
             self._health.attempt(self._cut, now)
 
     def reclaim(self, now: Time) -> None:
-        """Ask for a vehicle back that somebody else has."""
+        """Request control back from a pilot."""
         if self._reclaim is not None:
             self._health.attempt(self._reclaim, now)
 
     def tell_position(self, estimate: Estimate, now: Time) -> None:
-        """Tell the vehicle where it is."""
+        """Send the vehicle its position from outside."""
         if self._tell_position is not None:
             self._health.attempt(self._tell_position, estimate, now)
 
     def grip(self, is_open: bool, now: Time) -> None:
-        """Open or close the servo that holds the payload. Raises Refused."""
+        """Open or close the payload's servo. Raises Refused."""
         if self._grip is None:
             raise Refused("it has no servo for a payload")
         self._health.ask(self._grip, is_open, now)
 
     @property
     def can_land(self) -> bool:
-        """Whether the vehicle has a land mode of its own and can be asked for it now."""
+        """Whether the vehicle has its own land mode and can be requested to use it now."""
         return self._lands and self._health.error is None and self._health.age <= ALIVE
 
     def lands_itself(self, reaction: Reaction) -> bool:
-        """Whether its own land mode is preferred to the state that `reaction` would enter."""
+        """Return whether the vehicle's own land mode replaces the state of `reaction`."""
         fit = reaction is Reaction.LAND or (reaction is Reaction.LAND_BLIND and self._lands_blind)
         return fit and self.can_land
 
     def land(self, now: Time) -> bool:
-        """Ask for the vehicle's own land mode; return whether it has landed. Raises Refused."""
+        """Request the vehicle's own land mode; return whether it has landed. Raises Refused."""
         if self._land is None:
             raise Refused("it has no land mode")
         landed = self._health.ask(self._land, now)

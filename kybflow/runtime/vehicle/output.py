@@ -1,4 +1,4 @@
-"""What a vehicle is sent: commands once it is armed, its payload's servo, and its own land mode."""
+"""Sends a vehicle's commands, after arming it, and operates its payload's servo."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from kybflow.runtime.vehicle.payload import PayloadTracker
 from kybflow.runtime.vehicle.resting_bias import RestingBias
 
 RESTING = Command(LEVEL, 0.0, ZERO, None, False)
-"""What a vehicle on the ground is sent: rotors at rest."""
+"""The command of a vehicle on the ground: rotors at rest."""
 
 
 class CommandOutput:
-    """sent: the last command. arming: the command for which the vehicle is being armed, None when
-    it is not; the behavior's time stands still meanwhile."""
+    """sent: the last command. arming: the command that waits for arming, None without one; the
+    behavior's time stands still meanwhile."""
 
     def __init__(
         self,
@@ -35,9 +35,9 @@ class CommandOutput:
         self._payload, self._resting = payload, resting
 
     def deliver(self, command: Command, now: Time) -> Command:
-        """Hand the command of a tick to the link; return what was sent. A vehicle on the ground
-        that is asked for thrust is armed first, which may take seconds; meanwhile, and when it
-        refuses, its rotors rest."""
+        """Send the command of a tick over the link; return what was sent. The first command with
+        thrust arms the vehicle, which may take seconds; meanwhile, and if the vehicle refuses, its
+        rotors rest."""
         if self._activity.land_mode is None:
             if command.armed and not self.sent.armed and not self._armed(command, now):
                 command = RESTING
@@ -50,8 +50,7 @@ class CommandOutput:
         return command
 
     def grip(self, asked: Grip, now: Time) -> None:
-        """Ask for the payload's servo where that makes a difference; a vehicle that refuses fails
-        the behavior."""
+        """Open or close the payload's servo if necessary. A refusal fails the behavior."""
         activity = self._activity
         activity.grip = None
         try:
@@ -61,8 +60,8 @@ class CommandOutput:
             activity.fail(str(refusal))
 
     def _armed(self, command: Command, now: Time) -> bool:
-        """Return whether the vehicle follows commands now. One that refuses stays on the ground,
-        and its behavior has refused to start."""
+        """Request arming; return whether the vehicle follows commands now. A vehicle that refuses
+        stays on the ground, and its behavior counts as refused."""
         self.arming = None
         try:
             if self._link.arm(command, now):

@@ -1,8 +1,8 @@
-"""Who has the vehicle: this program, a pilot, or the vehicle's own failsafe.
+"""Who controls the vehicle: this program, a pilot, or the vehicle's own failsafe.
 
-A vehicle that a pilot took over is sent nothing and decides nothing. `operator.resume` asks for it
-back, and what was frozen goes on from where the vehicle is then; one that is not given back says
-why. A vehicle that its own failsafe took is landed.
+While a pilot has control, the runtime sends no commands and freezes the behavior. `operator.resume`
+requests control back; the behavior then resumes from where the vehicle is, or an event gives the
+reason of the refusal. A vehicle whose own failsafe takes control is landed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from kybflow.runtime.vehicle.reactions import Reactions
 
 
 class ManualOverride:
-    """away: somebody else has the vehicle."""
+    """away: a pilot has control."""
 
     def __init__(
         self,
@@ -45,18 +45,18 @@ class ManualOverride:
 
     @property
     def is_somebodys(self) -> bool:
-        """Whether a person has the vehicle, or had it when it came down."""
+        """Whether a person has control, or had it when the vehicle landed."""
         override = self._link.override
         return self.away or (override is not None and not override.lands)
 
     def reclaim(self, now: Time) -> None:
-        """Ask for the vehicle back where a person has it."""
+        """Request control back from a person."""
         if self.is_somebodys:
             self._refused = ""
             self._link.reclaim(now)
 
     def update(self, tick: Tick, answer: Callable[[Time], None]) -> None:
-        """Note who has the vehicle in this tick. `answer` answers what is asked of it."""
+        """Follow who has control in this tick. `answer` handles requests while a pilot has it."""
         override = self._link.override
         if override is None or not self._activity.airborne:
             self._lost = None
@@ -75,7 +75,7 @@ class ManualOverride:
             self._stand_by(override, tick, answer)
 
     def _stand_by(self, override: Override, tick: Tick, answer: Callable[[Time], None]) -> None:
-        """Freeze the behavior once, answer who asks, and see whether the pilot landed."""
+        """Freeze the behavior once, handle requests, and detect that the pilot landed."""
         activity = self._activity
         if not self.away:
             self.away, self._control.followed = True, None
@@ -86,7 +86,7 @@ class ManualOverride:
             self._tell("control_refused", reason=override.refused)
         self._refused = override.refused
         activity.wait(tick.dt)
-        self._failsafe.check(tick, airborne=False)  # supervisors go on looking; nobody reacts
+        self._failsafe.check(tick, airborne=False)  # supervisors keep their state; no reaction
         answer(tick.now)
         if self._link.armed is False:
             self.away = False
@@ -95,8 +95,7 @@ class ManualOverride:
             activity.go("landed")
 
     def _bring_down(self, override: Override, now: Time) -> None:
-        """Land a vehicle that follows no commands by its own land mode, which is asked for once
-        for each override."""
+        """Request the land mode of a vehicle that follows no commands, once for each override."""
         comes_down = self._activity.machine.state in ("auto_land", "land_blind")
         if override is self._landed_for or not (comes_down and self._link.can_land):
             return
@@ -105,7 +104,7 @@ class ManualOverride:
             self._reactions.land_itself(now)
 
     def _take_back(self) -> None:
-        """Go on with what was frozen, from where the vehicle is now."""
+        """Resume the frozen behavior from where the vehicle is now."""
         if self.away:
             self.away = False
             self._activity.thaw("pilot")

@@ -1,4 +1,4 @@
-"""What is known of a vehicle's payload, and what may be asked of the servo that holds it."""
+"""Tracks a vehicle's payload and decides on requests to its servo."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from kybflow.runtime.events import Events
 
 
 class PayloadTracker:
-    """`state` is where the payload is as the vehicle acknowledged it, None while nobody knows;
-    `releases` is how often it let it go. It is let go once: until the servo has closed again it
-    opens no second time, whoever asks, however often, in whatever state of the mission."""
+    """state: its state as reported by the vehicle, None while unknown. releases: how often
+    the vehicle released it. After a release the servo opens again only once it has closed."""
 
     def __init__(self, vehicle: str, events: Events) -> None:
         self.state: PayloadState | None = None
@@ -19,7 +18,7 @@ class PayloadTracker:
         self._asked: Time | None = None
 
     def wants(self, is_open: bool, now: Time, at: str) -> bool:
-        """Whether the servo should be asked to open or to close."""
+        """Return whether to request the servo to open or to close; it may be so already."""
         if is_open and self.state is PayloadState.RELEASED:
             self._events.tell("payload_already_released", self._vehicle, at)
             return False
@@ -30,7 +29,7 @@ class PayloadTracker:
         return self._said is None or self._said.is_open is not is_open
 
     def hear(self, said: Payload, estimate: Estimate | None, now: Time) -> None:
-        """The vehicle says something of its payload."""
+        """Process a report of the vehicle on its payload."""
         self._said = said
         before, self.state = self.state, self._meant(said)
         if self.state is before:
@@ -45,8 +44,8 @@ class PayloadTracker:
             self._events.tell("payload_loaded", self._vehicle)
 
     def _meant(self, said: Payload) -> PayloadState | None:
-        """An open servo has released what was on board, or what was to be released; unless the
-        vehicle says that it is still there."""
+        """Return the state that a report means. An open servo released what was aboard or was to
+        be released, unless the vehicle reports it as still aboard."""
         if said.is_open and said.aboard:
             return self.state
         if said.is_open:

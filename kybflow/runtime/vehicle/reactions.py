@@ -1,5 +1,4 @@
-"""What alarms do to a vehicle: the failsafe decides on a reaction, which becomes a state, a
-hold or the vehicle's own land mode."""
+"""Carries out the failsafe's reactions: as a state, a hold or the vehicle's own land mode."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.output import CommandOutput
 
 _FALL = 2 * NS
-"""For how long a vehicle whose rotors were cut is watched falling."""
+"""How long a vehicle counts as falling after its rotors were cut."""
 
 
 class Reactions:
@@ -41,12 +40,11 @@ class Reactions:
         return self._activity.airborne and self._output.sent.armed
 
     def falls(self, now: Time) -> bool:
-        """Return whether the rotors were cut just now."""
+        """Return whether the rotors were cut so recently that the vehicle may still fall."""
         return self._cut is not None and now - self._cut < _FALL
 
     def react(self, heard: RaisedAlarm, tick: Tick) -> bool:
-        """Let the failsafe decide on an alarm; return whether the vehicle now does something
-        else."""
+        """Carry out the failsafe's decision on an alarm; return whether it changed anything."""
         activity, airborne = self._activity, self.airborne
         reaction = self._failsafe.decide(heard, tick, airborne, activity.machine.state)
         if reaction is None:
@@ -65,8 +63,7 @@ class Reactions:
         return True
 
     def alarm(self, label: str, alarm: Alarm, tick: Tick) -> bool:
-        """React to the alarm of the part `label`; return whether the vehicle does something
-        else."""
+        """React to an alarm of the part `label`; return whether that changed anything."""
         return self.react(self._failsafe.tell(label, alarm, tick.now), tick)
 
     def lost_estimate(self, tick: Tick) -> bool:
@@ -75,9 +72,9 @@ class Reactions:
         return self.react(RaisedAlarm(lost, self._activity.state.at), tick)
 
     def failed(self, failure: PartFailed, is_needed: bool, tick: Tick) -> None:
-        """A part raised. The vehicle lands; blind when what a landing needs has failed. Its rotors
-        rest when even that has failed, or when they rested before. is_needed: nothing can do
-        without the part."""
+        """React to a part that raised: the vehicle lands, blind if a part that is needed to land
+        failed. The rotors rest if even that failed, or if they rested before. is_needed: the
+        vehicle can't fly without the part."""
         activity, reaction = self._activity, Reaction.LAND
         if is_needed:
             activity.fail(str(failure))
@@ -88,15 +85,14 @@ class Reactions:
         self.react(self._failsafe.failure(failure, reaction, activity.state.at), tick)
 
     def land_itself(self, now: Time) -> None:
-        """Land by the vehicle's own land mode in place of the state that was entered."""
+        """Land by the vehicle's own land mode instead of the behavior that was entered."""
         entry = self._activity.entry()
         height = _height(entry.estimate, entry.context.start[2])
         self._activity.land_mode = LandMode(self._link.land, now, height)
         self._events.tell("land_mode_started", self._plan.name, self._plan.driver.at)
 
     def hold_on(self, now: Time) -> None:
-        """Let go of a hold when the alarms that braked are silent; land when it has lasted too
-        long."""
+        """Release a hold once its braking alarms are silent; land if it has lasted too long."""
         hold, failsafe = self._activity.hold, self._failsafe
         assert hold is not None
         if "brake" in hold.holders and failsafe.release(now):

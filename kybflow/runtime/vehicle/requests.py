@@ -1,9 +1,8 @@
-"""What people, flows and callbacks ask of a vehicle: switch, pause, resume, enable, reset, retire.
+"""Requests of people, flows and callbacks: switch, pause, resume, enable, reset, retire.
 
-A request waits for the vehicle's next `act`, in which it is answered after the supervisors and
-before the mission's own transitions. A refusal is an event with its reason and changes nothing. A
-latched vehicle accepts only what is severer than its reaction, a braked one only what brings it
-down.
+A request waits for the vehicle's next `act`, which answers it after the supervisors and before the
+mission's transitions. A refusal is published as an event with its reason and changes nothing. With
+a latched reaction, a vehicle accepts only severer states; while braked, only those that land it.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ _SAFER = {
     "auto_land": Reaction.LAND,
     "land_blind": Reaction.LAND_BLIND,
 }
-"""The states that make any vehicle safer, and the reaction that entering one amounts to."""
+"""The built-in states that make any vehicle safer, and the reaction that each one equals."""
 _STAYS = frozenset({"auto_land", "landed", "fault"})
 
 
 class Requester(IntEnum):
-    """Who asks; when several do in one tick, the lowest is heard."""
+    """The source of a request; of several in one tick, the lowest value wins."""
 
     OPERATOR = 0
     FLOW = 1
@@ -41,7 +40,7 @@ class Requester(IntEnum):
 
 
 class SwitchRequest(NamedTuple):
-    """To enter `state`; `at` is the mission line that asks."""
+    """A request to enter `state`; `at` is the mission line of its source."""
 
     state: str
     by: Requester
@@ -49,8 +48,8 @@ class SwitchRequest(NamedTuple):
 
 
 class Requests:
-    """waiting: whether anything is asked. off: the processors that are switched off, by label.
-    retired: why the vehicle comes down and stays there, None while it flies its mission."""
+    """waiting: whether a request waits. off: the labels of the processors that are switched off.
+    retired: why the vehicle lands for the rest of the run, None while it flies its mission."""
 
     def __init__(
         self,
@@ -70,28 +69,29 @@ class Requests:
         self._reactions, self._override, self._events = reactions, override, events
 
     def switch(self, state: str, by: Requester, at: str = "") -> None:
-        """Ask the vehicle to enter one of its states."""
+        """Request one of the vehicle's states."""
         self._switches.append(SwitchRequest(state, by, at))
         self.waiting = True
 
     def pause(self, by: str, at: str = "") -> None:
-        """Ask it to come to rest and hold, its behavior and timers frozen, until `resume`."""
+        """Request a hold, with the behavior and its timers frozen, until `resume`."""
         self._order(partial(self._pause, by, at))
 
     def resume(self, by: str, at: str = "") -> None:
-        """Ask it to go on with what it did when it was paused, or when a pilot took it."""
+        """Request that the behavior resumes that a pause or a pilot interrupted."""
         self._order(partial(self._resume, by, at))
 
     def enable(self, label: str, on: bool, by: str, at: str = "") -> None:
-        """Ask it to use the processor `label` again, or no more."""
+        """Request to switch the processor `label` on or off."""
         self._order(partial(self._enable, label, on, by, at))
 
     def reset(self, by: str, at: str = "") -> None:
-        """Ask it to forget its fault and where it stood, on the ground: a person was there."""
+        """Request to clear the fault and the resting place of a vehicle on the ground, after a
+        person has checked it."""
         self._order(partial(self._reset, by, at))
 
     def retire(self, reason: str) -> None:
-        """Come down and stay there: the run ends as it should."""
+        """Land and stay on the ground, because the run ends as planned."""
         self.retired = reason
         activity = self._activity
         if self._failsafe.latched is None and activity.machine.state not in _STAYS:
@@ -105,7 +105,7 @@ class Requests:
         return hold is not None and "pause" in hold.holders
 
     def answer(self, now: Time) -> None:
-        """Answer everything that waits: orders, the oldest first, then one switch."""
+        """Answer the waiting requests: in order, then one switch of state."""
         orders, self._orders = self._orders, []
         for order in orders:
             order(now)
@@ -126,7 +126,7 @@ class Requests:
         self.waiting = True
 
     def _against(self, request: SwitchRequest) -> str | None:
-        """Return why the request can't be granted, None when it can."""
+        """Return why the request can't be granted, None if it can."""
         state, latched = self._plan.states.get(request.state), self._failsafe.latched
         if self._override.is_somebodys:
             return "somebody else has it, until `operator.resume`"
@@ -141,7 +141,7 @@ class Requests:
         return held or unfit(state, entry.flight, entry.estimate is not None)
 
     def _held(self, request: SwitchRequest) -> str | None:
-        """Return what keeps it from any state that doesn't bring it down."""
+        """Return why the vehicle may only enter states that land it, None if it may enter any."""
         if self.retired is not None:
             return f"the run ends: {self.retired}"
         if self._failsafe.braking is not None:
@@ -151,7 +151,7 @@ class Requests:
         return None
 
     def _granted(self, request: SwitchRequest) -> str | None:
-        """Switch; return why the behavior refused to start, None when it did not."""
+        """Enter the state; return why its behavior refused to start, None if it started."""
         try:
             self._activity.switch(request.state, request.at)
         except Refused as refusal:
@@ -213,7 +213,7 @@ class Requests:
 
 
 def _comes_down(state: StatePlan) -> bool:
-    """Return whether `state` makes a flying vehicle safer: it leads home, or only to the ground."""
+    """Return whether `state` makes a flying vehicle safer: it flies home, or ends on the ground."""
     airborne = [leg for leg in state.legs if leg.start is not GROUND]
     lands = bool(airborne) and all(leg.end is GROUND for leg in airborne)
     return lands or state.name in _SAFER

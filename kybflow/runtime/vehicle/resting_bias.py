@@ -1,6 +1,5 @@
-"""What the accelerometer feels along body z while the vehicle stands with its rotors at rest:
-gravity and its own error (and a little of the floor's slope), which a descent without a position
-must not take for motion."""
+"""Measures the accelerometer's bias along body z while the rotors rest, for a descent without a
+position. It includes the effect of a sloping floor."""
 
 from __future__ import annotations
 
@@ -8,14 +7,14 @@ from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import Imu
 
 LONG = 0.1
-"""Seconds at rest from which it can be told, by then within a few cm/s^2."""
+"""Seconds at rest after which the bias is known to a few cm/s^2."""
 MOST_ERROR = 1.5
-"""m/s^2; what is further from gravity is believed no accelerometer's error."""
+"""Largest plausible bias, m/s^2; a larger difference from gravity is ignored."""
 
 
 class RestingBias:
-    """rotors_turn: whether the vehicle was sent thrust last. Each time its rotors come to
-    rest, what was felt before is forgotten."""
+    """rotors_turn: whether the last command armed the rotors. The measurement starts anew whenever
+    the rotors come to rest."""
 
     __slots__ = ("_felt", "_time", "rotors_turn")
 
@@ -24,7 +23,7 @@ class RestingBias:
         self._felt = self._time = 0.0
 
     def turn(self, rotors_turn: bool) -> None:
-        """Note that the rotors begin or cease to turn."""
+        """Note that the rotors start or stop."""
         if not rotors_turn:
             self._felt = self._time = 0.0
         self.rotors_turn = rotors_turn

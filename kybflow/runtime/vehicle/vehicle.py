@@ -1,4 +1,4 @@
-"""One vehicle, composed of collaborators that each have what they may touch.
+"""One vehicle, composed of collaborators that each receive only what they may use.
 
 measurements ─► `knowledge` ─► estimate ─► `decision` ─► `control` ─► command ─► `output` ─► link
 """
@@ -46,13 +46,13 @@ from kybflow.runtime.vehicle.requests import Requests
 from kybflow.world.vehicle_context import VehicleContext
 
 _ESCALATIONS = 5
-"""`go_home`, `land`, `land_blind`, `fault`, all in one tick at worst, and one to steer at last."""
-_GONE = 10.0
-"""Seconds without a message after which nobody knows any more whether the rotors turn."""
+"""Attempts to find a command: `go_home`, `land`, `land_blind`, `fault`, and a last one to steer."""
+_STALE = 10.0
+"""Seconds without a message after which the reported arming no longer counts."""
 
 
 class Vehicle:
-    """The engine calls `sense`, then, when every vehicle has sensed, `act`, once a tick."""
+    """In each tick the engine calls `sense` of every vehicle, then `act` of every vehicle."""
 
     def __init__(
         self,
@@ -108,7 +108,7 @@ class Vehicle:
 
     @property
     def estimate(self) -> Estimate | None:
-        """Where the vehicle believes itself to be."""
+        """The estimate that the vehicle flies on, None without one."""
         return self.knowledge.estimate
 
     @property
@@ -117,7 +117,7 @@ class Vehicle:
 
     @property
     def truth(self) -> Truth | None:
-        """Where a simulator knows the vehicle to be, None without one."""
+        """The simulator's ground truth, None on hardware."""
         return self.knowledge.link.truth
 
     @property
@@ -127,17 +127,17 @@ class Vehicle:
 
     @property
     def link_error(self) -> str | None:
-        """What the link said when it failed, None while it works."""
+        """The error with which the link failed, None while it works."""
         return self._health.error
 
     @property
     def link_age(self) -> float:
-        """Seconds since the link delivered anything of the vehicle."""
+        """Seconds since the vehicle's last message."""
         return self._health.age
 
     @property
     def estimator(self) -> str | None:
-        """The name of the estimator in use, as the mission calls it."""
+        """The mission's name of the estimator in use."""
         return self.knowledge.estimation.source
 
     @property
@@ -152,13 +152,13 @@ class Vehicle:
 
     @property
     def rests(self) -> bool:
-        """Whether nothing will move it any more: it is on the ground in a final state, disarmed as
-        far as it says so; or its run ends while somebody else has it, or armed it there."""
+        """Whether nothing in this run will move the vehicle again: it is on the ground in a final
+        state and doesn't report itself armed; or the run ends while a pilot has control of it."""
         if self._override.away and self.requests.retired is not None:
             return True
         if self.activity.flight is not GROUND or self.requests.waiting:
             return False
-        if self.link_age < _GONE and self.link.armed and self.link.override is None:
+        if self.link_age < _STALE and self.link.armed and self.link.override is None:
             return False
         return not self._reactions.falls(self.now) and not self.activity.state.transitions
 
@@ -166,11 +166,11 @@ class Vehicle:
         """Enter the first state."""
         try:
             self.activity.begin(conditions)
-        except Exception as error:  # see _commanded
+        except Exception as error:  # a part may raise anything; it fails this vehicle alone
             self._reactions.failed(*self._control.blame(error), self._standing())
 
     def sense(self, now: Time) -> None:
-        """Read the link and renew the estimate."""
+        """Read the link and update the estimate."""
         self.now = now
         self.knowledge.update(now, self._reactions.airborne)
         if self.link.tells_position:
@@ -196,7 +196,7 @@ class Vehicle:
         self._record(now, wanted, command)
 
     def _commanded(self, tick: Tick) -> Commanded:
-        """Return the command of this tick, whatever fails."""
+        """Return the command of this tick, whichever parts fail."""
         try:
             tick = self._decision.decide(tick)
             return self._steered(tick)
@@ -207,29 +207,29 @@ class Vehicle:
                 self._reactions.failed(*self._control.blame(failure), tick)
                 tick = self._decision.settle(tick)
                 return self._steered(tick)
-            except Exception as error:  # see above
+            except Exception as error:  # the next attempt does without the part that raised
                 failure = error
         return RESTING, None
 
     def _steered(self, tick: Tick) -> Commanded:
-        """Steer until the vehicle does nothing else in this tick."""
+        """Steer, again after every change of state, until there is a command."""
         while (commanded := self._control.steer(tick)) is None:
             tick = self._decision.settle(tick)
         return commanded
 
     def entry(self) -> Entry:
-        """Return what a behavior is entered with now."""
+        """Return the conditions in which a behavior would be entered now."""
         thrust, flight = self._control.hover_thrust(), self.activity.flight
         lift = self.knowledge.resting.lift
         return Entry(self.now, self.context, self.estimate, self.followed, thrust, flight, lift)
 
     def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
-        """Return what would make it leave its mission at once if it flew now, each as (supervisor,
-        reason, mission line)."""
+        """Return each (supervisor, reason, mission line) that would end the mission at once if the
+        vehicle flew now."""
         return self.failsafe.foresee(self._standing()._replace(fleet=fleet))
 
     def land(self, reason: str) -> None:
-        """Land now, whatever the mission says: an operator's interrupt, or its time is over."""
+        """Land now, whatever the mission says, after an interrupt or at the time limit."""
         self.requests.retired = self.requests.retired or reason
         if not self.rests:
             alarm = Alarm("interrupted", Reaction.LAND, reason)
@@ -240,7 +240,7 @@ class Vehicle:
         return self._params
 
     def change(self, label: str, parameters: Any) -> None:
-        """Give a part its parameters from now on."""
+        """Replace the parameters of a part."""
         self._params[label] = parameters
         living = {**self._control.parts(), **self._supervisors, **self.knowledge.parts()}
         living[self.activity.state.behavior.label] = self.activity.behavior
@@ -248,12 +248,12 @@ class Vehicle:
             living[label].params = parameters
 
     def _objection(self) -> str | None:
-        """Return what a supervisor would land it for at once if it took off now."""
+        """Return why a supervisor would end the flight right after take-off, None if none would."""
         found = self.foreseen(self._fleet)
         return f"`{found[0][0]}` would not let it fly: {found[0][1]}" if found else None
 
     def _standing(self) -> Tick:
-        """Return a tick in which no time passes and nobody else is seen."""
+        """Return a tick of zero duration, without the other vehicles."""
         return self._tick(self.now, 0.0, {})
 
     def _tick(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> Tick:
@@ -272,8 +272,8 @@ class Vehicle:
         )
 
     def _record(self, now: Time, wanted: Setpoint | None, command: Command) -> None:
-        """Record the tick, and measure the errors between the setpoint before tracking and the
-        truth (the estimate on hardware)."""
+        """Record the tick and its errors: the setpoint that was tracked against the truth, or the
+        estimate on hardware."""
         knowledge, setpoint = self.knowledge, self._control.followed
         estimate, truth = knowledge.estimate, knowledge.link.truth
         self._observer.tick(now, estimate, wanted, setpoint, command, truth)
