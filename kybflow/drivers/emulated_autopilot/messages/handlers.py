@@ -28,9 +28,9 @@ GROUND_STATION = 6
 """Type of a heartbeat (MAV_TYPE_GCS)."""
 BODY_FRD = 12
 REFUSED, UNKNOWN_COMMAND = 129, 7
-"""Of the file transfer protocol."""
+"""Answers of the file transfer protocol."""
 RELEASED, IGNORED = 0, 65535
-"""Of a channel that is overridden: given back to the transmitter; left as it is."""
+"""Pulses of an overridden channel: given back to the transmitter; left as it is."""
 GROUPS = {
     "RAW_SENSORS": (1, "RAW_IMU"),
     "EXTENDED_STATUS": (2, "SYS_STATUS", "GPS_RAW_INT", "EXTENDED_SYS_STATE", "BATTERY_STATUS"),
@@ -214,7 +214,7 @@ class MessageHandlers:
             self._channel.send(MAKERS["GPS_GLOBAL_ORIGIN"](a))
 
     def _override(self, m: Any) -> None:
-        """Of the station that the vehicle obeys."""
+        """Sticks from a ground station: only the one that the vehicle obeys counts."""
         a = self._a
         if m.get_srcSystem() != int(a.state.parameters.get("SYSID_MYGCS", m.get_srcSystem())):
             return

@@ -24,24 +24,22 @@ ARM_DISARM, TAKEOFF = 400, 22
 FORCED = 21196.0
 """The number that makes COMPONENT_ARM_DISARM stop rotors in the air."""
 LEAD = 1.0
-"""Seconds that set-points flow before the mode is asked for."""
+"""Seconds for which setpoints flow before the mode is requested."""
 DOUBT = 0.5
-"""The part of the patience after which an autopilot that calls itself unready is asked all the
-same: it then says why."""
+"""The share of the timeout after which an autopilot that reports itself unready is asked to arm all
+the same: it then says why it refuses."""
 LIFTED = 0.15
-"""Metres above where it stood that count as lifted, where the height is known."""
+"""Metres above the ground that count as lifted off, where the height is known."""
 SOON: Time = NS
-"""How long a vehicle that is to rest on the ground may take to disarm; then it lands by its own
-mode."""
+"""How long disarming on the ground may take; then the vehicle lands by its own mode."""
 UNSURE: Time = 5 * NS
-"""After this it is asked to disarm though it does not say that it is on the ground."""
+"""After this it is asked to disarm even if it does not report that it is on the ground."""
 PATIENT: Time = 10 * NS
-"""How long it may refuse to disarm before that is worth a word: its landing is noticed later than
-it is there."""
+"""How long refusals to disarm are not reported: it notices its landing late."""
 
 
 class Arming:
-    """One attempt. `height`: the autopilot's own, metres, None while unknown."""
+    """One attempt to arm. timeout: seconds until it is given up."""
 
     def __init__(
         self, profile: FirmwareProfile, status: ReceivedStatus, requests: CommandRequests,
@@ -59,20 +57,20 @@ class Arming:
             modes.again()
 
     def step(self, stream: SetpointStream, height: float | None, rises: bool, now: Time) -> bool:
-        """Whether it is armed and follows. rises: set-points that are raised lift it. Raises
-        Refused after its patience, in its words."""
+        """Whether it is armed and follows. height: its own, metres, None while unknown. rises:
+        raised setpoints lift it. Raises Refused after the timeout, with the autopilot's words."""
         waits = self._waits(stream, height, rises, now)
         if waits and now - self._begun > self._timeout * NS:
             raise Refused(f"{self._profile.name} won't arm: {self._words(waits)}")
         return not waits
 
     def drop(self) -> None:
-        """Ask no more."""
+        """Withdraw the requests."""
         self._arm.drop()
         self._lift.drop()
 
     def _waits(self, stream: SetpointStream, height: float | None, rises: bool, now: Time) -> str:
-        """What it waits for, in words; empty when it does not wait any more."""
+        """What arming waits for; empty when it is done."""
         if self._profile.streams_first and stream.flows(now) < LEAD:
             return "no set-points flow"
         if not self._modes.step(now):
@@ -111,7 +109,7 @@ class Arming:
         return "armed, it has not left the ground"
 
     def _words(self, waits: str) -> str:
-        """`waits`, with what it said itself meanwhile where that is not in it."""
+        """`waits`, followed by the autopilot's own texts since then."""
         said = [part for part in self._status.words(self._begun).split("; ") if part]
         if not self._status.armed and self._status.ill:
             said.append(self._status.ill)
@@ -119,9 +117,9 @@ class Arming:
 
 
 class Disarming:
-    """A vehicle that is to be disarmed, asked for but never forced. One that does not know that it
-    is on the ground, or that does not disarm there within a second, is put into its own land mode,
-    which brings it down and notices. `insists`: whether it is too early to say that it won't."""
+    """Disarms a vehicle by request, never by force. One that does not know that it is on the
+    ground, or does not disarm there within a second, is put into its own land mode, which brings it
+    down and notices. `insists`: whether it is too early to report that it refuses."""
 
     def __init__(self, status: ReceivedStatus, requests: CommandRequests, modes: Modes) -> None:
         self._status, self._modes = status, modes
@@ -130,12 +128,12 @@ class Disarming:
         self.insists = status.armed
 
     def drop(self) -> None:
-        """Ask no more."""
+        """Withdraw the requests."""
         self._disarm.drop()
 
     @property
     def is_under_way(self) -> bool:
-        """Whether it was armed when it was looked at last."""
+        """Whether it was armed in the last tick."""
         return self._begun is not None
 
     def step(self, now: Time) -> None:
@@ -155,15 +153,15 @@ class Disarming:
 
 
 class MotorStop:
-    """Rotors that are to stop at once, in the air too: asked every fifth of a second until the
-    heartbeat says that they rest."""
+    """Stops the rotors at once, in the air too: requested every 0.2 s until the heartbeat reports
+    the vehicle disarmed."""
 
     def __init__(self, status: ReceivedStatus, requests: CommandRequests) -> None:
         self._status = status
         self._cut = Retries(requests, ARM_DISARM, (0.0, FORCED), first=0.2, most=0.2, shown=0.2)
 
     def step(self, now: Time) -> bool:
-        """Whether they rest."""
+        """Whether the rotors rest."""
         if not self._status.armed:
             return True
         self._cut.step(now)
@@ -175,9 +173,9 @@ AGAIN: Time = 2 * NS
 
 
 class PreflightMode:
-    """Of one autopilot. stream: where set-points must flow before the mode. hold: what makes it
-    hold still where it is, None where that is not known. follows: asks for the mode in which it
-    follows; whether it is in it."""
+    """Requests the mode that follows setpoints for the preflight. stream: given where setpoints
+    must flow before the mode. hold: the command that holds the vehicle still, None while its
+    position is unknown. follows: requests the mode and says whether it is in force."""
 
     def __init__(
         self, modes: Modes, stream: SetpointStream | None, hold: Callable[[], Command | None],
@@ -187,7 +185,7 @@ class PreflightMode:
         self._left: Time | None = None
 
     def step(self, now: Time) -> str:
-        """Why it is not in it, empty when it is; once a tick, disarmed."""
+        """Why the mode is not in force, empty when it is; called once a tick while disarmed."""
         self._modes.want("offboard")
         if self._stream is not None:
             if (holding := self._hold()) is None:

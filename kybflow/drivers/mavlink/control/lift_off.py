@@ -21,11 +21,12 @@ LONGEST: Time = 5 * NS
 LOW = 0.3
 """Metres."""
 PUSH, GROWTH, HARDEST = 1.5, 0.5, 4.0
-"""Of a push up: m/s^2 at first, how much more in each second, and at most."""
+"""A push up: its acceleration at first, m/s^2, its growth per second, and its maximum."""
 
 
 class LiftOff:
-    """hold: what makes it hold still where it is, None where that is not known."""
+    """The lift-off of one vehicle: holds back downward commands until it is high enough. hold: the
+    command that holds the vehicle still where it is, None while its position is unknown."""
 
     def __init__(self, hold: Callable[[], Command | None]) -> None:
         self._hold = hold
@@ -35,36 +36,36 @@ class LiftOff:
 
     @property
     def height(self) -> float | None:
-        """Where it is, metres up, by its own account."""
+        """Its own height, metres; None while unknown."""
         holding = self._hold()
         position = None if holding is None else _position(holding)
         return None if position is None else position[2]
 
     @property
     def is_low(self) -> bool:
-        """Whether it is about where it stood last, and so may be landing there at this moment."""
+        """Whether it is near the height at which it last stood, and so may be landing right now."""
         height = self.height
         return height is not None and self._floor is not None and height - self._floor < LOW
 
     def stand(self, now: Time) -> None:
-        """It is not armed, and stands."""
+        """Note that it stands disarmed; called once a tick while it does."""
         self._stood = now
         height = self.height
         self._floor = self._floor if height is None else height
 
-    def pushed(self, now: Time) -> float:
+    def armed_for(self, now: Time) -> float:
         """For how many seconds it has been armed."""
         return (now - self._stood) / NS
 
     def begin(self, now: Time) -> None:
-        """It takes off."""
+        """Begin to hold commands back: the vehicle takes off."""
         self._until = now + LONGEST
 
     def end(self) -> None:
         self._until = None
 
     def keeps_back(self, command: Command, now: Time) -> bool:
-        """Whether a command must wait for the vehicle to lift."""
+        """Whether a command must wait until the vehicle has lifted off."""
         if self._until is None:
             return False
         if now >= self._until or not self._is_downward(command):
@@ -80,8 +81,9 @@ class LiftOff:
 
 
 def raised(command: Command, height: float, seconds: float) -> Command:
-    """A command of position so many metres higher, at rest; one of acceleration a push straight up,
-    as hard as after so many seconds; others as they are."""
+    """The command that lifts the vehicle: a position command becomes a rest `height` metres above
+    it, an acceleration command a push straight up that grows with the seconds. Others stay as they
+    are."""
     setpoint, position = command.setpoint, _position(command)
     if setpoint is None:
         return command

@@ -176,8 +176,8 @@ class OffboardControl:
         return self.goal is OffboardGoal.REST and self.taken is None and self._disarming.insists
 
     def look(self, age: float, now: Time) -> None:
-        """See what it does, once a tick after all that came was heard. age: seconds since anything
-        was."""
+        """React to what the autopilot does, once a tick after its messages were taken in. age:
+        seconds since its last message."""
         if not self._status.armed:
             self._lift_off.stand(now)
         if self.goal is OffboardGoal.STOP:
@@ -194,7 +194,7 @@ class OffboardControl:
         """What it is sent while it arms: armed, what lifts it."""
         if not self._status.armed:
             return command
-        return raised(command, self._profile.takeoff_height, self._lift_off.pushed(now))
+        return raised(command, self._profile.takeoff_height, self._lift_off.armed_for(now))
 
     def _step_mode(self, now: Time) -> bool:
         """Whether it is in the mode in which it follows; asked for where set-points flow."""
@@ -251,7 +251,7 @@ class OffboardControl:
 
     def _ask_back(self, taken: Override, now: Time) -> None:
         """It is to come back: does it, is it down, or was it asked for long enough?"""
-        refused = self._recovery.lasts(now)
+        refused = self._recovery.timed_out(now)
         if refused or not self._status.armed:
             self.taken = taken._replace(refused=refused)
             self._recovery.end()

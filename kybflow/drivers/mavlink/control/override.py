@@ -33,22 +33,22 @@ CUT_BEFORE: Time = 3 * NS
 
 
 class Silence(NamedTuple):
-    """A time in which nothing was heard, when it ended, and how many seconds long it was."""
+    """An interval without a message: when it ended, and its seconds."""
 
     ended: Time
     seconds: float
 
 
 class OverrideCause(NamedTuple):
-    """reason: in words. by_itself: its own failsafe has it."""
+    """reason: in words. by_itself: whether the autopilot's own failsafe is the cause."""
 
     reason: str
     by_itself: bool = False
 
 
 class OverrideDetector:
-    """Of one autopilot that is armed and in the wanted mode: does it stay there? `silence`: the
-    newest one of the link. `is_in_doubt`: whether it does not, and it is not yet known why."""
+    """Notices that an armed autopilot has left the mode that was asked for, and why. `silence`: the
+    newest one of the link. `is_in_doubt`: whether it has left and the cause is not known yet."""
 
     def __init__(self, status: ReceivedStatus, modes: Modes) -> None:
         self.silence: Silence | None = None
@@ -60,12 +60,12 @@ class OverrideDetector:
         return self._since is not None
 
     def forget(self) -> None:
-        """It is asked for something else now."""
+        """Forget what was noticed: the vehicle is asked for something else now."""
         self._since = None
 
     def found(self, now: Time) -> OverrideCause | None:
-        """Who has it, asked once a tick; None while it obeys, and while its words are waited
-        for."""
+        """Why the vehicle does not follow, asked once a tick; None while it follows, and while its
+        texts are awaited."""
         if self._status.armed and not self._modes.has_left:
             self._since = None
             return None
@@ -99,7 +99,7 @@ class OverrideDetector:
         )
 
     def _rotors(self, since: Time, now: Time) -> OverrideCause | None:
-        """It is disarmed, which nobody here asked for."""
+        """The cause of a disarming that was not requested here."""
         in_air = self._status.landed in (LandedState.AIR, LandedState.TAKING_OFF)
         if not in_air and now - since <= LANDS_ITSELF:
             return None
@@ -114,9 +114,10 @@ NOWHERE = "it is not known where it is, and so not where it is to hold"
 
 
 class ControlRecovery:
-    """Of one vehicle. stream: what it is sent meanwhile. hold: what makes it hold still where it
-    is, None where that is not known. follows: asks for the mode in which it follows; whether it is
-    in it. `is_unasked`: whether it is to come back though nobody asks."""
+    """Takes one vehicle back into offboard control. stream: carries the command to hold meanwhile.
+    hold: makes that command, None while the position is unknown. follows: requests the mode that
+    follows setpoints and says whether it is in force. `is_unasked`: it comes back without being
+    asked for."""
 
     def __init__(
         self, modes: Modes, stream: SetpointStream, hold: Callable[[], Command | None],
@@ -134,18 +135,18 @@ class ControlRecovery:
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether a person may have one that is to come back unasked: it is flown by hand, or
-        neither in the mode of its failsafe nor in the one in which it follows."""
+        """Whether a person may have taken a vehicle that should come back unasked: it is flown by
+        hand, or is neither in its failsafe's mode nor in the one that follows setpoints."""
         mode = self._modes.reported
         is_other = mode != self._left_for and not self._modes.is_in("offboard")
         return self._modes.is_manual or is_other
 
     def expect(self) -> None:
-        """It is to come back unasked, from the mode in which it is now."""
+        """Let it come back unasked, from the mode that it reports now."""
         self.is_unasked, self._left_for = True, self._modes.reported
 
     def begin(self, now: Time) -> str:
-        """Ask for it from now on; why that can't be, empty where it can."""
+        """Begin to ask for it; the reason where that is impossible, else empty."""
         self._holding, self._asked = self._hold(), now
         if self._holding is None:
             return NOWHERE
@@ -153,23 +154,23 @@ class ControlRecovery:
         return ""
 
     def forget(self) -> None:
-        """It is asked for something else now."""
+        """Forget what was noticed: the vehicle is asked for something else now."""
         self._holding, self.is_unasked = None, False
 
     def end(self) -> None:
-        """It is not asked for any more, and not to come unasked."""
+        """Stop asking, and do not let it come back unasked."""
         self.forget()
         self._stream.stop()
         self._modes.want(None)
 
-    def lasts(self, now: Time) -> str:
-        """Why it does not come, once it was asked for long enough; empty before."""
+    def timed_out(self, now: Time) -> str:
+        """Why it has not come back within the time limit; empty before that."""
         if now - self._asked <= INSISTENT:
             return ""
         return f"{self._modes.trouble}, asked for {INSISTENT / NS:.0f} s"
 
     def step(self, now: Time) -> bool:
-        """Whether it is back; once a tick while it is under way."""
+        """Whether it is back; called once a tick while it is asked for."""
         if self._holding is not None:
             self._stream.feed(self._holding, now)
         return self._follows(now)

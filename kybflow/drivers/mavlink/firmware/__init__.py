@@ -69,8 +69,8 @@ class Needed(NamedTuple):
 
 
 class Latency(NamedTuple):
-    """Seconds by which a vehicle comes after set-points of position and velocity, and after those
-    of acceleration alone."""
+    """How late a vehicle follows its setpoints, seconds: those with a position or velocity, and
+    those of acceleration alone."""
 
     position: float
     acceleration: float
@@ -106,8 +106,9 @@ class Danger(NamedTuple):
 
 
 class PayloadCommand(NamedTuple):
-    """A COMMAND_LONG: its number and its parameters from the first on. seen: whether its outcome
-    shows in SERVO_OUTPUT_RAW; else its acknowledgement is all there is."""
+    """A COMMAND_LONG that opens or closes an output. command, params: its MAV_CMD and its
+    parameters from the first on. seen: whether its effect shows in SERVO_OUTPUT_RAW; else only its
+    acknowledgement is known."""
 
     command: int
     params: tuple[float, ...]
@@ -115,8 +116,8 @@ class PayloadCommand(NamedTuple):
 
 
 class Output(NamedTuple):
-    """An auxiliary output. number: as the autopilot counts all of its outputs. parameter: says what
-    it is for. shown: whether SERVO_OUTPUT_RAW tells what it does."""
+    """An auxiliary output. number: among all outputs of the autopilot. parameter: says what it is
+    for. shown: whether SERVO_OUTPUT_RAW reports its pulses."""
 
     number: int
     parameter: str
@@ -127,15 +128,17 @@ class Output(NamedTuple):
 class FirmwareProfile:
     """One kind of autopilot.
 
-    names: its modes, by custom_mode. modes: custom_mode by our names, `offboard` in which it
-    follows set-points, `land` and `hold`, and by its own. lag: by how much it comes after its
-    set-points, seconds. streams: messages to ask for, Hz, and those of its own simulator.
-    streams_first: set-points must flow before it takes the mode. climbs: it leaves the ground only
-    when asked to take off, to `takeoff_height`, metres. needs_origin: it must be told a place on
-    earth before it has a position. raises: it raises the thrust by the tilt itself.
-    hover_parameter: its throttle in hover. reaction: the parameter that says what it does once this
-    program is dead. feeds, feeds_own: the parameters that say what its position is made of, where
-    it is told one and where it finds its own. sphere: the radius of the earth in its simulator,
+    mav_autopilot: its MAV_AUTOPILOT. names: its modes by custom_mode. modes: custom_mode by our
+    names, `offboard` that follows setpoints, `land` and `hold`, and by its own names. manual_modes:
+    the names of modes that a person flies. streams, simulator_streams: the messages to request, Hz,
+    and those of its own simulator. indoors: the parameters that flight without GPS needs. dangers:
+    those that can be dangerous. streams_first: setpoints must flow before it accepts the mode.
+    climbs: it leaves the ground only when asked to take off, to `takeoff_height`, metres.
+    needs_origin: it must be told a place on earth before it has a position. raises: it raises the
+    thrust by the tilt itself. hover_parameter: its throttle in hover. reaction: the parameter that
+    says what it does once this program is dead. feeds, feeds_own: the parameters that select the
+    source of its position, where kybflow sends one and where it finds its own. latency: how late it
+    follows its setpoints. sphere: the radius of the earth in its simulator,
     metres, None for the ellipsoid. integer_parameters_bytewise: integers travel as their bytes in
     the field of a float.
 
@@ -186,7 +189,7 @@ class FirmwareProfile:
         return list(self.dangers_in(values, own, indoors=indoors).values())
 
     def dangers_in(self, values: Mapping[str, float], own: int, *, indoors: bool) -> dict[str, str]:
-        """The same, by the parameter's name."""
+        """The dangerous parameters among `values`, each with the preflight's words."""
         said = (
             (danger.name, danger.of(values[danger.name], own))
             for danger in self.dangers

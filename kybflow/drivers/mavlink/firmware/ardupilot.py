@@ -154,17 +154,15 @@ def ready(heard: ReceivedStatus) -> str | None:
 
 
 def spread(status: Message) -> float | None:
-    """Of EKF_STATUS_REPORT, whose variance is no variance but how far off the last position was, as
-    a share of what is still taken; so this is a bound, not an estimate."""
+    """From EKF_STATUS_REPORT, whose variance is no variance but how far off the last position was,
+    as a share of what is still taken; so this is a bound, not an estimate."""
     if not status.flags & HAS_POSITION or status.flags & GUESSES:
         return None
     return max(GATE * float(status.pos_horiz_variance), FINEST)
 
 
 PROFILE = FirmwareProfile(
-    mav_autopilot=3,
-    names=NAMES,
-    modes=named(NAMES, offboard="GUIDED", land="LAND", hold="BRAKE"),
+    mav_autopilot=3, names=NAMES, modes=named(NAMES, offboard="GUIDED", land="LAND", hold="BRAKE"),
     manual_modes=frozenset(
         {
             "STABILIZE", "ACRO", "ALT_HOLD", "LOITER", "POSHOLD", "SPORT", "DRIFT", "FLIP",
@@ -180,25 +178,11 @@ PROFILE = FirmwareProfile(
             "GLOBAL_POSITION_INT": 5.0,
         }
     ),
-    simulator_streams=MappingProxyType({"SIM_STATE": 50.0}),
-    indoors=INDOORS,
-    dangers=DANGERS,
-    streams_first=False,
-    climbs=True,
-    needs_origin=True,
-    raises=True,
-    integer_parameters_bytewise=False,
-    hover_parameter="MOT_THST_HOVER",
-    reaction="FS_GCS_ENABLE",
+    simulator_streams=MappingProxyType({"SIM_STATE": 50.0}), indoors=INDOORS, dangers=DANGERS,
+    streams_first=False, climbs=True, needs_origin=True, raises=True,
+    integer_parameters_bytewise=False, hover_parameter="MOT_THST_HOVER", reaction="FS_GCS_ENABLE",
     feeds=("VISO_TYPE", "EK3_SRC1_POSXY", "EK3_SRC1_POSZ", "EK3_SRC1_YAW"),
-    feeds_own=("GPS_TYPE", "EK3_SRC1_POSXY"),
-    latency=Latency(position=0.1, acceleration=0.2),
-    takeoff_height=0.5,
-    sphere=6_378_100.0,
-    mode_params=mode_params,
-    default_address=default_address,
-    output=output,
-    grip=grip,
-    ready=ready,
-    spread=spread,
+    feeds_own=("GPS_TYPE", "EK3_SRC1_POSXY"), latency=Latency(position=0.1, acceleration=0.2),
+    takeoff_height=0.5, sphere=6_378_100.0, mode_params=mode_params,
+    default_address=default_address, output=output, grip=grip, ready=ready, spread=spread,
 )  # fmt: skip

@@ -143,7 +143,7 @@ def ready(heard: ReceivedStatus) -> str | None:
 
 
 def spread(status: Message) -> float | None:
-    """Of ESTIMATOR_STATUS, which has it in metres."""
+    """From ESTIMATOR_STATUS, which has it in metres."""
     return float(status.pos_horiz_accuracy) if status.flags & HAS_POSITION else None
 
 
@@ -155,8 +155,7 @@ def _actuator(number: int, is_open: bool) -> PayloadCommand:
 
 
 PROFILE = FirmwareProfile(
-    mav_autopilot=12,
-    names=NAMES,
+    mav_autopilot=12, names=NAMES,
     modes=named(NAMES, offboard="OFFBOARD", land="LAND", hold="HOLD"),
     manual_modes=frozenset({"MANUAL", "ALTITUDE", "POSITION", "ACRO", "STABILIZED"}),
     streams=MappingProxyType(
@@ -168,25 +167,11 @@ PROFILE = FirmwareProfile(
             "GLOBAL_POSITION_INT": 5.0,
         }
     ),
-    simulator_streams=MappingProxyType({"HIL_STATE_QUATERNION": 50.0}),
-    indoors=INDOORS,
-    dangers=DANGERS,
-    streams_first=True,
-    climbs=False,
-    needs_origin=False,
-    raises=False,
-    integer_parameters_bytewise=True,
-    hover_parameter="MPC_THR_HOVER",
-    reaction="COM_OBL_RC_ACT",
-    feeds=("EKF2_EV_CTRL", "EKF2_HGT_REF"),
-    feeds_own=("EKF2_GPS_CTRL",),
-    latency=Latency(position=0.12, acceleration=0.2),
-    takeoff_height=0.5,
-    sphere=None,
-    mode_params=mode_params,
-    default_address=default_address,
-    output=output,
-    grip=grip,
-    ready=ready,
+    simulator_streams=MappingProxyType({"HIL_STATE_QUATERNION": 50.0}), indoors=INDOORS,
+    dangers=DANGERS, streams_first=True, climbs=False, needs_origin=False, raises=False,
+    integer_parameters_bytewise=True, hover_parameter="MPC_THR_HOVER", reaction="COM_OBL_RC_ACT",
+    feeds=("EKF2_EV_CTRL", "EKF2_HGT_REF"), feeds_own=("EKF2_GPS_CTRL",),
+    latency=Latency(position=0.12, acceleration=0.2), takeoff_height=0.5, sphere=None,
+    mode_params=mode_params, default_address=default_address, output=output, grip=grip, ready=ready,
     spread=spread,
 )  # fmt: skip

@@ -33,18 +33,18 @@ if TYPE_CHECKING:
 
 ALIVE: Time = 3 * NS
 REPEATED: Time = 35 * NS
-"""How long what keeps it from arming counts: it is repeated every 30 s."""
+"""How long a text about arming counts; it is repeated every 30 s."""
 RUN_PREARM_CHECKS = 401
 UNREADY: Time = 3 * NS
-"""How long it is unready before it is asked why."""
+"""How long it may be unready before it is asked why."""
 AGAIN: Time = 10 * NS
-"""After this it is asked anew."""
+"""After this long it is asked again."""
 APART = 0.5
-"""Metres that it may be from where it is told to be."""
+"""The largest distance between its position and ours, metres."""
 
 
 class PreflightChecks:
-    """params: how the mission has it."""
+    """The preflight's checks of one autopilot. params: the driver's, as the mission sets them."""
 
     def __init__(self, contact: Contact, modes: Modes, params: MavlinkParams) -> None:
         self._profile, self._status, self._modes = contact.profile, contact.status, modes
@@ -59,8 +59,8 @@ class PreflightChecks:
         return self._required.names()
 
     def checks(self, misses: str, told: tuple[Estimate, Time] | None, now: Time) -> list[Check]:
-        """misses: why it is not in the mode in which it follows, empty where it is. told: where it
-        was told to be, and when, last."""
+        """misses: why it is not in the mode that follows setpoints, empty where it is. told: the
+        last estimate that it was sent, and when."""
         heartbeat = self._heartbeat(now)
         if not heartbeat.green:
             unknown = "not known: its parameters are asked for once its heartbeat is right"
@@ -116,7 +116,7 @@ class PreflightChecks:
         return Check("autopilot", False, f"{reason}; {status.ill}" if status.ill else reason)
 
     def _ask(self, now: Time) -> None:
-        """Have it say why it is unready."""
+        """Make the autopilot run its checks, so that it says what is wrong."""
         if self._asks is None:
             self._asks = now + UNREADY
         elif now >= self._asks:
@@ -133,8 +133,8 @@ SLOWEST = 1.0
 
 
 class LineCapacity:
-    """Of the line to one vehicle. params: how the mission has it. `line`: bytes a second each way,
-    None where that is no matter."""
+    """The serial line to one vehicle. `line`: bytes a second each way, None for wires that are fast
+    enough. params: the driver's, as the mission sets them."""
 
     def __init__(self, params: MavlinkParams) -> None:
         place = None if params.address is None else read_address(params.address)
@@ -144,14 +144,14 @@ class LineCapacity:
         self._head = HEAD + (0 if params.key is None else SIGNATURE)
 
     def fitting(self, rates: Mapping[str, float]) -> dict[str, float]:
-        """These streams, Hz, as often as the line carries them."""
+        """These streams, Hz, slowed to what the line carries."""
         if self.line is None:
             return dict(rates)
         factor = min(1.0, STREAMS * self.line / self._load(rates))
         return {name: min(rate, max(factor * rate, SLOWEST)) for name, rate in rates.items()}
 
     def check(self) -> list[Check]:
-        """The preflight's line about it, where there is one."""
+        """The preflight's check of the line; none for a wire that is fast enough."""
         if self.line is None:
             return []
         params = self._params

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 
 class RequiredParameters:
-    """Of one autopilot. params: how the mission has it."""
+    """The preflight's lines about the parameters of one autopilot. params: the driver's, as the
+    mission sets them."""
 
     def __init__(self, contact: Contact, params: MavlinkParams) -> None:
         self._profile, self._parameters = contact.profile, contact.parameters
@@ -32,13 +33,13 @@ class RequiredParameters:
         self._feeds = feeds
 
     def names(self) -> list[str]:
-        """The parameters that are looked at."""
+        """The parameters to read."""
         settings = (setting.name for setting in self._settings())
         dangers = (danger.name for danger in self._profile.dangers)
         return list(dict.fromkeys((*settings, *dangers, *self._feeds)))
 
     def watchdog(self) -> Check:
-        """Whether it goes safe by itself."""
+        """Whether the vehicle makes itself safe once this program or the link dies."""
         names = [danger.name for danger in self._profile.dangers]
         if not self._parameters.is_complete(names):
             return Check("watchdog", False, "its parameters are being read")
@@ -52,7 +53,7 @@ class RequiredParameters:
         return Check("watchdog", True, self._reaction() + self._missing(names))
 
     def set_up(self) -> Check:
-        """Whether it is set up for flight without GPS."""
+        """Whether the autopilot is set up for flight without GPS."""
         settings, values = list(self._settings()), self._parameters.values
         names = [setting.name for setting in settings]
         if not self._parameters.is_complete(names):
@@ -70,7 +71,7 @@ class RequiredParameters:
         return Check("parameters", False, detailed(said, rows), waits=False)
 
     def fed(self) -> str:
-        """What its position is to be made of, and the way out where it has none."""
+        """Where the autopilot should get its position from, and what to do where it has none."""
         values = self._parameters.values
         known = ", ".join(f"{name} {values[name]:g}" for name in self._feeds if name in values)
         if not self._is_outside:
@@ -83,7 +84,8 @@ class RequiredParameters:
         )
 
     def _settings(self) -> Iterator[Needed]:
-        """What must be set for flight without GPS, where it flies without."""
+        """The settings that flight without GPS needs; none where the vehicle flies by its own
+        GPS."""
         if self._is_outside:
             for setting in self._profile.indoors:
                 if self._params.simulator or not setting.simulator_only:
@@ -95,7 +97,7 @@ class RequiredParameters:
         return self._profile.dangers_in(values, self._own, indoors=self._is_outside)
 
     def _reaction(self) -> str:
-        """What it does once this program is dead, by a parameter that is not dangerous."""
+        """What the vehicle does once this program is dead."""
         name, values = self._profile.reaction, self._parameters.values
         setting = next(s for s in self._profile.indoors if s.name == name)
         if not self._is_wrong(setting):
@@ -103,7 +105,7 @@ class RequiredParameters:
         return f"{name} is {values[name]:g}, which is not dangerous here"
 
     def _table(self, wrong: Sequence[Needed]) -> Iterator[str]:
-        """A line for each: name, what it is, what it should be, why."""
+        """One line a parameter: name, value found, value needed, reason."""
         values, own = self._parameters.values, self._own
         cells = [
             (f"{s.name} is {values[s.name]:g},", f"should be {s.wanted(own, values[s.name]):g}:")
@@ -114,7 +116,7 @@ class RequiredParameters:
             yield f"{row[0]:{found}}  {row[1]:{wanted}}  {setting.why}"
 
     def _cure(self) -> str:
-        """The command that looks at its parameters."""
+        """The command that shows its parameters."""
         params = self._params
         words = f"kybflow mavlink setup --vehicle {self._profile.name} --system {self._system}"
         if params.address is not None:
@@ -126,7 +128,7 @@ class RequiredParameters:
         return words + (" --simulator" if params.simulator else "")
 
     def _is_wrong(self, setting: Needed) -> bool:
-        """Whether it is known, and will not do."""
+        """Whether the value is known and not acceptable."""
         found = self._parameters.values.get(setting.name)
         return found is not None and not setting.accepts(found, self._own)
 

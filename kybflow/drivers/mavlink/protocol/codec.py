@@ -59,9 +59,9 @@ if TYPE_CHECKING:
 
 NO_POSITION, NO_VELOCITY, NO_ACCELERATION = 0b111, 0b111 << 3, 0b111 << 6
 NO_YAW, NO_YAW_RATE = 1 << 10, 1 << 11
-"""Of SET_POSITION_TARGET_LOCAL_NED: what is not to be heeded."""
+"""Bits of the type mask of SET_POSITION_TARGET_LOCAL_NED: the fields to ignore."""
 NO_RATES, NO_ATTITUDE = 0b111, 1 << 7
-"""Of SET_ATTITUDE_TARGET, likewise."""
+"""Bits of the type mask of SET_ATTITUDE_TARGET: the fields to ignore."""
 ATTITUDE_SPREAD, VELOCITY_SPREAD = 0.03, 0.05
 """What an autopilot is told of the standard deviation of an estimate's attitude, rad, and of its
 velocity, m/s, which no estimator gives."""
@@ -208,8 +208,8 @@ BUTTONS = 16
 def odometry(
     local: Message, attitude: Message, time: Time, *, spread: float, anchor: Anchor
 ) -> Odometry:
-    """Of LOCAL_POSITION_NED, which was true at `time`, and the newest ATTITUDE_QUATERNION. spread:
-    the profile's reading of the estimator's status."""
+    """The autopilot's own estimate, from LOCAL_POSITION_NED, which was true at `time`, and the
+    newest ATTITUDE_QUATERNION. spread: the standard deviation of the position, metres."""
     turn = attitude_from_ned((attitude.q1, attitude.q2, attitude.q3, attitude.q4))
     return Odometry(
         time,
@@ -241,8 +241,8 @@ def own_heading(attitude: Message) -> float:
 
 
 def imu(message: Message, time: Time, last: Time | None) -> Imu | None:
-    """Of HIGHRES_IMU, or of RAW_IMU and SCALED_IMU in thousandths of g and of rad/s. last: the time
-    of the one before; without one there is no period to speak of."""
+    """A sample of the IMU, from HIGHRES_IMU, or from RAW_IMU and SCALED_IMU in thousandths of g and
+    rad/s. last: the time of the sample before; None gives no sample, for lack of a period."""
     if last is None or time <= last:
         return None
     force: Vec3 = (message.xacc, message.yacc, message.zacc)
@@ -253,8 +253,8 @@ def imu(message: Message, time: Time, last: Time | None) -> Imu | None:
 
 
 def battery(message: Message, time: Time) -> Battery | None:
-    """Of BATTERY_STATUS, the first battery's alone, or of SYS_STATUS; None where it has no voltage
-    or does not know what remains."""
+    """The battery, from BATTERY_STATUS (the first battery only) or SYS_STATUS; None where the
+    message has no voltage or no remaining charge."""
     if message.battery_remaining < 0:
         return None
     if message.get_type() == "SYS_STATUS":
@@ -270,8 +270,8 @@ def battery(message: Message, time: Time) -> Battery | None:
 
 
 def gps(message: Message, time: Time, *, origin: Tangent, anchor: Anchor) -> Position | None:
-    """Of GPS_RAW_INT: a position of the receiver alone. origin: where the autopilot's own frame
-    begins, as GPS_GLOBAL_ORIGIN says. None without a fix in three dimensions."""
+    """The GPS receiver's position, from GPS_RAW_INT; None without a 3D fix. origin: the zero of the
+    autopilot's own frame, as GPS_GLOBAL_ORIGIN says."""
     if message.fix_type < FIX:
         return None
     place = origin.local(message.lat * 1e-7, message.lon * 1e-7, message.alt * 1e-3)
@@ -283,14 +283,14 @@ def gps(message: Message, time: Time, *, origin: Tangent, anchor: Anchor) -> Pos
 
 
 def tangent(message: Message) -> Tangent:
-    """Of GPS_GLOBAL_ORIGIN."""
+    """The zero of the autopilot's own frame, from GPS_GLOBAL_ORIGIN."""
     degrees = (message.latitude * 1e-7, message.longitude * 1e-7)
     return Tangent.on_ellipsoid(*degrees, message.altitude * 1e-3)
 
 
 def sticks(message: Message, time: Time) -> Sticks | None:
-    """Of RC_CHANNELS, whose first four are roll, pitch, throttle and yaw, or of MANUAL_CONTROL.
-    None where no transmitter is heard."""
+    """The pilot's sticks, from RC_CHANNELS, whose first four are roll, pitch, throttle and yaw, or
+    from MANUAL_CONTROL; None where no transmitter is received."""
     if message.get_type() == "RC_CHANNELS":
         return _transmitter(message, time)
     axes = (message.y, message.x, message.r, message.z)
@@ -302,9 +302,9 @@ def sticks(message: Message, time: Time) -> Sticks | None:
 
 
 def payload(servos: tuple[int, ...], channel: int, time: Time) -> Payload | None:
-    """Of the pulses in SERVO_OUTPUT_RAW, microseconds, the first channel first: whether the servo
-    that holds the payload is open. None while that output gives no pulses. It is not told whether
-    anything hangs there."""
+    """Whether the payload's servo is open, from the pulses in SERVO_OUTPUT_RAW, microseconds, the
+    first channel first; None while that output has no pulses. Whether anything hangs there is
+    unknown."""
     pulse = servos[channel - 1] if channel <= len(servos) else 0
     if pulse in (0, UNKNOWN):
         return None

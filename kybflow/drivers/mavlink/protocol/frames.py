@@ -101,7 +101,7 @@ class Anchor(NamedTuple):
 
 
 IDENTITY = Anchor()
-"""Of an autopilot that takes its position from kybflow."""
+"""The anchor of an autopilot that takes its position from kybflow."""
 
 
 class Tangent(NamedTuple):

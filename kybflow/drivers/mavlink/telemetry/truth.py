@@ -1,4 +1,4 @@
-"""The truth of a firmware's own simulator, put where the mission says, and a parcel that falls.
+"""The ground truth of a firmware's own simulator, in the mission's world, and a parcel that falls.
 
 The simulator has a place on earth of its own. What it first tells of a vehicle that stands on the
 ground is taken for the mission's start and its heading, so from then on its world is the mission's,
@@ -51,8 +51,8 @@ LONGEST = 0.2
 
 
 class GroundTruth:
-    """Of one vehicle. sphere: the radius of the earth in its simulator, metres, None for that of
-    WGS 84."""
+    """The ground truth of one vehicle. sphere: the radius of the earth in its simulator, metres;
+    None for the ellipsoid of WGS 84."""
 
     def __init__(self, context: VehicleContext, sphere: float | None) -> None:
         self._context, self._sphere = context, sphere
@@ -152,7 +152,7 @@ def _corrected(ahead: float, told: float) -> float:
 
 
 class _Fall:
-    """A parcel: on board, or falling since it was let go. One that was never on board lies on the
+    """A parcel: on board, or falling since its release. One that was never on board lies on the
     floor where the vehicle was first seen."""
 
     def __init__(self, made: Parcel) -> None:
