@@ -1,26 +1,26 @@
-"""The law of a descent without a position: thrust from the specific force along body z alone.
+"""The control law of a descent without a position: thrust from the specific force along body z.
 
-For whoever keeps the attitude level meanwhile: the behavior `land_blind`, and the watchdog of a
-simulated vehicle. Make a `Descent` when the descent begins, call `step` with every IMU sample, send
-the thrust that it returns, stop the rotors when it returns None.
+The caller keeps the attitude level meanwhile: the behavior `land_blind`, or the watchdog of a
+simulated vehicle. It constructs a `Descent` at the start, calls `step` with every IMU sample, sends
+the thrust that it returns, and stops the rotors when it returns None.
 
-With f the specific force along body z, v the vertical speed, upward, and u = f - f0 its change,
-f0 being what was felt at rest on the ground (g where nobody knows):
+With f the specific force along body z, f0 that measured at rest on the ground (g if unknown), and v
+the upward speed:
 
-    v' = u                                       from the speed at the beginning
-    w(t) = -(v1 + v2 t + v3 t^2)                 wanted, v1 = 0.45, v2 = 0.06, v3 = 0.025
+    v' = u,  u = f - f0                          from the initial speed
+    w(t) = -(v1 + v2 t + v3 t^2)                 reference, v1 = 0.45, v2 = 0.06, v3 = 0.025
     a = k (w - v),  k = 3 1/s                    within -2 and +2 m/s^2
-    r' = 6 (a - u) / g,  T = T0 r (1 + a / g)    r = 1 at the beginning
+    r' = 6 (a - u) / g,  T = T0 r (1 + a / g)    r = 1 at the start
 
-T0 is the thrust believed to hold the vehicle; r makes up for what is wrong with it, because f shows
-what the rotors really give. A constant error b of f - f0 is an error of b t in v, which the growth
-of w outruns: it never climbs for b up to 0.25 m/s^2. Beyond that, and when f is nonsense, a bound
-on the thrust brings it down: r (1 + a / g) <= 1.25 for 6 s, then less by 0.05 each second; it is at
-least 0.6, so that no reading stops the rotors in the air.
+T0 is the estimated hover thrust; r corrects its error, because f shows the true thrust. A constant
+error b of f - f0 makes an error of b t in v, which the growth of w outruns: the vehicle never
+climbs for b up to 0.25 m/s^2. For a larger error, or nonsense in f, a bound on the thrust brings it
+down: r (1 + a / g) <= 1.25 for 6 s, then less by 0.05 each second. The lower bound is 0.6, so that
+no reading stops the rotors in the air.
 
-It has touched down when the floor carries it: f is above what the rotors can give, by 8 m/s^2 at
-once (an impact, not in the first 0.2 s, when the rotors may still give what was asked before), or
-weight is felt for 0.1 s while the thrust is under 70 % of T0, to which r falls on the floor.
+The vehicle has touched down when the floor carries it: f exceeds what the rotors give by 8 m/s^2
+(an impact, ignored in the first 0.2 s, when the rotors may still follow the command before), or is
+above 0.9 g for 0.1 s while the thrust is below 70 % of T0, to which r falls on the floor.
 """
 
 from __future__ import annotations
@@ -33,15 +33,14 @@ LEARNING = 6.0
 MOST, FULL, FADE = 1.25, 6.0, 0.05
 LEAST = 0.6
 ERROR = 0.12
-"""How far the hover thrust may be from what was believed."""
+"""Largest relative correction of the initial hover thrust in `Descent.hover`."""
 IMPACT, DEAF = 8.0, 0.2
 IDLE, WEIGHT, RESTED = 0.7, 0.9 * GRAVITY, 0.1
 
 
 class Descent:
-    """hover: newtons believed to hold the vehicle; most: newtons that the rotors have; climb: the
-    vertical speed at the beginning, upward, m/s; rest: what was felt along body z at rest, m/s^2.
-    """
+    """hover: the estimated hover thrust, N. most: the rotors' largest thrust, N. climb: the initial
+    upward speed, m/s. rest: the specific force along body z at rest, m/s^2."""
 
     __slots__ = ("_climb", "_error", "_hover", "_most", "_ratio", "_rested", "_share", "_time")
 
@@ -54,12 +53,12 @@ class Descent:
 
     @property
     def hover(self) -> float:
-        """Newtons that it believes hold the vehicle now."""
+        """The corrected hover thrust, N."""
         return self._hover * max(min(self._ratio, 1.0 + ERROR), 1.0 - ERROR)
 
     def step(self, lift: float, dt: float) -> float | None:
-        """Newtons to give from now on, None when it has touched down. lift: the specific force
-        along body z (m/s^2) on average over the last `dt` seconds."""
+        """Return the thrust to command (N), None after touch-down. lift: the mean specific force
+        along body z (m/s^2) over the last `dt` seconds."""
         self._time += dt
         lift -= self._error
         if self._landed(lift, dt):

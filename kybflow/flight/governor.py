@@ -1,15 +1,15 @@
-"""A reference that follows another within a speed and an acceleration, and catches up with it.
+"""A reference governor: follows a reference within a speed and an acceleration and catches up.
 
-State: the position q and the velocity u of the follower. With the gap e from where it would be next
-to the reference (p, v), the velocity wanted is
+State: the position q and the velocity u of the follower. With e the gap from its position in the
+next tick to the reference (p, v), the target velocity is
 
     w = v + e/|e| c(|e|),    c(e) = k e                      where e <= A / (2 k^2) ... linear
                              c(e) = sqrt(A (e - A/(4 k^2)))  beyond
 
-that is, half of the acceleration A is planned for closing the gap and half is left for the
-reference's own (the square-root controller, with its linear end against chattering). w is cut to
-the speed limit, and u follows w by at most A dt a tick. The gap closes like exp(-k t) at its end,
-so it is not overshot. Once it has caught up the reference is passed on untouched.
+that is, half of the acceleration A is planned for closing the gap and half is left for that of the
+reference (the square-root controller, with a linear end against chattering). w is limited to the
+speed, and u follows w by at most A dt per tick. The gap ends like exp(-k t), without overshoot.
+Once the follower has caught up, the reference passes through unchanged.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from kybflow.flight.motion import Motion
 
 _GAIN = 4.0
 CAUGHT_UP = 1e-4
-"""Gap (m) at which the follower has caught up; the step that is left there."""
+"""Gap (m) at which the follower has caught up, and thus the largest step in position."""
 
 
 class Follower:
-    """Where a processor's own trajectory is, how fast, and whether it is behind what it is asked.
+    """The position and velocity of a processor's own trajectory, and whether it is `behind`.
 
-    Lives as long as its processor. A pause in the calls (a landing that was broken off) and another
-    kind of setpoint make it go on from what the tracker follows.
+    It lives as long as its processor. After a pause in the calls (such as an aborted landing) or a
+    change in the kind of setpoint it restarts from what the tracker follows.
     """
 
     __slots__ = ("_kind", "_time", "behind", "position", "velocity")
@@ -41,7 +41,7 @@ class Follower:
         self._kind: SetpointKind | None = None
 
     def resume(self, asked: Setpoint, tick: Tick) -> None:
-        """Be where the trajectory was a tick ago; the first thing in every tick."""
+        """Restart the trajectory if necessary. Call it first in every tick."""
         now, kind, before = tick.now, asked.kind, self._time
         paused = before is None or (now - before) > 1.5e9 * tick.dt + 1.0
         if paused or kind is not self._kind:
@@ -57,12 +57,12 @@ class Follower:
         self._time, self._kind = now, kind
 
     def join(self, position: Vec3, velocity: Vec3) -> None:
-        """Go on as the trajectory that is asked for."""
+        """Continue as the requested trajectory."""
         self.position, self.velocity = position, velocity
         self.behind = False
 
     def follow(self, asked: Motion, speed: float, acceleration: float, dt: float) -> Motion:
-        """Go on by one tick towards what is asked for, within both limits."""
+        """Advance by one tick towards the requested motion, within both limits."""
         gap = sub(asked.position, add(self.position, scale(self.velocity, dt)))
         length = norm(gap)
         wanted = asked.velocity
@@ -77,7 +77,7 @@ class Follower:
         return Motion(self.position, after, scale(change, 1.0 / dt))
 
     def has_caught_up(self, asked: Motion, acceleration: float, dt: float) -> bool:
-        """Whether to go on as the trajectory that is asked for would be no step."""
+        """Return whether joining the requested trajectory would make no step."""
         close = norm(sub(asked.position, self.position)) <= CAUGHT_UP
         return close and norm(sub(asked.velocity, self.velocity)) <= acceleration * dt
 
@@ -90,13 +90,13 @@ def _closing_speed(gap: float, acceleration: float) -> float:
 
 
 def shortened(vector: Vec3, longest: float) -> Vec3:
-    """`vector`, cut to the length `longest`; the same object where it is no longer than that."""
+    """Return `vector` limited to the length `longest`; the same object if it is no longer."""
     length = norm(vector)
     return vector if length <= longest else scale(vector, longest / length)
 
 
 def motion_of(setpoint: Setpoint) -> Motion:
-    """The motion that a setpoint asks for; what it leaves out is zero."""
+    """Return the motion of a setpoint; fields that it omits are zero."""
     return Motion(
         setpoint.position or ZERO,
         setpoint.velocity or ZERO,

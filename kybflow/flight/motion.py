@@ -1,9 +1,9 @@
-"""Motions in space that behaviors are made of: a straight leg, and the coasting-out of a velocity.
+"""Motion primitives for behaviors: a straight leg, coasting to rest, a turn and a dwell time.
 
-A behavior may be entered while the vehicle moves. It then adds two motions: the coasting that takes
-the velocity at entry to rest, and its own that starts at rest where the coasting ends. The sum
-begins where and as fast as the last setpoint, so that there is no step in the trajectory, and ends
-exactly as the own motion does.
+A behavior that is entered while the vehicle moves adds two motions: a coast, which brings the entry
+velocity to rest, and its own motion, which starts at rest where the coast ends. The sum starts at
+the last setpoint's position and velocity, so that the trajectory has no step, and ends exactly as
+the behavior's own motion.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from kybflow.flight.profiles import STEEPEST, Profile, smoothstep
 IDLE = Setpoint(SetpointKind.IDLE)
 """Rotors at rest, on the ground."""
 COAST_ACCELERATION = 1.5
-"""Deceleration (m/s^2) with which a behavior sheds the velocity that it was entered with."""
+"""Deceleration (m/s^2) with which a behavior brings its entry velocity to rest."""
 _SHORTEST = 0.5
 _STILL = 1e-6
 
 
 class Motion(NamedTuple):
-    """A point in motion: world frame, metres and seconds."""
+    """A position and its derivatives: world frame, metres and seconds."""
 
     position: Vec3
     velocity: Vec3 = ZERO
@@ -46,13 +46,13 @@ class Motion(NamedTuple):
         return Setpoint(kind, position, velocity, acceleration, jerk, heading, heading_rate)
 
     def setpoint_like(self, asked: Setpoint) -> Setpoint:
-        """This motion, with the heading of `asked`."""
+        """Return this motion as a setpoint with the heading of `asked`."""
         heading = asked.heading
         return Setpoint(SetpointKind.POSITION, *self, heading, asked.heading_rate)
 
 
 class Straight:
-    """Rest to rest along a straight line, by a profile within `speed` and `acceleration`."""
+    """A straight line from rest to rest, within `speed` and `acceleration`."""
 
     __slots__ = ("_direction", "_goal", "_profile", "_start")
 
@@ -68,7 +68,7 @@ class Straight:
         return self._profile.duration
 
     def at(self, time: float) -> Motion:
-        """The motion `time` seconds after its start; exactly the goal from its end on."""
+        """Return the motion `time` seconds after the start; after the end, exactly the goal."""
         if time >= self._profile.duration:
             return Motion(self._goal)
         gone, speed, acceleration, jerk = self._profile.at(time)
@@ -82,11 +82,11 @@ class Straight:
 
 
 class Coast:
-    """Coming to rest from a position and a velocity, straight on.
+    """A straight coast from a position and a velocity to rest.
 
-    v(t) = v0 (1 - S(t / T)), S the smoothstep, T = 15/8 |v0| / deceleration, so that the peak
-    deceleration is the one asked for, but T at least 0.5 s, because the peak jerk goes with
-    v0 / T^2; it ends v0 T / 2 further on.
+    v(t) = v0 (1 - S(t / T)) with S the smoothstep. T = 15/8 |v0| / deceleration makes the peak
+    deceleration the requested one; T is at least 0.5 s, because the peak jerk grows with v0 / T^2.
+    The coast covers v0 T / 2.
     """
 
     __slots__ = ("_origin", "_velocity", "duration", "end")
@@ -100,11 +100,11 @@ class Coast:
 
     @classmethod
     def after(cls, motion: Motion, deceleration: float = COAST_ACCELERATION) -> Coast:
-        """From where and as fast as `motion` is."""
+        """Return the coast from the position and velocity of `motion`."""
         return cls(motion.position, motion.velocity, deceleration)
 
     def at(self, time: float) -> Motion:
-        """The motion `time` seconds after its start; at rest at `end` from its end on."""
+        """Return the motion `time` seconds after the start; after the end, at rest at `end`."""
         if time >= self.duration:
             return Motion(self.end)
         span = self.duration
@@ -119,15 +119,14 @@ class Coast:
         )
 
     def shift(self, time: float) -> Motion:
-        """The same motion relative to `end`: what is still to be added to a motion that starts
-        there."""
+        """Return the motion relative to `end`, to be added to a motion that starts there."""
         position, *rest = self.at(time)
         return Motion(sub(position, self.end), *rest)
 
 
 class Turn:
-    """From one heading to another by the shorter way, rest to rest, at most `rate` (rad/s). Without
-    a goal the heading is kept."""
+    """A turn from one heading to another by the shorter way, rest to rest, at `rate` (rad/s) at
+    most. Without a goal the heading stays."""
 
     __slots__ = ("_angle", "_profile", "_start")
 
@@ -141,14 +140,13 @@ class Turn:
         return self._profile.duration
 
     def at(self, time: float) -> tuple[float, float]:
-        """Heading and its rate `time` seconds after the start."""
+        """Return the heading and its rate `time` seconds after the start."""
         turned = self._profile.at(time)
         heading = self._start + copysign(turned.distance, self._angle)
         return heading, copysign(turned.speed, self._angle)
 
     def off(self, estimate: Estimate, tolerance: float | None) -> str:
-        """By how much the heading is off its goal, in words; empty within `tolerance`, or where
-        that is None."""
+        """Return the heading error in words; empty within `tolerance` or if that is None."""
         if tolerance is None:
             return ""
         left = abs(wrap(self._start + self._angle - heading_of(estimate.attitude)))
@@ -156,7 +154,7 @@ class Turn:
 
 
 class Dwell:
-    """For how long something has held without a break."""
+    """Measures for how long a condition has held without interruption."""
 
     __slots__ = ("_held",)
 
@@ -164,7 +162,7 @@ class Dwell:
         self._held = 0.0
 
     def reached(self, holds: bool, wanted: float, dt: float) -> bool:
-        """Whether it holds now and has held for `wanted` seconds; call it once a tick."""
+        """Return whether it has held for `wanted` seconds up to now. Call it once a tick."""
         if not holds:
             self._held = 0.0
             return False

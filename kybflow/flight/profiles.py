@@ -1,6 +1,6 @@
-"""How far along a path, when: rest-to-rest profiles over a distance, smooth through the jerk.
+"""Rest-to-rest speed profiles over a distance, with continuous jerk.
 
-The speed rises with the quintic smoothstep S, stays, and falls with its mirror image:
+The speed rises with the quintic smoothstep S, stays constant, and falls with its mirror image:
 
     S(s) = 6 s^5 - 15 s^4 + 10 s^3        s = t / ramp in [0, 1]
     v(t) = V S(t / ramp)
@@ -19,11 +19,11 @@ STEEPEST = 15.0 / 8.0
 """The largest slope of the smoothstep, at its middle."""
 _STILL = 1e-12
 _SHORTEST = 0.5
-"""Seconds that a ramp takes at least where there is little way."""
+"""Shortest ramp in seconds over a short distance."""
 
 
 class Progress(NamedTuple):
-    """How far along, and its first three derivatives by time."""
+    """The distance covered and its first three time derivatives."""
 
     distance: float
     speed: float
@@ -32,7 +32,7 @@ class Progress(NamedTuple):
 
 
 def smoothstep(s: float) -> tuple[float, float, float, float]:
-    """The integral, the value, the slope and the second derivative of S at `s` in [0, 1]."""
+    """Return the integral, value, first and second derivative of S at `s` in [0, 1]."""
     rest = 1.0 - s
     return (
         s * s * s * s * (2.5 + s * (s - 3.0)),
@@ -43,10 +43,10 @@ def smoothstep(s: float) -> tuple[float, float, float, float]:
 
 
 class Profile:
-    """From rest, over `distance`, to rest: at most `speed`, with ramps of `ramp` seconds.
+    """A profile over `distance` from rest to rest, at `speed` at most, with ramps of `ramp` s.
 
-    The unit of the distance is the caller's: metres along a line, radians of a phase. An infinite
-    distance never ends. A ramp that the distance has no room for is shortened.
+    The caller chooses the unit of the distance, such as metres or radians. The profile of an
+    infinite distance never ends. A ramp is shortened if the distance has no room for it.
     """
 
     __slots__ = ("distance", "duration", "ramp", "speed")
@@ -61,11 +61,11 @@ class Profile:
 
     @classmethod
     def within(cls, distance: float, speed: float, acceleration: float) -> Profile:
-        """The fastest of these profiles that keeps both limits.
+        """Return the fastest profile that keeps both limits.
 
-        V = min(speed, sqrt(distance * acceleration / (15/8))): with that V the two ramps alone
-        cover the distance, so a short one has a lower peak and never a negative cruise time. But V
-        is at most distance / 0.5 s, and such a profile takes a second: the peak jerk goes with
+        V = min(speed, sqrt(distance * acceleration / (15/8))): with the second term the two ramps
+        alone cover the distance, so that a short one has a lower peak and no negative cruise time.
+        V is also at most distance / 0.5 s, for a profile of one second: the peak jerk grows with
         V / ramp^2, and a millimetre in hundredths of a second would shake a vehicle.
         """
         length = max(distance, 0.0)
@@ -75,7 +75,7 @@ class Profile:
         return cls(distance, peak, STEEPEST * peak / acceleration)
 
     def at(self, time: float) -> Progress:
-        """Where it is `time` seconds after its start: zero before it, `distance` after its end."""
+        """Return the progress at `time` (s): zero before the start, `distance` after the end."""
         if time >= self.duration:
             return Progress(self.distance, 0.0, 0.0, 0.0)
         if time <= 0.0:

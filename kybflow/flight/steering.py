@@ -1,14 +1,13 @@
-"""A wanted specific force to attitude and thrust: what every tracker for an on-board attitude loop
-does, whatever its law.
+"""Converts a desired specific force to attitude and thrust, for trackers with any control law.
 
-Thrust is the believed mass times the wanted specific force f along the body's z axis; attitude
-points body z along f. Tilt and thrust are limited to the airframe's. On the ground the thrust is
-raised from 60 % of what the believed mass asks for until the vehicle lifts; in the air the mass is
-estimated (`kybflow.flight.mass`).
+The thrust is the estimated mass times the desired specific force f along body z; the attitude
+points body z along f. Tilt and thrust are limited to the airframe's. On the ground the thrust rises
+from 60 % of the estimated weight until the vehicle lifts; in the air the mass is estimated
+(`kybflow.flight.mass`).
 
-The attitude that flies is the on-board one, which an accelerometer levels and which therefore errs
-while the vehicle accelerates. The difference between the body z that was asked for and the one that
-is estimated, integrated, turns the command against that error.
+The autopilot controls its own attitude estimate, which an accelerometer levels and which therefore
+errs while the vehicle accelerates. The integral of the difference between the commanded and the
+estimated body z trims the command against that error.
 """
 
 from __future__ import annotations
@@ -30,13 +29,13 @@ from kybflow.flight.mass import MassEstimator
 from kybflow.world.vehicle_context import VehicleContext
 
 LONGEST_STEP = 0.04
-"""Seconds; in a longer step nothing is integrated."""
+"""Longest step in seconds that is integrated."""
 WEIGH_EVERY = 0.015
-"""Seconds between two updates of the mass, whose filter is far slower."""
+"""Seconds between two updates of the mass estimator, which is far slower."""
 MOST_TRIM = 0.1
-"""About 6 degrees, as the slope that body z may be turned by."""
+"""Largest slope by which body z is trimmed, about 6 degrees."""
 LEAST_LIFT, MOST_THRUST = 0.3, 0.95
-"""Vertical force at least this part of the weight; thrust at most this part of all the rotors'."""
+"""Least vertical force as a share of the weight, and largest thrust as a share of the rotors'."""
 
 
 @params
@@ -63,12 +62,13 @@ class SteeringParams:
 
 
 class Steering:
-    """Lives as long as its tracker. In each tick: `weigh`, then `bounded`, then `command`.
+    """Lives as long as its tracker, which calls `weigh`, `bounded`, `attitude` and `command` every
+    tick.
 
-    flies: above the ground. limited: the last force was cut. learns: an integral may go on, which
-    it may not on the ground, at a limit, nor in a long step. trim: the slope that turns the command
-    against the on-board attitude's error. force_along: the specific force along the estimated body
-    z that the last command gave, m/s^2.
+    flies: above the ground. limited: the last force was limited. learns: integrals may be updated,
+    which excludes the ground, a limited force and a long step. trim: the slope that corrects the
+    autopilot's attitude error. force_along: the specific force of the last command along the
+    estimated body z, m/s^2.
     """
 
     __slots__ = (
@@ -96,12 +96,11 @@ class Steering:
 
     @property
     def hover_thrust(self) -> float:
-        """Newtons that are believed to hold the vehicle."""
+        """The estimated hover thrust, N."""
         return self._weight * self._mass.ratio
 
     def weigh(self, setpoint: Setpoint, estimate: Estimate, lift_off: float, dt: float) -> None:
-        """Learn the mass; `lift_off` is the height above the ground from which the vehicle
-        flies."""
+        """Estimate the mass. lift_off: height above the ground from which the vehicle flies, m."""
         height = estimate.position[2]
         if self._floor is None:
             self._floor = height
@@ -121,7 +120,7 @@ class Steering:
         self._carried = self._airframe_mass * self._mass.carried
 
     def bounded(self, wanted: Vec3, tilt: float) -> Vec3:
-        """The specific force within `tilt`, the airframe's own and its thrust."""
+        """Return `wanted` limited to `tilt`, the airframe's tilt and its thrust."""
         fx, fy, fz = wanted
         self.limited = False
         most = self._most_thrust / self._carried
@@ -140,8 +139,8 @@ class Steering:
     def attitude(
         self, force: Vec3, up: Vec3, setpoint: Setpoint, trim_rate: float, dt: float
     ) -> Quat:
-        """The attitude to command for `force`, `up` being the estimated body z: along the force,
-        turned by `trim`, which is learnt here."""
+        """Return the attitude with body z along `force`, corrected by `trim`, which it updates. up:
+        the estimated body z."""
         fx, fy, fz = force
         tx, ty = self.trim
         if self._slope is not None and self.flies and dt < LONGEST_STEP:
@@ -161,7 +160,7 @@ class Steering:
     def command(
         self, force: Vec3, attitude: Quat, rates: Vec3, estimate: Estimate, up: Vec3
     ) -> Command:
-        """Attitude, rates and the thrust that `force` asks for along `up`."""
+        """Return the command of `attitude`, `rates` and the thrust of `force` along `up`."""
         mass, most = self._carried, self._most_thrust
         (fx, fy, fz), (ux, uy, uz) = force, up
         thrust = mass * (fx * ux + fy * uy + fz * uz)
