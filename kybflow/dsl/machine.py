@@ -185,13 +185,7 @@ class StateMachine:
         """Enter the first state."""
         self._pull("begin")
 
-    def step(
-        self,
-        elapsed: float,
-        heard: AbstractSet[str],
-        outcome: Outcome,
-        dt: float,
-    ) -> None:
+    def step(self, elapsed: float, heard: AbstractSet[str], outcome: Outcome, dt: float) -> None:
         """Take the first transition that is due: `next` from the top, then the behavior's end, then
         `within`.
 
@@ -209,7 +203,7 @@ class StateMachine:
                 return
 
     def _pull(self, trigger: str, reason: Exit = _STEP) -> None:
-        """Raises ValueError for a trigger for which the active state has no transition."""
+        """Pull a trigger. Raises ValueError where no transition of it leaves the active state."""
         if trigger not in self.triggers:
             raise ValueError(f"no transition `{trigger}` leaves `{self.state}`")
         self._reason = reason
