@@ -12,8 +12,11 @@ so a ramp covers V ramp / 2. (Perlin, "Improving noise", SIGGRAPH 2002, for S; t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import sqrt
 from typing import NamedTuple
+
+from kybflow.core.geometry import Vec3, scale
 
 STEEPEST = 15.0 / 8.0
 """The largest slope of the smoothstep, at its middle."""
@@ -92,3 +95,15 @@ class Profile:
             gone = self.distance - speed * ramp * area
             return Progress(gone, speed * value, -rate * slope, rate / ramp * bend)
         return Progress(speed * (time - 0.5 * ramp), speed, 0.0, 0.0)
+
+
+def rising(velocity: Vec3, rise: float) -> Callable[[float], Vec3]:
+    """The wind so many seconds after it began: from nothing to `velocity` (m/s, world frame) within
+    `rise` seconds, its speed as the quintic smoothstep (`kybflow.flight.profiles`)."""
+
+    def wind(elapsed: float) -> Vec3:
+        if elapsed >= rise:
+            return velocity
+        return scale(velocity, smoothstep(elapsed / rise)[1])
+
+    return wind

@@ -1,9 +1,35 @@
 """A trajectory from a file: rows in time, and the smooth curve through them.
 
-Rows are `kybflow.flight.trajectory_table`'s, the curve `kybflow.flight.hermite`'s: position,
-velocity and acceleration have no step, and go exactly through what the rows say. What they leave
-out comes from splines: velocities from the positions, accelerations from the velocities, headings'
-rates from the headings, at rest at both ends. Headings turn the shorter way from row to row.
+The curve has no step in position, velocity and acceleration, and goes exactly through what the rows
+say. What they leave out comes from splines: velocities from the positions, accelerations from the
+velocities, headings' rates from the headings, at rest at both ends. Headings turn the shorter way
+from row to row.
+
+The file is a table of text: comma-separated, a header, a row a moment.
+
+    t, x, y, z, vx, vy, vz, ax, ay, az, yaw [deg]
+    0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
+    ...
+
+The form is that of `kybflow.core.tables`: units in brackets, `x [cm]`; `yaw` must say `[deg]` or
+`[rad]`. Needed are t, x, y, z; velocities and accelerations come as all three columns or none, and
+accelerations only with velocities. The time may begin anywhere and increases in every row.
+Everything raises FileError, which names the line.
+
+The curve is made of quintic pieces that join in position, velocity and acceleration (C2). Between
+two knots, with h the time between them and s = t - t0, the one polynomial of degree five that has
+position, slope and second derivative of both:
+
+    p(s) = p0 + v0 s + a0/2 s^2 + c3 s^3 + c4 s^4 + c5 s^5
+    D = p1 - p0 - v0 h - a0 h^2/2,   V = v1 - v0 - a0 h,   A = a1 - a0
+    c3 = (10 D - 4 V h + A h^2/2) / h^3
+    c4 = (-15 D + 7 V h - A h^2) / h^4,   c5 = (6 D - 3 V h + A h^2/2) / h^5
+
+Slopes that are not known come from the cubic spline through the values that is level at both ends:
+
+    m[i-1]/h[i-1] + 2 (1/h[i-1] + 1/h[i]) m[i] + m[i+1]/h[i] = 3 (d[i-1]/h[i-1] + d[i]/h[i])
+
+with d the mean slopes between knots (de Boor, "A Practical Guide to Splines", 1978, ch. IV).
 """
 
 from __future__ import annotations
@@ -18,9 +44,139 @@ from typing import NamedTuple
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
 from kybflow.core.geometry import Vec3, norm
-from kybflow.flight.hermite import Knot, Quintic, slopes, vector_slopes
+from kybflow.core.tables import Table, header_line, need
+from kybflow.core.tables import read_table as read_columns
+from kybflow.core.units import (
+    ACCELERATION,
+    ANGLE,
+    DURATION,
+    LENGTH,
+    SPEED,
+    Dimension,
+)
 from kybflow.flight.motion import Motion
-from kybflow.flight.trajectory_table import TrajectoryPoint, read_table
+
+COLUMNS: dict[str, Dimension | None] = {
+    "t": DURATION,
+    **dict.fromkeys(("x", "y", "z"), LENGTH),
+    **dict.fromkeys(("vx", "vy", "vz"), SPEED),
+    **dict.fromkeys(("ax", "ay", "az"), ACCELERATION),
+    "yaw": ANGLE,
+}
+MOST_ROWS = 20_000
+_NEEDED = ("t", "x", "y", "z")
+_LIKE = "t, x, y, z"
+
+
+class TrajectoryPoint(NamedTuple):
+    """One moment, SI, and the line where it stands."""
+
+    time: float
+    position: Vec3
+    velocity: Vec3 | None
+    acceleration: Vec3 | None
+    yaw: float | None
+    line: int
+
+
+def read_table(text: str) -> tuple[TrajectoryPoint, ...]:
+    """The rows of `text`, at least two."""
+    table = read_columns(text, COLUMNS, "a trajectory", _LIKE)
+    _check(table, header_line(text))
+    rows: list[TrajectoryPoint] = []
+    for number, values, _ in table.rows:
+        rows.append(_row(number, values))
+        if len(rows) > MOST_ROWS:
+            raise FileError(f"more than {MOST_ROWS} rows", number)
+        if len(rows) > 1 and rows[-1].time <= rows[-2].time:
+            message = f"the time does not increase: {rows[-1].time:g} s after {rows[-2].time:g} s"
+            raise FileError(message, number)
+    if len(rows) < 2:
+        raise FileError("a trajectory has at least two rows")
+    return tuple(rows)
+
+
+def _check(table: Table, line: int) -> None:
+    need(table, _NEEDED, line)
+    for wanted in (("vx", "vy", "vz"), ("ax", "ay", "az")):
+        if any(name in table.columns for name in wanted):
+            need(table, wanted, line)
+    if "ax" in table.columns and "vx" not in table.columns:
+        raise FileError("accelerations need the velocities `vx`, `vy`, `vz` beside them", line)
+
+
+def _row(number: int, values: dict[str, float]) -> TrajectoryPoint:
+    def vector(x: str, y: str, z: str) -> Vec3 | None:
+        return (values[x], values[y], values[z]) if x in values else None
+
+    velocity, acceleration = vector("vx", "vy", "vz"), vector("ax", "ay", "az")
+    position = (values["x"], values["y"], values["z"])
+    return TrajectoryPoint(values["t"], position, velocity, acceleration, values.get("yaw"), number)
+
+
+class Knot(NamedTuple):
+    """A value with its first two derivatives."""
+
+    value: float
+    slope: float
+    bend: float
+
+
+class Quintic(NamedTuple):
+    """One piece; its coefficients from s^0 to s^5."""
+
+    c0: float
+    c1: float
+    c2: float
+    c3: float
+    c4: float
+    c5: float
+
+    @classmethod
+    def between(cls, start: Knot, end: Knot, h: float) -> Quintic:
+        """The piece from `start` to `end` in `h` seconds."""
+        (p, v, a), square = start, h * h
+        gap = end.value - p - v * h - 0.5 * a * square
+        change = (end.slope - v - a * h) * h
+        turn = (end.bend - a) * square
+        c3 = (10.0 * gap - 4.0 * change + 0.5 * turn) / (square * h)
+        c4 = (-15.0 * gap + 7.0 * change - turn) / (square * square)
+        c5 = (6.0 * gap - 3.0 * change + 0.5 * turn) / (square * square * h)
+        return cls(p, v, 0.5 * a, c3, c4, c5)
+
+    def at(self, s: float) -> tuple[float, float, float, float]:
+        """The value and its first three derivatives."""
+        c0, c1, c2, c3, c4, c5 = self
+        return (
+            c0 + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5)))),
+            c1 + s * (2.0 * c2 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5))),
+            2.0 * c2 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5)),
+            6.0 * c3 + s * (24.0 * c4 + s * 60.0 * c5),
+        )
+
+
+def slopes(times: Sequence[float], values: Sequence[float]) -> list[float]:
+    """The slope at each of at least two knots, zero at the first and the last. Solved by Thomas'
+    algorithm."""
+    steps = [b - a for a, b in pairwise(times)]
+    pull = [(b - a) / (h * h) for a, b, h in zip(values, values[1:], steps, strict=False)]
+    found = [0.0] * len(times)
+    ahead = [0.0] * len(times)
+    for i in range(1, len(times) - 1):
+        left, right = 1.0 / steps[i - 1], 1.0 / steps[i]
+        pivot = 2.0 * (left + right) - left * ahead[i - 1]
+        ahead[i] = right / pivot
+        found[i] = (3.0 * (pull[i - 1] + pull[i]) - left * found[i - 1]) / pivot
+    for i in range(len(times) - 2, 0, -1):
+        found[i] -= ahead[i] * found[i + 1]
+    return found
+
+
+def vector_slopes(times: Sequence[float], values: Sequence[Vec3]) -> list[Vec3]:
+    """`slopes` of each axis."""
+    x, y, z = (slopes(times, [value[axis] for value in values]) for axis in range(3))
+    return list(zip(x, y, z, strict=True))
+
 
 REST = 0.05
 """Speed (m/s) below which a row counts as at rest."""

@@ -92,19 +92,19 @@ class Processor(Part[P]):
 
 class Tracker(Part[P]):
     """Turns a setpoint into a command. Made anew at each take-off. `accepts` kinds of setpoint,
-    `gives` a kind of command; one that may give several says so in `kinds`."""
+    `emits` a kind of command; one that may emit several says so in `kinds`."""
 
     kind = "trackers"
     accepts: ClassVar[frozenset[SetpointKind]]
-    gives: ClassVar[CommandKind]
+    emits: ClassVar[CommandKind]
 
     def __init__(self, params: P, context: VehicleContext) -> None:
         self.params = params
 
     @classmethod
     def kinds(cls, params: P) -> frozenset[CommandKind]:
-        """The kinds of command that it may give with these parameters."""
-        return frozenset({cls.gives})
+        """The kinds of command that it may emit with these parameters."""
+        return frozenset({cls.emits})
 
     @property
     @abstractmethod

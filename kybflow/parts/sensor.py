@@ -52,7 +52,7 @@ class Sensor(Part[P]):
         return None
 
     @classmethod
-    def gives(cls, params: P, cameras: Mapping[str, Camera]) -> Sequence[str]:
+    def claims(cls, params: P, cameras: Mapping[str, Camera]) -> Sequence[str]:
         """What no other sensor of the vehicle may give, in words, because nobody could tell the two
         apart."""
         return [f"`{kind_name(kind)}` measurements" for kind in cls.provides]

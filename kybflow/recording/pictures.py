@@ -21,7 +21,7 @@ from kybflow.recording.run_folder import FRAMES, RunFolder
 if TYPE_CHECKING:
     from kybflow.runtime.engine import Engine
     from kybflow.runtime.vehicle.vehicle import Vehicle
-    from kybflow.vision.locating.fit import Located
+    from kybflow.vision.locating.locate import Located
     from kybflow.vision.locating.locator import Sighting
 
 EVENLY, AT_CHANGES = 8, 4

@@ -51,7 +51,7 @@ class SimulatedCamera(Sensor[SimulatedCameraParams]):
     simulated = True
 
     @classmethod
-    def gives(cls, params: SimulatedCameraParams, cameras: Mapping[str, Camera]) -> Sequence[str]:
+    def claims(cls, params: SimulatedCameraParams, cameras: Mapping[str, Camera]) -> Sequence[str]:
         return frames_of(cameras)
 
     @classmethod

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
 from kybflow.core.geometry import ZERO, dot, norm, scale, sub
-from kybflow.flight.trajectory import Trajectory, read_trajectory
-from kybflow.flight.trajectory_table import read_table
+from kybflow.flight.trajectory import Trajectory, read_table, read_trajectory
 
 PLAIN = "t, x, y, z\n0, 0, 0, 1\n1, 0.5, 0, 1\n2.5, 1, 0.5, 1.2\n4, 1, 1, 1\n"
 

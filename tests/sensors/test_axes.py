@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kybflow.core.geometry import LEVEL, Quat, Vec3, from_axes, heading_of, rotate, tilt_of
-from kybflow.sensors._axes import to_world
+from kybflow.sensors._stream import to_world
 
 HALF = 0.5**0.5
 angles = st.floats(-pi, pi)

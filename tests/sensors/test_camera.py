@@ -16,8 +16,7 @@ from kybflow.core.errors import DriverError
 from kybflow.core.files import File, FilePath
 from kybflow.core.signals import NS, Frame, Measurement, Time
 from kybflow.parts import Link
-from kybflow.sensors._capture import Captured, Grabber
-from kybflow.sensors.camera import CameraSensor, CameraSensorParams, Device
+from kybflow.sensors.camera import CameraSensor, CameraSensorParams, Captured, Device, Grabber
 from kybflow.world.cameras import Camera, Lens
 
 cv2 = pytest.importorskip("cv2")
@@ -117,8 +116,8 @@ def test_it_says_which_camera_it_can_not_be() -> None:
 
 def test_what_it_gives_is_the_frames_of_its_camera() -> None:
     two = {"down": DOWN, "front": DOWN._replace(name="front")}
-    assert CameraSensor.gives(CameraSensorParams(camera="front"), two) == ["frames of `front`"]
-    assert CameraSensor.gives(CameraSensorParams(), {"down": DOWN}) == ["frames of `down`"]
+    assert CameraSensor.claims(CameraSensorParams(camera="front"), two) == ["frames of `front`"]
+    assert CameraSensor.claims(CameraSensorParams(), {"down": DOWN}) == ["frames of `down`"]
 
 
 def test_a_device_goes_by_the_wall_clock_and_a_video_does_not() -> None:

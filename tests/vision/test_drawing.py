@@ -13,11 +13,11 @@ import numpy  # noqa: E402 - after the skip
 from kybflow.core.geometry import LEVEL, ZERO, add, from_euler, integrate, scale  # noqa: E402
 from kybflow.core.signals import Truth  # noqa: E402
 from kybflow.vision.families import dictionary, pattern  # noqa: E402
-from kybflow.vision.grid import grid  # noqa: E402
 from kybflow.vision.optics import Optics, Weakness  # noqa: E402
 from kybflow.vision.projection import project  # noqa: E402
 from kybflow.vision.rendering.drawing import Room, motion  # noqa: E402
 from kybflow.vision.rendering.floor import mixed_up  # noqa: E402
+from kybflow.vision.rendering.grid import grid  # noqa: E402
 from kybflow.vision.rendering.shutter import Shot  # noqa: E402
 from kybflow.world.cameras import Camera, Lens  # noqa: E402
 from kybflow.world.tags import Tag, TagMap  # noqa: E402

@@ -21,11 +21,9 @@ from floors import (  # noqa: E402
 )
 
 from kybflow.core.geometry import LEVEL, from_euler  # noqa: E402
-from kybflow.vision.detection.detect import Detector  # noqa: E402
-from kybflow.vision.detection.search import Search  # noqa: E402
-from kybflow.vision.detection.shapes import Shapes  # noqa: E402
-from kybflow.vision.detection.wide import WideSearch  # noqa: E402
+from kybflow.vision.locating.detect import Detector, WideSearch  # noqa: E402
 from kybflow.vision.locating.locator import Locator, Prediction  # noqa: E402
+from kybflow.vision.locating.search import Search, Shapes  # noqa: E402
 from kybflow.vision.locating.sight import BodyMotion  # noqa: E402
 from kybflow.vision.projection import project  # noqa: E402
 from kybflow.world.tags import Tag, TagMap  # noqa: E402

@@ -13,9 +13,9 @@ from test_drawing import find
 
 from kybflow.core.geometry import LEVEL, Vec3, add, from_euler, norm, scale
 from kybflow.core.signals import Truth
-from kybflow.vision.grid import grid as nodes
 from kybflow.vision.optics import Optics
 from kybflow.vision.rendering.drawing import Room
+from kybflow.vision.rendering.grid import grid as nodes
 from kybflow.vision.rendering.shutter import Shot
 from kybflow.vision.rendering.solids import Solids, cover, hides
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere

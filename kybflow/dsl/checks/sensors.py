@@ -65,7 +65,7 @@ def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
     mixed."""
     given: dict[tuple[str, str], SensorEntry] = {}
     for vehicle, use in _written(case):
-        for what in use.part.spec.cls.gives(use.part.params, _cameras(vehicle)):
+        for what in use.part.spec.cls.claims(use.part.params, _cameras(vehicle)):
             first = given.setdefault((vehicle.name.text, what), use)
             if first is use or (_is_same(first, use) and first.estimator != use.estimator):
                 continue

@@ -9,7 +9,6 @@ SI units; a covariance is a 15 x 15 array that nobody changes in place.
 
 from __future__ import annotations
 
-from math import erfc, exp, pi, sqrt
 from typing import NamedTuple
 
 import numpy
@@ -192,17 +191,7 @@ def skew(v: Vec3) -> Matrix:
 
 def chi_square_bound(refused: float, size: int) -> float:
     """The squared distance that a share of `refused` of true measurements of this size, 3 or 6,
-    exceeds."""
-    low, high = 0.0, 2000.0
-    while high - low > 1e-9:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if _exceeding(middle, size) > refused else (low, middle)
-    return high
+    exceeds: the inverse of the chi-square distribution's tail."""
+    from scipy.special import chdtri  # only a mission that fuses waits for the library
 
-
-def _exceeding(x: float, size: int) -> float:
-    """One minus the chi-square distribution (Abramowitz and Stegun, 26.4.4 and 26.4.5)."""
-    fall = exp(-0.5 * x)
-    if size == 3:
-        return erfc(sqrt(0.5 * x)) + sqrt(2.0 * x / pi) * fall
-    return fall * (1.0 + 0.5 * x + 0.125 * x * x)
+    return float(chdtri(size, refused))

@@ -36,7 +36,7 @@ from kybflow.vision import OPENCV
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
-    from kybflow.vision.locating.fit import Located
+    from kybflow.vision.locating.locate import Located
     from kybflow.vision.locating.locator import Prediction
 
 ACCELERATION = 5.0

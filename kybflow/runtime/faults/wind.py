@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.core.units import Duration, Velocity
-from kybflow.flight.air import rising
+from kybflow.flight.profiles import rising
 from kybflow.parts import Effect, Fault, param, params
 
 

@@ -50,7 +50,7 @@ from kybflow.runtime.monitoring.findings import Finding, Streak, Trouble, neares
 from kybflow.world.cameras import Camera
 
 if TYPE_CHECKING:
-    from kybflow.vision.locating.fit import Located
+    from kybflow.vision.locating.locate import Located
     from kybflow.vision.locating.locator import Sighting
 
 LOST, FROZE, SWAPPED = "camera_lost", "camera_froze", "camera_swapped"

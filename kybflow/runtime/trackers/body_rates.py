@@ -39,7 +39,7 @@ class BodyRates(Tracker[BodyRatesParams]):
     """See the module."""
 
     accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY})
-    gives = CommandKind.RATES_THRUST
+    emits = CommandKind.RATES_THRUST
 
     def __init__(self, params: BodyRatesParams, context: VehicleContext) -> None:
         super().__init__(params, context)

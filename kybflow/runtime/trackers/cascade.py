@@ -36,7 +36,7 @@ class Cascade(Tracker[CascadeParams]):
     """See the module."""
 
     accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY, SetpointKind.ACCELERATION})
-    gives = CommandKind.ATTITUDE_THRUST
+    emits = CommandKind.ATTITUDE_THRUST
 
     def __init__(self, params: CascadeParams, context: VehicleContext) -> None:
         super().__init__(params, context)

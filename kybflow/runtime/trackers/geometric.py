@@ -47,7 +47,7 @@ class Geometric(Tracker[GeometricParams]):
     """See the module."""
 
     accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY})
-    gives = CommandKind.ATTITUDE_THRUST
+    emits = CommandKind.ATTITUDE_THRUST
 
     def __init__(self, params: GeometricParams, context: VehicleContext) -> None:
         super().__init__(params, context)

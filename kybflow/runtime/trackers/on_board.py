@@ -104,7 +104,7 @@ class OnBoard(Tracker[OnBoardParams]):
     """See the module."""
 
     accepts = frozenset(_COMMANDS)
-    gives = CommandKind.POSITION
+    emits = CommandKind.POSITION
 
     def __init__(self, params: OnBoardParams, context: VehicleContext) -> None:
         super().__init__(params, context)

@@ -55,7 +55,7 @@ class Velocity(Tracker[VelocityParams]):
     """See the module."""
 
     accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY})
-    gives = CommandKind.ATTITUDE_THRUST
+    emits = CommandKind.ATTITUDE_THRUST
 
     def __init__(self, params: VelocityParams, context: VehicleContext) -> None:
         super().__init__(params, context)

@@ -15,8 +15,7 @@ from kybflow.core.signals import MeasurementKind, Pose
 from kybflow.core.units import Duration
 from kybflow.parts.link import Link
 from kybflow.parts.sensor import Sensor, Stream
-from kybflow.sensors._axes import Axes, Units
-from kybflow.sensors._stream import PoseStream
+from kybflow.sensors._stream import Axes, PoseStream, Units
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:

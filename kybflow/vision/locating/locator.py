@@ -16,12 +16,9 @@ from numpy.typing import NDArray
 
 from kybflow.core.geometry import Quat, Vec3
 from kybflow.core.signals import Frame
-from kybflow.vision.detection.detect import Detector
-from kybflow.vision.detection.search import Search
-from kybflow.vision.detection.shapes import Shapes
-from kybflow.vision.detection.wide import WideSearch
-from kybflow.vision.locating.fit import Located
-from kybflow.vision.locating.locate import locate
+from kybflow.vision.locating.detect import Detector, WideSearch
+from kybflow.vision.locating.locate import Located, locate
+from kybflow.vision.locating.search import Search, Shapes
 from kybflow.vision.locating.sight import AT_REST, BodyMotion, Start, TagView
 from kybflow.vision.projection import optical_pose, rotation, undistort
 from kybflow.world.cameras import Camera

@@ -17,11 +17,11 @@ import numpy
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Truth
-from kybflow.vision.grid import NO_MAP, Grid, Region, grid
 from kybflow.vision.optics import SOUND, Optics, Weakness
 from kybflow.vision.projection import Array
 from kybflow.vision.rendering.exposure import ImageNoise, blur_lens, blur_motion
 from kybflow.vision.rendering.floor import QUIET, Floor, Sheet, mixed_up
+from kybflow.vision.rendering.grid import NO_MAP, Grid, Region, grid
 from kybflow.vision.rendering.shutter import FLOOR, Shot
 from kybflow.vision.rendering.solids import NONE, Solid, Solids, cover, hides
 from kybflow.world.cameras import Camera

@@ -8,9 +8,9 @@ from math import ceil, hypot
 import cv2
 import numpy
 
-from kybflow.vision.grid import NO_MAP, Grid
 from kybflow.vision.optics import Optics
 from kybflow.vision.projection import Array
+from kybflow.vision.rendering.grid import NO_MAP, Grid
 
 _SHARP = 0.1
 """A blur that is smaller is none, pixels."""

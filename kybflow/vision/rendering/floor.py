@@ -12,8 +12,8 @@ import numpy
 
 from kybflow.core.geometry import add, rotate
 from kybflow.vision.families import cells, pattern
-from kybflow.vision.grid import NO_MAP
 from kybflow.vision.projection import Array, rotation
+from kybflow.vision.rendering.grid import NO_MAP
 from kybflow.vision.rendering.shutter import FLOOR, ProjectionPlane
 from kybflow.world.tags import Key, Tag, TagMap
 

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy
 
 from kybflow.core.signals import Truth
-from kybflow.vision.grid import Grid
 from kybflow.vision.projection import Array, distort, reach, rotation
+from kybflow.vision.rendering.grid import Grid
 from kybflow.world.cameras import Camera
 
 _NEAR = 1e-6

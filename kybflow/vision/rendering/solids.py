@@ -19,8 +19,8 @@ import cv2
 import numpy
 
 from kybflow.core.geometry import Vec3, add, norm, scale, sub
-from kybflow.vision.grid import grid
 from kybflow.vision.projection import Array
+from kybflow.vision.rendering.grid import grid
 from kybflow.vision.rendering.shutter import FAR, Shot
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 

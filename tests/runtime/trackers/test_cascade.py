@@ -68,7 +68,7 @@ def asked(command):
 def test_it_takes_every_kind_of_motion_and_gives_attitude_and_thrust():
     kinds = {SetpointKind.POSITION, SetpointKind.VELOCITY, SetpointKind.ACCELERATION}
     assert kinds == Cascade.accepts
-    assert CommandKind.ATTITUDE_THRUST is Cascade.gives
+    assert CommandKind.ATTITUDE_THRUST is Cascade.emits
 
 
 def test_at_its_setpoint_it_stays_level_at_hover_thrust():

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.flight.hermite import Knot, Quintic, slopes
+from kybflow.flight.trajectory import Knot, Quintic, slopes
 
 numbers = st.floats(-5.0, 5.0)
 knots = st.builds(Knot, numbers, numbers, numbers)

@@ -1,1 +1,0 @@
-"""Images to the corners of tags."""
