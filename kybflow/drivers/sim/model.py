@@ -39,7 +39,7 @@ SOLID = '<default><geom conaffinity="3"/></default>\n'
 clear of the one that carried them."""
 
 
-class SimulatedBody(NamedTuple):
+class BuiltAirframe(NamedTuple):
     """A vehicle as it is built, which differs from what its maker says. SI.
 
     thrust: the largest of each rotor.
@@ -53,7 +53,7 @@ class SimulatedBody(NamedTuple):
 
 
 def world_text(
-    contexts: Sequence[VehicleContext], bodies: Sequence[SimulatedBody], timestep: float
+    contexts: Sequence[VehicleContext], bodies: Sequence[BuiltAirframe], timestep: float
 ) -> str:
     """The whole world as MJCF; `timestep` in seconds."""
     every = tuple(enumerate(zip(contexts, bodies, strict=True)))
@@ -112,7 +112,7 @@ def _geom(kind: str, at: Iterable[float], size: Iterable[float]) -> str:
     return f'type="{kind}" pos="{_numbers(at)}" size="{_numbers(size)}"'
 
 
-def _vehicle(index: int, context: VehicleContext, body: SimulatedBody) -> str:
+def _vehicle(index: int, context: VehicleContext, body: BuiltAirframe) -> str:
     x, y, z = context.start
     half = context.airframe.arm / sqrt(2.0)
     hue = ("0.9 0.4 0.1", "0.1 0.5 0.8", "0.2 0.7 0.3", "0.7 0.2 0.6")[index % 4]
@@ -175,7 +175,7 @@ def _stand(context: VehicleContext) -> str:
     )
 
 
-def _actuators(index: int, context: VehicleContext, body: SimulatedBody) -> str:
+def _actuators(index: int, context: VehicleContext, body: BuiltAirframe) -> str:
     rotors = "".join(
         f'<general site="v{index}r{n}" gear="0 0 1 0 0 {sign * context.airframe.torque_ratio!r}"'
         f' dyntype="filterexact" dynprm="{body.rotor_time!r}" gainprm="{thrust!r}"'

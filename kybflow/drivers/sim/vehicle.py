@@ -22,7 +22,7 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.drivers.sim.model import SimulatedBody
+from kybflow.drivers.sim.model import BuiltAirframe
 from kybflow.drivers.sim.onboard import Pilot, Rotors
 from kybflow.drivers.sim.receiver import Receiver
 from kybflow.drivers.sim.sensors import Averages, Cell, PoseSampler, Positions, bias, draw
@@ -258,14 +258,14 @@ class SimulatedVehicle(Link):
         return self._world.collisions(self._index)
 
 
-def build(airframe: Airframe, error: float, generator: Any) -> SimulatedBody:
+def build(airframe: Airframe, error: float, generator: Any) -> BuiltAirframe:
     """A vehicle within `error` of what its maker says, each rotor a little different."""
     draws = (1.0 + error * generator.uniform(-1.0, 1.0, 7)).tolist()
     mass, jx, jy, jz, thrust, rotor_time, drag = draws
     ix, iy, iz = airframe.inertia
     spread = 1.0 + error * ROTOR_SPREAD * generator.uniform(-1.0, 1.0, 4)
     a, b, c, d = (airframe.thrust * thrust * spread).tolist()
-    return SimulatedBody(
+    return BuiltAirframe(
         airframe.mass * mass, (ix * jx, iy * jy, iz * jz), (a, b, c, d),
         airframe.rotor_time * rotor_time, airframe.drag * drag,
     )  # fmt: skip

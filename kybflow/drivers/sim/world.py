@@ -16,7 +16,7 @@ from kybflow.drivers.sim.model import (
     ACTUATORS,
     FIRST_BODY,
     SENSORS,
-    SimulatedBody,
+    BuiltAirframe,
     loaded,
     world_text,
 )
@@ -207,7 +207,7 @@ def _parcels(
     }
 
 
-def _compile(seats: Sequence[Seat], bodies: Sequence[SimulatedBody], rate: float) -> mujoco.MjModel:
+def _compile(seats: Sequence[Seat], bodies: Sequence[BuiltAirframe], rate: float) -> mujoco.MjModel:
     try:
         return mujoco.MjModel.from_xml_string(
             world_text([seat.context for seat in seats], bodies, 1.0 / rate)
