@@ -36,9 +36,10 @@ class PartUse:
 
 @dataclass(frozen=True, slots=True)
 class TransitionEntry:
-    """One arrow as written; `span` is the whole of it, `target.span` the name of its goal. `since`
-    is the chain whose arrow it is: its `after` counts from the entry of that. `enters` is the chain
-    that it enters, whose first state is the target."""
+    """One transition as written. `span` is the whole of it, `target.span` the name of its target.
+    `since` names the chain that the transition belongs to: its `after` counts from the entry of
+    that chain. `enters` names the chain that the transition enters; the target is then its first
+    state."""
 
     cause: Cause
     target: Text
@@ -103,8 +104,8 @@ class CameraEntry:
 
 @dataclass(frozen=True, slots=True)
 class SensorEntry:
-    """One sensor of a vehicle on the target: the estimator that it is named for, empty for one that
-    the driver brings; its place in the list of those, 0 for the first."""
+    """One sensor of a vehicle on the target. `estimator` names the estimator that it stands under,
+    empty for a sensor that the driver brings; `index` is its place in that estimator's list."""
 
     estimator: Text
     part: PartUse
@@ -112,7 +113,7 @@ class SensorEntry:
 
     @property
     def label(self) -> str:
-        """Its name: `fusion`, then `fusion.1`."""
+        """The sensor's name in options: `fusion`, then `fusion.1`."""
         name = self.estimator.text or self.part.label
         return f"{name}.{self.index}" if self.index else name
 

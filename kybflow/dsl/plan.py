@@ -241,7 +241,7 @@ class FlowPlan:
 
 @dataclass(frozen=True, slots=True)
 class ExpectationPlan:
-    """One line of `expect:`, as written and as meant."""
+    """One line of `expect:`: its text as written, and the parsed expression."""
 
     text: str
     expression: Expression

@@ -54,8 +54,8 @@ def check(document: Document, catalog: Catalog) -> Diagnosed[None]:
 
 
 def _deduplicated(found: Iterable[Diagnostic], vehicles: Container[str]) -> list[Diagnostic]:
-    """One mistake, one report: what several vehicles share, and what one place means for several
-    ways into it, is told for the first."""
+    """Report each mistake once: several vehicles may share it, and several paths may lead to it.
+    The first finding is kept."""
 
     def blank(match: re.Match[str]) -> str:
         return "" if match[1] in vehicles else match[0]

@@ -11,7 +11,7 @@ from kybflow.core.signals import ReactionName
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import OPERATOR, KnownEvents, fields_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect, did_you_mean
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry, CallbackEntry
 from kybflow.dsl.names.built_in import BUILT_IN
@@ -136,7 +136,7 @@ def logged_fields(case: Case) -> Iterator[Diagnostic]:
 
 
 def log_fields(callback: CallbackEntry, told: KnownEvents) -> tuple[str, ...]:
-    """What a text of the callback may ask for."""
+    """The fields that a callback's `log` may name in braces."""
     tellers = told.sources(callback.event.text)
     own = ("vehicle",) if tellers and tellers != ("",) else ()
     return (*_ALWAYS, *own, *carried(callback, told))
@@ -186,7 +186,7 @@ class _Said(NamedTuple):
 
 
 class _Way(NamedTuple):
-    """From a callback to one that hears what `action` brings about."""
+    """From a callback to another one that hears what `action` of the first brings about."""
 
     action: ActionEntry
     to: int
@@ -246,7 +246,7 @@ def _said(case: Case, action: ActionEntry) -> Iterator[_Said]:
     elif name == "log":
         yield _Said("", "logged", {})
     elif name == "set" and target is not None:
-        for option in options_named(target, case.document, case.catalog).options:
+        for option in collect(options_named(target, case.document, case.catalog)).value:
             vehicle = option.name.partition(".")[0]
             yield _Said(vehicle, "option_changed", {"option": option.name, "by": "callback"})
     elif name == "switch" and target is not None:

@@ -1,4 +1,4 @@
-"""What every check is given, and what several of them ask of it."""
+"""The mission under judgement, as every check gets it, and lookups that several checks share."""
 
 from __future__ import annotations
 
@@ -43,7 +43,8 @@ class Case:
         self._found: dict[Callable[[Case], Iterable[Any]], list[Any]] = {}
 
     def cached(self, find: Callable[[Case], Iterable[T]]) -> list[T]:
-        """What `find` finds in this case; looked for once, because several checks ask."""
+        """The list of what `find` finds in this case, computed once because several checks need
+        it."""
         if find not in self._found:
             self._found[find] = list(find(self))
         return self._found[find]
@@ -58,7 +59,7 @@ class Case:
                 yield vehicle, state
 
     def condition(self, text: Text | None, scope: Scope) -> Condition | None:
-        """What a condition says; None where there is none or it can't be understood."""
+        """The parsed condition; None when there is none or when it has errors."""
         return cast("Condition | None", None if text is None else parse(text, scope)[0])
 
     def behavior(self, vehicle: VehicleEntry, state: str) -> type[Behavior[Any]] | None:

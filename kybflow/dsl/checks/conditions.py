@@ -141,14 +141,14 @@ def _arrows(case: Case) -> Iterator[TransitionEntry]:
 
 
 def all_conditions(case: Case) -> Iterator[TypedCondition]:
-    """Every condition, `healthy` and expectation that can be understood."""
+    """Every condition, `healthy` and expectation that parses."""
     yield from case.cached(conditions_of)
     yield from health_conditions(case)
     yield from case.cached(expected_conditions)
 
 
 def conditions_of(case: Case) -> Iterator[TypedCondition]:
-    """Every condition of an arrow, a callback, a phase and a fault that can be understood."""
+    """Every condition of a transition, a callback, a phase and a fault that parses."""
     document, scopes = case.document, case.scopes
     asked = [
         (arrow.when, vehicle.name.text)
@@ -170,7 +170,7 @@ def conditions_of(case: Case) -> Iterator[TypedCondition]:
 
 
 def health_conditions(case: Case) -> Iterator[TypedCondition]:
-    """Every `healthy` that can be understood."""
+    """Every `healthy` that parses."""
     for vehicle in case.vehicles():
         own = vehicle.name.text
         for text in (estimator.healthy for estimator in vehicle.estimators):
@@ -180,7 +180,7 @@ def health_conditions(case: Case) -> Iterator[TypedCondition]:
 
 
 def expected_conditions(case: Case) -> Iterator[TypedCondition]:
-    """What every expectation asks, without its `always`, `eventually` or `finally`."""
+    """The condition of every expectation, without its `always`, `eventually` or `finally`."""
     for text in case.document.expect:
         match parse(text, case.scopes.expectation())[0]:
             case Always(meant) | Eventually(meant) | Finally(meant):
@@ -266,7 +266,7 @@ def _subject(node: object, asked: TypedCondition) -> str:
 
 
 def _lacking(vehicle: VehicleEntry, name: str) -> str:
-    """What the vehicle would need to know a value; empty when it has that."""
+    """What the vehicle lacks to know a value, for the report; empty when it lacks nothing."""
     driver = vehicle.driver
     if name.startswith("battery.") and Battery not in driver.spec.cls.provides:
         return f"`{driver.name.text}` reports no battery"

@@ -65,7 +65,7 @@ def _unheard(event: Text, told: KnownEvents, own: str | None, groups: Iterable[s
 
 
 def _of_a_person(name: str) -> str:
-    """How an event is given that no part tells."""
+    """A note that says how an operator or a callback can give an event that no part tells."""
     given = f"{OPERATOR}{name}"
     return f"a person gives `{given}`: `run --emit {given}@2s`; a callback gives `{{emit: {name}}}`"
 
@@ -159,7 +159,7 @@ def emitted(document: Document) -> frozenset[str]:
 
 
 def fields_of(event: str) -> tuple[str, ...]:
-    """What an event carries, by its bare name; a custom one nothing."""
+    """The fields of an event, by its bare name. A mission's own event has none."""
     return EVENT_FIELDS.get(event, ALARM_FIELDS)
 
 

@@ -176,8 +176,8 @@ def too_heavy_to_lift(case: Case) -> Iterator[Diagnostic]:
 
 
 def _lighter(vehicle: VehicleEntry, payload: Parcel) -> str:
-    """What it can carry: the same number of grams, where that could be meant, or how much at
-    most."""
+    """The way out: the same number in grams where that was probably meant, else the largest
+    payload."""
     most = vehicle.airframe.max_thrust / (_SPARE * GRAVITY) - vehicle.airframe.mass
     if _GRAMS <= payload.mass <= 1000.0 * most:
         return f"did you mean `mass: {payload.mass:g} g`?"
@@ -188,7 +188,7 @@ def _lighter(vehicle: VehicleEntry, payload: Parcel) -> str:
 
 
 def _gripping(case: Case) -> Iterator[tuple[VehicleEntry, StateEntry]]:
-    """Every state that asks for the servo."""
+    """Every state whose behavior uses the servo of the payload."""
     for vehicle, state in case.states():
         if state.part.spec.cls.grips:
             yield vehicle, state

@@ -188,8 +188,8 @@ def _carries(obstacle: ObstacleEntry, point: Vec3, vehicle: VehicleEntry) -> boo
 
 
 def _top(obstacle: ObstacleEntry, point: Vec3) -> tuple[float, float]:
-    """How high its level top is, and how far within the top's edge the point is, seen from above;
-    an obstacle without a level top has none that a point is within."""
+    """(height of the obstacle's level top, distance of the point inside the top's edge, seen from
+    above). An obstacle without a level top gives (inf, -inf)."""
     (x, y, _), shape = point, obstacle.shape
     match shape:
         case Box(low, high):

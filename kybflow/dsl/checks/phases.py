@@ -27,8 +27,8 @@ from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 
 class _Holder(NamedTuple):
-    """Who has a vehicle: the flow itself, or `flow` that it gave it to at `given`; `is_sure` when
-    that holds along every way here."""
+    """The flow that has a vehicle. `given` is where another flow gave it to that one, None where
+    nobody did; `is_sure` when this holds along every path to here."""
 
     flow: str
     given: Span | None = None
@@ -113,7 +113,7 @@ def _way_out(holder: _Holder) -> str:
 
 
 def _holders(document: Document, flow: FlowEntry) -> dict[str, _Holders]:
-    """Who has each vehicle when a phase is entered."""
+    """The holder of each vehicle on entry to each phase."""
     own = _Holder(flow.name.text)
     entered: dict[str, _Holders] = {flow.begin.text: _first(document, flow)}
     waiting = [flow.begin.text]
@@ -137,7 +137,8 @@ def _holders(document: Document, flow: FlowEntry) -> dict[str, _Holders]:
 
 
 def _first(document: Document, flow: FlowEntry) -> _Holders:
-    """Who has each vehicle when the flow begins: one that waits has what every giver gives it."""
+    """The holder of each vehicle when the flow begins. A flow that waits for its vehicles surely
+    has those that every giver gives it."""
     own, had = _Holder(flow.name.text), own_vehicles(document, flow)
     givers = [
         (other.name.text, {w.vehicle for w in given})
@@ -155,14 +156,14 @@ def _first(document: Document, flow: FlowEntry) -> _Holders:
 
 
 def _held_after(holder: _Holder, own: _Holder, event: str) -> _Holder:
-    """Who has a vehicle after a way out of a phase."""
+    """The holder of a vehicle after a transition out of a phase."""
     if holder.flow == own.flow or event == f"{holder.flow}.finished":
         return own
     return holder.doubtful
 
 
 def _merged(a: _Holder, b: _Holder) -> _Holder:
-    """Along two ways; in doubt the one that is not the flow's own."""
+    """The holder where two paths meet; in doubt the one that is not the flow itself."""
     if a == b:
         return a
     return (a if a.given is not None else b).doubtful

@@ -155,7 +155,7 @@ def _comes_surely(
 
 
 def _way_out(path: list[str]) -> str:
-    """What to do about a trap: a circle goes on for ever, or one behavior does."""
+    """The help line for a trap: a circle of states, or one state that never ends."""
     if len(path) > 1:
         return "let the last of them go on to a landing, such as `auto_land`"
     return "add a `within`, or a `next` with `after: 60 s`, that leads to a landing"

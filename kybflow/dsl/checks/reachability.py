@@ -36,8 +36,9 @@ class FlightEdge(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FlightGraph:
-    """What the walk found: `nodes` that can be entered, `links` that fit, `broken` ones whose ends
-    don't meet. Links to what can't be a target are in neither."""
+    """The graph of states by flight condition: the `nodes` that can be entered, the `links` that
+    fit, and the `broken` ones, whose target can't start where the source leaves the vehicle. Links
+    to names that can't be a target are in neither."""
 
     nodes: frozenset[FlightNode]
     links: tuple[FlightEdge, ...]

@@ -59,7 +59,7 @@ def _together(
 
 
 def _rests(vehicle: VehicleEntry) -> list[RestingPlace]:
-    """Every place where the vehicle may rest for good when nothing fails; none where one of them is
+    """Every place where the vehicle may come to rest when nothing fails; empty when one of them is
     not known."""
     found: list[RestingPlace] = []
     endless = endless_states(vehicle)

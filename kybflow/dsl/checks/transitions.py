@@ -131,8 +131,8 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
 def _unreached(
     vehicle: VehicleEntry, state: StateEntry, reached: AbstractSet[str]
 ) -> tuple[str, Span]:
-    """What is not reached, and where: the outermost chain whose first state is not, else the
-    state."""
+    """(the name, its span) of what is not reached: the outermost chain whose first state is not
+    reached, else the state."""
     name, span = state.name.text, state.name.span
     for chain, use in zip(chains_of(name), span.used, strict=False):
         if vehicle.goal(chain) not in reached:

@@ -99,7 +99,7 @@ def families() -> dict[str, list[Code]]:
 
 
 def unknown_code(name: str) -> str:
-    """What to say of a code that no finding has."""
+    """The message for a code that no diagnostic has."""
     return f"no finding has the code `{name}`; {did_you_mean(name.upper(), codes())}"
 
 

@@ -89,8 +89,8 @@ def passed(step: Diagnosed[T]) -> Diagnosed[T]:
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Each finding once, sorted by place: what every use of a chain gets wrong is told for the
-    first."""
+    """Each finding once, sorted by place. Where every use of a chain gets the same wrong, the
+    first finding is kept."""
     first: dict[tuple[object, ...], Diagnostic] = {}
     for diagnostic in diagnostics:
         first.setdefault((*diagnostic.order, diagnostic.message), diagnostic)

@@ -52,7 +52,7 @@ SCHEMA = (
 
 
 def to_sarif(diagnostics: Iterable[Diagnostic]) -> str:
-    """One run of kybflow with everything that was found, as JSON text."""
+    """The log of one run of kybflow with every finding, as JSON text."""
     found = list(diagnostics)
     seen = sorted({d.code for d in found})
     driver = {"name": "kybflow", "version": __version__, "rules": [_rule(code) for code in seen]}

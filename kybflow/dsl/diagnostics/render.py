@@ -58,7 +58,7 @@ def _source(span: Span, label: str, texts: dict[str, str]) -> Iterator[str]:
 
 
 def ways_to(span: Span) -> Iterator[str]:
-    """How the place was reached, the nearest first, a line each."""
+    """How the place was reached: a line for each import and each use, the nearest first."""
     for reached in reversed(span.via):
         yield f"imported from {reached.at}"
     for use in reversed(span.used):

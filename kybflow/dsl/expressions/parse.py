@@ -228,7 +228,7 @@ class _Operands:
         return self._semantics.measured(token.text, (token.start, token.end), dimension, "")
 
     def operand(self) -> Operand:
-        """One side. A function's name is one only before a bracket."""
+        """Parse one side of a comparison. The name of a function is one only before a bracket."""
         token = self._tokens.peek()
         if token.kind == "quantity":
             self._tokens.take()
@@ -244,7 +244,8 @@ class _Operands:
         return Operand(token.text, token.start, token.end, node, dimension)
 
     def _meaning(self, token: Token) -> tuple[Value | None, Dimension | None]:
-        """What a dotted name reads; (None, None) for one that may be a bare word."""
+        """The value that a dotted name reads, with its dimension; (None, None) for one that may be
+        a bare word."""
         if token.text == "time" and self._scope.kind != "health":
             return MissionTime(), DURATION
         if self._scope.kind == "health":

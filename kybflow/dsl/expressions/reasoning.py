@@ -39,8 +39,8 @@ _OPPOSITE: dict[ComparisonOperator, ComparisonOperator] = {
 
 
 class _Fact(NamedTuple):
-    """What one comparison says of one value, and whether it was written as such: one behind a
-    `not` also holds where the value is not known."""
+    """One comparison: the operator and bound that it puts on a value. `is_plain` is false behind a
+    `not`, which also holds where the value is not known."""
 
     value: object
     operator: ComparisonOperator
@@ -123,7 +123,7 @@ def _groups(condition: Condition, truth: bool) -> list[_Group]:
 
 
 def _joined(parts: list[list[_Group]], together: bool) -> list[_Group]:
-    """Every way in which one group of each part holds, or the groups of all parts."""
+    """The groups that hold together, one of each part, or the groups of all parts."""
     if not together:
         return [group for part in parts for group in part]
     groups: list[_Group] = [()]

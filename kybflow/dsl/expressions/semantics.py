@@ -122,7 +122,7 @@ class Semantics:
             return 0.0
 
     def _readable(self) -> list[str]:
-        """Every name that could stand where a value is read."""
+        """Every name that a value can be read from here, for suggestions."""
         if self.scope.kind == "health":
             return list(HEALTH)
         own = list(OBSERVABLES) if self.scope.own is not None else []
@@ -189,7 +189,7 @@ class Semantics:
         return Compare(operator, STAND_IN, STAND_IN)
 
     def _beside(self, side: Operand, other: Operand) -> Value:
-        """What a quantity or a bare word means next to `other`."""
+        """The value of a quantity or a bare word beside `other`, which gives it its dimension."""
         place = (side.start, side.end)
         told = f"`{other.source}` is {type_name(other.dimension)}"
         if is_quantity(side) and other.dimension is not None:

@@ -61,7 +61,7 @@ Requests = Mapping[str, tuple[str, ...]]
 
 
 def requests_to(plan: Plan, vehicle: str) -> Requests:
-    """Who asks `vehicle` for what, each state once."""
+    """The states of `vehicle` that each flow and callback may request, each state once."""
     found: dict[str, dict[str, None]] = {}
     for flow in plan.flows:
         for phase in flow.phases.values():
@@ -128,7 +128,8 @@ def _reached(vehicle: VehiclePlan, askers: Requests) -> set[str]:
 
 
 def _drawn(state: StatePlan) -> list[TransitionPlan]:
-    """Its arrows; of those that the language adds, no failures and no end of what never ends."""
+    """The transitions to draw: of those that the language adds, neither failures nor the end of a
+    behavior that never ends."""
     footprint = state.behavior.cls.footprint(state.behavior.params, None)
     is_endless = footprint is not None and footprint.is_endless
     return [
@@ -181,7 +182,7 @@ def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
 
 
 def _phase_text(phase: PhasePlan, groups: Groups) -> str:
-    """What a phase asks of whom."""
+    """What a phase requests, as the second line of its box."""
     requests_to = {**phase.run, **phase.chains}
     texts = [f"{names}: {state}" for names, state in _together(requests_to, groups)]
     texts += [f"{names} to {flow}" for names, flow in _together(phase.give, groups)]
@@ -189,7 +190,8 @@ def _phase_text(phase: PhasePlan, groups: Groups) -> str:
 
 
 def _together(requests_to: Mapping[str, str], groups: Groups) -> Iterator[tuple[str, str]]:
-    """Those of whom the same is asked, by their group's name where there is one."""
+    """(names, goal) for each goal: the vehicles that share it, by their group's name where there
+    is one."""
     for goal in dict.fromkeys(requests_to.values()):
         names = tuple(name for name, own in requests_to.items() if own == goal)
         group = next((g for g, of in groups.items() if set(of) == set(names)), None)

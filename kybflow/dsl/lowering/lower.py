@@ -170,7 +170,7 @@ def _state(state: StateEntry, vehicle: str, scopes: Scopes) -> StatePlan:
 
 
 def _label(state: str) -> str:
-    """What a state's behavior is called among the options."""
+    """The name of a state's behavior in options."""
     return f"behaviors.{state}"
 
 
@@ -222,7 +222,7 @@ def attachments_of(document: Document) -> tuple[SourceFile, ...]:
 
 
 def files_of(document: Document) -> tuple[File, ...]:
-    """What every file held that a parameter of the mission names; once for each name."""
+    """The content of every file that a parameter of the mission names, once for each name."""
     return tuple(dict.fromkeys(file for file, _ in _named(document)))
 
 

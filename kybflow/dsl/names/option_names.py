@@ -24,13 +24,6 @@ class Option(NamedTuple):
     declared: Any
 
 
-class Named(NamedTuple):
-    """What a name means: nothing, and the finding that says why, or one option a vehicle."""
-
-    options: tuple[Option, ...]
-    finding: Diagnostic | None = None
-
-
 def members(document: Document, name: str) -> tuple[str, ...]:
     """The vehicles that a name stands for: itself, or those of a group; none for an unknown one."""
     if name in document.vehicles:
@@ -57,30 +50,33 @@ def unknown_vehicle(
 def option_values(
     action: ActionEntry, document: Document, catalog: Catalog
 ) -> Diagnosed[tuple[tuple[Option, Any], ...]]:
-    """What `{OPTION: VALUE}` sets: each option with its value (SI). None where it has errors."""
+    """The options that `{OPTION: VALUE}` sets, each with its value (SI); empty, with findings,
+    where it has errors."""
     assert action.target is not None
-    named = options_named(action.target, document, catalog)
-    if named.finding is not None:
-        yield named.finding
-    decoded = every(decode(action.value, option.field) for option in named.options)
+    options = yield from options_named(action.target, document, catalog)
+    decoded = every(decode(action.value, option.field) for option in options)
     values, findings = collect(decoded)
     yield from dict.fromkeys(findings)
-    return () if findings else tuple(zip(named.options, values, strict=True))
+    return () if findings else tuple(zip(options, values, strict=True))
 
 
-def options_named(name: Text, document: Document, catalog: Catalog) -> Named:
-    """The options that `name` means: of a vehicle, or of each of a group."""
+def options_named(
+    name: Text, document: Document, catalog: Catalog
+) -> Diagnosed[tuple[Option, ...]]:
+    """The options that `name` means, of a vehicle or of each of a group; empty where it has
+    errors."""
     first, _, rest = name.text.partition(".")
     vehicles = members(document, first)
     if not vehicles:
-        return Named((), unknown_vehicle("KYB233", name, document, end=len(first)))
+        yield unknown_vehicle("KYB233", name, document, end=len(first))
     options: list[Option] = []
     for vehicle in vehicles:
         found = _option(name, rest, document.vehicles[vehicle], catalog)
         if isinstance(found, Diagnostic):
-            return Named((), found)
+            yield found
+            return ()
         options.append(found)
-    return Named(tuple(options))
+    return tuple(options)
 
 
 def _option(name: Text, rest: str, vehicle: VehicleEntry, catalog: Catalog) -> Option | Diagnostic:

@@ -1,4 +1,4 @@
-"""What the expressions of a mission may name."""
+"""Scopes: what each expression of a mission may name."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ class Scopes:
         }
 
     def condition(self, vehicle: str) -> Scope:
-        """What a `when` of `vehicle` may name."""
+        """The scope of a `when` of `vehicle`."""
         return self._scope("condition", vehicle)
 
     def flow(self) -> Scope:
-        """What a `when` of a phase may name: every vehicle, none of them its own."""
+        """The scope of a phase's `when`: every vehicle, and no vehicle of its own."""
         return self._scope("condition", None)
 
     def health(self, vehicle: str) -> Scope:
-        """What an estimator's health may name: its own age and spread."""
+        """The scope of an estimator's `healthy`: its own age and spread."""
         return self._made("health", vehicle, lambda: Scope("health", {}, vehicle))
 
     def expectation(self) -> Scope:
@@ -50,7 +50,7 @@ class Scopes:
         return self._made(kind, own, lambda: Scope(kind, *whole))
 
     def _made(self, kind: str, own: str | None, make: Callable[[], Scope]) -> Scope:
-        """Each scope once: it remembers what was parsed in it."""
+        """The scope, made once: it remembers what was parsed in it."""
         if (kind, own) not in self._scopes:
             self._scopes[kind, own] = make()
         return self._scopes[kind, own]

@@ -88,7 +88,7 @@ def _needed(root: Mapping, key: str) -> Node:
 
 
 def _numbers(node: Node, key: str) -> Iterator[float]:
-    """Those of a list, or of a list of rows."""
+    """The numbers of a list, or of a list of rows."""
     if not isinstance(node, Scalar):
         for item in items_of(node):
             yield from _numbers(item, key)

@@ -26,7 +26,7 @@ _TWO = re.compile(r"(distance|separation)\(\s*([\w.$]+)\s*,\s*([\w.$]+)\s*\)")
 
 
 def no_commas(text: str) -> str:
-    """How the first call in `text` is written without its comma; examples where none is clear."""
+    """The help line for a comma in a condition: the call in `text` without it, else examples."""
     call = _TWO.search(text)
     if call is None:
         return NO_COMMAS
@@ -123,7 +123,7 @@ def _scalar_to_json(node: Scalar) -> str | int | float | bool | None:
 
 
 def describe(node: Node) -> str:
-    """What a node is, in words, for `... but this is ...`."""
+    """The kind of a node in words, for `... but this is ...`."""
     if isinstance(node, Mapping):
         return "a mapping"
     if isinstance(node, Sequence):
@@ -163,7 +163,7 @@ def head_of(node: Node) -> Span:
 
 
 def texts_in(nodes: Iterable[Node]) -> Iterator[str]:
-    """Every text under `nodes`; an aliased node is looked at once."""
+    """The text of every scalar under `nodes`; an aliased node is visited once."""
     waiting, seen = list(nodes), set[int]()
     while waiting:
         top = waiting.pop()
@@ -176,7 +176,7 @@ def texts_in(nodes: Iterable[Node]) -> Iterator[str]:
 
 
 def count(node: Node, limit: int) -> int:
-    """How many nodes hang under `node`, aliases expanded; gives up just above `limit`."""
+    """The number of nodes under `node`, aliases expanded; stops just above `limit`."""
     total, waiting = 0, [node]
     while waiting and total <= limit:
         total += 1

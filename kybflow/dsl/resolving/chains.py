@@ -36,8 +36,9 @@ _KEYS = _ARROWS | {"do", "estimators"}
 
 
 class ChainExpansion(NamedTuple):
-    """One use of a chain: the name of the state, the `do` that names the chain, its arrows, the
-    file in which its name means something, and the uses around it, outermost first."""
+    """One use of a chain, being expanded: the name of the state, the `do` that names the chain,
+    the arrows of the use, the file in which that name has its meaning, and the uses around this
+    one, outermost first."""
 
     state: str
     do: Scalar
@@ -251,7 +252,7 @@ def _unknown(name: Scalar, behaviors: Collection[str]) -> Diagnostic:
 
 
 def _used_at(node: Node, places: tuple[Span, ...]) -> Node:
-    """A copy of what stands in a chain that remembers where the chain is used."""
+    """Copy the nodes of a chain, so that their spans say where the chain is used."""
     span = replace(node.span, used=places)
     if isinstance(node, Scalar):
         return node._replace(span=span)

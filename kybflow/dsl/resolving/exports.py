@@ -33,7 +33,7 @@ _REMOVED = {"vehicles": "behaviors", "flows": "phases"}
 
 
 class Exports:
-    """What one file exports, whole; each entry is resolved when first asked for."""
+    """The entries that one file exports. Each is resolved when it is first needed."""
 
     def __init__(
         self,

@@ -1,5 +1,5 @@
-"""Which file an import means: beside the importing file, then in an installed library; never
-outside."""
+"""Find the file that an import means: beside the importing file, then in an installed library,
+never outside of both."""
 
 from __future__ import annotations
 
@@ -87,7 +87,8 @@ def _missing(text: Scalar, importer: LibraryPath) -> Diagnostic:
 
 
 def _at_hand(importer: LibraryPath, name: str) -> list[str]:
-    """What can be imported: the files of the folder that `name` speaks of, installed libraries."""
+    """The names that an import could mean: files in the folder that `name` speaks of, installed
+    libraries."""
     folder = os.path.dirname(name)
     beside = importer.path.parent / folder
     shown: list[str] = []
@@ -174,7 +175,7 @@ class Library(NamedTuple):
 
 
 class _Version(NamedTuple):
-    """One state of a file on disk."""
+    """A file on disk with its time and size, as the key of a cache."""
 
     place: LibraryPath
     modified: int

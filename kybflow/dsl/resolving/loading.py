@@ -48,8 +48,8 @@ class Files:
 def load(
     files: Files, root: Mapping, declared: ParameterTable
 ) -> Diagnosed[tuple[Exports, Mapping, Substitution]]:
-    """What the file under compilation, whose top level is `root`, exports with its imports; itself
-    with its parameters in place; which of these were used."""
+    """Load every import of the file under compilation, whose top level is `root`. Returns what the
+    file exports, the file with its parameters in place, and the record of which were used."""
     base = yield from _default_vehicle(files)
     return (yield from _Loader(files, base).exports(root, declared, files.mission))
 
@@ -81,7 +81,8 @@ class _Loader:
     def exports(
         self, root: Mapping, declared: ParameterTable, place: LibraryPath
     ) -> Diagnosed[tuple[Exports, Mapping, Substitution]]:
-        """What the file `root` exports; itself with its parameters in place; which were used."""
+        """What the file `root` exports, the file with its parameters in place, and the record of
+        which were used."""
         substitution = Substitution(declared)
         entries = {key: entry for key, entry in root.entries.items() if key not in _KEPT}
         if "$" in self._files.sources[place.file].text:

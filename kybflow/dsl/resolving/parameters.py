@@ -199,6 +199,6 @@ def _typed(node: Node, field: Field) -> Node:
 
 
 def shown_parameter(parameter: Parameter) -> str:
-    """Its value as a person would write it."""
+    """The value as a person would write it."""
     dimension = LENGTH if parameter.type == "position" else QUANTITIES.get(parameter.type)
     return shown_value(parameter.value, quantity_field("", dimension or NUMBER))

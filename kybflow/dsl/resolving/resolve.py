@@ -50,7 +50,7 @@ def resolve(root: Mapping, files: Files, settings: MappingOf[str, Setting]) -> D
 def _resolved(
     root: Mapping, files: Files, settings: MappingOf[str, Setting], declared: ParameterTable
 ) -> Diagnosed[tuple[Exports, dict[str, MappingEntry]]]:
-    """What the mission exports, and its top level, each section of which is whole."""
+    """What the mission exports, and the entries of its top level, each section whole."""
     exports, plain, substitution = yield from load(files, root, declared)
     yield from substitution.unused()
     yield from unused_imports(root, settings)
@@ -91,8 +91,8 @@ def _world(plain: Mapping, exports: Exports) -> Diagnosed[dict[str, MappingEntry
 
 
 def _left(room: int, whole: Mapping, entry: MappingEntry) -> Diagnosed[int]:
-    """How much of `room` is left after `entry`, which is `whole` then; a finding where nothing
-    is."""
+    """The `room` that is left after `entry`, which resolved to `whole`; a finding where nothing is
+    left."""
     left = room - count(whole, room)
     if left <= 0:
         message = f"more than {MAX_AFTER_LIKE} values after `like`"

@@ -70,7 +70,7 @@ def _bounds(field: Field) -> dict[str, float]:
 
 
 def _help(field: Field) -> str:
-    """What an editor shows of a parameter: its help, its default, its bounds."""
+    """The description that an editor shows of a parameter: its help, default and bounds."""
     default = "" if field.required else f" Default: {shown_value(field.default, field)}."
     bounds = bounds_of(field)
     return f"{field.help}{default}" + (f" {bounds[0].upper()}{bounds[1:]}." if bounds else "")

@@ -248,9 +248,9 @@ _QUOTE = "put the text in quotes"
 
 
 def cut_by_yaml(node: Mapping, key: str, known: Iterable[str]) -> Diagnostic | None:
-    """What YAML made of `when: distance(a, b) < 1 m`, `when: a in look, elapsed > 2 s` and
-    `log: up, up and away` inside of {...}: two keys, the second of them without a value. None for a
-    key that can be one of those `known`, misspelt."""
+    """The finding where YAML ended a text at a comma inside of {...}, as in `when: distance(a, b)
+    < 1 m` or `log: up, up and away`: it reads two keys, the second without a value. None for a key
+    that is probably one of those `known`, misspelt."""
     keys, entry = list(node.entries), node.entries[key]
     before = node.entries[keys[keys.index(key) - 1]] if key != keys[0] else None
     name, is_name = before.key.text if before else "", NAME.match(key) is not None
@@ -275,8 +275,8 @@ Schemas = dict[str, dict[str, Any]]
 
 
 def meant(part: str, key: str, node: Mapping, known: Schemas, beside: frozenset[str]) -> str:
-    """What `key` could mean: a parameter with a name like it, a key beside the parameters, the one
-    parameter that can have its value; else every parameter."""
+    """The help line for an unknown key: a parameter with a similar name, a key beside the
+    parameters, the one parameter that fits the value; else every parameter."""
     if not known:
         return f"`{part}` has no parameters"
     near = get_close_matches(key, known) or get_close_matches(key, beside, cutoff=_SURE)

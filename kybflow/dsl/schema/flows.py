@@ -16,7 +16,7 @@ def groups_schema() -> Schema:
 
 
 def flows_schema() -> Schema:
-    """Every flow by its name."""
+    """The flows of a mission or a library, by name."""
     like = "Start from this flow: mappings merge, lists are replaced, null removes."
     keys: Schema = {
         "like": text(like),

@@ -33,7 +33,7 @@ FACING: dict[str, Quat] = {
 
 
 def without_cameras(airframe: Mapping) -> Mapping:
-    """What else an airframe says."""
+    """The airframe's entries but for `cameras`."""
     own = {key: entry for key, entry in airframe.entries.items() if key != "cameras"}
     return Mapping(own, airframe.span)
 

@@ -148,7 +148,7 @@ def own_vehicles(document: Document, flow: FlowEntry) -> tuple[str, ...]:
 
 
 def with_requests(document: Document) -> Document:
-    """The document, whose vehicles know which of their states callbacks and flows ask for."""
+    """The document, whose vehicles know which of their states callbacks and flows may request."""
     asked = set(_requests(document))
     if not asked:
         return document
@@ -165,7 +165,7 @@ def with_requests(document: Document) -> Document:
 
 
 def _requests(document: Document) -> Iterator[tuple[str, str]]:
-    """(vehicle, state) of each wish; names that are unknown are left out."""
+    """(vehicle, state) of each request; unknown names are left out."""
     wishes = [
         (action.target.text, action.value.text)
         for callback in document.callbacks
@@ -190,7 +190,7 @@ def _goals(document: Document, who: str, state: str) -> Iterator[tuple[str, str]
 
 
 def _first_requests(document: Document) -> Iterator[tuple[str, str]]:
-    """(vehicle, state) of the first wishes that a flow has for a vehicle which waits for it."""
+    """(vehicle, state) of the first requests that a flow makes to a vehicle which waits for it."""
     for flow in document.flows.values():
         for vehicle in own_vehicles(document, flow):
             if document.vehicles[vehicle].begin.text == GROUNDED:
@@ -198,7 +198,8 @@ def _first_requests(document: Document) -> Iterator[tuple[str, str]]:
 
 
 def _first_of(document: Document, flow: FlowEntry, vehicle: str) -> Iterator[tuple[str, str]]:
-    """Along the arrows from the first phase, until a phase asks something or gives it away."""
+    """Follow the transitions from the first phase until a phase requests something of the vehicle
+    or gives it away."""
     waiting, seen = [flow.begin.text], {flow.begin.text}
     while waiting:
         phase = flow.phases.get(waiting.pop())

@@ -123,7 +123,8 @@ def _control(root: Mapping, needed: int) -> Diagnosed[int]:
 
 
 def airframes_of(root: Mapping) -> Diagnosed[tuple[AirframeEntry, ...]]:
-    """Those of the file itself. One that lacks something may be there to start from."""
+    """The airframes that the file itself describes. An incomplete one is no mistake: others may
+    start from it."""
     airframes: list[AirframeEntry] = []
     for entry in entries_of(root.get("airframes")).values():
         assert isinstance(entry.value, Mapping)

@@ -111,7 +111,7 @@ def _implied(target: Text, uses: PartDecoder) -> Diagnosed[PartUse | None]:
 
 
 def _node(values: dict[str, str], span: Span) -> Mapping:
-    """What would be written there."""
+    """The mapping as an author would write it there."""
     entries = {k: MappingEntry(Scalar(k, span), Scalar(value, span)) for k, value in values.items()}
     return Mapping(entries, span)
 
@@ -193,7 +193,7 @@ def with_sensors(
 
 
 def provided(vehicle: VehicleEntry) -> frozenset[MeasurementKind]:
-    """What the vehicle's driver and sensors measure."""
+    """The kinds of measurement that the vehicle's driver and sensors provide."""
     sources = (vehicle.driver, *(use.part for use in vehicle.sensors))
     return frozenset(kind for part in sources for kind in part.spec.cls.provides)
 
@@ -236,7 +236,7 @@ def _decoded_sensors(
 
 
 def _estimators(vehicle: Node) -> Iterator[str]:
-    """What the estimators of a vehicle are called, whether they can be decoded or not."""
+    """The names of a vehicle's estimators, whether or not they can be decoded."""
     for item in items_of(vehicle.get("estimators") if isinstance(vehicle, Mapping) else None):
         name: Node | None = item
         if isinstance(item, Mapping):

@@ -113,7 +113,7 @@ def _estimators(body: Mapping, uses: PartDecoder) -> Diagnosed[tuple[EstimatorEn
 
 
 def _supervisors(body: Mapping, span: Span, uses: PartDecoder) -> Diagnosed[tuple[PartUse, ...]]:
-    """Those written, then those that every vehicle has."""
+    """The supervisors that are written, then those that every vehicle has."""
     written = [use for use, _ in (yield from uses.many("supervisors", body.get("supervisors")))]
     names = {use.name.text for use in written}
     specs = (s for s in uses.catalog.always("supervisors") if s.name not in names)

@@ -38,7 +38,7 @@ CODES = {
 
 
 class WorldEntry(NamedTuple):
-    """What of the world the mission says."""
+    """The `world:` of a mission."""
 
     fence: Box | None
     points: dict[str, Vec3]

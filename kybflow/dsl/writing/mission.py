@@ -98,7 +98,7 @@ def _target(document: Document) -> Iterator[YamlLine]:
 
 
 def _sensors(uses: list[SensorEntry]) -> Iterator[YamlLine]:
-    """Those of one estimator, as a list where they are several."""
+    """The sensors of one estimator, as a list where there are several."""
     first = uses[0]
     if len(uses) == 1:
         yield f"        {first.estimator.text}: {part(first.part)}", origin(first.part)

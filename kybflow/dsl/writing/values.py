@@ -17,19 +17,19 @@ _PLAIN_FIRST = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ")
 
 
 def place(span: Span | None) -> str:
-    """Where a line came from; empty for a default."""
+    """The place that a line came from, for a comment; empty for a default."""
     return "" if span is None else span.at + given("", span)
 
 
 def origin(use: PartUse, *more: tuple[str, Span | None]) -> str:
-    """Where a part came from, and each of its values, and of `more`, that took the place of a
-    `$name`."""
+    """The places that a part and its values came from; each of its values, and of `more`, that
+    took the place of a `$name` is named."""
     values = (*use.spans.items(), *more)
     return use.span.at + "".join(given(name, span) for name, span in values if span is not None)
 
 
 def given(name: str, span: Span) -> str:
-    """Where the value stands that took the place of a `$name`; empty where none did."""
+    """The place of the value that a `$name` stands for, for a comment; empty without a `$name`."""
     if span.given is None:
         return ""
     return f", {name} from {span.given.at}" if name else f", from {span.given.at}"
@@ -49,8 +49,8 @@ def parameters(use: PartUse) -> list[str]:
 
 
 def written_fields(params: Any, fields: Iterable[Field]) -> list[str]:
-    """Every one of the fields that has a value, as `name: value`. A path without points is a
-    default, which nobody can write."""
+    """Every field that has a value, as `name: value`. A path without points is left out: it is a
+    default that nobody can write."""
     owned = ((field, getattr(params, field.name)) for field in fields)
     return [
         f"{field.name}: {value(own, field)}"
@@ -60,7 +60,7 @@ def written_fields(params: Any, fields: Iterable[Field]) -> list[str]:
 
 
 def goal(arrow: TransitionEntry) -> str:
-    """Where an arrow goes, as an author writes it."""
+    """The target of a transition as an author writes it: a chain by its name."""
     return arrow.enters or arrow.target.text
 
 

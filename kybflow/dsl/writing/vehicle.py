@@ -1,4 +1,4 @@
-"""One vehicle of the resolved mission."""
+"""One vehicle of the resolved mission as YAML."""
 
 from __future__ import annotations
 
