@@ -3,7 +3,7 @@ swapped, renamed, given another unit, linked elsewhere.
 
     python bench/mutants.py [--random 2000] [--jobs 2] [--fly 0] [--show 0]
 
-First every mutant by one change of one node (`tests/mutating.py`): of those that break a name, a
+First every mutant by one change of one node (`mission_mutants.py`): of those that break a name, a
 unit, a link or the uniqueness of a key by the way in which they are made, and of those that end in
 the air or elsewhere than the mission when nothing but time passes, how many are refused, at a line
 that the change explains. One that ends elsewhere, inside the fence and clear of everything, is a
@@ -25,9 +25,9 @@ from pathlib import Path
 from time import perf_counter
 
 ROOT = Path(__file__).parent.parent
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path.insert(0, str(ROOT / "tests" / "support"))
 
-from mutating import KINDS  # noqa: E402
+from mission_mutants import KINDS  # noqa: E402
 from mutation_study import (  # noqa: E402
     AIR,
     BROKEN,

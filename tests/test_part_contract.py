@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from flying import DT, SITE, at_rest, entry, estimate
+from part_bench import DT, SITE, at_rest, entry, estimate
 
 from kybflow.core.files import File
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Vec3, from_heading

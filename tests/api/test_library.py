@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from packaged import package
+from installed_package import package
 from typer.testing import CliRunner
 
 from kybflow.api.flight import RunRequest, fly

@@ -138,7 +138,7 @@ def orphaned(case: FlightCase) -> FlightResult:
         ("raised", "kybflow failed: ZeroDivisionError: of all things"),
     ],
 )
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.thorough), 2])
 def test_a_flight_that_takes_its_process_along_is_the_only_one_lost(
     folder: Path, name: str, reason: str, jobs: int
 ):

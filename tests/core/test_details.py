@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from flights import down, up
 from plans import plan, vehicle, wrapped
+from short_flights import down, up
 
 from kybflow.api.flight import Flown, inspect
 from kybflow.cli.commands.preflight import _inspect, table

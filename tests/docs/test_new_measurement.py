@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+pytestmark = pytest.mark.thorough
+
 KIND = '''"""The range finder: what it measures, and how that is recorded."""
 
 from typing import Annotated, NamedTuple

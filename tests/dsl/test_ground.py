@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ends import ending
+from plan_endings import ending
 
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import VehiclePlan

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from looked_at import LookedAt
+from fake_view import FakeView
 
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import GroupInState, Not, Scope, Separation, describe, parse
@@ -84,5 +84,5 @@ def test_they_hold_of_the_vehicles_as_they_are(words: str, behaviors: str, holds
     vehicles = dict.fromkeys("ab", ("up", "hover", "fetch"))
     expression, _ = parse(text(words), Scope("condition", vehicles, groups=GROUPS))
     assert expression is not None
-    views = {n: LookedAt(behavior=b) for n, b in zip("ab", behaviors.split(), strict=True)}
+    views = {n: FakeView(behavior=b) for n, b in zip("ab", behaviors.split(), strict=True)}
     assert bind(expression, views, None, lambda: 0.0)() is holds

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from packaged import package
+from installed_package import package
 
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.resolving.imports import installed

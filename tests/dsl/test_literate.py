@@ -15,7 +15,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))  # where this runs without pytest
 
-from benches import Benched
+from hardware_catalog import HardwareCatalog
 
 from kybflow.core.signals import Battery, Imu
 from kybflow.drivers.sim import Sim
@@ -65,7 +65,7 @@ class Lab(Catalog):
 
 def catalog(family: str, place: Path) -> Catalog:
     """Everything installed and the page's own; on hardware also a driver of it."""
-    return Benched(Autopilot, "autopilot") if family == "On hardware" else Lab(place)
+    return HardwareCatalog(Autopilot, "autopilot") if family == "On hardware" else Lab(place)
 
 
 def result_of(case: Section, files: dict[str, str], place: Path) -> Result:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from benches import Benched
+from hardware_catalog import HardwareCatalog
 
 from kybflow.core.signals import Frame
 from kybflow.drivers.sim import Sim
@@ -42,7 +42,7 @@ class Bench(Sim):
 def compiled(folder: Path, target: str, name: str = "sim") -> tuple[Plan | None, list[str]]:
     path = folder / "m.yaml"
     path.write_text(f"{MISSION}  {name}: {target}\n")
-    result = compile_mission(path, catalog=Benched(Bench), target=name)
+    result = compile_mission(path, catalog=HardwareCatalog(Bench), target=name)
     return result.plan, [f"{d.code} {d.message}" for d in result.diagnostics]
 
 
@@ -109,7 +109,7 @@ def two_videos(folder: Path, target: str) -> tuple[Plan | None, list[str]]:
     carried = f"    airframe: {{like: std.courier_quad, cameras: {FRONT}}}\n"
     path = folder / "m.yaml"
     path.write_text(MISSION.replace(like, like + carried, 1) + f"  sim: {target}\n")
-    result = compile_mission(path, catalog=Benched(Bench))
+    result = compile_mission(path, catalog=HardwareCatalog(Bench))
     return result.plan, [f"{d.code} {d.message}" for d in result.diagnostics]
 
 
@@ -146,7 +146,7 @@ def test_the_resolved_mission_finds_its_videos_from_anywhere(tmp_path: Path) -> 
     copy = tmp_path / "run" / "resolved.yaml"
     copy.parent.mkdir()
     copy.write_text(first.resolved)
-    second = compile_mission(copy, catalog=Benched(Bench)).plan
+    second = compile_mission(copy, catalog=HardwareCatalog(Bench)).plan
     assert second is not None
     assert [s.part.params for s in second.vehicles[0].sensors] == [
         s.part.params for s in first.vehicles[0].sensors
@@ -158,7 +158,7 @@ def test_a_video_of_another_target_may_be_missing(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     lab = "{a: {driver: sim, sensors: {tag_camera: {use: camera, video: none.avi}}}}"
     path.write_text(f"{MISSION}  lab: {lab}\n")
-    result = compile_mission(path, catalog=Benched(Bench))
+    result = compile_mission(path, catalog=HardwareCatalog(Bench))
     assert [(d.code, d.severity.value) for d in result.diagnostics] == [("KYB370", "warning")]
     assert result.plan is not None
 
@@ -176,7 +176,7 @@ def test_hardware_brings_nothing_and_takes_no_simulated_sensor(tmp_path: Path) -
 def test_a_sensor_of_another_target_that_is_not_installed_is_a_warning(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(f"{MISSION}  lab: {{all: {{driver: sim, sensors: {{mocap: lidar}}}}}}\n")
-    result = compile_mission(path, catalog=Benched(Bench))
+    result = compile_mission(path, catalog=HardwareCatalog(Bench))
     assert [(d.code, d.severity.value) for d in result.diagnostics] == [("KYB140", "warning")]
     assert result.plan is not None
 
@@ -202,7 +202,7 @@ def test_the_resolved_mission_has_the_same_sensors(tmp_path: Path, target: str) 
     assert first is not None
     copy = tmp_path / "resolved.yaml"
     copy.write_text(first.resolved)
-    second: Any = compile_mission(copy, catalog=Benched(Bench)).plan
+    second: Any = compile_mission(copy, catalog=HardwareCatalog(Bench)).plan
     assert sensors(second) == sensors(first)
     assert second.tags == first.tags
     assert [v.cameras for v in second.vehicles] == [v.cameras for v in first.vehicles]

@@ -1,9 +1,9 @@
 """Motions: a leg that ends on its goal, a coasting that begins as the vehicle moves."""
 
 import pytest
-from flying import DT, SITE, at_rest, entry, estimate
 from hypothesis import given
 from hypothesis import strategies as st
+from part_bench import DT, SITE, at_rest, entry, estimate
 
 from kybflow.core.geometry import ZERO, Vec3, distance, norm, sub
 from kybflow.flight.motion import Coast, Dwell, Motion, Straight

@@ -7,8 +7,8 @@ from dataclasses import replace
 from math import nan
 
 import pytest
-from flights import NoParams, Still, down, hold, named, path, up
 from plans import part, state, then, vehicle, wrapped
+from short_flights import NoParams, Still, down, hold, named, path, up
 
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.signals import NS, Setpoint, SetpointKind, Tick

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from flights import down, hold, named, path, up
 from plans import part, plan, vehicle
+from short_flights import down, hold, named, path, up
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.plan import EstimatorPlan, FaultPlan

@@ -7,8 +7,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from flights import down, hold, named, path, up
 from plans import part, vehicle
+from short_flights import down, hold, named, path, up
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import Event

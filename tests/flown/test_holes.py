@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from alarming import orders
-from flights import down, hold, named, path, up
+from failsafe_parts import orders
 from plans import part, state, then, vehicle
+from short_flights import down, hold, named, path, up
 
 from kybflow.core.signals import NS, Alarm, Battery, Reaction
 from kybflow.dsl.expressions import InState

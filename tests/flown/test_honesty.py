@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from flights import down, path, up
 from plans import part, state, then, vehicle, wrapped
+from short_flights import down, path, up
 
 from kybflow.core.signals import Command, Truth
 from kybflow.parts import Link

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import ClassVar, NamedTuple
 
 import pytest
-from flights import down, hold, named, path, up
 from plans import part, vehicle
+from short_flights import down, hold, named, path, up
 
 from kybflow.core.signals import Imu, Truth
 from kybflow.drivers.sim import Sim

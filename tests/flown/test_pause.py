@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from alarming import followed, largest_steps, orders
-from flights import down, hold, named, path, up
+from failsafe_parts import followed, largest_steps, orders
 from plans import part, state, then, vehicle
+from short_flights import down, hold, named, path, up
 
 from kybflow.core.signals import NS
 from kybflow.dsl.plan import TransitionPlan

@@ -6,8 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from flights import down, hold, named, path, up
 from plans import part, state, then, vehicle, wrapped
+from short_flights import down, hold, named, path, up
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.errors import DriverError, Refused

@@ -6,8 +6,8 @@ import gc
 import itertools
 
 import pytest
-from flights import down, up
 from plans import vehicle, wrapped
+from short_flights import down, up
 
 from kybflow.core.errors import DriverError
 

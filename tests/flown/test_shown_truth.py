@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from flights import down, hold, up
 from plans import part, vehicle, wrapped
+from short_flights import down, hold, up
 
 from kybflow.core.signals import Pose, Truth
 from kybflow.dsl.plan import SensorPlan

@@ -3,8 +3,8 @@
 import itertools
 
 import pytest
-from flights import hold, named, path, up
 from plans import FENCE, part, state, then, vehicle
+from short_flights import hold, named, path, up
 
 from kybflow.core.geometry import norm
 

@@ -11,8 +11,8 @@ numpy = pytest.importorskip("numpy")
 pytest.importorskip("cv2")
 
 
-from floors import CAMERA, grid  # noqa: E402
 from recorded_run import STARTED, make_plan  # noqa: E402
+from tag_floors import CAMERA, grid  # noqa: E402
 
 from kybflow.core.geometry import LEVEL, ZERO  # noqa: E402
 from kybflow.core.signals import NS, Frame  # noqa: E402

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from looked_at import LookedAt
+from fake_view import FakeView
 
 from kybflow.core.units import LENGTH
 from kybflow.dsl.diagnostics.spans import Span, Text
@@ -13,12 +13,12 @@ from kybflow.runtime.conditions import bind
 VEHICLES = {"a": ("up", "hover"), "b": ("up", "hover"), "c": ("up",)}
 
 
-def asked(words: str, now: float = 0.0, **views: LookedAt) -> bool:
+def asked(words: str, now: float = 0.0, **views: FakeView) -> bool:
     text = Text(words, Span("m.yaml", 1, 1, 1, 1 + len(words)))
     expression, findings = parse(text, Scope("condition", VEHICLES, "a"))
     assert findings == []
     assert expression is not None
-    return bind(expression, {"a": LookedAt(), **views}, "a", lambda: now)()
+    return bind(expression, {"a": FakeView(), **views}, "a", lambda: now)()
 
 
 @pytest.mark.parametrize(
@@ -41,11 +41,11 @@ def asked(words: str, now: float = 0.0, **views: LookedAt) -> bool:
     ],
 )
 def test_own_values(words: str, holds: bool) -> None:
-    assert holds == asked(words, a=LookedAt(position=(0.0, 0.0, 2.0)))
+    assert holds == asked(words, a=FakeView(position=(0.0, 0.0, 2.0)))
 
 
 def test_values_are_read_anew_each_time() -> None:
-    view = LookedAt(position=(0.0, 0.0, 2.0))
+    view = FakeView(position=(0.0, 0.0, 2.0))
     expression = Compare(">", Read(None, "state.altitude"), Quantity(1.0, LENGTH))
     condition = bind(expression, {"a": view}, "a", lambda: 0.0)
     assert condition()
@@ -59,13 +59,13 @@ def test_the_clock() -> None:
 
 
 def test_other_vehicles() -> None:
-    b = LookedAt("hover", (3.0, 4.0, 0.0))
+    b = FakeView("hover", (3.0, 4.0, 0.0))
     assert asked("b in hover and distance(a to b) > 4.9 m", b=b)
     assert asked("distance(b to b.start) > 4.9 m", b=b)
 
 
 def test_separation_is_that_of_the_nearest_two() -> None:
-    b, c = LookedAt(position=(3.0, 0.0, 0.0)), LookedAt(position=(3.0, 0.5, 0.0))
+    b, c = FakeView(position=(3.0, 0.0, 0.0)), FakeView(position=(3.0, 0.5, 0.0))
     assert asked("separation(all) < 51 cm", b=b, c=c)
     assert asked("separation(a and b) > 2 m", b=b, c=c)
 
@@ -74,11 +74,11 @@ def test_separation_is_that_of_the_nearest_two() -> None:
     "words", ["state.altitude > -9 m", "state.altitude < 9 m", "distance(a to b) < 9 m"]
 )
 def test_a_comparison_with_what_cannot_be_known_is_false(words: str) -> None:
-    assert not asked(words, a=LookedAt(position=None), b=LookedAt())
+    assert not asked(words, a=FakeView(position=None), b=FakeView())
 
 
 def test_what_decides_first_is_all_that_is_read() -> None:
-    view = LookedAt()
+    view = FakeView()
     assert not asked("behavior == hover and state.altitude > 1 m", a=view)
     assert view.asked == []
 
@@ -87,4 +87,4 @@ def test_a_statistic_is_no_condition() -> None:
     aggregate = Aggregate("mean", Read("a", "position_error"))
     expression = Compare("<", aggregate, Quantity(1.0, LENGTH))
     with pytest.raises(TypeError, match="not a value of one tick"):
-        bind(expression, {"a": LookedAt()}, "a", lambda: 0.0)
+        bind(expression, {"a": FakeView()}, "a", lambda: 0.0)

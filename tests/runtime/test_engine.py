@@ -9,8 +9,8 @@ from math import nan
 from types import SimpleNamespace
 
 import pytest
-from flights import NoParams, Still, down, hold, named, path, up
 from plans import part, state, then, vehicle, wrapped
+from short_flights import NoParams, Still, down, hold, named, path, up
 
 from kybflow.api.flight import in_the_air
 from kybflow.core.errors import Refused

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import sqrt
 
 import pytest
-from looked_at import LookedAt
+from fake_view import FakeView
 
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import Scope, parse
@@ -19,7 +19,7 @@ class Run:
     """Two vehicles, a clock and a judge."""
 
     def __init__(self, *words: str) -> None:
-        self.a, self.b = LookedAt(), LookedAt(position=(9.0, 0.0, 0.0))
+        self.a, self.b = FakeView(), FakeView(position=(9.0, 0.0, 0.0))
         self.now = 0.0
         views = {"a": self.a, "b": self.b}
         self.judge = Judge([_plan(w) for w in words], views, lambda: self.now)

@@ -11,9 +11,9 @@ from typing import ClassVar
 
 import numpy
 import pytest
-from alarming import alarming
-from flights import down, named, path, up
+from failsafe_parts import alarming
 from plans import part, plan, state, then, vehicle, wrapped
+from short_flights import down, named, path, up
 
 from kybflow.api.flight import inspect
 from kybflow.core.errors import DriverError

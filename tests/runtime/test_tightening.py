@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from flights import down, hold, named, up
 from plans import vehicle
+from short_flights import down, hold, named, up
 
 from kybflow.core.errors import OptionRefused
 from kybflow.parts.catalog import PartSpec, load_catalog

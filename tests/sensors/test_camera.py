@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from flying import SITE
+from part_bench import SITE
 from waiting import until
 
 from kybflow.core.errors import DriverError

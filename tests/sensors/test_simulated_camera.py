@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("cv2")
 
 import numpy
-from flying import SITE
+from part_bench import SITE
 
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL, ZERO, add

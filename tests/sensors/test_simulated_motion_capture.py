@@ -7,7 +7,7 @@ from statistics import fmean, stdev
 from typing import Any
 
 import pytest
-from flying import SITE
+from part_bench import SITE
 
 from kybflow.core.geometry import LEVEL, ZERO, add, from_heading, heading_of, rotate
 from kybflow.core.signals import NS, Pose, Truth

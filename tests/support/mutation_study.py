@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from ends import End, ending
-from mutating import Mutant, at_random, mutants
+from mission_mutants import Mutant, at_random, mutants
+from plan_endings import End, ending
 
 from kybflow.core.geometry import distance
 from kybflow.dsl.compiler import compile_mission

@@ -11,8 +11,8 @@ from dataclasses import replace
 from itertools import count
 from typing import Any, NamedTuple
 
-from flights import down, hold, path, up
 from plans import part, plan, vehicle
+from short_flights import down, hold, path, up
 
 from kybflow.api.flight import Flown, RunRequest, fly
 from kybflow.core.geometry import ZERO, Vec3

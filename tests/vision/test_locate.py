@@ -9,9 +9,9 @@ import pytest
 numpy = pytest.importorskip("numpy")
 pytest.importorskip("cv2")
 
-from floors import CAMERA, grid, lively, misplaced, moved, off, pad, still, truth_at  # noqa: E402
 from hypothesis import given, settings  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
+from tag_floors import CAMERA, grid, lively, misplaced, moved, off, pad, still, truth_at  # noqa: E402
 
 from kybflow.core.geometry import LEVEL, conjugate, from_euler, integrate, multiply, sub  # noqa: E402
 from kybflow.vision.locating.locate import locate  # noqa: E402

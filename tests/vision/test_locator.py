@@ -7,7 +7,7 @@ import pytest
 numpy = pytest.importorskip("numpy")
 pytest.importorskip("cv2")
 
-from floors import (  # noqa: E402
+from tag_floors import (  # noqa: E402
     CAMERA,
     frame,
     grid,

@@ -7,7 +7,7 @@ import pytest
 numpy = pytest.importorskip("numpy")
 cv2 = pytest.importorskip("cv2")
 
-from floors import CAMERA, grid  # noqa: E402
+from tag_floors import CAMERA, grid  # noqa: E402
 
 from kybflow.vision.locating.sight import TagView  # noqa: E402
 from kybflow.vision.marking import WIDEST, marked  # noqa: E402

@@ -8,7 +8,7 @@ pytest.importorskip("cv2")
 
 import cv2
 import numpy
-from floors import CAMERA, grid, still
+from tag_floors import CAMERA, grid, still
 from test_drawing import find
 
 from kybflow.core.geometry import LEVEL, Vec3, add, from_euler, norm, scale

@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from sims import seat
+from sim_worlds import seat
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS, Odometry, Pose

@@ -8,7 +8,7 @@ mavlink = pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is
 
 from math import pi  # noqa: E402
 
-from benches_of_autopilots import (  # noqa: E402
+from autopilot_bench import (  # noqa: E402
     ACCEPTED,
     BRAKE,
     FAILED,
@@ -21,7 +21,7 @@ from benches_of_autopilots import (  # noqa: E402
     VELOCITY,
     Bench,
 )
-from sims import FRAME  # noqa: E402
+from sim_worlds import FRAME  # noqa: E402
 
 from kybflow.core.geometry import from_euler, heading_of, norm, tilt_of  # noqa: E402
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned  # noqa: E402

@@ -6,7 +6,7 @@ import pytest
 
 mavlink = pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is not installed")
 
-from benches_of_autopilots import (  # noqa: E402
+from autopilot_bench import (  # noqa: E402
     ACCEPTED,
     FAILED,
     GUIDED,

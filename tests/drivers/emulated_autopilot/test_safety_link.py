@@ -9,7 +9,6 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from flights import down, hold, up
 from rehearsals import (
     AUTOPILOTS,
     DRIVER,
@@ -20,6 +19,7 @@ from rehearsals import (
     fault,
     supervised,
 )
+from short_flights import down, hold, up
 
 HIGH, HIGH_AT = 2.2, 12.0
 """PX4 needs 2.2 s to be taken back, and sinks by 0.7 m/s meanwhile."""

@@ -6,7 +6,6 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from flights import NoParams
 from rehearsals import (
     AUTOPILOTS,
     DRIVER,
@@ -18,6 +17,7 @@ from rehearsals import (
     Rehearsal,
     supervised,
 )
+from short_flights import NoParams
 
 from kybflow.core.signals import NS, Alarm, Reaction
 from kybflow.dsl.plan import PartPlan

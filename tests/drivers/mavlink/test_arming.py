@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from fake import (
+from scripted_autopilot import (
     AIR,
     ARM,
     FAILED,

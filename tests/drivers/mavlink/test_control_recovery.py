@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
-from fake import AIR, REJECTED, SET_MODE, Bench, at
+from scripted_autopilot import AIR, REJECTED, SET_MODE, Bench, at
 
 from kybflow.core.errors import Refused
 

@@ -8,9 +8,9 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
-from fake import estimate
 from hypothesis import given
 from hypothesis import strategies as st
+from scripted_autopilot import estimate
 
 from kybflow.core.geometry import LEVEL, ZERO, add, norm, scale
 from kybflow.core.signals import NS, Odometry

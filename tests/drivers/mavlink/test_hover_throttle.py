@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
-from fake import RESTING, at
+from scripted_autopilot import RESTING, at
 
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NS, CommandKind, Odometry

@@ -6,9 +6,9 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
-from fake import RESTING, at
 from hypothesis import given
 from hypothesis import strategies as st
+from scripted_autopilot import RESTING, at
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import CommandKind, Setpoint, SetpointKind

@@ -6,9 +6,9 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
-from fake import ARM, RESTING, Bench, at, pushed
 from hypothesis import given
 from hypothesis import strategies as st
+from scripted_autopilot import ARM, RESTING, Bench, at, pushed
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from fake import Bench
+from scripted_autopilot import Bench
 
 from kybflow.core.signals import Imu
 from kybflow.drivers.mavlink import MavlinkParams

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 
 import pytest
-from fake import (
+from scripted_autopilot import (
     AIR,
     ARM,
     GROUND,

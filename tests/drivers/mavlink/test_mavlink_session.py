@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from fake import PERIOD, Fake, seat
+from scripted_autopilot import PERIOD, Fake, seat
 
 from kybflow.core.errors import DriverError
 from kybflow.drivers.mavlink.session import open_session

@@ -83,7 +83,7 @@ def test_one_file_gives_the_target_the_choice_and_the_reference(copy: Path) -> N
 
 def test_its_parameters_are_asked_for_by_the_preflight(copy: Path) -> None:
     script = """
-from fake import Bench
+from scripted_autopilot import Bench
 bench = Bench("acme")
 bench.run(3.0)
 for check in bench.link.checks(bench.now):

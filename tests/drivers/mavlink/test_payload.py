@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from fake import FAILED, GRIPPER, SERVO, UNSUPPORTED, Bench
+from scripted_autopilot import FAILED, GRIPPER, SERVO, UNSUPPORTED, Bench
 
 from kybflow.core.errors import Refused
 from kybflow.core.signals import Payload

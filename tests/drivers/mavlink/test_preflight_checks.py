@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from fake import ARM, Bench, estimate
+from scripted_autopilot import ARM, Bench, estimate
 
 from kybflow.core.details import details, headline
 from kybflow.core.errors import Refused

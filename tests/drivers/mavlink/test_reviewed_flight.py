@@ -4,7 +4,7 @@ after a new start."""
 from __future__ import annotations
 
 import pytest
-from fake import AIR, ARM, GROUND, PERIOD, RESTING, SET_MODE, Bench, at, estimate
+from scripted_autopilot import AIR, ARM, GROUND, PERIOD, RESTING, SET_MODE, Bench, at, estimate
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Odometry

@@ -6,7 +6,7 @@ from copy import copy
 from math import inf, isfinite, nan
 
 import pytest
-from fake import Bench, at, estimate, mavlink
+from scripted_autopilot import Bench, at, estimate, mavlink
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Imu, Odometry

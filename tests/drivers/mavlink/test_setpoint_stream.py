@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fake import at
+from scripted_autopilot import at
 
 from kybflow.core.signals import NS
 from kybflow.drivers.mavlink.control.setpoints import SetpointStream

@@ -7,8 +7,8 @@ from collections import deque
 from typing import Any
 
 import pytest
-from fake import Bench
 from pymavlink.dialects.v20 import all as mavlink
+from scripted_autopilot import Bench
 from test_preflight_checks import looked
 from test_signing import KEY, OTHER, Wall, signing
 

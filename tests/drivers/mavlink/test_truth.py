@@ -13,7 +13,7 @@ pytest.importorskip("pymavlink")
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
-from sims import FRAME
+from sim_worlds import FRAME
 
 from kybflow.core import geometry as g
 from kybflow.core.geometry import ZERO

@@ -9,7 +9,7 @@ from dataclasses import replace
 from math import exp
 
 import pytest
-from sims import FRAME, PERIOD, QUIET, lift, push, seat, thrust, world
+from sim_worlds import FRAME, PERIOD, QUIET, lift, push, seat, thrust, world
 
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL, ZERO, from_euler, from_heading, heading_of, tilt_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 
 import pytest
-from sims import FRAME, PERIOD, QUIET, push, seat, thrust, world
+from sim_worlds import FRAME, PERIOD, QUIET, push, seat, thrust, world
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from sims import FRAME, QUIET, STOPPED, push, seat, thrust, world
+from sim_worlds import FRAME, QUIET, STOPPED, push, seat, thrust, world
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO, sub

@@ -6,7 +6,7 @@ import statistics
 from dataclasses import replace
 
 import pytest
-from sims import PERIOD, QUIET, STOPPED, in_flight, push, seat, thrust, world
+from sim_worlds import PERIOD, QUIET, STOPPED, in_flight, push, seat, thrust, world
 
 from kybflow.core.geometry import sub
 from kybflow.core.signals import NS, Imu, Position

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from sims import FRAME, PERIOD, QUIET, in_flight, lift, push, seat, thrust, world
+from sim_worlds import FRAME, PERIOD, QUIET, in_flight, lift, push, seat, thrust, world
 
 from kybflow.core.geometry import ZERO, distance, norm
 from kybflow.core.signals import NS, Battery, Imu, Pose

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from sims import FRAME, PERIOD, QUIET, STOPPED, in_flight, lift, push, seat, thrust, world
+from sim_worlds import FRAME, PERIOD, QUIET, STOPPED, in_flight, lift, push, seat, thrust, world
 
 from kybflow.core.geometry import tilt_of
 from kybflow.core.signals import NS

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benches import Benched
+from hardware_catalog import HardwareCatalog
 
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import check_mission, compile_mission
@@ -36,7 +36,7 @@ class Bench(Sim):
 def checked(tmp_path: Path, target: str) -> list[str]:
     path = tmp_path / "two.yaml"
     path.write_text(MISSION, encoding="utf-8")
-    result = check_mission(path, catalog=Benched(Bench), target=target)
+    result = check_mission(path, catalog=HardwareCatalog(Bench), target=target)
     return [f"{d.span.line} {d.code} {d.message}: {d.label}" for d in result.diagnostics]
 
 
@@ -53,7 +53,7 @@ def test_a_fault_is_refused_where_nothing_is_simulated_and_the_target_is_named(t
 def test_the_plan_has_every_fault_in_si(tmp_path) -> None:
     path = tmp_path / "two.yaml"
     path.write_text(MISSION, encoding="utf-8")
-    compiled: Any = compile_mission(path, catalog=Benched(Bench)).plan
+    compiled: Any = compile_mission(path, catalog=HardwareCatalog(Bench)).plan
     first, second, third = compiled.faults
     assert (first.vehicle, first.time, first.when, first.duration) == ("a", 1.0, None, 1.0)
     assert (first.part.name, first.part.params.velocity) == ("gust", (1.0, 0.0, 0.0))
@@ -66,9 +66,9 @@ def test_the_plan_has_every_fault_in_si(tmp_path) -> None:
 def test_the_resolved_mission_has_every_fault_and_reads_back(tmp_path) -> None:
     path = tmp_path / "two.yaml"
     path.write_text(MISSION, encoding="utf-8")
-    plan: Any = compile_mission(path, catalog=Benched(Bench)).plan
+    plan: Any = compile_mission(path, catalog=HardwareCatalog(Bench)).plan
     (tmp_path / "again.yaml").write_text(plan.resolved, encoding="utf-8")
-    again: Any = compile_mission(tmp_path / "again.yaml", catalog=Benched(Bench)).plan
+    again: Any = compile_mission(tmp_path / "again.yaml", catalog=HardwareCatalog(Bench)).plan
     assert [replace(f, at="", part=replace(f.part, at="")) for f in again.faults] == [
         replace(f, at="", part=replace(f.part, at="")) for f in plan.faults
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from benches import Benched
+from hardware_catalog import HardwareCatalog
 
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import compile_mission
@@ -44,18 +44,18 @@ class Bench(Sim):
 def test_a_driver_without_a_servo_refuses_the_release(tmp_path: Path, target, found) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(MISSION)
-    result = compile_mission(path, catalog=Benched(Bench), target=target)
+    result = compile_mission(path, catalog=HardwareCatalog(Bench), target=target)
     assert [f"{d.code} {d.message}" for d in result.diagnostics] == found
 
 
 def test_the_plan_has_it_in_si_and_the_resolved_mission_means_the_same(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(MISSION)
-    plan = compile_mission(path, catalog=Benched(Bench)).plan
+    plan = compile_mission(path, catalog=HardwareCatalog(Bench)).plan
     assert plan is not None
     assert plan.vehicles[0].payload == Parcel(mass=0.3, size=0.12, channel=1, aboard=True)
     again = tmp_path / "again.yaml"
     again.write_text(plan.resolved)
-    resolved = compile_mission(again, catalog=Benched(Bench)).plan
+    resolved = compile_mission(again, catalog=HardwareCatalog(Bench)).plan
     assert resolved is not None
     assert resolved.vehicles[0].payload == plan.vehicles[0].payload

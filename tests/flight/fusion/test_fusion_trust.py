@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf, nan
 
 import pytest
-from flown_figure import DT, SKY, TICK, Instant, World, bent, figure, flown, fusion, last
+from figure_eight_flight import DT, SKY, TICK, Instant, World, bent, figure, flown, fusion, last
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

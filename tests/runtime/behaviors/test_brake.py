@@ -1,9 +1,9 @@
 """brake: a bounded stop, done when the vehicle has stopped too."""
 
 import pytest
-from flying import DT, entry, fly, hardest, ideal, worst_mismatch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from part_bench import DT, entry, fly, hardest, ideal, worst_mismatch
 
 from kybflow.core.geometry import ZERO, Vec3, distance, norm
 from kybflow.core.signals import Done

@@ -3,9 +3,9 @@
 import math
 
 import pytest
-from flying import entry, fastest, fly, ideal, worst_mismatch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from part_bench import entry, fastest, fly, ideal, worst_mismatch
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO, Vec3, distance

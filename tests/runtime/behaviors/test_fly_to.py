@@ -3,7 +3,9 @@
 import math
 
 import pytest
-from flying import (
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from part_bench import (
     AIRFRAME,
     DT,
     entry,
@@ -15,8 +17,6 @@ from flying import (
     tick,
     worst_mismatch,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from kybflow.core.geometry import ZERO, Vec3, from_heading, norm
 from kybflow.core.signals import Done, Failed, Setpoint

@@ -1,7 +1,7 @@
 """follow_path: every corner is reached and rested at, in order."""
 
 import pytest
-from flying import entry, fastest, fly, hardest, ideal, worst_mismatch
+from part_bench import entry, fastest, fly, hardest, ideal, worst_mismatch
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO, distance

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from flying import DT, entry, estimate, fly, hardest, ideal, worst_mismatch
+from part_bench import DT, entry, estimate, fly, hardest, ideal, worst_mismatch
 
 from kybflow.core.errors import Refused
 from kybflow.core.files import File

@@ -1,7 +1,7 @@
 """go_home: up to a safe height, level above home, done there or when its patience is over."""
 
 import pytest
-from flying import SITE, entry, fly, ideal, worst_mismatch
+from part_bench import SITE, entry, fly, ideal, worst_mismatch
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO, Vec3

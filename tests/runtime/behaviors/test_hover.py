@@ -1,7 +1,7 @@
 """hover: holds the point and the heading of entry; comes to rest there when it was moving."""
 
 import pytest
-from flying import DT, entry, fastest, fly, hardest, ideal, worst_mismatch
+from part_bench import DT, entry, fastest, fly, hardest, ideal, worst_mismatch
 
 from kybflow.core.signals import Done
 from kybflow.runtime.behaviors.hover import Hover, HoverParams

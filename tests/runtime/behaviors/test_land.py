@@ -3,9 +3,9 @@
 import random
 
 import pytest
-from flying import DT, entry, estimate, fly, point_mass, tick, worst_mismatch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from part_bench import DT, entry, estimate, fly, point_mass, tick, worst_mismatch
 
 from kybflow.core.geometry import ZERO, Vec3, distance, norm
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind

@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from flying import DT, MASS, SITE, entry, tick
+from part_bench import DT, MASS, SITE, entry, tick
 
 from kybflow.core.geometry import GRAVITY, ZERO, tilt_of
 from kybflow.core.signals import NS, Command, Done, Imu, Setpoint, SetpointKind

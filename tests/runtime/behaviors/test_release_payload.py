@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from flying import at_rest, entry, estimate, tick
+from part_bench import at_rest, entry, estimate, tick
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import Done, Failed, Grip, PayloadState

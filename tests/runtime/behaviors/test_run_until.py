@@ -1,9 +1,9 @@
 """run_until: a steady velocity, and a smooth end in any case."""
 
 import pytest
-from flying import DT, entry, fly
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from part_bench import DT, entry, fly
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO, add, distance, norm, scale, sub

@@ -1,7 +1,9 @@
 """take_off: a smooth climb from the ground it stands on, and a failure where it can't."""
 
 import pytest
-from flying import (
+from hypothesis import given
+from hypothesis import strategies as st
+from part_bench import (
     Body,
     Flown,
     entry,
@@ -13,8 +15,6 @@ from flying import (
     tick,
     worst_mismatch,
 )
-from hypothesis import given
-from hypothesis import strategies as st
 
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import Done, Failed, Setpoint

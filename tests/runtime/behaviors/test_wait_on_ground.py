@@ -1,6 +1,6 @@
 """wait_on_ground: rotors at rest, for ever, without an estimate."""
 
-from flying import entry, tick
+from part_bench import entry, tick
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import Setpoint, SetpointKind

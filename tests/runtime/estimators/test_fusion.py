@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy
 import pytest
-from flown_figure import (
+from figure_eight_flight import (
     SITE,
     SKY,
     STEADY,

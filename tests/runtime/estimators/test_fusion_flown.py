@@ -6,9 +6,9 @@ from __future__ import annotations
 from math import radians
 
 import pytest
-from flights import down, named, path, up
-from flown_figure import Instant
+from figure_eight_flight import Instant
 from plans import part, state, then, vehicle
+from short_flights import down, named, path, up
 from test_fusion import assert_consistent, nees
 
 from kybflow.core.geometry import ZERO, distance

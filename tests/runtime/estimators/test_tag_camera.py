@@ -10,7 +10,8 @@ numpy = pytest.importorskip("numpy")
 pytest.importorskip("cv2")
 
 
-from floors import (  # noqa: E402
+from part_bench import SITE  # noqa: E402
+from tag_floors import (  # noqa: E402
     CAMERA,
     frame,
     grid,
@@ -21,7 +22,6 @@ from floors import (  # noqa: E402
     room,
     truth_at,
 )
-from flying import SITE  # noqa: E402
 
 from kybflow.core.geometry import from_euler, heading_of, wrap  # noqa: E402
 from kybflow.core.signals import NS, Frame  # noqa: E402

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
-from flights import NoParams, down, hold, named, path, up
 from plans import state, then, vehicle
+from short_flights import NoParams, down, hold, named, path, up
 
 from kybflow.core.errors import OptionRefused, PartFailed
 from kybflow.core.signals import NS, Event

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from flights import Still, down, named, path, up
 from plans import plan, state, then, vehicle
+from short_flights import Still, down, named, path, up
 
 from kybflow.core.errors import OptionRefused
 from kybflow.core.signals import NS, Event

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from flights import down, hold, named, path, up
 from plans import part, plan, state, vehicle
+from short_flights import down, hold, named, path, up
 
 from kybflow.core.errors import EventRefused
 from kybflow.core.signals import NS

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from flights import down, hold, named, path, up
 from plans import part, vehicle
+from short_flights import down, hold, named, path, up
 
 from kybflow.core.units import DURATION
 from kybflow.dsl.expressions import Compare, Quantity, Read

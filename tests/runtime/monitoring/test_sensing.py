@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy
 import pytest
-from flights import down, named, up
 from mcap.reader import make_reader
 from plans import part, plan, vehicle, wrapped
+from short_flights import down, named, up
 
 from kybflow.api.opening import check_pace
 from kybflow.core.errors import DriverError

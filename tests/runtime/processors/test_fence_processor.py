@@ -1,9 +1,9 @@
 """fence (processor): the setpoint stays inside, whatever it was; take-off and landing pass."""
 
 import pytest
-from flying import FENCE, SITE, at_rest, entry, estimate, fly, point_mass, tick
 from hypothesis import given
 from hypothesis import strategies as st
+from part_bench import FENCE, SITE, at_rest, entry, estimate, fly, point_mass, tick
 
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import Done, Setpoint, SetpointKind

@@ -3,9 +3,9 @@
 import itertools
 
 import pytest
-from flying import DT, SITE, at_rest, entry, fly, ideal, tick
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from part_bench import DT, SITE, at_rest, entry, fly, ideal, tick
 
 from kybflow.core.geometry import ZERO, distance, norm
 from kybflow.core.signals import Setpoint, SetpointKind

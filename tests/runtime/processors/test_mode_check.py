@@ -1,6 +1,6 @@
 """mode_check: kinds of setpoint that are not meant are refused."""
 
-from flying import SITE, tick
+from part_bench import SITE, tick
 
 from kybflow.core.params import fields_of
 from kybflow.core.signals import Alarm, Reaction, Setpoint, SetpointKind

@@ -1,6 +1,6 @@
 """position_error: an alarm past the limit, nothing before it."""
 
-from flying import DT, SITE, at_rest, estimate, tick
+from part_bench import DT, SITE, at_rest, estimate, tick
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import Alarm, Reaction, Setpoint, SetpointKind

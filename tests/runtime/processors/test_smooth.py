@@ -3,9 +3,9 @@
 from math import ceil, exp
 
 import pytest
-from flying import DT, SITE, Sample, at_rest, entry, fly, ideal, tick, worst_mismatch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from part_bench import DT, SITE, Sample, at_rest, entry, fly, ideal, tick, worst_mismatch
 
 from kybflow.core.geometry import ZERO, distance, norm
 from kybflow.core.signals import Setpoint, SetpointKind

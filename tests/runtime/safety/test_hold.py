@@ -5,9 +5,9 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from flying import DT, at_rest, entry
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from part_bench import DT, at_rest, entry
 
 from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale, sub
 from kybflow.core.signals import NS, Setpoint, SetpointKind

@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from alarming import alarming
-from flights import down, hold, named, path, up
+from failsafe_parts import alarming
 from plans import NANO, part, vehicle, wrapped
+from short_flights import down, hold, named, path, up
 
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO

@@ -1,6 +1,6 @@
 """battery (supervisor): warns, then lands, and does not flutter."""
 
-from flying import SITE, tick
+from part_bench import SITE, tick
 
 from kybflow.core.params import fields_of
 from kybflow.core.signals import NS, Alarm, Battery, Reaction

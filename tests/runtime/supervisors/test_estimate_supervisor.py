@@ -1,7 +1,7 @@
 """estimate (supervisor): heard in the air when nobody knows where the vehicle is."""
 
 import pytest
-from flying import SITE, estimate, tick
+from part_bench import SITE, estimate, tick
 
 from kybflow.core.signals import NS, Alarm, Reaction
 from kybflow.runtime.supervisors.estimate import EstimateSupervisor, EstimateSupervisorParams

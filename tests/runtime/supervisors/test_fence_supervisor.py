@@ -1,7 +1,7 @@
 """fence (supervisor): heard outside, in the air, with hysteresis."""
 
 import pytest
-from flying import FENCE, SITE, estimate, tick
+from part_bench import FENCE, SITE, estimate, tick
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Alarm, Reaction

@@ -1,6 +1,6 @@
 """jump: heard when a measurement is not where the last one's motion leads."""
 
-from flying import SITE, estimate, tick
+from part_bench import SITE, estimate, tick
 
 from kybflow.core.signals import NS, Alarm, Reaction, Tick
 from kybflow.runtime.supervisors.jump import Jump, JumpParams

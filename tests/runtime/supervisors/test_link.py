@@ -1,6 +1,6 @@
 """link: heard when nothing arrives any more."""
 
-from flying import SITE, tick
+from part_bench import SITE, tick
 
 from kybflow.core.signals import Alarm, Reaction
 from kybflow.runtime.supervisors.link import LinkSupervisor, LinkSupervisorParams

@@ -1,6 +1,6 @@
 """proximity: heard when two vehicles are closer than their airframes allow."""
 
-from flying import SITE, estimate, tick
+from part_bench import SITE, estimate, tick
 
 from kybflow.core.signals import Alarm, Reaction
 from kybflow.runtime.supervisors.proximity import Proximity, ProximityParams

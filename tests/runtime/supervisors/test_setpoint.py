@@ -1,6 +1,6 @@
 """setpoint: heard when what the tracker follows jumps or runs away."""
 
-from flying import DT, SITE, at_rest, estimate, tick
+from part_bench import DT, SITE, at_rest, estimate, tick
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Alarm, Reaction, SetpointKind

@@ -3,7 +3,7 @@
 from math import radians
 
 import pytest
-from flying import SITE, estimate, tick
+from part_bench import SITE, estimate, tick
 
 from kybflow.core.geometry import from_euler
 from kybflow.core.signals import Alarm, Reaction

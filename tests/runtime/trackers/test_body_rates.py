@@ -5,11 +5,11 @@ from __future__ import annotations
 from math import cos, sin
 
 import pytest
-from autopilots import RATES, following
-from flights import down, hold, up
 from hypothesis import given
 from hypothesis import strategies as st
+from onboard_control import RATES, following
 from plans import part, state, then, vehicle
+from short_flights import down, hold, up
 
 from kybflow.core.geometry import (
     LEVEL,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from flights import down, hold, up
 from hypothesis import given
 from hypothesis import strategies as st
 from plans import NANO, part, state, then, vehicle
+from short_flights import down, hold, up
 
 from kybflow.core.geometry import (
     GRAVITY,

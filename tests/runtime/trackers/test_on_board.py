@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from autopilots import following
-from flights import down, hold, up
 from hypothesis import given
 from hypothesis import strategies as st
+from onboard_control import following
 from plans import part, state, then, vehicle
+from short_flights import down, hold, up
 
 from kybflow.core.geometry import (
     GRAVITY,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from flights import down, hold, up
 from hypothesis import given
 from hypothesis import strategies as st
 from plans import part, state, then, vehicle
+from short_flights import down, hold, up
 
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, body_z, scale, tilt_of
 from kybflow.core.signals import Command, Estimate, Setpoint, SetpointKind, Tick

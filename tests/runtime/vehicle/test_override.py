@@ -6,8 +6,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from flights import down, hold, named, path, up
 from plans import part, state, vehicle, wrapped
+from short_flights import down, hold, named, path, up
 
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import norm
@@ -265,7 +265,7 @@ def test_a_vehicle_whose_own_failsafe_is_found_late_is_landed_then(run):
 
 
 def test_rotors_that_are_cut_are_cut_by_the_link_too(run):
-    from alarming import alarming
+    from failsafe_parts import alarming
 
     own, opened = driver("slow")
     alarms = alarming((6.0, 6.2, Reaction.CUT))

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from flights import down, hold, named, path, up
 from plans import part, vehicle, wrapped
+from short_flights import down, hold, named, path, up
 from test_override import BACK, PILOT, Autopilot, driver, flight
 
 from kybflow.core.geometry import LEVEL, ZERO

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flying import estimate
+from part_bench import estimate
 
 from kybflow.core.signals import NS, Event, Payload, PayloadState
 from kybflow.runtime.events import Events

@@ -6,8 +6,8 @@ from __future__ import annotations
 from math import nan
 
 import pytest
-from flights import down, hold, up
 from plans import part, state, then, vehicle
+from short_flights import down, hold, up
 
 from kybflow.core.geometry import GRAVITY, ZERO
 from kybflow.core.signals import NS, Imu

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from alarming import orders
-from flights import NoParams, Still, down, hold, named, path, up
+from failsafe_parts import orders
 from plans import part, state, then, vehicle
+from short_flights import NoParams, Still, down, hold, named, path, up
 
 from kybflow.core.errors import Refused
 from kybflow.core.signals import SetpointKind

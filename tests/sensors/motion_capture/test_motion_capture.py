@@ -10,7 +10,7 @@ import threading
 from typing import Any
 
 import pytest
-from flying import SITE
+from part_bench import SITE
 from waiting import until
 
 from kybflow.core.geometry import LEVEL

@@ -6,7 +6,7 @@ import random
 from dataclasses import replace
 
 import pytest
-from flying import SITE
+from part_bench import SITE
 from waiting import until
 
 from kybflow.core.errors import DriverError

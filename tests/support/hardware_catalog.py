@@ -1,4 +1,4 @@
-"""A driver that is no simulation, for tests of what is judged on hardware."""
+"""A catalog with a driver that isn't a simulation, for tests of what is judged on hardware."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from kybflow.drivers.sim import Sim
 from kybflow.parts.catalog import Catalog, PartSpec, load_catalog
 
 
-class Benched(Catalog):
-    """Everything installed, and `driver`, a variant of the simulator's, under a name of its own."""
+class HardwareCatalog(Catalog):
+    """Everything installed, and under `name` a variant `driver` of the simulator's driver."""
 
     def __init__(self, driver: type[Sim], name: str = "bench") -> None:
         self._all, self._driver, self._name = load_catalog(), driver, name

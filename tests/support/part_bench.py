@@ -1,4 +1,5 @@
-"""A vehicle for tests of single parts: it follows setpoints ideally or as a point mass."""
+"""A test bench for single parts: ticks, estimates and entries, and a vehicle that follows setpoints
+ideally or as a point mass."""
 
 from __future__ import annotations
 

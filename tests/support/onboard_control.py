@@ -1,5 +1,5 @@
-"""A simulated vehicle whose own controller follows setpoints, or body rates, as an autopilot's
-does: for tests of what is sent to one."""
+"""A simulated vehicle whose on-board controller follows setpoints or body rates, as an autopilot
+does; for tests of what is sent to one."""
 
 from __future__ import annotations
 

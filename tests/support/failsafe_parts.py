@@ -1,4 +1,5 @@
-"""For tests of the failsafe: alarms and orders at given times, and every setpoint followed."""
+"""Parts for tests of the failsafe: a supervisor that alarms at given times, a tracker that notes
+every setpoint, and an observer that gives orders."""
 
 from __future__ import annotations
 
@@ -6,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
-from flights import NoParams
 from plans import part
+from short_flights import NoParams
 
 from kybflow.core.geometry import ZERO, distance
 from kybflow.core.signals import NS, Alarm, Command, Reaction, Setpoint, Tick

@@ -1,4 +1,5 @@
-"""Short flights on plans built without YAML, for tests of the runtime."""
+"""The states of short flights (up, hold, down), for plans built without YAML; and what such a
+flight told, by vehicle and by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A vehicle to look at, for tests of conditions and expectations: its values are set by hand."""
+"""A view of a vehicle whose values are set by hand, for tests of conditions and expectations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from kybflow.parts.observables import State, Unavailable
 
 
 @dataclass
-class LookedAt:
+class FakeView:
     """A `kybflow.parts.observables.View`; what is None can't be known."""
 
     behavior: str = "up"

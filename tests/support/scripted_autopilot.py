@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("pymavlink")
 
 from pymavlink.dialects.v20 import all as mavlink
-from sims import FRAME
+from sim_worlds import FRAME
 
 from kybflow.core.geometry import LEVEL, ZERO, Vec3
 from kybflow.core.signals import NS, Command, CommandKind, Estimate, Setpoint, SetpointKind

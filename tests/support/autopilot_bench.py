@@ -1,4 +1,4 @@
-"""An emulated autopilot on the simulator, and a client that speaks raw MAVLink to it."""
+"""A test bench: an emulated autopilot on the simulator, and a client that speaks raw MAVLink."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import random
 from dataclasses import replace
 
 from pymavlink.dialects.v20 import all as mavlink
-from sims import QUIET, seat
+from sim_worlds import QUIET, seat
 
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Imu, Pose, Position
