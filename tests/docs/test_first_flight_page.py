@@ -44,5 +44,5 @@ def test_the_page_shows_parameters_as_they_are():
 
 def test_the_page_shows_a_danger_as_it_is():
     [shown] = re.findall(r"^RED +nano +watchdog .*\n +(.*)$", TEXT, re.MULTILINE)
-    [said] = profile_of("px4").dangerous({"COM_OBL_RC_ACT": 0.0}, 245, indoors=True)
+    [said] = profile_of("px4").dangers_in({"COM_OBL_RC_ACT": 0.0}, 245, indoors=True).values()
     assert shown == said

@@ -92,9 +92,6 @@ class EmulatedEstimator:
         """Whether external vision was heeded within half a second."""
         return self._vision is not None and now - self._vision < NS // 2
 
-    def has_heading(self, now: Time) -> bool:
-        return self._aimed is not None
-
     def is_settled(self, now: Time) -> bool:
         return self.imu is not None and now >= SETTLES
 

@@ -39,20 +39,20 @@ from kybflow.drivers.mavlink.telemetry.vision import ExternalVision, FrameDrift
 from kybflow.drivers.mavlink.transport.router import Port
 from kybflow.parts import Check, Link, Seat, StatusText
 
-PATIENCE: Time = 10 * NS
-"""How long nothing at all may be heard after opening."""
+SILENCE_TIMEOUT: Time = 10 * NS
+"""How long the autopilot may be silent after opening."""
 OFTEN: Time = NS // 50
-"""How often it is seen to what need not be done in every tick."""
+"""How often the upkeep of the link runs; it need not in every tick."""
 FORGOTTEN: Time = NS // 2
-"""An own position that is older is not where it is any more."""
+"""Its own position counts as unknown when it is older than this."""
 MS: Time = NS // 1000
 IDLE = 25.0
-"""Samples of the IMU a second while nobody flies by them: enough to learn what it feels at rest,
-and to begin to come down by until more arrive."""
+"""IMU samples a second while nobody flies by them: enough to learn the resting bias, and to begin a
+blind descent until more arrive."""
 
 
 class AutopilotLink(Link):
-    """One vehicle. `look` is called once a tick after the hub has heard everybody."""
+    """The link to one vehicle. The session calls `look` once a tick after the router was polled."""
 
     def __init__(self, seat: Seat, profile: FirmwareProfile, port: Port) -> None:
         context, params = seat.context, seat.params
@@ -87,11 +87,11 @@ class AutopilotLink(Link):
         self._command: Command | None = None
 
     def look(self, now: Time) -> None:
-        """Hear what came, see to what is wanted of it, send what is due. Raises DriverError."""
+        """Take in messages, decide, and send what is due. Raises DriverError."""
         self._now = now
         if self.contact.listen(now):
             self._upkeep.begin_anew()
-        self.offboard.override.silence = self.contact.silence
+        self.offboard.detector.silence = self.contact.silence
         self.offboard.look(self.contact.age(now), now)
         self._flow(now)
         if now >= self._due:
@@ -104,7 +104,7 @@ class AutopilotLink(Link):
         if self._opened is None:
             self._opened = now
         port = self.contact.port
-        if port.last_heard is None and now - self._opened > PATIENCE:
+        if port.last_heard is None and now - self._opened > SILENCE_TIMEOUT:
             why = port.trouble() or "no autopilot was heard"
             way_out = "start it, or set the driver's `address` and `system`"
             raise DriverError(f"system {port.system} was not heard for 10 s: {why}; {way_out}")
@@ -239,5 +239,5 @@ class AutopilotLink(Link):
 
     def _note(self) -> None:
         status = self.contact.status
-        self.override = self.offboard.taken
+        self.override = self.offboard.override
         self.armed = None if status.heartbeat is None else status.armed

@@ -65,7 +65,7 @@ def test_what_setup_writes_is_accepted_and_not_dangerous(profile):
         assert all(setting.accepts(good, OWN) for good in setting.allowed)
         assert setting.why
         assert not setting.why.endswith(".")
-    assert profile.dangerous(written, OWN, indoors=True) == []
+    assert profile.dangers_in(written, OWN, indoors=True) == {}
 
 
 @BOTH
@@ -151,7 +151,7 @@ DANGEROUS = [
 
 @pytest.mark.parametrize(("profile", "values", "indoors", "words"), DANGEROUS)
 def test_a_dangerous_watchdog_is_told_with_its_way_out(profile, values, indoors, words):
-    assert [words] == profile.dangerous(values, OWN, indoors=indoors)
+    assert [words] == list(profile.dangers_in(values, OWN, indoors=indoors).values())
 
 
 LANDS = {"COM_OBL_RC_ACT": 4, "NAV_RCL_ACT": 3, "COM_LOW_BAT_ACT": 2}
@@ -167,8 +167,8 @@ def test_what_does_not_land_at_once_does_not_say_so(name):
 
 
 def test_outdoors_an_autopilot_may_return_by_itself():
-    assert PX4.dangerous({"COM_OBL_RC_ACT": 3.0, "COM_OF_LOSS_T": 1.0}, OWN, indoors=False) == []
-    assert ARDUPILOT.dangerous({"FS_GCS_ENABLE": 1.0}, OWN, indoors=False) == []
+    assert PX4.dangers_in({"COM_OBL_RC_ACT": 3.0, "COM_OF_LOSS_T": 1.0}, OWN, indoors=False) == {}
+    assert ARDUPILOT.dangers_in({"FS_GCS_ENABLE": 1.0}, OWN, indoors=False) == {}
     assert Danger("X", cure="1", above=1.0).of(1.0, OWN) is None
 
 

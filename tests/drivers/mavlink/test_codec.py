@@ -27,7 +27,7 @@ from kybflow.core.signals import (
     Sticks,
 )
 from kybflow.drivers.mavlink.protocol import codec
-from kybflow.drivers.mavlink.protocol.codec import Throttle, encode, position_estimate, vision
+from kybflow.drivers.mavlink.protocol.codec import Throttle, encode, vision
 from kybflow.drivers.mavlink.protocol.frames import (
     IDENTITY,
     Anchor,
@@ -179,12 +179,6 @@ def test_an_estimate_goes_out_as_odometry():
     assert pytest.approx([0.0009] * 3) == [message.pose_covariance[n] for n in (15, 18, 20)]
     assert sum(1 for entry in message.pose_covariance if entry) == 6
     assert pytest.approx(0.0025) == message.velocity_covariance[0]
-
-
-def test_an_estimate_goes_out_as_a_position_too():
-    message = position_estimate(ESTIMATE, stamp_us=7, resets=1)
-    assert pytest.approx((2.0, 1.0, -3.0)) == place_of(message)
-    assert pytest.approx((0.0, 0.0, 0.0), abs=1e-6) == (message.roll, message.pitch, message.yaw)
 
 
 @given(vectors, vectors, st.floats(-3.0, 3.0), st.builds(Anchor, vectors, st.floats(-3.0, 3.0)))

@@ -1,9 +1,9 @@
-"""Who steers one autopilot, and what it is asked for: to rest, to get ready, to follow, to land, to
-stop its rotors.
+"""Offboard control of one autopilot: disarmed, arming, following setpoints, landing, rotors
+stopped.
 
-It obeys while it is armed and in the mode in which it follows. What it does of its own accord, or a
-person with a transmitter makes it do, is `taken`; then nothing is sent until somebody asks for it
-back. A vehicle that somebody else armed is never disarmed here.
+The autopilot follows while it is armed and in the mode that follows setpoints. When a pilot or its
+own failsafe takes it out of that mode, `override` says why, and nothing is sent until somebody asks
+for the vehicle back. A vehicle that somebody else armed is never disarmed here.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
 from kybflow.parts import Override
 
-STUBBORN: Time = 3 * NS
-"""How long it may take to be in its land mode; and what armed it within this is still ours."""
+MODE_TIMEOUT: Time = 3 * NS
+"""How long a change to its land mode may take; arming within this time is still by our request."""
 ALIVE = 0.3
-"""Seconds without a word that are nothing out of the way."""
+"""Seconds without a message that are normal."""
 WELL: Time = NS
-"""How long a link must have been well before a vehicle is taken back unasked."""
+"""How long a link must have been good before a vehicle is taken back unasked."""
 RISES = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
-"""Commands that are raised until it has lifted; the others lift it themselves."""
+"""Commands that are raised until the vehicle has lifted off; others lift it by themselves."""
 
 
 class OffboardGoal(Enum):
-    """What it is asked for. NOTHING: it has not been asked for anything yet."""
+    """What the autopilot is asked for. NOTHING: nothing yet."""
 
     NOTHING = "nothing"
     REST = "rest"
@@ -45,19 +45,23 @@ class OffboardGoal(Enum):
 
 
 class OffboardControl:
-    """arming_time: seconds that arming may take. rate: set-points a second. resumes: whether it is
-    taken back unasked from its own failsafe, once the link is well. hold: what makes it hold still
-    where it is, None where that is not known."""
+    """Offboard control of one vehicle.
+
+     arming_time: seconds that arming may take. rate: setpoints a second. resumes: whether the
+    vehicle is taken back unasked from its own failsafe once the link is good. hold: the command
+    that holds the vehicle still where it is, None while that is unknown. `override`: why the
+    vehicle does not follow, None while it does.
+    """
 
     def __init__(
         self, profile: FirmwareProfile, status: ReceivedStatus, requests: CommandRequests,
         arming_time: float, rate: float, resumes: bool, hold: Callable[[], Command | None],
     ) -> None:  # fmt: skip
-        self.taken: Override | None = None
+        self.override: Override | None = None
         self.goal = OffboardGoal.NOTHING
         self.modes = Modes(profile, status, requests)
         self.stream = SetpointStream(rate)
-        self.override = OverrideDetector(status, self.modes)
+        self.detector = OverrideDetector(status, self.modes)
         self._profile, self._status, self._requests = profile, status, requests
         self._arming_time, self._resumes, self._hold = arming_time, resumes, hold
         self._arming: Arming | None = None
@@ -71,19 +75,19 @@ class OffboardControl:
         self._recovery = ControlRecovery(self.modes, self.stream, hold, self._step_mode)
 
     def arm(self, command: Command, now: Time) -> bool:
-        """Whether it follows. Raises Refused; then it is disarmed where it is armed."""
-        if self._status.armed and (self.goal is OffboardGoal.NOTHING or self.taken is not None):
-            reason = "it is armed" if self.taken is None else self.taken.reason
+        """Arm; whether it follows. Raises Refused, and disarms a vehicle that it had armed."""
+        if self._status.armed and (self.goal is OffboardGoal.NOTHING or self.override is not None):
+            reason = "it is armed" if self.override is None else self.override.reason
             raise Refused(f"somebody else has it: {reason}")
         if self.goal is not OffboardGoal.READY or self._arming is None:
-            self._release(OffboardGoal.READY, now)
+            self._begin(OffboardGoal.READY, now)
             self._arming = Arming(
                 self._profile, self._status, self._requests, self.modes, self._arming_time, now
             )
         if self._status.armed and self.modes.has_left:
-            self._mind(now)
-            if self.taken is not None:
-                raise Refused(self.taken.reason)
+            self._watch_control(now)
+            if self.override is not None:
+                raise Refused(self.override.reason)
             return False
         if self._profile.streams_first:
             self.stream.feed(self._raised(command, now), now)
@@ -94,53 +98,53 @@ class OffboardControl:
             self.rest(now)
             raise
         if obeys:
-            self._release(OffboardGoal.FOLLOW, now)
+            self._begin(OffboardGoal.FOLLOW, now)
             if self._profile.climbs:
                 self._lift_off.begin(now)
             self.send(command, now)
         return obeys
 
     def send(self, command: Command, now: Time) -> None:
-        """The newest command. One that is not armed lets it rest."""
-        if self.taken is not None or self.goal is OffboardGoal.STOP:
+        """Follow the newest command; one that is not armed disarms the vehicle."""
+        if self.override is not None or self.goal is OffboardGoal.STOP:
             return
         if not command.armed:
             if self.goal not in (OffboardGoal.REST, OffboardGoal.NOTHING):
                 self.rest(now)
             return
         if self.goal is not OffboardGoal.FOLLOW:
-            self._release(OffboardGoal.FOLLOW, now)
+            self._begin(OffboardGoal.FOLLOW, now)
             self.modes.want("offboard")
-        if not (self._lift_off.keeps_back(command, now) or self.override.is_in_doubt):
+        if not (self._lift_off.keeps_back(command, now) or self.detector.is_in_doubt):
             self.stream.feed(command, now)
 
     def prepare(self, now: Time) -> str:
-        """Put it, disarmed, into the mode in which it follows; why it is not in it, empty when it
-        is. Called once a tick."""
+        """Put the disarmed vehicle into the mode that follows setpoints; why it is not in force,
+        empty when it is. Called once a tick."""
         if self._status.armed or self.goal not in (OffboardGoal.NOTHING, OffboardGoal.REST):
             return "" if self.goal is OffboardGoal.FOLLOW else "it is armed"
         return self._preflight_mode.step(now)
 
     def rest(self, now: Time) -> None:
-        """Disarm it."""
-        self._release(OffboardGoal.REST, now)
+        """Disarm the vehicle."""
+        self._begin(OffboardGoal.REST, now)
         self.stream.stop()
         self.modes.want(None)
         self._disarming = Disarming(self._status, self._requests, self.modes)
 
     def cut(self, now: Time) -> None:
-        """Stop its rotors, whoever has it."""
-        self._release(OffboardGoal.STOP, now)
+        """Stop the rotors, whoever controls the vehicle."""
+        self._begin(OffboardGoal.STOP, now)
         self.stream.stop()
         self.modes.want(None)
         self._motor_stop = MotorStop(self._status, self._requests)
 
     def land(self, now: Time) -> bool:
-        """Land by its own mode; whether it rests. Raises Refused."""
-        if self.taken is not None and not self.taken.lands:
-            raise Refused(f"somebody else has it: {self.taken.reason}")
-        if self.goal is not OffboardGoal.LAND or self.taken is not None:
-            self._release(OffboardGoal.LAND, now)
+        """Land by the autopilot's own mode; whether it is disarmed. Raises Refused."""
+        if self.override is not None and not self.override.lands:
+            raise Refused(f"somebody else has it: {self.override.reason}")
+        if self.goal is not OffboardGoal.LAND or self.override is not None:
+            self._begin(OffboardGoal.LAND, now)
             self._left_for = self.modes.reported
             self.modes.want("land")
         if not self._status.armed:
@@ -148,32 +152,32 @@ class OffboardControl:
         if self.modes.step(now):
             self.stream.stop()
         elif self.modes.has_left:
-            self._mind(now)
-            if self.taken is not None:
-                raise Refused(self.taken.reason)
+            self._watch_control(now)
+            if self.override is not None:
+                raise Refused(self.override.reason)
         elif self.modes.is_manual and self.modes.reported != self._left_for:
             taken = Override(f"a pilot took over: {self.modes.reported}")
-            self._take(taken)
+            self._lose_control(taken)
             raise Refused(taken.reason)
-        elif now - self._since > STUBBORN:
+        elif now - self._since > MODE_TIMEOUT:
             raise Refused(self.modes.trouble)
         return False
 
     def reclaim(self, now: Time) -> None:
-        """Ask for it back, to hold still until it is commanded again."""
-        if self.taken is None or self._recovery.is_under_way:
+        """Ask for the vehicle back, to hold still until it is commanded again."""
+        if self.override is None or self._recovery.is_under_way:
             return
         if not self._status.armed:
             self.rest(now)
             return
         trouble = self._recovery.begin(now)
         refused = "" if self._recovery.is_unasked else trouble
-        self.taken = self.taken._replace(refused=refused)
+        self.override = self.override._replace(refused=refused)
 
     @property
     def is_disarming(self) -> bool:
-        """Whether it is to be disarmed, and that has not been tried for long."""
-        return self.goal is OffboardGoal.REST and self.taken is None and self._disarming.insists
+        """Whether disarming is under way and not overdue yet."""
+        return self.goal is OffboardGoal.REST and self.override is None and self._disarming.insists
 
     def look(self, age: float, now: Time) -> None:
         """React to what the autopilot does, once a tick after its messages were taken in. age:
@@ -183,62 +187,62 @@ class OffboardControl:
         if self.goal is OffboardGoal.STOP:
             if self._motor_stop.step(now):
                 self.rest(now)
-        elif self.taken is not None:
-            self._look_after(self.taken, age, now)
+        elif self.override is not None:
+            self._wait_or_recover(self.override, age, now)
         elif self.goal is OffboardGoal.REST:
-            self._let_rest(now)
+            self._keep_disarmed(now)
         elif self.goal is OffboardGoal.FOLLOW:
-            self._mind(now)
+            self._watch_control(now)
 
     def _raised(self, command: Command, now: Time) -> Command:
-        """What it is sent while it arms: armed, what lifts it."""
+        """What is sent while it arms; once armed, the command that lifts it off."""
         if not self._status.armed:
             return command
         return raised(command, self._profile.takeoff_height, self._lift_off.armed_for(now))
 
     def _step_mode(self, now: Time) -> bool:
-        """Whether it is in the mode in which it follows; asked for where set-points flow."""
+        """Request the mode that follows setpoints once setpoints flow; whether it is in force."""
         leads = not self._profile.streams_first or self.stream.flows(now) >= LEAD
         return leads and self.modes.step(now)
 
-    def _release(self, goal: OffboardGoal, now: Time) -> None:
-        self.goal, self._since, self.taken = goal, now, None
+    def _begin(self, goal: OffboardGoal, now: Time) -> None:
+        self.goal, self._since, self.override = goal, now, None
         self._recovery.forget()
         self._lift_off.end()
-        self.override.forget()
+        self.detector.forget()
         self._disarming.drop()
         if self._arming is not None:
             self._arming.drop()
             self._arming = None
 
-    def _let_rest(self, now: Time) -> None:
-        ours = self._disarming.is_under_way or now - self._since < STUBBORN
+    def _keep_disarmed(self, now: Time) -> None:
+        ours = self._disarming.is_under_way or now - self._since < MODE_TIMEOUT
         if self._status.armed and not ours:
-            self._take(Override(f"somebody armed it: {self.modes.reported}"))
+            self._lose_control(Override(f"somebody armed it: {self.modes.reported}"))
         else:
             self._disarming.step(now)
 
-    def _mind(self, now: Time) -> None:
-        """While it is to follow or to land: does it?"""
-        found = self.override.found(now)
+    def _watch_control(self, now: Time) -> None:
+        """Notice when the vehicle, asked to follow or to land, no longer does."""
+        found = self.detector.found(now)
         if found is not None:
-            self._take(Override(found.reason, found.by_itself and not self._resumes))
+            self._lose_control(Override(found.reason, found.by_itself and not self._resumes))
             if found.by_itself and self._resumes:
                 self._recovery.expect()
-        elif self.goal is OffboardGoal.FOLLOW and not self.override.is_in_doubt:
+        elif self.goal is OffboardGoal.FOLLOW and not self.detector.is_in_doubt:
             self._step_mode(now)
 
-    def _take(self, taken: Override) -> None:
-        self.taken = taken
+    def _lose_control(self, override: Override) -> None:
+        self.override = override
         self._recovery.forget()
-        self.override.forget()
+        self.detector.forget()
         self.stream.stop()
         self.modes.want(None)
 
-    def _look_after(self, taken: Override, age: float, now: Time) -> None:
-        """While somebody else has it. One that was to be taken back unasked is not when it is down,
-        it would take off again, nor when a person may have it by now."""
-        silence = self.override.silence
+    def _wait_or_recover(self, override: Override, age: float, now: Time) -> None:
+        """Take back, while it is overridden, a vehicle that was asked for or may come back unasked.
+        One that is down would take off again, and one that a person may have is left alone."""
+        silence = self.detector.silence
         is_well = age < ALIVE and (silence is None or now - silence.ended > WELL)
         back = self._recovery
         is_down = self._status.landed is LandedState.GROUND or self._lift_off.is_low
@@ -247,13 +251,13 @@ class OffboardControl:
         if back.is_unasked and is_well:
             self.reclaim(now)
         if back.is_under_way:
-            self._ask_back(taken, now)
+            self._recover(override, now)
 
-    def _ask_back(self, taken: Override, now: Time) -> None:
-        """It is to come back: does it, is it down, or was it asked for long enough?"""
+    def _recover(self, override: Override, now: Time) -> None:
+        """Ask until the vehicle follows, is disarmed, or the time limit is over."""
         refused = self._recovery.timed_out(now)
         if refused or not self._status.armed:
-            self.taken = taken._replace(refused=refused)
+            self.override = override._replace(refused=refused)
             self._recovery.end()
         elif self._recovery.step(now):
-            self._release(OffboardGoal.FOLLOW, now)
+            self._begin(OffboardGoal.FOLLOW, now)

@@ -183,13 +183,9 @@ class FirmwareProfile:
         """A mode by its own name."""
         return self.names.get(custom_mode, f"mode {custom_mode}")
 
-    def dangerous(self, values: Mapping[str, float], own: int, *, indoors: bool) -> list[str]:
-        """What is dangerous of these parameters, in the preflight's words. own: this program's
-        system id."""
-        return list(self.dangers_in(values, own, indoors=indoors).values())
-
     def dangers_in(self, values: Mapping[str, float], own: int, *, indoors: bool) -> dict[str, str]:
-        """The dangerous parameters among `values`, each with the preflight's words."""
+        """The dangerous parameters among `values`, each with the preflight's words. own: this
+        program's system id. indoors: the position comes from outside."""
         said = (
             (danger.name, danger.of(values[danger.name], own))
             for danger in self.dangers

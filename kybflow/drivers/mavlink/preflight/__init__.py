@@ -1,1 +1,5 @@
-"""What an autopilot must say and how its parameters must be set before it flies."""
+"""What must be right before an autopilot flies: its readiness, the line to it, its parameters.
+
+The link asks for these checks once a tick before take-off; `kybflow mavlink setup` uses the same
+required parameters. Nothing here is used in flight.
+"""

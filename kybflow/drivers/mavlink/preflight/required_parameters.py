@@ -186,7 +186,7 @@ class ParameterSetup:
         """What is dangerous and none of the settings mends."""
         mended = {setting.name for setting in self.settings}
         rest = {name: value for name, value in values.items() if name not in mended}
-        return self.profile.dangerous(rest, self._own, indoors=True)
+        return list(self.profile.dangers_in(rest, self._own, indoors=True).values())
 
     def _row(
         self, setting: Needed, parameters: AutopilotParameters, was_written: bool

@@ -110,15 +110,6 @@ def vision(estimate: Estimate, *, stamp_us: int, resets: int) -> Message:
     )  # fmt: skip
 
 
-def position_estimate(estimate: Estimate, *, stamp_us: int, resets: int) -> Message:
-    """VISION_POSITION_ESTIMATE, the elder alternative to ODOMETRY; it has no velocity."""
-    roll, pitch, yaw = to_euler(attitude_to_ned(estimate.attitude))
-    return mavlink.MAVLink_vision_position_estimate_message(
-        stamp_us, *to_ned(estimate.position), roll, pitch, yaw,
-        _covariance(estimate.spread), resets & 0xFF,
-    )  # fmt: skip
-
-
 def _position_target(command: Command, head: tuple[int, ...], anchor: Anchor) -> Message:
     setpoint = command.setpoint
     if setpoint is None:

@@ -1,3 +1,5 @@
-"""What one autopilot says, as measurements, status, parameters and clock offset; and what it is
-told of where it is.
+"""What one autopilot reports, as status, measurements, parameters, clock offset and ground truth;
+and the external vision that it is sent.
+
+Nothing is commanded here. `contact` hands each message to the module that it concerns.
 """
