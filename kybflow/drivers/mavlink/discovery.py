@@ -1,7 +1,7 @@
-"""Autopilots met outside a mission: who is heard at an address, and their parameters.
+"""Discovery of autopilots outside a mission: who is heard at an address, and their parameters.
 
-Until it hears us, an autopilot may say nothing; so a heartbeat is sent once a second, as of a
-ground station, for which alone PX4 speaks its texts.
+An autopilot may say nothing until it hears us; so a heartbeat is sent once a second, a ground
+station's, since PX4 sends its texts only to those.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port,
 from kybflow.drivers.mavlink.transport.wire import Wire
 
 PATIENCE: Time = 6 * NS
-"""How long an autopilot may take until it is statuses: some need two of our heartbeats."""
+"""How long an autopilot may take to be heard: some need two of our heartbeats."""
 OTHERS: Time = 3 * NS // 2
-"""How much longer others are waited for."""
+"""How much longer other autopilots are awaited."""
 SILENT: Time = 5 * NS
-"""Without a heartbeat for so long, it is gone."""
+"""An autopilot without a heartbeat for this long is gone."""
 _WAYS = {
     "udpin": "is the autopilot told to send to that port, and does no other program take it?",
     "udpout": "does an autopilot listen there?",
@@ -32,8 +32,8 @@ _WAYS = {
 
 
 class Discovery:
-    """Listens on one wire. `statuses`: what each autopilot said, by its system id. system: the one
-    that is looked for; none: whoever is there. own_system, key: as in a mission."""
+    """Listens on one wire. `statuses`: what each autopilot reported, by its system id. system: the
+    one to look for; None takes any. own_system, key: as in a mission."""
 
     def __init__(
         self, wire: Wire, system: int | None, own_system: int, key: bytes | None = None
@@ -49,7 +49,7 @@ class Discovery:
         self._beat: Time | None = None
 
     def step(self, now: Time) -> None:
-        """Hear everybody, and tell everybody that we are there."""
+        """Take in what arrived, and send our heartbeats."""
         self.now = now
         self._router.poll(now)
         for system in sorted(self._asked.heard_from - set(self._ports) - {self._own}):
@@ -65,22 +65,22 @@ class Discovery:
     def watch(
         self, ticks: Iterator[Time], patience: Time, until: Callable[[], bool] = lambda: False
     ) -> None:
-        """Go on for so long, or `until`."""
+        """Step for so long, or until `until` is true."""
         end = self.now + patience
         while self.now < end and not until():
             self.step(next(ticks))
 
     def find(self, ticks: Iterator[Time]) -> list[int]:
-        """The one that is looked for, as soon as it is heard; else all that are. Raises DriverError
-        where there is none."""
+        """The system that is looked for, as soon as it is heard; else all that are. Raises
+        DriverError where there is none."""
         self.watch(ticks, PATIENCE, lambda: bool(self._fitting()))
         if self._system is None and self._fitting():
             self.watch(ticks, OTHERS)
         return self.found()
 
     def found(self) -> list[int]:
-        """Who of those that are looked for is there. Raises DriverError where nobody is: what was
-        heard, what to try."""
+        """The systems that were looked for and heard. Raises DriverError where there are none, with
+        what was heard instead and what to try."""
         if fitting := self._fitting():
             return fitting
         raise DriverError(self._silence())
@@ -100,7 +100,7 @@ class Discovery:
         names: Iterable[str],
         writes: Mapping[str, float] | None = None,
     ) -> AutopilotParameters:
-        """Write parameters of an autopilot that was found, then read all of `names` anew. Raises
+        """Write parameters of an autopilot that was found, then read all of `names` again. Raises
         DriverError where it falls silent."""
         if system not in self.parameters:
             self.parameters[system] = AutopilotParameters(bytewise, target=(system, AUTOPILOT))

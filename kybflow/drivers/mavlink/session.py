@@ -1,4 +1,4 @@
-"""The autopilots of a run: their wires, polled once a tick, and a link for each."""
+"""The autopilots of a run: the wires to them, polled once a tick, and a link for each."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from kybflow.drivers.mavlink.transport.wire import Wire
 from kybflow.parts import Link, Seat, Session
 
 Group = tuple[int, str | None]
-"""What the vehicles of a hub share: our system id, and the file with the secret."""
+"""What the vehicles of a router share: our system id, and the file with the secret."""
 
 
 def open_session(
     seats: Sequence[Seat], opener: Callable[[str], Wire] = open_wire
 ) -> MavlinkSession:
-    """opener: opens a wire by its address. Raises DriverError, and nothing is open then."""
+    """Open the wires and links of these seats. opener: opens a wire by its address. Raises
+    DriverError, and nothing stays open then."""
     places = [_place(seat, number) for number, seat in enumerate(seats, start=1)]
     groups: dict[Group, dict[str, Wire]] = {}
     owners: dict[str, Group] = {}
@@ -50,7 +51,7 @@ def open_session(
 
 
 class MavlinkSession(Session):
-    """`routers` are polled, then every link looks at what came for it."""
+    """Polls the `routers`, then lets every link handle what arrived."""
 
     def __init__(self) -> None:
         self.links: dict[str, Link] = {}
@@ -58,7 +59,7 @@ class MavlinkSession(Session):
         self._wires: list[Wire] = []
 
     def opened(self, wire: Wire) -> Wire:
-        """A wire that is to be closed with the rest."""
+        """Remember a wire, to be closed with the rest."""
         self._wires.append(wire)
         return wire
 
@@ -80,7 +81,7 @@ class MavlinkSession(Session):
 
 
 def _place(seat: Seat, number: int) -> tuple[FirmwareProfile, str, int]:
-    """The profile of a vehicle, its address, its system id. number: its place in the mission."""
+    """A vehicle's profile, address and system id. number: its place in the mission."""
     profile = profile_of(seat.params.autopilot)
     system = seat.params.system or number
     return profile, seat.params.address or profile.default_address(system), system

@@ -1,7 +1,7 @@
-"""The mode that is wanted, against the mode that the autopilot says it is in.
+"""The mode that is requested, and the mode that the autopilot reports.
 
-Its acknowledgement says that a request was taken; HEARTBEAT or CURRENT_MODE say what is in force,
-and only they count.
+An acknowledgement only says that a request was taken; HEARTBEAT and CURRENT_MODE say which mode is
+in force, and only they count.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ DO_SET_MODE = 176
 
 
 class Modes:
-    """`wanted` is a mode's name in the profile, None while none is. `was_in_force`: whether the
-    autopilot has been in it since it was wanted. `before`: its mode, as a number, when one was
-    first wanted."""
+    """The modes of one autopilot. `wanted`: the requested mode's name in the profile, None without
+    one. `was_in_force`: whether it has been in force since. `before`: the mode, as a number, before
+    the first request."""
 
     def __init__(
         self, profile: FirmwareProfile, status: ReceivedStatus, requests: CommandRequests
@@ -30,12 +30,12 @@ class Modes:
 
     @property
     def reported(self) -> str:
-        """The mode that the autopilot says it is in, by its own name."""
+        """The mode that the autopilot reports, by its own name."""
         mode = self._status.mode
         return "no known mode" if mode is None else self._profile.mode_name(mode)
 
     def is_in(self, name: str) -> bool:
-        """Whether the autopilot says that it is in this mode of the profile."""
+        """Whether the autopilot reports this mode of the profile."""
         return self._status.mode == self._profile.modes[name]
 
     @property
@@ -45,26 +45,26 @@ class Modes:
 
     @property
     def in_force(self) -> bool:
-        """Whether it is in the wanted mode now."""
+        """Whether the requested mode is in force."""
         return self.wanted is not None and self.is_in(self.wanted)
 
     @property
     def has_left(self) -> bool:
-        """Whether it was in the wanted mode and is in another now."""
+        """Whether the requested mode was in force and no longer is."""
         return self.was_in_force and not self.in_force
 
     def want(self, name: str | None) -> None:
-        """Want this mode from now on; None to want none."""
+        """Request this mode from now on; None requests none."""
         if name != self.wanted:
             self._want(name)
 
     def again(self) -> None:
-        """Want the same mode anew, though the autopilot has left it."""
+        """Request the same mode again, though the autopilot has left it."""
         self._want(self.wanted)
 
     def step(self, now: Time) -> bool:
-        """Ask for the wanted mode where that is due, once a tick; whether it is in force. A mode
-        that was in force and was left is not asked for again."""
+        """Send the request where it is due, once a tick; whether the mode is in force. A mode that
+        was in force and was left is not requested again."""
         if self.wanted is None:
             return False
         if self.before is None:
@@ -82,7 +82,8 @@ class Modes:
 
     @property
     def trouble(self) -> str:
-        """Why it is not in the wanted mode, in the autopilot's own words where it gave any."""
+        """Why the requested mode is not in force, in the autopilot's own words where it gave
+        any."""
         if self.wanted is None:
             return "no mode is wanted"
         name = self._profile.mode_name(self._profile.modes[self.wanted])

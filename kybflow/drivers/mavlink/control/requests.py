@@ -29,9 +29,9 @@ TIMEOUT = 0.3
 ATTEMPTS = 5
 LONGEST: Time = 2 * NS
 WORDS_LATE: Time = 3 * NS // 10
-"""How long after the refusal its reason may come."""
+"""How long after a refusal its reason may arrive."""
 PROGRESS: Time = 10 * NS
-"""How long a command that is in progress may be silent."""
+"""How long a command in progress may be silent."""
 
 ACCEPTED, IN_PROGRESS = 0, 5
 RESULTS = (
@@ -48,12 +48,12 @@ NUMBERED = frozenset(
         mavlink.MAV_CMD_DO_GRIPPER,
     }
 )
-"""Commands whose first parameter says what they are about."""
+"""Commands whose first parameter names their subject."""
 
 
 class CommandRequest:
-    """One command, from when it was asked until it ended. `words`: empty while it waits and when
-    it was accepted, else why not, as far as the autopilot says it."""
+    """One command, from the request to its end. `words`: empty while it waits and when it was
+    accepted, else why not, as far as the autopilot says."""
 
     def __init__(
         self, command: int, params: tuple[float, ...], asked: Time, timeout: float, attempts: int
@@ -70,7 +70,7 @@ class CommandRequest:
 
     @property
     def matter(self) -> tuple[float, ...]:
-        """What it is about: a newer request about the same replaces it."""
+        """Its subject: a newer request on the same one replaces it."""
         return (self.command, self.params[0]) if self.command in NUMBERED else (self.command,)
 
     def end(self, outcome: Outcome, words: str = "") -> None:
@@ -78,8 +78,8 @@ class CommandRequest:
 
 
 class CommandRequests:
-    """The requests to one autopilot. target: its system and component. own_system: who asks; an
-    answer to somebody else is not ours (0 takes every answer). status: where its words are."""
+    """The requests to one autopilot. target: its system and component. own_system: ours; answers to
+    others are ignored (0 takes every answer). status: holds its texts."""
 
     def __init__(
         self, status: ReceivedStatus, *, target: tuple[int, int], own_system: int = 0
@@ -96,8 +96,8 @@ class CommandRequests:
         timeout: float = TIMEOUT,
         attempts: int = ATTEMPTS,
     ) -> CommandRequest:
-        """Ask for a command (MAV_CMD) with up to seven parameters, the rest being 0. The very one
-        that already waits is given back. timeout: seconds until it is sent again. attempts: how
+        """Request a command (MAV_CMD) with up to seven parameters, the rest being 0. An identical
+        request that still waits is returned. timeout: seconds until it is sent again. attempts: how
         often it is sent at most."""
         filled = (*map(float, params), *(0.0,) * (7 - len(params)))
         request = CommandRequest(command, filled, now, timeout, attempts)
@@ -114,7 +114,7 @@ class CommandRequests:
         return request
 
     def hear(self, message: Message, now: Time) -> None:
-        """Take in one message; all but COMMAND_ACK pass by."""
+        """Take in a message; all but COMMAND_ACK are ignored."""
         if message.get_type() != "COMMAND_ACK":
             return
         if self._own and message.target_system not in (0, self._own):
@@ -130,8 +130,8 @@ class CommandRequests:
         self._tidy()
 
     def due(self, now: Time) -> list[Message]:
-        """What is to be sent now, the oldest first. Call it in every tick: it also ends what was
-        refused or not answered."""
+        """The messages to send now, the oldest first. Called every tick: it also ends requests that
+        were refused or not answered."""
         self._replaced = [request for request in self._replaced if now < request.next]
         for request in self._waiting:
             if now >= request.next:
@@ -152,7 +152,7 @@ class CommandRequests:
             request.end("silent", f"no answer to {name_of(request.command)}, sent {tries}")
 
     def _turns(self) -> Iterator[CommandRequest]:
-        """The first request of each command; one that was refused waits for words alone."""
+        """The first request of each command; one that was refused only waits for its reason."""
         seen: set[int] = set()
         for request in self._waiting:
             if not request.refusal and request.command not in seen:
@@ -173,7 +173,7 @@ class CommandRequests:
 
 
 def name_of(command: int) -> str:
-    """A command as the MAVLink documents call it, such as `DO_SET_MODE`."""
+    """A command's name in MAVLink, such as `DO_SET_MODE`."""
     entry = mavlink.enums["MAV_CMD"].get(command)
     return entry.name.removeprefix("MAV_CMD_") if entry else f"command {command}"
 
@@ -190,13 +190,14 @@ def _answer(request: CommandRequest, result: int, now: Time) -> None:
 
 
 SHOWN = 1.5
-"""Seconds in which what was accepted must have shown: heartbeats come once a second."""
+"""Seconds within which the effect of an accepted command must show: heartbeats come once a
+second."""
 
 
 class Retries:
-    """One command. first, most: the shortest and the longest pause between two times, seconds.
-    shown: the shortest one after it was accepted. `refusal`: what the autopilot said to it last, in
-    words; empty while it has said nothing against it."""
+    """Repeats one command until it has its effect. first, most: the shortest and the longest pause
+    between attempts, seconds. shown: the shortest pause after an acceptance. `refusal`: the
+    autopilot's last refusal in words, empty without one."""
 
     def __init__(
         self, requests: CommandRequests, command: int, params: tuple[float, ...],
@@ -209,7 +210,7 @@ class Retries:
         self._due: Time | None = None
 
     def step(self, now: Time) -> None:
-        """Ask where it is time to; called once a tick until it is so."""
+        """Request the command when it is due; called once a tick until its effect shows."""
         request = self._request
         if request is not None and request.outcome != "waiting":
             self._answered(request, now)
@@ -223,7 +224,7 @@ class Retries:
             )
 
     def drop(self) -> None:
-        """Ask no more: what has not been answered is not sent again."""
+        """Stop: a request that was not answered is not sent again."""
         if self._request is not None and self._request.outcome == "waiting":
             self._request.end("silent", "nobody wants it any more")
 

@@ -22,11 +22,11 @@ from kybflow.drivers.mavlink.firmware import Latency
 from kybflow.drivers.mavlink.protocol.codec import Throttle
 
 OLDEST: Time = NS // 4
-"""Nanoseconds for which a command counts."""
+"""A command that is older is not sent any more."""
 
 
 class SetpointStream:
-    """rate: set-points a second."""
+    """The stream of one vehicle's setpoints. rate: setpoints a second."""
 
     def __init__(self, rate: float) -> None:
         self._period: Time = round(NS / rate)
@@ -36,7 +36,7 @@ class SetpointStream:
         self._due: Time = 0
 
     def feed(self, command: Command, now: Time) -> None:
-        """The newest command; the first one begins the stream."""
+        """Take the newest command; the first one begins the stream."""
         if self._begun is None:
             self._begun = self._due = now
         self._command, self._fed = command, now
@@ -45,7 +45,8 @@ class SetpointStream:
         self._command = self._begun = None
 
     def due(self, now: Time) -> Command | None:
-        """What is to be sent now, None while nothing is. A late one is not caught up by a burst."""
+        """The command to send now, None while none is due. A late one is not caught up by a
+        burst."""
         command = self._command
         if command is None or now < self._due:
             return None
@@ -58,13 +59,13 @@ class SetpointStream:
         return command
 
     def flows(self, now: Time) -> float:
-        """For how many seconds it has flowed without a gap; zero while it does not."""
+        """The seconds for which it has flowed without a gap; zero while it does not."""
         return 0.0 if self._begun is None else (now - self._begun) / NS
 
 
 def compensated(command: Command, latency: Latency) -> Command:
-    """A command so far ahead as the vehicle comes after it; as it is where it says not how it
-    moves."""
+    """The command ahead of time by the vehicle's latency; unchanged where the setpoint says nothing
+    of its motion."""
     setpoint = command.setpoint
     if setpoint is None or (acceleration := setpoint.acceleration) is None:
         return command
@@ -90,17 +91,17 @@ def compensated(command: Command, latency: Latency) -> Command:
 USUAL = 0.5
 LEAST, MOST = 0.1, 0.9
 SLOW = 5.0
-"""Seconds over which it is averaged."""
+"""Time constant of the average, seconds."""
 STILL = 0.3
-"""Metres a second below which it hovers."""
+"""The vehicle hovers below this speed, m/s."""
 
 FLIES_ITSELF = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
-"""Commands under which the thrust is its own."""
+"""Commands under which the autopilot itself sets the thrust."""
 
 
 class HoverThrottle:
-    """parameter: the autopilot's name for it. newtons: what the vehicle weighs. raised: whether the
-    autopilot itself asks for more where it leans."""
+    """The hover throttle of one vehicle. parameter: the autopilot's name for it. newtons: the
+    vehicle's weight. raised: whether the autopilot itself raises the thrust with the tilt."""
 
     def __init__(self, parameter: str, newtons: float, raised: bool) -> None:
         self._parameter, self._newtons, self._raised = parameter, newtons, raised
@@ -108,7 +109,7 @@ class HoverThrottle:
         self._last: Time | None = None
 
     def throttle(self, values: Mapping[str, float]) -> Throttle:
-        """values: the parameters that the autopilot has told."""
+        """The throttle to command with. values: the parameters that were read."""
         share = self._share or values.get(self._parameter, USUAL)
         share = share if isfinite(share) else USUAL
         return Throttle(min(max(share, LEAST), MOST), self._newtons, self._raised)
@@ -117,7 +118,8 @@ class HoverThrottle:
         self, asked: float | None, command: Command, odometry: Odometry | None,
         values: Mapping[str, float], now: Time,
     ) -> None:  # fmt: skip
-        """asked: the throttle that its controller asks for, 0 to 1, in the air."""
+        """Learn from one tick of hovering. asked: the throttle that the attitude controller asks
+        for, 0 to 1, None while it is not in the air."""
         still = odometry is not None and norm(odometry.velocity) < STILL
         if asked is None or not still or command.kind not in FLIES_ITSELF:
             self._last = None

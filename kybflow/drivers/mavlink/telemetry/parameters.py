@@ -27,12 +27,12 @@ AT_ONCE = 5
 DOES_NOT_EXIST = 1
 ERRORS = {2: "out of its range", 3: "not permitted", 4: "no such component", 5: "read-only"}
 WHOLE = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "<I", 6: "<i"}
-"""How a whole number of each MAV_PARAM_TYPE lies in the four bytes."""
+"""How the four bytes hold a whole number of each MAV_PARAM_TYPE."""
 
 
 class _Errand:
-    """One name that is being read, or written where `value` is not None. `next` is when it is sent
-    again, 0 before it was sent."""
+    """One parameter that is being read, or written where `value` is not None. `next`: when it is
+    sent again, 0 before the first time."""
 
     def __init__(self, value: float | None) -> None:
         self.value = value
@@ -60,7 +60,8 @@ class AutopilotParameters:
         self._errands: dict[str, _Errand] = {}
 
     def read(self, names: Iterable[str], now: Time, again: bool = False) -> None:
-        """Ask for these, but for what is known, or known to be missing; for that too, `again`."""
+        """Read these parameters, except those already known or known to be missing; `again` reads
+        those too."""
         for name in names:
             if name in self._errands:
                 continue
@@ -71,17 +72,17 @@ class AutopilotParameters:
             self._errands[name] = _Errand(None)
 
     def write(self, name: str, value: float, now: Time) -> None:
-        """Set one; what it is at present is read first where its type is not known."""
+        """Write a parameter; it is read first where its type is unknown."""
         self.refused.pop(name, None)
         self.missing.discard(name)
         self._errands[name] = _Errand(rounded(value))
 
     def is_complete(self, names: Iterable[str]) -> bool:
-        """Whether nothing is awaited of these any more."""
+        """Whether no answer about these is awaited any more."""
         return not any(name in self._errands for name in names)
 
     def hear(self, message: Message, now: Time) -> None:
-        """Take in one message; those that aren't about parameters pass by."""
+        """Take in a message; those that are not about parameters are ignored."""
         sort = message.get_type()
         if sort == "PARAM_VALUE":
             self._value(message)
@@ -89,7 +90,7 @@ class AutopilotParameters:
             self._error(message)
 
     def due(self, now: Time) -> list[Message]:
-        """What is to be sent now. Call it in every tick: it also ends what was never answered."""
+        """The messages to send now. Called every tick: it also gives up what was never answered."""
         for name, errand in list(self._errands.items()):
             if errand.tries >= TRIES and now >= errand.next:
                 self._give_up(name)
@@ -157,17 +158,17 @@ class AutopilotParameters:
 
 
 def rounded(value: float) -> float:
-    """`value` as a float32 has it."""
+    """`value` with the precision of a float32."""
     (near,) = struct.unpack("<f", struct.pack("<f", value))
     return float(near)
 
 
 def is_same(one: float, other: float) -> bool:
-    """Whether two values are one in float32; a NaN is like another."""
+    """Whether two values are equal as float32; NaN equals NaN."""
     return rounded(one) == rounded(other) or (isnan(one) and isnan(other))
 
 
 def name_in(message: Message) -> str:
-    """The name that a message about a parameter carries."""
+    """The parameter name in a message."""
     name: str = message.param_id
     return name.split("\0", maxsplit=1)[0]

@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
 WARNING = 4
-"""MAV_SEVERITY: what is worse has a lower number."""
+"""MAV_SEVERITY; more severe texts have lower numbers."""
 NO_AUTOPILOT = 8
 ARMED = 128
 READY = 1 << 28
 CHUNK = 50
 CHUNK_PATIENCE: Time = NS // 5
-"""How long a text waits for the rest of it."""
+"""How long a text waits for its missing chunks."""
 MOST_TEXTS = 100
 MOST_CHUNKS = 20
 LOST = "…"
 
 
 class LandedState(Enum):
-    """Where the vehicle itself thinks that it is (MAV_LANDED_STATE)."""
+    """Where the vehicle believes to be (MAV_LANDED_STATE)."""
 
     UNKNOWN = 0
     GROUND = 1
@@ -53,8 +53,8 @@ class ReceivedText(NamedTuple):
 
 
 class _Chunks:
-    """A text of which not everything has come. `last` is the number of its last chunk, None while
-    that has not come."""
+    """A text whose chunks have not all arrived. `last`: the number of its last chunk, None while
+    unknown."""
 
     def __init__(self, since: Time, severity: int) -> None:
         self.since, self.severity = since, severity
@@ -67,7 +67,7 @@ class _Chunks:
 
     @property
     def text(self) -> str:
-        """All that has come, with an ellipsis for every gap."""
+        """The text so far, with an ellipsis for every gap."""
         last = max(self.parts) + 1 if self.last is None else self.last
         words = [self.parts.get(i, LOST) for i in range(last + 1)]
         return "".join(w for i, w in enumerate(words) if w != LOST or words[i - 1 : i] != [LOST])
@@ -113,11 +113,11 @@ class ReceivedStatus:
 
     @property
     def heeds(self) -> Set[str]:
-        """What of it is looked into."""
+        """The messages that it reads."""
         return self._hear.keys()
 
     def hear(self, message: Message, now: Time) -> None:
-        """Take in one message, in the order in which they came."""
+        """Take in one message, in the order of arrival."""
         sort = message.get_type()
         hear = self._hear.get(sort)
         if hear is not None:
@@ -128,12 +128,12 @@ class ReceivedStatus:
 
     @property
     def ill(self) -> str:
-        """What it reports as not well, in words; empty where nothing is."""
+        """The unhealthy sensors in words; empty where there are none."""
         ill = "" if self.sensors is None else self.sensors.words
         return f"it reports as not well: {ill}" if ill else ""
 
     def words(self, since: Time) -> str:
-        """What it said since then of warning or worse, newest last, each but once."""
+        """The texts since then of severity warning or worse, oldest first, each once."""
         texts = (s.text for s in self.texts if s.time >= since and s.severity <= WARNING)
         newest = dict.fromkeys(reversed(list(texts)))
         return "; ".join(reversed(newest))
@@ -192,7 +192,7 @@ class ReceivedStatus:
             self._end(key)
 
     def _give_up(self, now: Time) -> None:
-        """Say what there is of the texts that have waited too long for the rest of them."""
+        """Keep what there is of texts that have waited too long for their missing chunks."""
         waited = [k for k, c in self._chunks.items() if now - c.since > CHUNK_PATIENCE]
         for key in waited:
             self._end(key)
@@ -208,7 +208,7 @@ class ReceivedStatus:
 
 
 def _printable(text: str) -> Iterator[str]:
-    """The characters of `text`; a space for each that a terminal would obey."""
+    """The characters of a text; a space for each that a terminal would interpret."""
     return (character if character.isprintable() else " " for character in text)
 
 
@@ -250,13 +250,13 @@ class SensorHealth(NamedTuple):
 
     @property
     def ill(self) -> int:
-        """Those that are there and in use, and not well."""
+        """The sensors that are present, enabled and not healthy."""
         return self.present & self.enabled & ~self.health
 
     @property
     def words(self) -> str:
-        """Those that are ill, by name, with what to look at where that is known; empty where all
-        are well."""
+        """The unhealthy sensors by name, with advice where there is any; empty where all are
+        healthy."""
         return ", ".join(_sensor(bit) for bit in SENSORS if bit & self.ill)
 
 

@@ -1,11 +1,11 @@
-"""All wires of a session, and a port for each autopilot: who says what, and where an answer goes.
+"""The router of a session's wires: each autopilot has a port with its messages and the way back.
 
 Autopilots are told apart by their system id. A port passes on what the autopilot itself says
 (component 1), not its gimbal, its radio, nor a ground station that is overheard. Where datagrams
-come from several places, a vehicle is answered where it was heard; a second one with its id is
-dropped while the first is there, and told. One that signs with an old time is not heard, and moves
-nothing: it may be one that has started anew, or an old frame that somebody plays again. It is sent
-one heartbeat, from which the former takes our time.
+come from several places, a vehicle is answered where it was heard; a second vehicle with its id is
+dropped and reported while the first is there. One that signs with an old time is ignored and moves
+nothing: it may have rebooted, or somebody replays an old frame. It is sent one heartbeat, from
+which a rebooted one takes our time.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from kybflow.drivers.mavlink.protocol.signing import Signing
 from kybflow.drivers.mavlink.transport.wire import MOST_HELD, Wire
 
 AUTOPILOT = 1
-"""Its component (MAV_COMP_ID_AUTOPILOT1)."""
+"""Its component id (MAV_COMP_ID_AUTOPILOT1)."""
 GONE: Time = 3 * NS
-"""Silent for so long, a vehicle may be heard from another place."""
+"""After this silence a vehicle may be heard from another place."""
 AGAIN: Time = NS
-"""An old time at the same place is answered again after so long."""
+"""Pause between two answers to an old time from one place."""
 MOST_SENDERS = 256
 
 
 def heartbeat(kind: int) -> Message:
-    """Ours. kind: as what we are there (MAV_TYPE)."""
+    """Our heartbeat. kind: what we are there (MAV_TYPE)."""
     invalid, active = mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_STATE_ACTIVE
     return mavlink.MAVLink_heartbeat_message(kind, invalid, 0, 0, active, 3)
 
 
 HEARTBEAT = heartbeat(mavlink.MAV_TYPE_GCS)
-"""As of a ground station."""
+"""A ground station's heartbeat."""
 
 
 class Port:
@@ -66,30 +66,31 @@ class Port:
 
     @property
     def heard_from(self) -> frozenset[int]:
-        """The systems whose autopilots are heard on that wire."""
+        """The systems whose autopilots are heard on this wire."""
         return frozenset(self._line.autopilots)
 
     def want(self, names: Iterable[str]) -> None:
-        """Read these messages, and no others than any port of this wire wants, from now on."""
+        """Parse these messages from now on, besides those that any port of this wire wants."""
         self._line.wanted.update(NUMBERS[name] for name in names if name in NUMBERS)
 
     def take(self) -> list[Message]:
-        """What it said since the last call, oldest first."""
+        """The messages since the last call, oldest first."""
         messages = list(self._messages)
         self._messages.clear()
         return messages
 
     def send(self, message: Message, component: int = ONBOARD) -> None:
-        """Send it as that component of ours. Nothing goes to a place that nobody was heard from.
-        Raises DriverError where a field does not fit into the message."""
+        """Send a message as one of our components. Nothing is sent to a place from which nobody was
+        heard. Raises DriverError where a field does not fit into the message."""
         data = self._packer.pack(message, component)
         wire = self._line.wire
         if self._place is not None or not wire.answers:
             wire.send(data, self._place)
 
     def trouble(self) -> str | None:
-        """What is wrong with the way there, None where nothing is known to be. Of a vehicle that
-        was heard once, its silence is not told: that is for who knows how often it speaks."""
+        """What is wrong with the way to the autopilot, None where nothing is known. The silence of
+        a vehicle that was heard before is not reported here: its caller knows how often it
+        speaks."""
         if trouble := self._line.wire.trouble():
             return trouble
         if self._clash is not None and self._line.now - self._clash[0] < GONE:
@@ -101,7 +102,7 @@ class Port:
         return self._line.silence(self.system) if self.last_heard is None else None
 
     def hear(self, message: Message, place: Any, now: Time) -> None:
-        """Called by the hub."""
+        """Take in a message; called by the router."""
         if place != self._place and self._place is not None and self._holds(now):
             self._clash = now, place
             return
@@ -122,7 +123,8 @@ class Port:
 
 
 class Router:
-    """wires: by address; system: our own id; key: the secret of signed messages."""
+    """The router of these wires. wires: by address. system: our own id. key: the secret of signed
+    messages."""
 
     def __init__(
         self,
@@ -139,7 +141,8 @@ class Router:
         }
 
     def port(self, address: str, system: int) -> Port:
-        """Raises DriverError where that system has a port on that wire, or is our own."""
+        """The port of a system on a wire. Raises DriverError where that system has one already, or
+        is our own."""
         line = self._lines[address]
         if system == self._system:
             raise DriverError(
@@ -154,7 +157,7 @@ class Router:
         return port
 
     def poll(self, now: Time) -> None:
-        """Hear everybody. Never waits, never raises."""
+        """Take in what arrived on every wire. Never waits, never raises."""
         for line in self._lines.values():
             line.poll(now)
 
@@ -164,7 +167,7 @@ class Router:
 
 
 class _Line:
-    """A wire with the ports on it."""
+    """One wire with its ports."""
 
     def __init__(self, wire: Wire, link: int, signing: Signing | None) -> None:
         self.wire, self.link = wire, link % 256
@@ -193,8 +196,8 @@ class _Line:
                     port.hear(message, place, now)
 
     def _answer(self, stale: set[tuple[int, int]], place: Any, now: Time) -> None:
-        """Have an autopilot at that place told our time. stale: who signed with an old one, by
-        system and component. Also one that no port is for: a scout does not know its id yet."""
+        """Send our time to an autopilot at that place. stale: who signed with an old one, by system
+        and component; also one that has no port, since discovery does not know its id yet."""
         systems = sorted(system for system, component in stale if component == AUTOPILOT)
         stale.clear()
         if not systems or not self.ports or not self.wire.answers:

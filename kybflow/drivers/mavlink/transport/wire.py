@@ -17,15 +17,15 @@ from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.transport.address import Address
 
 MOST_HELD = 10_000
-"""What is kept for a reader that does not come."""
+"""How many messages are kept for a reader that does not come."""
 
 Received = Sequence[tuple[bytes, Any]]
 
 
 class Wire(ABC):
-    """One way to reach autopilots. `address`: as a person writes it. `answers`: whether only those
-    can be reached that were heard. Cut by a fault: `deaf`, what comes is lost; `mute`, what is sent
-    is lost."""
+    """One way to reach autopilots. `address`: as written. `answers`: whether only those can be
+    reached that were heard. Faults set `deaf` (what arrives is lost) and `mute` (what is sent is
+    lost)."""
 
     answers: ClassVar[bool] = False
 
@@ -35,26 +35,26 @@ class Wire(ABC):
         self.mute = False
 
     def receive(self, now: Time) -> Received:
-        """What has come since the last call, oldest first, each with who sent it: whatever `send`
-        takes as `to`. Opens again what was lost; never waits, never raises."""
+        """What arrived since the last call, oldest first, each with its sender, which `send` takes
+        as `to`. Opens a lost connection again; never waits, never raises."""
         received = self._receive(now)
         return () if self.deaf else received
 
     def send(self, data: bytes, to: Any = None) -> None:
-        """Send one frame, or lose it: what can't go at once is not sent later. to: who is meant,
-        None for the only one there is. Never waits, never raises."""
+        """Send one frame, or lose it: what can't be sent at once is not sent later. to: the
+        receiver, None for the only one. Never waits, never raises."""
         if not self.mute:
             self._send(data, to)
 
     @abstractmethod
     def trouble(self) -> str | None:
-        """Why nothing comes or goes, None while nothing is known against it."""
+        """Why nothing arrives or is sent, None while nothing is known to be wrong."""
 
     @abstractmethod
     def close(self) -> None: ...
 
     def is_open(self, sender: Any) -> bool:
-        """Whether that sender can still be there."""
+        """Whether that sender may still be there."""
         return True
 
     @abstractmethod
@@ -65,7 +65,7 @@ class Wire(ABC):
 
 
 class MemoryWire(Wire):
-    """One end of two in the same process: what is sent here is received there, in order, at
+    """One end of a pair in this process: what is sent here arrives at the other end, in order, at
     once."""
 
     other: MemoryWire
@@ -91,28 +91,28 @@ class MemoryWire(Wire):
 
 
 def memory_wires(address: str = "memory") -> tuple[MemoryWire, MemoryWire]:
-    """Two ends. Either can be made deaf or mute."""
+    """Both ends of a pair; each can be made deaf or mute."""
     one, other = MemoryWire(address), MemoryWire(address)
     one.other, other.other = other, one
     return one, other
 
 
 CHUNK = 1 << 16
-"""Bytes that are taken in one poll, so that a flood can't hold up a tick."""
+"""The most bytes taken in one poll, so that a flood can't hold up a tick."""
 SOON: Time = NS // 4
 LATE: Time = 2 * NS
-"""An attempt to open comes so long after the one before, twice as long each time."""
+"""The first and the longest pause between two attempts to open; it doubles each time."""
 PATIENCE: Time = 3 * NS
-"""How long an attempt may last."""
+"""How long an attempt to open may last."""
 
 
 def os_error(error: OSError) -> str:
-    """An error of the system in a few words."""
+    """A system error in a few words."""
     return os.strerror(error.errno).lower() if error.errno else str(error).lower()
 
 
 def resolved(address: Address) -> tuple[str, int]:
-    """Where a host is. Raises DriverError."""
+    """The address of a host. Raises DriverError."""
     try:
         found = socket.getaddrinfo(address.place, address.number, socket.AF_INET)
     except OSError as error:
@@ -122,7 +122,7 @@ def resolved(address: Address) -> tuple[str, int]:
 
 
 def listener(address: Address, kind: socket.SocketKind) -> socket.socket:
-    """A socket that is bound and does not wait. Raises DriverError."""
+    """A bound socket that does not block. Raises DriverError."""
     place = resolved(address)
     opened = socket.socket(socket.AF_INET, kind)
     opened.setblocking(False)
@@ -167,7 +167,7 @@ class Pipe:
 
 
 def socket_pipe(opened: socket.socket) -> Pipe:
-    """Over a connected socket."""
+    """A pipe over a connected socket."""
 
     def read(most: int) -> bytes:
         try:
@@ -188,7 +188,7 @@ def socket_pipe(opened: socket.socket) -> Pipe:
 
 
 class ReopeningWire(Wire):
-    """A wire to one other end that is opened again, later each time, until something comes."""
+    """A wire to one other end that is opened again when it is lost, with growing pauses."""
 
     def __init__(self, address: Address) -> None:
         super().__init__(str(address))
@@ -255,7 +255,7 @@ class ReopeningWire(Wire):
 
     @abstractmethod
     def _opened(self) -> Pipe | None:
-        """What was opened, None while it is under way. Raises OSError."""
+        """What was opened, None while opening is under way. Raises OSError."""
 
     @abstractmethod
     def _end(self) -> None:
