@@ -9,7 +9,8 @@ from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, conjugate, 
 from kybflow.core.params import param, params
 from kybflow.core.signals import Command, Estimate, Setpoint, Tick
 from kybflow.core.units import Number
-from kybflow.flight.steering import Steering, SteeringParams
+from kybflow.flight.steering import Steering
+from kybflow.flight.steering_params import SteeringParams
 from kybflow.world.vehicle_context import VehicleContext
 
 

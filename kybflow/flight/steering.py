@@ -22,9 +22,7 @@ from kybflow.core.geometry import (
     heading_of,
     wrap,
 )
-from kybflow.core.params import param, params
 from kybflow.core.signals import Command, Estimate, Setpoint
-from kybflow.core.units import Acceleration, Angle, Damping, Length, Ratio
 from kybflow.flight.mass import MassEstimator
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -36,29 +34,6 @@ MOST_TRIM = 0.1
 """Largest slope by which body z is trimmed, about 6 degrees."""
 LEAST_LIFT, MOST_THRUST = 0.3, 0.95
 """Least vertical force as a share of the weight, and largest thrust as a share of the rotors'."""
-
-
-@params
-class SteeringParams:
-    """What every tracker for an on-board attitude loop may be told, beside its law's gains."""
-
-    integral_limit: Acceleration = param(
-        "The most that the integral may ask for, along each axis.", default=1.0, at_least=0
-    )
-    tilt: Angle = param(
-        "Largest tilt; the airframe's own bound holds as well.", default=0.349, above=0, below=1.3
-    )
-    mass_guess: Ratio = param(
-        "The mass believed at the start over the airframe's.",
-        default=0.8, at_least=0.5, at_most=2.0, read_only=True,
-    )  # fmt: skip
-    trim: Damping = param(
-        "How fast the on-board attitude's error is learnt from the estimate's attitude.",
-        default=2.0, at_least=0.0, at_most=4.0,
-    )  # fmt: skip
-    lift_off: Length = param(
-        "Height above the ground from which it flies.", default=0.02, at_least=0
-    )
 
 
 class Steering:

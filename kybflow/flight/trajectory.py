@@ -308,7 +308,7 @@ def _pieces(
 
 
 def _unwrapped(angles: Sequence[float]) -> list[float]:
-    """The same angles without jumps of whole turns."""
+    """The angles without jumps of whole turns."""
     found: list[float] = []
     for angle in angles:
         turn = 2.0 * pi

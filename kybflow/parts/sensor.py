@@ -53,8 +53,7 @@ class Sensor(Part[P]):
 
     @classmethod
     def claims(cls, params: P, cameras: Mapping[str, Camera]) -> Sequence[str]:
-        """What no other sensor of the vehicle may give, in words, because nobody could tell the two
-        apart."""
+        """What no other sensor of the vehicle may give, in words; nobody could tell them apart."""
         return [f"`{kind_name(kind)}` measurements" for kind in cls.provides]
 
     @classmethod
@@ -72,5 +71,5 @@ class Sensor(Part[P]):
 
 
 def frames_of(cameras: Iterable[str]) -> Sequence[str]:
-    """What a sensor gives that takes their frames."""
+    """What a sensor claims that takes the frames of these cameras."""
     return [f"frames of `{camera}`" for camera in cameras]

@@ -87,7 +87,10 @@ class SimParams:
         default=0.3, at_least=0.0, read_only=True,
     )  # fmt: skip
     position_noise_up: Length = param(
-        "The same of its height.", default=0.5, at_least=0.0, read_only=True
+        "Error of the height, standard deviation; half of its variance wanders too.",
+        default=0.5,
+        at_least=0.0,
+        read_only=True,
     )
     position_latency: Duration = param(
         "How late a position arrives.", default=0.12, at_least=0.0, at_most=1.0, read_only=True

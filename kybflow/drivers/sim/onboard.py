@@ -44,13 +44,13 @@ DAMPING = 0.8
 INTEGRAL = 8.0
 """How many times slower than its loop's frequency an integral is."""
 INTEGRAL_SHARE = 0.1
-"""Of the weight on the arm: the torque that an integral may ask for."""
+"""The torque that an integral may ask for, as a part of the weight on the arm."""
 LEAD = 4.0
 """How many times faster a led rotor answers."""
 CALIBRATION = 0.1
 """Seconds at rest from which the accelerometer's bias can be told."""
 MOST_YAW = 0.1
-"""Of a rotor's largest thrust: what yaw may take."""
+"""The part of a rotor's largest thrust that yaw may take."""
 
 Rotors = tuple[float, float, float, float]
 STOPPED: Rotors = (0.0, 0.0, 0.0, 0.0)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 BLOCK = 500
 WANDERS, LASTS = 0.5, 30.0
-"""Of a position's variance, the part that wanders; and for how many seconds that is about the
+"""The part of a position's variance that wanders, and for how many seconds it stays about the
 same."""
 
 
@@ -154,7 +154,7 @@ class Positions:
             self.schedule.move_on()
 
     def arrived(self, now: Time) -> list[Position]:
-        """Those that have arrived since this was asked last."""
+        """The positions that have arrived since the last call."""
         arrived = []
         while self._arriving and self._arriving[0][0] <= now:
             arrived.append(self._arriving.popleft()[1])

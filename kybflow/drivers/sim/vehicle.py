@@ -39,39 +39,23 @@ ROTOR_SPREAD = 0.2
 
 
 Update = Callable[[list[float]], Rotors]
-"""What is called with what is felt, once a physics step, and gives the rotors' controls."""
+"""Called once a physics step with what the IMU measures; returns the rotors' controls."""
 
 
 class Surroundings(Protocol):
-    """What a vehicle needs of the world that it is in. index: a vehicle's place there."""
+    """What a vehicle asks of the world that it is in (`kybflow.drivers.sim.world`). index: the
+    vehicle's place there."""
 
     @property
-    def now(self) -> Time:
-        """The time of the last physics step."""
-
-    def wire(self) -> None:
-        """Connect every vehicle's on-board controller to its rotors."""
-
-    def truth(self, index: int) -> Truth:
-        """The state of a vehicle now."""
-
-    def index(self, name: str) -> int:
-        """The place of a vehicle."""
-
-    def hurry(self, due: Time) -> None:
-        """Let a vehicle measure at `due`, which is earlier than it said."""
-
-    def load(self, index: int, now: Time) -> None:
-        """Drain a vehicle's battery by what its rotors give."""
-
-    def refit(self, index: int) -> None:
-        """Obey a vehicle's rig and its parcel."""
-
-    def grip(self, index: int, is_open: bool, armed: bool) -> bool:
-        """Open or close a vehicle's servo; whether its parcel is on board then. Raises Refused."""
-
-    def collisions(self, index: int) -> Sequence[str]:
-        """What a vehicle ran into since the last call."""
+    def now(self) -> Time: ...
+    def wire(self) -> None: ...
+    def truth(self, index: int) -> Truth: ...
+    def index(self, name: str) -> int: ...
+    def hurry(self, due: Time) -> None: ...
+    def load(self, index: int, now: Time) -> None: ...
+    def refit(self, index: int) -> None: ...
+    def grip(self, index: int, is_open: bool, armed: bool) -> bool: ...
+    def collisions(self, index: int) -> Sequence[str]: ...
 
 
 class GustyWind:

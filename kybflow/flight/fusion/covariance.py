@@ -68,7 +68,7 @@ class Nominal(NamedTuple):
         )
 
     def corrected(self, error: Matrix) -> Nominal:
-        """With the error put in (sec. 6.2, eq. 283)."""
+        """The state corrected by the error (sec. 6.2, eq. 283)."""
         px, py, pz, vx, vy, vz, x, y, z, ax, ay, az, gx, gy, gz = error.tolist()
         (p0, p1, p2), (v0, v1, v2) = self.position, self.velocity
         (a0, a1, a2), (g0, g1, g2) = self.accelerometer_bias, self.gyro_bias
@@ -92,7 +92,7 @@ class ImuNoise(NamedTuple):
     gyro: float
 
     def variances(self) -> Matrix:
-        """Of the fifteen errors."""
+        """The variances of the fifteen errors after one second."""
         return numpy.repeat(numpy.square((0.0, *self)), 3)
 
 
@@ -136,7 +136,7 @@ def predicted(covariance: Matrix, before: Nominal, after: Nominal, noise: Matrix
 
 
 def widened(covariance: Matrix, position: float, velocity: float, attitude: float) -> Matrix:
-    """With independent errors of these standard deviations added."""
+    """The covariance with independent errors of these standard deviations added."""
     result = covariance.copy()
     result.flat[: ATTITUDE.stop * SIZE : SIZE + 1] += numpy.repeat(
         numpy.square((position, velocity, attitude)), 3

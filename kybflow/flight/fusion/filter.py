@@ -38,7 +38,7 @@ NEAR = 0.2
 PACE = 1.0
 """Standard deviation of a velocity of which nothing is known, m/s."""
 LEANING = 0.1
-"""The same of an attitude that the filter goes on with, rad, along each axis."""
+"""Standard deviation of an attitude that the filter goes on with, rad, along each axis."""
 REST_FORCE, REST_TURN, REST = 0.5, 0.1, 0.5
 """At rest the specific force is so near to gravity's, m/s^2, and so little is turned, rad/s, for so
 many seconds."""

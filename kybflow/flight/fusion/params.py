@@ -19,7 +19,7 @@ class FusionParams:
         default=0.002, above=0.0,
     )  # fmt: skip
     attitude_noise: Angle = param(
-        "The same of a measured attitude, about each axis.", default=0.2 * DEG, above=0.0
+        "Standard deviation of a measured attitude about each axis.", default=0.2 * DEG, above=0.0
     )
     velocity_walk: Speed = param(
         "What the accelerometer's noise makes of a velocity in one second, standard deviation.",

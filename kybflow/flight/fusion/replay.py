@@ -49,7 +49,7 @@ class Fix(NamedTuple):
 
     @property
     def deviation(self) -> float:
-        """Of the position along the worst axis, metres."""
+        """Standard deviation of the position along the worst axis, metres."""
         variance = self.noise.item
         return sqrt(max(variance(0, 0), variance(1, 1), variance(2, 2)))
 
@@ -86,7 +86,7 @@ class FilterState(NamedTuple):
 
     @property
     def deviation(self) -> float:
-        """Of the position along its worst axis, metres."""
+        """Standard deviation of the position along its worst axis, metres."""
         variance = self.covariance.item
         return sqrt(max(variance(0, 0), variance(1, 1), variance(2, 2)))
 

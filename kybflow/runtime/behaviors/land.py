@@ -165,7 +165,7 @@ class Land(
         return self._stopped.reached(stays, self.params.dwell, dt) or settled
 
     def _has_settled(self, own: float, dt: float) -> bool:
-        """The same by the average of the height; also whether it came lower."""
+        """Whether the average of the height has stopped falling; takes note of a lower one."""
         self._average += (own - self._average) * dt / (_AVERAGED + dt)
         if self._average < self._lowest - _LOWER:
             self._lowest, self._stalled = self._average, 0.0

@@ -16,7 +16,7 @@ from kybflow.parts import GROUND, Behavior, Footprint, params
 
 @params
 class LoadPayloadParams:
-    """It has none."""
+    """No parameters."""
 
 
 class LoadPayload(

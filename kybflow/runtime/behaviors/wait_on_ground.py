@@ -14,7 +14,7 @@ from kybflow.parts import GROUND, Behavior, Footprint, params
 
 @params
 class WaitOnGroundParams:
-    """It has none."""
+    """No parameters."""
 
 
 class WaitOnGround(

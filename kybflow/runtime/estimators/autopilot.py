@@ -32,8 +32,6 @@ class AutopilotEstimatorParams:
 
 
 class AutopilotEstimator(Estimator[AutopilotEstimatorParams]):
-    """See the module."""
-
     needs = frozenset({Odometry})
     own: ClassVar[bool] = True
 

@@ -61,8 +61,6 @@ MOST_FORCE, MOST_TURN = 500.0, 100.0
 
 
 class Fusion(Estimator[FusionParams]):
-    """See the module."""
-
     needs = frozenset({Imu, *_KINDS.values()})
     needs_tags = True
 

@@ -62,13 +62,13 @@ class InertialParams:
         default=0.05, at_least=0.0,
     )  # fmt: skip
     first_drift: Acceleration = param(
-        "The same before anything is learnt.", default=0.3, at_least=0.0
+        "Standard deviation of the acceleration's error before biases are learnt.",
+        default=0.3,
+        at_least=0.0,
     )
 
 
 class Inertial(Estimator[InertialParams]):
-    """See the module."""
-
     needs = frozenset({Imu})
 
     def __init__(self, params: InertialParams, context: VehicleContext) -> None:

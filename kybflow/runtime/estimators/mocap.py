@@ -50,8 +50,6 @@ class MocapParams(TrackedParams):
 
 
 class Mocap(Estimator[MocapParams]):
-    """See the module."""
-
     needs = frozenset({Pose})
 
     def __init__(self, params: MocapParams, context: VehicleContext) -> None:
@@ -95,7 +93,7 @@ class Mocap(Estimator[MocapParams]):
         return False
 
     def _is_near(self, pose: Pose, dt: float) -> bool:
-        """The same for what nearly every pose is, the quick way."""
+        """Whether a pose is where it is predicted; decides nearly every pose at little cost."""
         track = self._track
         (x, y, z), (vx, vy, vz) = track.position, track.velocity
         off = distance(pose.position, (x + dt * vx, y + dt * vy, z + dt * vz))

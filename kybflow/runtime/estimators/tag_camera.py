@@ -46,7 +46,7 @@ PLACE, TURN, UNKNOWN_RATE = 0.01, 0.01, 0.5
 """What a prediction's error begins with, metres and radians, and that of its rates, rad/s, by which
 that of the attitude grows; standard deviations."""
 START_PLACE, START_TURN = 0.05, 0.05
-"""The same for where the vehicle starts."""
+"""The error of the declared start, metres and radians, standard deviations."""
 
 
 @params
@@ -59,8 +59,6 @@ class TagCameraParams(TrackedParams):
 
 
 class TagCamera(Estimator[TagCameraParams]):
-    """See the module."""
-
     needs = frozenset({Frame})
     needs_tags = True
     packages = OPENCV

@@ -331,7 +331,7 @@ class CameraMonitor:
         return [m for m in measurements if type(m) is not Frame or m.camera not in frozen]
 
     def see(self, estimators: Sequence[SeeingEstimator], in_air: bool) -> None:
-        """What estimators made of them; of a frozen image nothing new can be found."""
+        """Judge what estimators found in the frames; a frozen image shows nothing new."""
         fresh = []
         for estimator in estimators:
             sighting = estimator.part.sighting

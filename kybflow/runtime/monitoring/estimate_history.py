@@ -22,21 +22,21 @@ class EstimateHistory:
         self._kept: dict[str, deque[Estimate]] = {}
 
     def note(self, vehicle: str, estimate: Estimate) -> None:
-        """What it believes now."""
+        """Keep the newest estimate of a vehicle."""
         kept = self._kept.get(vehicle)
         if kept is None:
             kept = self._kept[vehicle] = deque(maxlen=_KEPT)
         kept.append(estimate)
 
     def at(self, vehicle: str, time: Time) -> Estimate | None:
-        """What it believed then, or shortly before; None where it believed nothing."""
+        """The vehicle's estimate at `time`, or shortly before; None where it had none."""
         for estimate in reversed(self._kept.get(vehicle, ())):
             if estimate.time <= time:
                 return estimate if time - estimate.time <= CURRENT else None
         return None
 
     def others(self, vehicle: str, time: Time) -> Iterator[tuple[str, Estimate]]:
-        """What each other vehicle believed then, of those that believed something."""
+        """The estimate of each other vehicle that had one at `time`."""
         for other in self._kept:
             estimate = None if other == vehicle else self.at(other, time)
             if estimate is not None:

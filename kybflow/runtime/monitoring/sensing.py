@@ -142,7 +142,7 @@ class Admission:
     def admitted(
         self, measurements: Sequence[Measurement], now: Time, source: str, at: str
     ) -> Sequence[Measurement]:
-        """Those that count. source: who gives them, named by the mission's line `at`."""
+        """The measurements that count. source: who gives them, named by the mission's line `at`."""
         latest = now + AHEAD
         for measurement in measurements:
             if measurement.time > latest or type(measurement) is Frame:

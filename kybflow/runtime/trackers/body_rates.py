@@ -31,13 +31,13 @@ class BodyRatesParams(GeometricParams):
     attitude: Damping = param(
         "Body rate per angle of the attitude's error, roll and pitch.", default=8.0, above=0
     )
-    turn: Damping = param("The same for the heading.", default=2.5, above=0)
+    turn: Damping = param(
+        "Body rate per angle of the attitude's error, heading.", default=2.5, above=0
+    )
     fastest: AngularRate = param("The most that it asks for.", default=4.0, above=0)
 
 
 class BodyRates(Tracker[BodyRatesParams]):
-    """See the module."""
-
     accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY})
     emits = CommandKind.RATES_THRUST
 

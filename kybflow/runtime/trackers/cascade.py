@@ -18,7 +18,8 @@ from __future__ import annotations
 from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, rotate
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Number
-from kybflow.flight.steering import Steering, SteeringParams
+from kybflow.flight.steering import Steering
+from kybflow.flight.steering_params import SteeringParams
 from kybflow.parts import Tracker, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -33,8 +34,6 @@ class CascadeParams(SteeringParams):
 
 
 class Cascade(Tracker[CascadeParams]):
-    """See the module."""
-
     accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY, SetpointKind.ACCELERATION})
     emits = CommandKind.ATTITUDE_THRUST
 

@@ -44,8 +44,6 @@ from kybflow.world.vehicle_context import VehicleContext
 
 
 class Geometric(Tracker[GeometricParams]):
-    """See the module."""
-
     accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY})
     emits = CommandKind.ATTITUDE_THRUST
 

@@ -101,8 +101,6 @@ class OnBoardParams:
 
 
 class OnBoard(Tracker[OnBoardParams]):
-    """See the module."""
-
     accepts = frozenset(_COMMANDS)
     emits = CommandKind.POSITION
 

@@ -34,7 +34,8 @@ from kybflow.core.geometry import (
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Damping, Number, Speed
 from kybflow.flight.governor import shortened
-from kybflow.flight.steering import Steering, SteeringParams
+from kybflow.flight.steering import Steering
+from kybflow.flight.steering_params import SteeringParams
 from kybflow.parts import Tracker, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -52,8 +53,6 @@ class VelocityParams(SteeringParams):
 
 
 class Velocity(Tracker[VelocityParams]):
-    """See the module."""
-
     accepts = frozenset({SetpointKind.POSITION, SetpointKind.VELOCITY})
     emits = CommandKind.ATTITUDE_THRUST
 

@@ -45,8 +45,6 @@ class MotionCaptureSensorParams:
 
 
 class MotionCaptureSensor(Sensor[MotionCaptureSensorParams]):
-    """See the module."""
-
     provides: ClassVar[frozenset[MeasurementKind]] = frozenset({Pose})
     packages = ("motioncapture",)
 

@@ -48,8 +48,6 @@ class VrpnParams:
 
 
 class Vrpn(Sensor[VrpnParams]):
-    """See the module."""
-
     provides: ClassVar[frozenset[MeasurementKind]] = frozenset({Pose})
 
     @classmethod

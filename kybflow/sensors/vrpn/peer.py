@@ -78,7 +78,7 @@ class Peer:
         return introduction + self._numbered(self._message(sender, kind, stamp, payload))
 
     def say_in_datagram(self, sender: str, kind: str, stamp: Time, payload: bytes = b"") -> bytes:
-        """The same for a datagram; both names must have been introduced."""
+        """A message for a datagram; both names must have been introduced."""
         self._datagram += 1
         return encode(self._message(sender, kind, stamp, payload), self._datagram - 1)
 

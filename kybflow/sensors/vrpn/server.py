@@ -189,7 +189,7 @@ class _Guest:
         self._unsent = bytearray()
 
     def pose(self, body: str, stamp: Time, payload: bytes) -> None:
-        """As a datagram to one that was called back and said where to; else over TCP."""
+        """Send a pose: as a datagram to a client that said where to, else over TCP."""
         self.send(self.peer.introduce(body, POSE))
         where = self.peer.datagrams_to
         if self._address is None or where is None:

@@ -36,7 +36,7 @@ _ENOUGH, _SHARE = 3, 0.4
 """Tags that hold a pose, if so many should be in view; and the share of these that must."""
 _PATIENCE = 4
 _LEAST_CELLS, _LEAST_PIXELS = 6, 2.0
-"""Of a tag: what is smaller in the image is not looked for."""
+"""The smallest tag in the image that is looked for."""
 _GRAZING = 0.05
 
 

@@ -68,7 +68,7 @@ class Shapes:
     def in_view(
         self, camera: Camera, pose: Start, tags: Iterable[Tag]
     ) -> tuple[list[Tag], list[Shape]]:
-        """Those of `tags` that are wholly in the image, seen from the front, and large enough;
+        """The tags that are wholly in the image, seen from the front, and large enough;
         where these are few, also those of which two corners are in it."""
         if len(self._shapes) > _REMEMBERED:
             self._shapes.clear()
@@ -137,8 +137,8 @@ _FINE, _FINE_LEAST, _FINE_MOST = 0.45, 1.5, 3.5
 """Half the length of a fine profile: cells, and pixels at least and at most."""
 _ALIKE = 0.8
 _LEAST_CORNERS, _LEAST_PROFILES, _LEAST_SHARE = 2, 4, 0.3
-"""Of a tag that is not wholly in the image there must be two corners, so many profiles of each side
-that they are on, and this share of the cells."""
+"""A tag that is not wholly in the image must show two corners, so many profiles of each side that
+they are on, and this share of its cells."""
 _GROWN = 0.6
 """Cells by which a tag's side may be longer or shorter than predicted."""
 _ACROSS = numpy.linspace(-1.0, 1.0, 2 * _STEPS + 1)
@@ -153,7 +153,7 @@ class Search:
     def find(
         self, image: Array, camera: Camera, pose: Start, tags: Iterable[Tag], off: float
     ) -> tuple[TagView, int]:
-        """Those of `tags` that are in the grey image, seen from a body near `pose`, and how many
+        """The tags that are in the grey image, seen from a body near `pose`, and how many
         should be; `off`: by how many pixels they may be elsewhere."""
         chosen, shapes = self._shapes.in_view(camera, pose, tags)
         if not chosen:

@@ -22,7 +22,7 @@ PAPER, INK = 255, 20
 QUIET = 1
 """White cells around the black square."""
 TEXEL = 0.004
-"""Of the floor's pattern, metres."""
+"""The size of a cell of the floor's pattern, metres."""
 _TEXELS = 1024
 _GRAIN = 2.0
 _FLUSH = 1e-9

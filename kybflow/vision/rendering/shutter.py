@@ -47,8 +47,8 @@ class Shot:
         self.place = self._at + self._turn @ numpy.array(camera.position)
 
     def poses(self, t: Array) -> tuple[Array, Array]:
-        """Of the lens, `t` (n,) seconds after the middle: rotations from the optical frame to the
-        world (n, 3, 3), places (n, 3)."""
+        """Poses of the lens, `t` (n,) seconds after the middle: rotations from the optical frame to
+        the world (n, 3, 3), places (n, 3)."""
         body = self._turn @ _turned(self._rate, t)
         at = self._at + t[:, None] * self._velocity + body @ numpy.array(self.camera.position)
         return body @ self._mount, at

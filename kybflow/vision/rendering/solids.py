@@ -62,8 +62,8 @@ class Solids:
         self._radii = numpy.array([solid.radius for solid in self._fixed])
 
     def in_view(self, shot: Shot, payload: Vec3 | None) -> list[Solid]:
-        """Those that may be in the image, the farthest first. payload: the parcel's centre, None
-        where none lies about; its sides are along the world's axes."""
+        """The solids that may be in the image, the farthest first. payload: the parcel's centre,
+        None where none lies about; its sides are along the world's axes."""
         near = [self._fixed[i] for i in numpy.flatnonzero(self._near(shot))]
         if payload is not None:
             box = Box(sub(payload, self._half), add(payload, self._half))
@@ -151,7 +151,7 @@ def _part(points: Array, beyond: Array) -> Array:
 
 
 def _hull(points: Array) -> Array:
-    """Those of (x, y, 1/z) that are corners of the hull in x and y, in turn."""
+    """The points (x, y, 1/z) that are corners of the hull in x and y, in turn."""
     if len(points) < 3:
         return points[:0]
     flat = points[:, :2].astype(numpy.float32)
