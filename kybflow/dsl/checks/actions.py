@@ -25,10 +25,10 @@ def switches(case: Case) -> Iterator[Diagnostic]:
     for action in actions_of(case, "switch"):
         who = action.target
         assert who is not None
-        asked = members(case.document, who.text)
-        if not asked:
+        vehicles = members(case.document, who.text)
+        if not vehicles:
             yield unknown_vehicle("KYB232", who, case.document)
-        for name in asked:
+        for name in vehicles:
             finding = wrong_goal("KYB232", action.value, case.document.vehicles[name])
             if finding is not None:
                 yield finding
@@ -85,10 +85,10 @@ def switched_off(case: Case) -> Iterator[Diagnostic]:
     for action in (*actions_of(case, "enable"), *actions_of(case, "disable")):
         name = action.value
         first, _, rest = name.text.partition(".")
-        asked = members(case.document, first)
-        if not asked:
+        vehicles = members(case.document, first)
+        if not vehicles:
             yield unknown_vehicle("KYB235", name, case.document, end=len(first))
-        for vehicle in asked[:1] if rest.startswith("supervisors.") else asked:
+        for vehicle in vehicles[:1] if rest.startswith("supervisors.") else vehicles:
             finding = _not_switchable(case, vehicle, name, rest)
             if finding is not None:
                 yield finding

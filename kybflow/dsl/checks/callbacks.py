@@ -32,11 +32,11 @@ def filters(case: Case) -> Iterator[Diagnostic]:
     The fields of each event are in the language's page. Names of states, of estimators and of
     reactions are judged; numbers are no names: compare them in a `when`.
     """
-    told = KnownEvents(case)
+    events = KnownEvents(case)
     for callback in case.document.callbacks:
-        tellers = told.sources(callback.event.text)
-        known = carried(callback, told)
-        for field, value in callback.fields if tellers else ():
+        sources = events.sources(callback.event.text)
+        known = carried(callback, events)
+        for field, value in callback.fields if sources else ():
             if field.text not in known:
                 message = f"`{callback.event.text}` has no field `{field.text}`"
                 hint = did_you_mean(field.text, known) or "it carries nothing"
@@ -45,13 +45,13 @@ def filters(case: Case) -> Iterator[Diagnostic]:
                 message = f"`{field.text}` is a number, and a filter compares names"
                 yield Diagnostic("KYB231", message, field.span, help="compare it in a `when`")
             else:
-                yield from _never_said(case, tellers, field, value)
+                yield from _never_said(case, sources, field, value)
 
 
 def _never_said(
-    case: Case, tellers: tuple[str, ...], field: Text, value: Text
+    case: Case, sources: tuple[str, ...], field: Text, value: Text
 ) -> Iterator[Diagnostic]:
-    vehicles = [case.document.vehicles[name] for name in tellers if name]
+    vehicles = [case.document.vehicles[name] for name in sources if name]
     known: set[str] = set()
     if field.text == "behavior":
         known = {name for v in vehicles for name in (*v.states, *BUILT_IN)}
@@ -72,8 +72,8 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
     called like an event of the engine or of a part, and may not begin with a vehicle's or a
     group's name, `any.` or `operator.`: whoever hears it would believe that they told it.
     """
-    told = KnownEvents(case)
-    taken = {event for events in told.of.values() for event in events} | EVENTS.keys()
+    events = KnownEvents(case)
+    taken = {event for own in events.of.values() for event in own} | EVENTS.keys()
     owners = {"any", "operator", *case.document.vehicles, *case.document.groups}
     owners.update(case.document.flows)
     for action in actions_of(case, "emit"):
@@ -125,27 +125,27 @@ def logged_fields(case: Case) -> Iterator[Diagnostic]:
     Every event has `{event}` and `{time}`; one of a vehicle has `{vehicle}`, and each its own
     fields. Braces that are meant as such are written twice.
     """
-    told = KnownEvents(case)
+    events = KnownEvents(case)
     for callback in case.document.callbacks:
-        if not told.sources(callback.event.text):
+        if not events.sources(callback.event.text):
             continue  # KYB208 says so
-        known = log_fields(callback, told)
+        known = log_fields(callback, events)
         for action in callback.actions:
             if action.name.text == "log":
                 yield from _placeholders(action.value, callback, known)
 
 
-def log_fields(callback: CallbackEntry, told: KnownEvents) -> tuple[str, ...]:
+def log_fields(callback: CallbackEntry, events: KnownEvents) -> tuple[str, ...]:
     """The fields that a callback's `log` may name in braces."""
-    tellers = told.sources(callback.event.text)
-    own = ("vehicle",) if tellers and tellers != ("",) else ()
-    return (*_ALWAYS, *own, *carried(callback, told))
+    sources = events.sources(callback.event.text)
+    own = ("vehicle",) if sources and sources != ("",) else ()
+    return (*_ALWAYS, *own, *carried(callback, events))
 
 
-def carried(callback: CallbackEntry, told: KnownEvents) -> tuple[str, ...]:
+def carried(callback: CallbackEntry, events: KnownEvents) -> tuple[str, ...]:
     """The fields of the event that a callback hears; a custom one has none."""
     event = callback.event.text
-    if event in told.custom or event.startswith(OPERATOR):
+    if event in events.custom or event.startswith(OPERATOR):
         return ()
     return fields_of(event.rpartition(".")[2])
 
@@ -217,11 +217,11 @@ def circles(case: Case) -> Iterator[Diagnostic]:
 
 
 def _ways(case: Case, callbacks: list[CallbackEntry]) -> dict[int, list[_Way]]:
-    told = KnownEvents(case)
+    events = KnownEvents(case)
     hearing: dict[tuple[str, str], list[int]] = {}
     for index, callback in enumerate(callbacks):
         event = callback.event.text
-        for vehicle in told.sources(event):
+        for vehicle in events.sources(event):
             name = event.partition(".")[2] if vehicle else event
             hearing.setdefault((vehicle, name), []).append(index)
     ways: dict[int, list[_Way]] = {}

@@ -68,7 +68,7 @@ class TypedCondition(NamedTuple):
     expectation, a callback and a flow."""
 
     text: Text
-    meant: Condition
+    condition: Condition
     own: str | None
 
 
@@ -81,8 +81,8 @@ def never_true(case: Case) -> Iterator[Diagnostic]:
     arrow with such a condition never fires, an estimator with such a `healthy` is never used, and
     an expectation fails whatever is flown.
     """
-    for text, meant, _ in case.cached(all_conditions):
-        if never_holds(meant, case.bounds):
+    for text, condition, _ in case.cached(all_conditions):
+        if never_holds(condition, case.bounds):
             message = f"`{text.as_written}` can never hold"
             hint = "mend the bound, or write `or` where both can't hold at once"
             yield Diagnostic("KYB253", message, text.span, label="never true", help=hint)
@@ -93,8 +93,8 @@ def always_true(case: Case) -> Iterator[Diagnostic]:
 
     An arrow with it fires in the first tick of its state; an expectation with it can't fail.
     """
-    for text, meant, _ in case.cached(all_conditions):
-        if always_holds(meant, case.bounds):
+    for text, condition, _ in case.cached(all_conditions):
+        if always_holds(condition, case.bounds):
             message = f"`{text.as_written}` always holds"
             hint = "mend the bound, or leave the condition away"
             yield Diagnostic(
@@ -150,23 +150,23 @@ def all_conditions(case: Case) -> Iterator[TypedCondition]:
 def conditions_of(case: Case) -> Iterator[TypedCondition]:
     """Every condition of a transition, a callback, a phase and a fault that parses."""
     document, scopes = case.document, case.scopes
-    asked = [
+    written = [
         (arrow.when, vehicle.name.text)
         for vehicle, state in case.states()
         for arrow in state.transitions
     ]
-    asked += [(f.when, f.vehicle.text) for f in document.faults]
+    written += [(f.when, f.vehicle.text) for f in document.faults]
     shared = [callback.when for callback in document.callbacks]
     for flow in document.flows.values():
         shared += [arrow.when for phase in flow.phases.values() for arrow in phase.transitions]
-    for text, own in asked:
-        meant = case.condition(text, scopes.condition(own))
-        if text is not None and meant is not None:
-            yield TypedCondition(text, meant, own)
+    for text, own in written:
+        condition = case.condition(text, scopes.condition(own))
+        if text is not None and condition is not None:
+            yield TypedCondition(text, condition, own)
     for text in shared:
-        meant = case.condition(text, scopes.flow())
-        if text is not None and meant is not None:
-            yield TypedCondition(text, meant, None)
+        condition = case.condition(text, scopes.flow())
+        if text is not None and condition is not None:
+            yield TypedCondition(text, condition, None)
 
 
 def health_conditions(case: Case) -> Iterator[TypedCondition]:
@@ -174,19 +174,19 @@ def health_conditions(case: Case) -> Iterator[TypedCondition]:
     for vehicle in case.vehicles():
         own = vehicle.name.text
         for text in (estimator.healthy for estimator in vehicle.estimators):
-            meant = case.condition(text, case.scopes.health(own))
-            if text is not None and meant is not None:
-                yield TypedCondition(text, meant, own)
+            condition = case.condition(text, case.scopes.health(own))
+            if text is not None and condition is not None:
+                yield TypedCondition(text, condition, own)
 
 
 def expected_conditions(case: Case) -> Iterator[TypedCondition]:
     """The condition of every expectation, without its `always`, `eventually` or `finally`."""
     for text in case.document.expect:
         match parse(text, case.scopes.expectation())[0]:
-            case Always(meant) | Eventually(meant) | Finally(meant):
-                yield TypedCondition(text, meant, None)
-            case Compare(left=Aggregate()) as meant:
-                yield TypedCondition(text, meant, None)
+            case Always(condition) | Eventually(condition) | Finally(condition):
+                yield TypedCondition(text, condition, None)
+            case Compare(left=Aggregate()) as condition:
+                yield TypedCondition(text, condition, None)
 
 
 _ESTIMATED = ("state.", "estimate.", "position_error", "velocity_error", "estimator")
@@ -201,13 +201,13 @@ def never_entered(case: Case) -> Iterator[Diagnostic]:
     never = {v.name.text: _never(v) for v in case.vehicles()}
     if not any(never.values()):
         return
-    for asked in (*case.cached(conditions_of), *case.cached(expected_conditions)):
-        for vehicle, state in _states(asked):
+    for typed in (*case.cached(conditions_of), *case.cached(expected_conditions)):
+        for vehicle, state in _states(typed):
             if state in never.get(vehicle, ()):
                 yield Diagnostic(
                     "KYB257",
                     f"`{vehicle}` never enters `{state}`",
-                    asked.text.span,
+                    typed.text.span,
                     label="nothing to look at",
                     help=f"let an arrow lead to `{state}`, or ask for another state",
                 )
@@ -223,8 +223,8 @@ def _never(vehicle: VehicleEntry) -> frozenset[str]:
     return frozenset(known - entered)
 
 
-def _states(asked: TypedCondition) -> Iterator[tuple[str, str]]:
-    for node in _nodes(asked.meant):
+def _states(typed: TypedCondition) -> Iterator[tuple[str, str]]:
+    for node in _nodes(typed.condition):
         match node:
             case InState(vehicle, state):
                 yield vehicle, state
@@ -233,7 +233,7 @@ def _states(asked: TypedCondition) -> Iterator[tuple[str, str]]:
             case Aggregate(_, _, str(vehicle), str(state)):
                 yield vehicle, state
             case Compare(_, Read(vehicle, "behavior"), Word(state)):
-                yield vehicle or asked.own or "", state
+                yield vehicle or typed.own or "", state
 
 
 def not_measured(case: Case) -> Iterator[Diagnostic]:
@@ -245,9 +245,9 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
     """
     if not any(_lacking(v, name) for v in case.vehicles() for name in ("battery.", *_ESTIMATED)):
         return
-    for asked in (*case.cached(conditions_of), *case.cached(expected_conditions)):
-        for node in _nodes(asked.meant):
-            vehicle = case.document.vehicles.get(_subject(node, asked))
+    for typed in (*case.cached(conditions_of), *case.cached(expected_conditions)):
+        for node in _nodes(typed.condition):
+            vehicle = case.document.vehicles.get(_subject(node, typed))
             if vehicle is None or not isinstance(node, Read):
                 continue
             lacking = _lacking(vehicle, node.name)
@@ -255,14 +255,14 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
                 yield Diagnostic(
                     "KYB258",
                     f"`{node.name}` of `{vehicle.name.text}` is never known",
-                    asked.text.span,
+                    typed.text.span,
                     label=lacking,
                     help="ask for something else, or change what the vehicle has",
                 )
 
 
-def _subject(node: object, asked: TypedCondition) -> str:
-    return (node.vehicle or asked.own or "") if isinstance(node, Read) else ""
+def _subject(node: object, typed: TypedCondition) -> str:
+    return (node.vehicle or typed.own or "") if isinstance(node, Read) else ""
 
 
 def _lacking(vehicle: VehicleEntry, name: str) -> str:

@@ -30,33 +30,33 @@ def unknown_events(case: Case) -> Iterator[Diagnostic]:
     and the run's as `NAME`; everybody hears `VEHICLE.NAME` and `any.NAME`; a callback also
     `GROUP.NAME`.
     """
-    told = KnownEvents(case)
+    known = KnownEvents(case)
     for vehicle, state in case.states():
-        yield from _unheard_by(state.transitions, told, vehicle.name.text)
+        yield from _unheard_by(state.transitions, known, vehicle.name.text)
     for flow in case.document.flows.values():
         for phase in flow.phases.values():
-            yield from _unheard_by(phase.transitions, told, None)
+            yield from _unheard_by(phase.transitions, known, None)
     for callback in case.document.callbacks:
         event = callback.event
-        if told.sources(event.text):
-            yield from _too_late(event, told)
+        if known.sources(event.text):
+            yield from _too_late(event, known)
         else:
-            yield _unheard(event, told, None, case.document.groups)
+            yield _unheard(event, known, None, case.document.groups)
 
 
 def _unheard_by(
-    transitions: Iterable[TransitionEntry], told: KnownEvents, own: str | None
+    transitions: Iterable[TransitionEntry], known: KnownEvents, own: str | None
 ) -> Iterator[Diagnostic]:
     for event in (t.event for t in transitions if t.event is not None):
-        if told.hears(event.text, own):
-            yield from _too_late(event, told)
+        if known.hears(event.text, own):
+            yield from _too_late(event, known)
         else:
-            yield _unheard(event, told, own, ())
+            yield _unheard(event, known, own, ())
 
 
-def _unheard(event: Text, told: KnownEvents, own: str | None, groups: Iterable[str]) -> Diagnostic:
-    hint, notes = did_you_mean(event.text, told.names(own, groups)), list[str]()
-    if "." not in event.text and any(event.text in events for events in told.of.values()):
+def _unheard(event: Text, known: KnownEvents, own: str | None, groups: Iterable[str]) -> Diagnostic:
+    hint, notes = did_you_mean(event.text, known.names(own, groups)), list[str]()
+    if "." not in event.text and any(event.text in events for events in known.of.values()):
         hint = f"it is a vehicle's: write `{ANY}.{event.text}` or `VEHICLE.{event.text}`"
     elif not hint.startswith("did"):
         notes = [_of_a_person(event.text.rpartition(".")[2])]
@@ -70,8 +70,8 @@ def _of_a_person(name: str) -> str:
     return f"a person gives `{given}`: `run --emit {given}@2s`; a callback gives `{{emit: {name}}}`"
 
 
-def _too_late(event: Text, told: KnownEvents) -> Iterator[Diagnostic]:
-    if event.text.rpartition(".")[2] in TOO_LATE and event.text not in told.custom:
+def _too_late(event: Text, known: KnownEvents) -> Iterator[Diagnostic]:
+    if event.text.rpartition(".")[2] in TOO_LATE and event.text not in known.custom:
         message = f"nothing can follow the event `{event.text}`"
         yield Diagnostic("KYB208", message, event.span, label="the run is over then")
 
@@ -137,10 +137,10 @@ class KnownEvents:
     def names(self, own: str | None, groups: Iterable[str]) -> set[str]:
         """Every name under which an event can be heard: by `own` also its vehicle's bare ones, and
         those of `groups`."""
-        events = {event for told in self.of.values() for event in told}
+        events = {event for known in self.of.values() for event in known}
         return {
             *self.of_the_run,
-            *(f"{vehicle}.{event}" for vehicle, told in self.of.items() for event in told),
+            *(f"{vehicle}.{event}" for vehicle, known in self.of.items() for event in known),
             *(f"{first}.{event}" for first in (ANY, *groups) for event in events),
             *self.of.get(own or "", ()),
         }

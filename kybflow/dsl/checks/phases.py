@@ -67,9 +67,9 @@ def two_drivers(case: Case) -> Iterator[Diagnostic]:
 def _named_at(document: Document, flow: FlowEntry, vehicle: str) -> Span:
     """Where a flow names a vehicle first."""
     for phase in flow.phases.values():
-        for wish in assignments(document, (*phase.run, *phase.give)):
-            if wish.vehicle == vehicle:
-                return wish.who.span
+        for assignment in assignments(document, (*phase.run, *phase.give)):
+            if assignment.vehicle == vehicle:
+                return assignment.who.span
     return flow.span
 
 
@@ -80,25 +80,25 @@ def not_driven(case: Case) -> Iterator[Diagnostic]:
         holders = _holders(case.document, flow)
         for name, phase in flow.phases.items():
             held = dict(holders.get(name, {}))
-            for wish in handovers(case.document, phase):
-                yield from _taken(wish, held, flow, phase)
-                held[wish.vehicle] = _Holder(wish.goal.text, wish.who.span)
-            for wish in assignments(case.document, phase.run):
-                yield from _taken(wish, held, flow, phase)
+            for assignment in handovers(case.document, phase):
+                yield from _taken(assignment, held, flow, phase)
+                held[assignment.vehicle] = _Holder(assignment.goal.text, assignment.who.span)
+            for assignment in assignments(case.document, phase.run):
+                yield from _taken(assignment, held, flow, phase)
 
 
 def _taken(
-    wish: Assignment, held: _Holders, flow: FlowEntry, phase: PhaseEntry
+    assignment: Assignment, held: _Holders, flow: FlowEntry, phase: PhaseEntry
 ) -> Iterator[Diagnostic]:
-    holder = held.get(wish.vehicle)
+    holder = held.get(assignment.vehicle)
     if holder is None or holder.flow == flow.name.text:
         return
     sure, given = holder.is_sure, holder.given
     yield Diagnostic(
         "KYB199",
-        f"`{holder.flow}` {'drives' if sure else 'may drive'} `{wish.vehicle}` in the phase "
+        f"`{holder.flow}` {'drives' if sure else 'may drive'} `{assignment.vehicle}` in the phase "
         f"`{phase.name.text}`",
-        wish.who.span,
+        assignment.who.span,
         label=f"`{flow.name.text}` {'does' if sure else 'may'} not have it",
         notes=(f"it was given at {given.at}",) if given is not None else (),
         help=_way_out(holder),
@@ -122,8 +122,8 @@ def _holders(document: Document, flow: FlowEntry) -> dict[str, _Holders]:
         if phase is None:
             continue
         held = dict(entered[phase.name.text])
-        for wish in handovers(document, phase):
-            held[wish.vehicle] = _Holder(wish.goal.text, wish.who.span)
+        for assignment in handovers(document, phase):
+            held[assignment.vehicle] = _Holder(assignment.goal.text, assignment.who.span)
         for arrow in phase.transitions:
             event = "" if arrow.event is None else arrow.event.text
             left = {v: _held_after(holder, own, event) for v, holder in held.items()}
@@ -175,14 +175,14 @@ def assigned_twice(case: Case) -> Iterator[Diagnostic]:
     for _, phase in phases(case.document):
         for pairs in (phase.run, phase.give):
             first: dict[str, Assignment] = {}
-            for wish in assignments(case.document, pairs):
-                before = first.setdefault(wish.vehicle, wish)
-                if before.goal.text != wish.goal.text:
+            for assignment in assignments(case.document, pairs):
+                before = first.setdefault(assignment.vehicle, assignment)
+                if before.goal.text != assignment.goal.text:
                     yield Diagnostic(
                         "KYB242",
-                        f"`{wish.vehicle}` is asked for `{before.goal.text}` and for "
-                        f"`{wish.goal.text}`",
-                        wish.who.span,
+                        f"`{assignment.vehicle}` is asked for `{before.goal.text}` and for "
+                        f"`{assignment.goal.text}`",
+                        assignment.who.span,
                         label="a second time",
                         notes=(f"first as `{before.who.text}`",),
                         help="name each vehicle once in a phase",
@@ -206,23 +206,25 @@ def can_not_enter(case: Case) -> Iterator[Diagnostic]:
         return
     for flow in case.document.flows.values():
         for name, places in _flight_conditions(case, flow).items():
-            for wish in assignments(case.document, flow.phases[name].run):
-                yield from _impossible(case, wish, places[wish.vehicle])
+            for assignment in assignments(case.document, flow.phases[name].run):
+                yield from _impossible(case, assignment, places[assignment.vehicle])
 
 
-def _impossible(case: Case, wish: Assignment, places: frozenset[Flight]) -> Iterator[Diagnostic]:
-    vehicle = case.document.vehicles[wish.vehicle]
-    goal = vehicle.goal(wish.goal.text)
+def _impossible(
+    case: Case, assignment: Assignment, places: frozenset[Flight]
+) -> Iterator[Diagnostic]:
+    vehicle = case.document.vehicles[assignment.vehicle]
+    goal = vehicle.goal(assignment.goal.text)
     starts = {leg.start for leg in case.legs(vehicle, goal)}
     if not starts or not starts.isdisjoint(places):
         return
     fits = [s for s in vehicle.states if any(case.accepts(vehicle, s, p) for p in places)]
     yield Diagnostic(
         "KYB243",
-        f"`{wish.vehicle}` can't enter `{wish.goal.text}` here",
-        wish.goal.span,
+        f"`{assignment.vehicle}` can't enter `{assignment.goal.text}` here",
+        assignment.goal.span,
         label=f"needs a vehicle {_said(starts)}",
-        notes=(f"`{wish.vehicle}` is {_said(places)} when this phase begins",),
+        notes=(f"`{assignment.vehicle}` is {_said(places)} when this phase begins",),
         help=f"did you mean `{fits[0]}`?" if fits else "",
     )
 
@@ -263,8 +265,8 @@ def _conditions_after(
 ) -> _Places:
     """Where each vehicle can be after a way out of a phase."""
     document = case.document
-    asked = {wish.vehicle for wish in assignments(document, phase.run)}
-    asked |= {wish.vehicle for wish in handovers(document, phase)}
+    asked = {assignment.vehicle for assignment in assignments(document, phase.run)}
+    asked |= {assignment.vehicle for assignment in handovers(document, phase)}
     still = frozenset({GROUND})
     left = {v: p if p == still and v not in asked else _ANY for v, p in places.items()}
     for vehicle, state in _said_states(case.condition(arrow.when, case.scopes.flow())):

@@ -48,10 +48,10 @@ class FlightGraph:
 def flight_graph(case: Case, vehicle: VehicleEntry) -> FlightGraph:
     """Walk every arrow of the mission from the first state, and from those that may be asked for
     wherever they can start."""
-    asked = [
+    requested = [
         FlightNode(s, leg.start) for s in sorted(vehicle.requested) for leg in case.legs(vehicle, s)
     ]
-    first = [FlightNode(vehicle.begin.text, GROUND), *asked]
+    first = [FlightNode(vehicle.begin.text, GROUND), *requested]
     found, links, broken = set(first), list[FlightEdge](), list[FlightEdge]()
     waiting = [node for node in first if node.state in vehicle.states]
     while waiting:
@@ -160,7 +160,7 @@ class Entries:
 
 def entries_of(vehicle: VehicleEntry) -> dict[str, Entries]:
     """The entries of every state of the vehicle that is reached, from its start on. One that a
-    callback or a flow may ask for is also entered from anywhere; where a flow's first wish finds
+    callback or a flow may ask for is also entered from anywhere; where a flow's first request finds
     it, it waits at its start."""
     if "entries" not in vehicle.known:
         vehicle.known["entries"] = _walked(vehicle)

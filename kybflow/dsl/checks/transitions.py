@@ -159,7 +159,7 @@ _MARKS = frozenset({"*", "="})  # `transitions` reads them as any state and as t
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
+class _Guarded:
     """An arrow with its condition understood; None where it has none or it can't be."""
 
     transition: TransitionEntry
@@ -181,10 +181,10 @@ def never_fires(case: Case) -> Iterator[Diagnostic]:
         for name in sorted(endless_states(vehicle)):
             yield from _never_done(vehicle.states[name])
     for vehicle, state in case.states():
-        asked = list(_asked(case, vehicle, state))
-        for index, later in enumerate(asked):
-            others = [a for a in asked if _is_beside(a, later, vehicle, state)]
-            before = [a for a in asked[:index] if a in others and _covers(a, later)]
+        guarded = list(_guarded(case, vehicle, state))
+        for index, later in enumerate(guarded):
+            others = [a for a in guarded if _is_beside(a, later, vehicle, state)]
+            before = [a for a in guarded[:index] if a in others and _covers(a, later)]
             before += [a for a in others if _is_sooner(a, later)]
             if before:
                 yield _shadowed("KYB206", state, later.transition, before[0].transition)
@@ -194,10 +194,10 @@ def phases_never_left(case: Case) -> Iterator[Diagnostic]:
     """KYB241: a way out of a phase that can never be taken, because another always comes first."""
     scope = case.scopes.flow()
     for _, phase in phases(case.document):
-        asked = [_Asked(t, case.condition(t.when, scope)) for t in phase.transitions]
-        for index, later in enumerate(asked):
-            before = [a for a in asked[:index] if _covers(a, later)]
-            before += [a for a in asked if _is_sooner(a, later)]
+        guarded = [_Guarded(t, case.condition(t.when, scope)) for t in phase.transitions]
+        for index, later in enumerate(guarded):
+            before = [a for a in guarded[:index] if _covers(a, later)]
+            before += [a for a in guarded if _is_sooner(a, later)]
             if before:
                 yield _shadowed("KYB241", phase, later.transition, before[0].transition)
 
@@ -214,15 +214,15 @@ def _never_done(state: StateEntry) -> Iterator[Diagnostic]:
             )
 
 
-def _asked(case: Case, vehicle: VehicleEntry, state: StateEntry) -> Iterator[_Asked]:
+def _guarded(case: Case, vehicle: VehicleEntry, state: StateEntry) -> Iterator[_Guarded]:
     scope = case.scopes.condition(vehicle.name.text)
     timed = [t for t in state.transitions if t.cause in ("next", "within")]
     for transition in sorted(timed, key=lambda t: t.cause == "within"):
         when = case.condition(transition.when, scope)
-        yield _Asked(transition, when)
+        yield _Guarded(transition, when)
 
 
-def _is_beside(first: _Asked, later: _Asked, vehicle: VehicleEntry, state: StateEntry) -> bool:
+def _is_beside(first: _Guarded, later: _Guarded, vehicle: VehicleEntry, state: StateEntry) -> bool:
     """Whether `first` can make `later` useless: an arrow of a whole chain is so by another of it
     alone, which is told for its first state."""
     chain = later.transition.since
@@ -231,7 +231,7 @@ def _is_beside(first: _Asked, later: _Asked, vehicle: VehicleEntry, state: State
     return first.transition.since == chain and vehicle.goal(chain) == state.name.text
 
 
-def _covers(first: _Asked, later: _Asked) -> bool:
+def _covers(first: _Guarded, later: _Guarded) -> bool:
     """Whether `first` fires in every tick in which `later` would."""
     a, b = first.transition, later.transition
     if not first.understood or not later.understood or _is_empty(a) or _is_empty(b):
@@ -245,7 +245,7 @@ def _covers(first: _Asked, later: _Asked) -> bool:
     return later.when is not None and b.hold >= a.hold and implies(later.when, first.when)
 
 
-def _is_sooner(first: _Asked, later: _Asked) -> bool:
+def _is_sooner(first: _Guarded, later: _Guarded) -> bool:
     """Whether `first` asks for a time alone, and an earlier one than `later` waits for."""
     a, b = first.transition, later.transition
     if a.after is None or a.when is not None or a.event is not None or b.after is None:

@@ -166,19 +166,19 @@ def with_requests(document: Document) -> Document:
 
 def _requests(document: Document) -> Iterator[tuple[str, str]]:
     """(vehicle, state) of each request; unknown names are left out."""
-    wishes = [
+    requests = [
         (action.target.text, action.value.text)
         for callback in document.callbacks
         for action in callback.actions
         if action.name.text == "switch" and action.target is not None
     ]
-    wishes += [
+    requests += [
         (who.text, state.text)
         for flow in document.flows.values()
         for phase in flow.phases.values()
         for who, state in phase.run
     ]
-    for who, state in wishes:
+    for who, state in requests:
         yield from _goals(document, who, state)
 
 
@@ -205,8 +205,8 @@ def _first_of(document: Document, flow: FlowEntry, vehicle: str) -> Iterator[tup
         phase = flow.phases.get(waiting.pop())
         if phase is None:
             continue
-        wishes = [w for who, state in phase.run for w in _goals(document, who.text, state.text)]
-        yield from (wish for wish in wishes if wish[0] == vehicle)
+        requests = [w for who, state in phase.run for w in _goals(document, who.text, state.text)]
+        yield from (request for request in requests if request[0] == vehicle)
         asked = (*phase.run, *phase.give)
         if any(vehicle in members(document, who.text) for who, _ in asked):
             continue

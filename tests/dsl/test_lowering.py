@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from test_written import without_places
+from test_writing import without_places
 
 from kybflow.dsl.compiler import Result, compile_mission
 from kybflow.dsl.expressions import InState
