@@ -1,5 +1,5 @@
-"""From a plan to a run folder: opens the drivers, flies, and writes what the run leaves; or only
-looks, for a preflight."""
+"""From a plan to a run folder: opens the drivers, flies, and writes the run's files; or only runs
+the preflight checks."""
 
 from __future__ import annotations
 
@@ -52,19 +52,19 @@ from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
 FAULT = "fault"
-_AT_REST, _MISTAKEN = 0.3, 0.3
-"""At the end a simulated vehicle on the ground is no faster (m/s), and no higher above where it
-believes itself to be (m)."""
+_REST_SPEED, _HEIGHT_ERROR = 0.3, 0.3
+"""Bounds for a simulated vehicle that has landed: its true speed (m/s), and how far (m) it is above
+its start and its own estimate."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """What a run is asked for beside its plan.
+    """The settings of a run beside its plan.
 
-    speed: pace of a simulated clock, None for as fast as it goes. options: changes made before
-    take-off, as (name, value). emitted: events that a person gives, as (seconds, name). out: the
-    run folder, None for one under `runs/`. sets: what set the plan's parameters, as `NAME=VALUE`;
-    for the record, the plan has it.
+    speed: pace of a simulated clock, 1 for real time, None for as fast as possible. options:
+    changes of parts' parameters before take-off, as (name, value). emitted: the operator's events,
+    as (seconds, name). out: the run folder, None for one under `runs/`. sets: the `NAME=VALUE` that
+    the plan was compiled with, for `provenance.json` only.
     """
 
     seed: int = 0
@@ -87,7 +87,7 @@ class RunRequest:
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """What a run left. never_given: the operator's events whose time came after its end."""
+    """A run that has ended. never_given: the operator's events whose time came after its end."""
 
     folder: Path
     summary: dict[str, Any]
@@ -104,9 +104,9 @@ def fly(
     listeners: Sequence[Callable[[Event], None]] = (),
     observers: Sequence[Observer] = (),
 ) -> Flown:
-    """Fly `plan`. Raises RunFolderError when the folder can't be used, OptionRefused for an option
-    that can't be changed, EventRefused for an event that nothing waits for; whatever happens later
-    is in the summary."""
+    """Fly `plan`. listeners hear every event, observers look at the engine between ticks. Raises
+    RunFolderError when the folder can't be used, OptionRefused for an option that can't be changed,
+    EventRefused for an event that nothing waits for; whatever happens later is in the summary."""
     began, started = time.monotonic(), datetime.now().astimezone()
     check_options(plan, request.options)
     check_emitted(plan, (name for _, name in request.emitted))
@@ -130,15 +130,16 @@ def fly(
 
 
 class Inspected(NamedTuple):
-    """Every line of every vehicle. driver_failed: what a link said that failed while it was looked
-    at, as where nobody is at the other end; None where all work."""
+    """The preflight checks of every vehicle. driver_failed: the error of a link that failed during
+    them, for example because nothing answers at the other end; None where all links work."""
 
     lines: list[Line]
     driver_failed: str | None
 
 
 def inspect(plan: Plan, seed: int = 0) -> Inspected:
-    """Look at every vehicle. Raises DriverError where one can't be opened, and PartFailed."""
+    """Run the preflight checks of every vehicle; nothing arms and nothing is recorded. Raises
+    DriverError where a device can't be opened, PartFailed where a part can't be made."""
     events = Events()
     devices = open_devices(plan, seed)
     try:
@@ -156,21 +157,21 @@ def _pictures(plan: Plan, folder: RunFolder) -> list[Observer]:
 
 
 def in_the_air(vehicle: Vehicle) -> bool:
-    """Whether it is, as it believes or as the simulator knows: one that believes itself on the
-    ground may be mistaken."""
+    """Whether a vehicle is in the air, by its own state or, where a simulator knows the truth, by
+    that: a vehicle that believes itself on the ground may be wrong."""
     truth, estimate = vehicle.truth, vehicle.estimate
     if vehicle.activity.airborne or truth is None:
         return vehicle.activity.airborne
     height = truth.position[2]
-    if height - vehicle.context.start[2] < _MISTAKEN:
+    if height - vehicle.context.start[2] < _HEIGHT_ERROR:
         return False
-    mistaken = estimate is not None and height - estimate.position[2] > _MISTAKEN
-    return mistaken or norm(truth.velocity) > _AT_REST
+    mistaken = estimate is not None and height - estimate.position[2] > _HEIGHT_ERROR
+    return mistaken or norm(truth.velocity) > _REST_SPEED
 
 
 @contextmanager
-def _unsearched() -> Iterator[None]:
-    """What is there now is not searched for garbage any more, so that no tick waits for a search
+def _frozen_garbage() -> Iterator[None]:
+    """Exclude everything made so far from garbage collection, so that no tick waits for a search
     through every module (0.1 s on a slow machine)."""
     gc.freeze()
     try:
@@ -213,13 +214,20 @@ class _Run:
         plan, events = self._plan, self._events
         vehicles = build_vehicles(plan, devices, events, self._recorder.vehicle, self._score)
         clock = clock_for(plan, self._request.speed)
-        asked = self._request
+        request = self._request
         engine = self._engine = Engine(
-            plan, clock, devices.sessions, vehicles, events, observers, asked.seed, asked.emitted
+            plan,
+            clock,
+            devices.sessions,
+            vehicles,
+            events,
+            observers,
+            request.seed,
+            request.emitted,
         )
-        for name, value in asked.options:
+        for name, value in request.options:
             engine.options.set(name, value, "command line")
-        with Interrupts(engine), _unsearched():
+        with Interrupts(engine), _frozen_garbage():
             reason = engine.run()
         self._driver_failed = next((v.link_error for v in vehicles if v.link_error), None)
         return reason

@@ -22,13 +22,13 @@ from kybflow.world.vehicle_context import VehicleContext
 
 
 class Devices(NamedTuple):
-    """What is open: the drivers' sessions, and each vehicle's sensors beside them, by name."""
+    """The open devices: the drivers' sessions, and each vehicle's sensors beside them, by name."""
 
     sessions: list[Session]
     sensors: dict[str, list[OpenSensor]]
 
     def close(self) -> list[str]:
-        """Close everything; what would not be closed, and why."""
+        """Close everything; a text for each device that could not be closed."""
         streams = [sensor.stream for opened in self.sensors.values() for sensor in opened]
         devices: list[Stream | Session] = [*streams, *self.sessions]
         reasons = []
@@ -41,7 +41,7 @@ class Devices(NamedTuple):
 
 
 def real_time_sensor(plan: Plan) -> PartPlan | None:
-    """A sensor that measures in real time beside vehicles that are all simulated."""
+    """A sensor that measures in real time although all vehicles are simulated; None for none."""
     sensors = (s.part for v in plan.vehicles for s in v.sensors) if plan.simulated else ()
     return next((part for part in sensors if part.cls.real_time(part.params)), None)
 
@@ -101,7 +101,7 @@ def _open_sessions(plan: Plan, seed: int) -> list[Session]:
 
 
 def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
-    """What a vehicle's parts may know of it and of the place it flies in."""
+    """The facts about a vehicle and its surroundings that its parts may use."""
     return VehicleContext(
         vehicle.name,
         vehicle.airframe,

@@ -24,7 +24,7 @@ _LINE = f"# yaml-language-server: $schema={SCHEMA}\n"
 
 
 class _Change(NamedTuple):
-    """A piece of one line and what takes its place."""
+    """A piece of one line and the text that replaces it."""
 
     span: Span
     text: str
@@ -52,7 +52,7 @@ def scaffold(name: str, origin: str, folder: Path) -> tuple[Path, ...]:
 
 
 def _attached(one: Shipped) -> Iterator[str]:
-    """The files that the mission names, from its folder."""
+    """The files that the mission names, relative to its folder."""
     plan = compile_mission(one.path, catalog=load_catalog()).plan
     for source in plan.sources if plan is not None else ():
         path = Path(source.path)
@@ -85,7 +85,7 @@ def _shipped(origin: str) -> Shipped:
 
 
 def _rewritten(one: Shipped, name: str) -> str:
-    """Its text with another name, installed imports and a schema that is at hand."""
+    """The mission's text with its new name, imports of installed libraries and our schema."""
     lines = one.source.text.splitlines(keepends=True)
     for change in sorted(_changes(one, name), key=lambda c: c.span.column, reverse=True):
         span, at = change.span, change.span.line - 1

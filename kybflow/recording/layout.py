@@ -1,6 +1,6 @@
-"""What a message of a recording looks like, written once.
+"""The layout of a recording's messages.
 
-From it come the ROS 1 message definition that is stored in the file (and lets any tool read it),
+From it follow the ROS 1 message definition that is stored in the file (and lets any tool read it),
 the `struct` format that the recorder packs with, and the NumPy type that the report reads with. The
 ROS 1 encoding of numbers and nested messages is their little-endian bytes in order, with nothing
 between (https://wiki.ros.org/msg).
@@ -34,7 +34,7 @@ EVENTS_TOPIC = "/events"
 METADATA = "kybflow"
 
 RATE = 50
-"""How often a second, at most, each estimator is recorded, and the report reads a tick."""
+"""Hz: the highest rate at which estimators are recorded and the report reads ticks."""
 
 SETPOINT_KINDS = {kind: number for number, kind in enumerate(SetpointKind, start=1)}
 """The number of each kind of setpoint in a recording; 0 says that there was no setpoint."""
@@ -138,7 +138,7 @@ _PLAIN = {
 
 
 def kept_every(control_rate: int) -> int:
-    """Of how many ticks one is kept where so many a second are too many."""
+    """Every how many ticks one is kept, so that at most `RATE` a second are."""
     return max(1, control_rate // RATE)
 
 
@@ -154,7 +154,7 @@ def event_record(event: Event) -> dict[str, Any]:
 
 
 def head(plan: Plan) -> dict[str, Any]:
-    """What a reader of the file needs to know of the mission; it stands in the file's metadata."""
+    """The facts of the mission that a reader of the file needs, for the file's metadata."""
     return {
         "mission": plan.mission,
         "summary": plan.summary,
@@ -268,8 +268,8 @@ def _fields_of(message: str | MeasurementKind) -> tuple[_Field, ...]:
 
 
 def definition(message: str | MeasurementKind) -> bytes:
-    """The ROS 1 message definition: its own fields, then each type that it is made of, behind a
-    line of `=`."""
+    """The ROS 1 message definition: the message's own fields, then each nested type after a line of
+    `=`."""
     fields = _fields_of(message)
     texts = [_text(fields)]
     for name in _parts(fields):
@@ -283,7 +283,7 @@ def struct_format(message: str | MeasurementKind) -> str:
 
 
 def dtype_spec(message: str | MeasurementKind) -> list[Any]:
-    """What `numpy.dtype` makes the message's type of: vectors and quaternions are arrays of 3 and
+    """The argument of `numpy.dtype` for the message: vectors and quaternions are arrays of 3 and
     4."""
     spec: list[Any] = []
     for kind, name, _ in _fields_of(message):

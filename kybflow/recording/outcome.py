@@ -1,4 +1,4 @@
-"""What became of a run: the outcome, the exit code and `summary.json`.
+"""The result of a run: its outcome, the exit code and `summary.json`.
 
 The summary is stable: fields are added, never renamed. Lengths are metres, speeds m/s, times
 seconds; numbers have six significant digits; null is "not known" or "does not apply".
@@ -60,7 +60,7 @@ class Ending:
 
 
 def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[Outcome, str | None]:
-    """The outcome and its reason; the gravest comes first."""
+    """The outcome, the most serious one that applies, and its reason; None for a success."""
     if ending.driver is not None:
         return "driver_failed", ending.driver
     if ending.interrupted:
@@ -117,7 +117,7 @@ def _failures(score: Score) -> str:
 
 
 def _faults(score: Score, expected: Collection[str]) -> str:
-    """Vehicles that the failsafe brought down where the mission does not expect it."""
+    """Vehicles that ended in `fault` where the mission does not expect it."""
     ended = {v.name: v.behaviors[-1].name for v in score.vehicles.values() if v.behaviors}
     names = [name for name, state in ended.items() if state == "fault" and name not in expected]
     return f"{' and '.join(names)} ended in `fault`" if names else ""

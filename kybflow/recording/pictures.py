@@ -1,13 +1,13 @@
 """Pictures of what cameras saw, in the run folder: an observer of the engine.
 
-Of each camera of each estimator, a few frames are kept: some evenly over the flight, however long
-it becomes, and some at which the vehicle changed the estimator that it flies on. They are files
+It keeps a few frames of each camera of each estimator: some evenly over the flight, however long it
+becomes, and some at which the vehicle changed the estimator that it flies on. They are files
 
     frames/VEHICLE/ESTIMATOR/CAMERA/0012.345s-9-used-1-rejected.jpg
     frames/VEHICLE/ESTIMATOR/CAMERA/0012.345s-no-pose.jpg
 
-named by when the frame was taken and what the pose rests on. Where one can't be written, the
-observer raises RunFolderError, and no more are made; the engine tells it and flies on.
+named by the time of the frame and the tags that the pose rests on. Where a file can't be written,
+the observer raises RunFolderError; the engine reports that, drops the observer and flies on.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _FIRST_PACE = NS
 
 
 class Pictures:
-    """Called by the engine, with itself."""
+    """The engine calls it with itself between ticks."""
 
     def __init__(self, folder: RunFolder) -> None:
         self._folder = folder
@@ -47,7 +47,7 @@ class Pictures:
                         self._offer(place, part.sighting, changed)
 
     def _has_changed(self, vehicle: Vehicle) -> bool:
-        """Whether it flies on another estimator than when it was looked at last."""
+        """Whether the vehicle flies on another estimator than at the last look."""
         used = vehicle.estimator
         before = self._used.setdefault(vehicle.name, used)
         self._used[vehicle.name] = used
@@ -62,8 +62,8 @@ class Pictures:
 
 
 class _Album:
-    """The pictures of one camera. When there are too many, every other one is thrown away, and from
-    then on they are made half as often."""
+    """The pictures of one camera. When there are too many, it deletes every other one, and makes
+    them half as often from then on."""
 
     def __init__(self, folder: RunFolder, place: str) -> None:
         self._folder, self._place = folder, place

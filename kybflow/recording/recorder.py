@@ -61,7 +61,7 @@ from kybflow.recording.layout import (
 from kybflow.runtime.observer import EstimationState, VehicleObserver
 
 CHUNK_SECONDS = 0.5
-"""How long a chunk lasts: what a program that is killed may lose."""
+"""The flight time in a chunk, which is lost when the program is killed."""
 
 _TICK = Struct(struct_format("Tick"))
 _SETPOINT = Struct(struct_format("Setpoint"))
@@ -73,7 +73,7 @@ _Log = Callable[[bytes, int], None]
 _Measured = tuple[Callable[[Measurement], bytes], _Log | None]
 """What packs the measurements of one kind, and logs them."""
 _Marked = tuple[tuple[int, int], Vec3, Vec3, Vec3, Vec3, float, float]
-"""A setpoint with zeros for what it has not, behind its kind and what it has."""
+"""(kind, present) of a setpoint, then its fields, zero where absent."""
 
 _ZERO = (0.0, 0.0, 0.0)
 _ZERO_4 = (0.0, 0.0, 0.0, 0.0)
@@ -90,8 +90,8 @@ _MARKS_WITHOUT_JERK = (SETPOINT_KINDS[_POSITION], _ALL - HAS_JERK)
 
 
 class Recorder:
-    """A recording of one run. `failed` is None, or why the recording stopped; nothing that is
-    recorded raises for it. Raises OSError when the file can't be opened."""
+    """A recording of one run. `failed` is None, or the reason why the recording stopped: no method
+    raises for it. Raises OSError when the file can't be opened."""
 
     def __init__(self, path: Path, plan: Plan) -> None:
         self._sink = Sink(path)
@@ -170,7 +170,7 @@ class Sink:
 
 
 class VehicleChannel(VehicleObserver):
-    """What is recorded of one vehicle; of its estimators one tick of `every`, from the first on."""
+    """Records one vehicle: everything it hears, of the estimators each `every`-th tick."""
 
     def __init__(self, name: str, every: int, context: Context) -> None:
         self._every, self._ticks = every, 0

@@ -40,7 +40,7 @@ _PACKAGES = ("kybflow", "mujoco", "numpy", "foxglove-sdk", "transitions", "PyYAM
 
 
 class RunFolderError(KybflowError):
-    """A folder that can't be used for a run, and the way out."""
+    """A folder can't be used for a run; the message says what to do."""
 
 
 class RunFolder:
@@ -57,7 +57,7 @@ class RunFolder:
         return self.path / LOG
 
     def event(self, event: Event) -> None:
-        """Append one event; a disk that is full is kept in `failed`, and nothing is raised."""
+        """Append one event. Raises nothing: an error is kept in `failed` and ends the file."""
         if self.failed is not None:
             return
         line = json.dumps(event_record(event), ensure_ascii=False) + "\n"
@@ -67,8 +67,8 @@ class RunFolder:
             self.failed = f"the events stopped: {error.strerror or error}"
 
     def describe(self, plan: Plan, request: Mapping[str, Any], started: datetime) -> None:
-        """Write the resolved mission, the files that it names, and where everything came from.
-        Raises RunFolderError."""
+        """Write the resolved mission, the files that it names, and `provenance.json`. Raises
+        RunFolderError."""
         files = copies(plan.files, FILES)
         _write(self.path / RESOLVED, plan.resolved)
         _write(self.path / PROVENANCE, _json(provenance(plan, request, started, files)))
@@ -76,8 +76,8 @@ class RunFolder:
             _write(self.path / name, contents(file))
 
     def add(self, name: str, data: bytes) -> Path:
-        """Write one more file, under a path within the folder; its path. Raises RunFolderError, and
-        there is no half of it then."""
+        """Write one more file, `name` being its path within the folder; its whole path. Raises
+        RunFolderError, and leaves no half of the file then."""
         path = self.path / name
         try:
             _write(path, data)
@@ -88,8 +88,8 @@ class RunFolder:
         return path
 
     def finish(self, summary: dict[str, Any]) -> bool:
-        """Close the folder and write the summary; False when it can't be written, and then there is
-        none. Raises nothing: the flight is over, and what became of it is still to be told."""
+        """Close the folder and write the summary. Raises nothing; returns False when the summary
+        can't be written, and leaves none then."""
         self.close()
         path = self.path / SUMMARY
         try:
@@ -102,7 +102,7 @@ class RunFolder:
         return True
 
     def close(self) -> None:
-        """No event comes any more; may be called again."""
+        """Close the file of events; may be called again."""
         try:
             self._events.close()
         except OSError as error:
@@ -134,7 +134,7 @@ def _free(parent: Path, name: str) -> Path:
 
 
 def _check_empty(path: Path) -> None:
-    """Nothing that is in a folder is ever replaced."""
+    """Raise RunFolderError for a folder with anything in it: nothing is ever replaced."""
     found = sorted(entry.name for entry in path.iterdir())
     ours = FILES | _copied(path)
     foreign = [name for name in found if name not in ours or EVENTS not in found]
@@ -148,7 +148,7 @@ def _check_empty(path: Path) -> None:
 
 
 def _copied(path: Path) -> set[str]:
-    """What stands in the folder of an earlier run for the files that its mission names."""
+    """The entries of an earlier run's folder that are files of its mission."""
     try:
         names = json.loads((path / PROVENANCE).read_text(encoding="utf-8"))[FLOWN_FROM]
         return {PurePath(name).parts[0] for name in names}

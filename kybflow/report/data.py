@@ -46,8 +46,9 @@ _PICTURE_NAME = re.compile(r"(\d+\.\d+)s-(?:(\d+)-used-(\d+)-rejected|no-pose)\.
 
 @dataclass(frozen=True)
 class StateVisit:
-    """One visit to a state, from `start` to `end` seconds. ended: how, empty where the recording
-    ends before it. aloft: it neither takes off nor lands. built_in: no mission wrote it."""
+    """One visit to a state, from `start` to `end` seconds. ended: how its behavior ended, empty
+    where the recording ends before. aloft: the behavior neither takes off nor lands. built_in: the
+    language adds the state."""
 
     name: str
     part: str
@@ -89,8 +90,8 @@ class RecordedWorld:
 
 @dataclass(frozen=True)
 class Picture:
-    """A frame with what was found in it. time: seconds. used, rejected: tags; None where it told no
-    pose."""
+    """A camera frame in which tags are marked. time: seconds. used, rejected: the numbers of tags
+    that the pose rests on and that it left out; None where there was no pose."""
 
     vehicle: str
     estimator: str
@@ -103,9 +104,9 @@ class Picture:
 
 @dataclass(frozen=True)
 class Run:
-    """Everything that the report shows. `mission` is what the recording says of the mission;
-    `summary` is empty for a run that was killed. estimators: one without a name is what its vehicle
-    flew on."""
+    """Everything that the report shows. mission: the metadata of the recording. summary: empty for
+    a run that was killed. end: seconds. estimators: one without a name is what its vehicle flew
+    on."""
 
     mission: dict[str, Any]
     summary: dict[str, Any]
@@ -226,8 +227,8 @@ def _to_target(
 
 @dataclass(frozen=True)
 class Recording:
-    """What is kept of a recording. mission: what its head says. messages: the kept ones, by topic.
-    seen: the ticks of each topic, last: its newest log time, both kept or not."""
+    """The messages of a recording that the report needs, by topic. mission: the metadata. seen: the
+    number of ticks of each topic, last: the newest log time of each, left out ones included."""
 
     mission: dict[str, Any]
     messages: dict[str, list[Message]] = field(default_factory=dict)
@@ -305,7 +306,7 @@ def _length(text: str) -> float:
 
 
 def read_pictures(folder: Path) -> tuple[Picture, ...]:
-    """Those of a run, of each camera in order. Raises OSError."""
+    """The pictures of a run, of each camera in the order of time. Raises OSError."""
     found: list[Picture] = []
     for path in sorted((folder / FRAMES).glob("*/*/*/*.jpg")):
         named = _PICTURE_NAME.fullmatch(path.name)

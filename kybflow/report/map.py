@@ -1,4 +1,4 @@
-"""The figure of where the vehicles flew, from above, with what stands in the room."""
+"""The figure of where the vehicles flew, from above, with the fence, obstacles and points."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Extent(NamedTuple):
     y1: float
 
     def grown(self, by: float) -> Extent:
-        """With `by` metres more on every side."""
+        """The rectangle with `by` metres more on every side."""
         return Extent(self.x0 - by, self.y0 - by, self.x1 + by, self.y1 + by)
 
     def covers(self, other: Extent) -> bool:
-        """Whether all of `other` lies in it."""
+        """Whether all of `other` lies in this rectangle."""
         return bool(
             self.x0 <= other.x0
             and self.y0 <= other.y0
@@ -41,7 +41,7 @@ class Extent(NamedTuple):
 
     @property
     def span(self) -> float:
-        """Its longer side."""
+        """The longer side, metres."""
         return max(self.x1 - self.x0, self.y1 - self.y0)
 
 
@@ -196,7 +196,7 @@ def outline(shape: Shape, window: Extent) -> tuple[list[float], list[float]]:
 
 
 def things(run: Run) -> dict[str, Extent]:
-    """Where the fence, the points and the obstacles that end somewhere are."""
+    """The extents of the fence, the points and the bounded obstacles, by label."""
     found: dict[str, Extent] = {}
     if run.mission.get("fence"):
         low, high = run.mission["fence"]
@@ -211,8 +211,8 @@ def things(run: Run) -> dict[str, Extent]:
 
 
 def room(run: Run, window: Extent) -> list[dict[str, Any]]:
-    """Obstacles and points; what stands at one place shares a label, and a
-    point that is called like an obstacle has that one's."""
+    """The traces of obstacles and points. Points at one place share a label; a point with the name
+    of an obstacle has none of its own."""
     traces = []
     for number, (name, shape) in enumerate(run.world.obstacles.items()):
         xs, ys = outline(shape, window)

@@ -56,7 +56,7 @@ def tags(
     if out.suffix not in (".pdf", ".png"):
         raise typer.BadParameter(f"`{out}` should end in .pdf or .png", param_hint="--out")
     pages: list[Page] = []
-    for sort, side, numbers in _asked(mission, ids, size, family):
+    for sort, side, numbers in _requested(mission, ids, size, family):
         try:
             pages += lay_out(sort, numbers, side, paper.value)
         except ValueError as error:
@@ -75,7 +75,7 @@ def tags(
 def _way_out(
     family: str, side: float, paper: Paper, mission: Path | None, size: str | None
 ) -> tuple[str, str]:
-    """What to change where a tag is too large for the paper: the option or argument, and how."""
+    """(option or argument, advice) for a tag that is too large for the paper."""
     from kybflow.vision.sheets import lay_out
 
     if size is not None and _BARE.match(size):
@@ -92,10 +92,10 @@ def _way_out(
     return "MISSION", "make the tags of its world smaller"
 
 
-def _asked(
+def _requested(
     mission: Path | None, ids: str | None, size: str | None, family: str | None
 ) -> list[tuple[str, float, list[int]]]:
-    """Family, size and numbers of what is to be printed."""
+    """(family, side in metres, numbers) of the tags to print."""
     if mission is not None:
         if ids or size or family:
             raise typer.BadParameter(
@@ -123,7 +123,7 @@ def _sorts(tags: TagMap, mission: Path) -> list[tuple[str, float, list[int]]]:
 
 
 def _files(out: Path, pages: Sequence[Page], paper: str) -> Iterator[tuple[Path, bytes]]:
-    """What is to be written: `floor.pdf`, or `floor-1.png`, `floor-2.png`, ... of several pages."""
+    """The files to write: `floor.pdf`, or `floor-1.png`, `floor-2.png`, ... for several pages."""
     from kybflow.vision.sheets import pdf, png
 
     if out.suffix == ".pdf":

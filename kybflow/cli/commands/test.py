@@ -78,12 +78,12 @@ def fly_tests(
 
 
 def _fly(cases: Sequence[FlightCase], jobs: int, junit: Path | None, full: bool) -> int:
-    """Fly them and tell what became of them; the exit code."""
+    """Fly the cases and print the results; the exit code."""
     from kybflow.campaigns.session import coverage_of, exit_code, run_cases
-    from kybflow.cli.printing.test_results import Bar, show_table
+    from kybflow.cli.printing.test_results import ProgressBar, show_table
 
     screen = console(sys.stdout)
-    with Bar(screen, len(cases)) as bar:
+    with ProgressBar(screen, len(cases)) as bar:
         results = run_cases(cases, jobs, bar.done)
     coverage = coverage_of(results)
     show_table(screen, results, coverage)

@@ -59,7 +59,7 @@ def _lines(plan: Plan, parameters: Mapping[str, Parameter]) -> Iterator[str]:
 
 
 def _sensors(vehicle: VehiclePlan) -> Iterator[str]:
-    """Each sensor; of several of one kind also the name."""
+    """Each sensor, with its name where the vehicle has several of its kind."""
     kinds = [sensor.part.name for sensor in vehicle.sensors]
     for sensor, kind in zip(vehicle.sensors, kinds, strict=True):
         own = sensor.part.label.partition(".")[2]
@@ -95,13 +95,13 @@ def _loosened(part: PartPlan) -> Iterator[str]:
 
 
 def _ways(state: StatePlan) -> str:
-    """Its arrows, those that the language adds left out."""
+    """The transitions of a state, without those that the language adds."""
     ways = [f"{cause_of(a)}: {a.target}" for a in state.transitions if not a.implied]
     return f" ({'; '.join(ways)})" if ways else ""
 
 
 def _sections(plan: Plan) -> Iterator[tuple[str, list[str]]]:
-    """Each section that the mission has: its heading and its lines."""
+    """The heading and lines of each section that the mission has beside its vehicles."""
     every = [
         ("world", list(_world(plan))),
         ("groups", [f"{name}: {', '.join(of)}" for name, of in plan.groups.items()]),
@@ -142,16 +142,16 @@ def _flow(flow: FlowPlan, groups: dict[str, tuple[str, ...]]) -> list[str]:
 
 
 def _phase(phase: PhasePlan, groups: dict[str, tuple[str, ...]]) -> str:
-    """What it asks for, and its arrows."""
+    """The states, options and vehicles that a phase sets, and its transitions."""
     states: dict[str, list[str]] = {}
     for vehicle, state in phase.run.items():
         states.setdefault(phase.chains.get(vehicle, state), []).append(vehicle)
     names = {of: name for name, of in groups.items()}
-    asked = [f"{names.get(tuple(v), ', '.join(v))}: {state}" for state, v in states.items()]
-    asked += [f"give {vehicle} to {flow}" for vehicle, flow in phase.give.items()]
-    asked += [_action(option) for option in phase.set]
+    steps = [f"{names.get(tuple(v), ', '.join(v))}: {state}" for state, v in states.items()]
+    steps += [f"give {vehicle} to {flow}" for vehicle, flow in phase.give.items()]
+    steps += [_action(option) for option in phase.set]
     ways = "; ".join(f"{cause_of(arrow)}: {arrow.target}" for arrow in phase.transitions)
-    return "; ".join(asked) + (f" ({ways})" if ways else "")
+    return "; ".join(steps) + (f" ({ways})" if ways else "")
 
 
 def _callback(callback: CallbackPlan) -> str:

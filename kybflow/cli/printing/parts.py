@@ -70,7 +70,7 @@ def show_part(catalog: Catalog, name: str) -> str | None:
 
 
 def unknown_part(catalog: Catalog, name: str) -> str:
-    """What to say of a name that no part has."""
+    """The message for a name that no part has."""
     known = {known for kind in catalog.kinds() for known in catalog.names(kind)}
     return f"no part is called `{name}`; {did_you_mean(name, known)}"
 
@@ -157,7 +157,7 @@ def _in_flight(field: Field) -> str:
 
 
 def _facts(spec: PartSpec) -> Iterator[str]:
-    """What the class declares beside its parameters."""
+    """The facts that the class declares beside its parameters."""
     cls: Any = spec.cls
     if spec.kind == "behaviors":
         yield ", ".join(f"{leg.start.value} → {leg.end.value}" for leg in cls.flight)

@@ -16,9 +16,9 @@ from kybflow.campaigns.cases import FlightResult
 from kybflow.campaigns.coverage import Coverage
 
 
-class Bar:
-    """The progress of a session; each failure is told as it happens. Elsewhere than in a terminal
-    only the failures are."""
+class ProgressBar:
+    """The progress of a session as a bar on a terminal, with each failure as it happens. Elsewhere
+    only the failures are printed."""
 
     def __init__(self, console: Console, total: int) -> None:
         columns = (
@@ -29,7 +29,7 @@ class Bar:
         self._progress = Progress(*columns, console=console, disable=not console.is_terminal)
         self._task = self._progress.add_task("flying", total=total)
 
-    def __enter__(self) -> Bar:
+    def __enter__(self) -> ProgressBar:
         self._progress.start()
         return self
 
