@@ -89,22 +89,22 @@ class OnboardAutopilot:
 
     @property
     def throttle(self) -> float:
-        """0 to 1."""
+        """The throttle, 0 to 1."""
         return self._control.thrust / self._most if self.state.armed else 0.0
 
     def boot_us(self, now: Time) -> int:
-        """Its own time, microseconds."""
+        """Its own time, microseconds since its boot."""
         return (now + self._boot) // 1000
 
     def boot_ms(self, now: Time) -> int:
         return (now + self._boot) // 1_000_000 & 0xFFFF_FFFF
 
     def run_time(self, stamp_us: int) -> Time:
-        """The run's time of one of its own."""
+        """The run's time of one of its own time stamps."""
         return stamp_us * 1000 - self._boot
 
     def feel(self, measured: Measurement, now: Time) -> None:
-        """What the simulated sensors measured; a pose from outside is not its own."""
+        """Take what the simulated sensors measured."""
         if isinstance(measured, Imu):
             self.state.estimator.feel(measured, now)
         elif isinstance(measured, Battery):
@@ -147,7 +147,7 @@ class OnboardAutopilot:
         self._body.drive(REST, now)
 
     def change(self, mode: int, now: Time, *, asked: bool) -> None:
-        """Go into a mode. asked: whether somebody wants it, not a failsafe."""
+        """Change to a mode. asked: whether somebody requested it, not a failsafe."""
         state, before = self.state, self.state.mode
         if asked:
             state.asked = mode
@@ -161,7 +161,7 @@ class OnboardAutopilot:
         self.on_mode_change()
 
     def give_to_pilot(self, mode: str) -> None:
-        """A transmitter is there, sticks in the middle, and its switch asks for a mode."""
+        """Switch on a transmitter with centred sticks, whose switch requests a mode."""
         self.state.sticks = PilotSticks(NEVER, 0.0, 0.0, 0.0, 0.5)
         for number, known in self.firmware.modes.items():
             if known.name == mode.upper():
@@ -174,7 +174,7 @@ class OnboardAutopilot:
             self.state.estimator.aim(self._sensors.heading, now)
 
     def _find_home(self, now: Time) -> None:
-        """Where GPS was first seen, its frame has a place on earth."""
+        """Place the local frame on earth where GPS was first seen, and set the home position."""
         state, zero = self.state, self.state.estimator.local_zero
         if not state.estimator.has_position(now):
             return
@@ -214,7 +214,7 @@ class OnboardAutopilot:
         self.change(mode, now, asked=False)
 
     def _resume(self, now: Time) -> None:
-        """Hold ends when set-points are back; a landing doesn't."""
+        """End a hold when setpoints are back; a landing goes on."""
         if self.state.streams(now):
             self.state.failed_over = ""
             self.change(self.state.asked, now, asked=False)

@@ -1,8 +1,8 @@
-"""What an emulated autopilot believes of itself: attitude, position, velocity, and for how long it
-believes so when it sees nothing any more.
+"""The estimator of an emulated autopilot: attitude, position, velocity, and for how long each stays
+valid without new sightings.
 
-Which sightings it heeds stands in its parameters, as it does on the firmware. Its local frame (ENU
-here, NED on the wire) is that of external vision, or begins where GPS was first seen.
+Its parameters select the sensors, as on the firmware. Its local frame (ENU here, NED on the wire)
+is that of external vision, or begins where GPS was first seen.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from kybflow.drivers.emulation.estimation import AttitudeFilter, PositionObserve
 SEEN, FIX, PRESSURE = 4.0, 0.7, 1.5
 """Bandwidths of the observer for vision, GPS and the barometer, rad/s."""
 GATE = 0.5
-"""A sighting further off than this is a mistake, metres."""
+"""A sighting further off than this, metres, is taken for an error."""
 STUBBORN: Time = NS
-"""How long sightings are taken for mistakes before they are believed."""
+"""How long sightings are taken for errors before they are believed."""
 SETTLES: Time = NS
-"""How long the attitude takes at the start."""
+"""How long the attitude takes to settle after the start."""
 
 
 class VisionPose(NamedTuple):
@@ -36,7 +36,7 @@ class VisionPose(NamedTuple):
 
 
 class Sources(NamedTuple):
-    """What is heeded."""
+    """The sensors that the parameters select."""
 
     vision: bool
     vision_height: bool
@@ -46,7 +46,9 @@ class Sources(NamedTuple):
 
 
 class EmulatedEstimator:
-    """Pure but for what it remembers; every call carries its time."""
+    """The estimator of one vehicle; every call carries its time. sources: reads the parameters.
+    forgets: seconds after which a position without sightings is invalid. waits: seconds from the
+    first GPS fix to a position."""
 
     def __init__(
         self, parameters: EmulatedParameters, sources: Callable[[EmulatedParameters], Sources],
@@ -89,14 +91,14 @@ class EmulatedEstimator:
         return unseen is not None and unseen < self._forgets
 
     def sees(self, now: Time) -> bool:
-        """Whether external vision was heeded within half a second."""
+        """Whether external vision was used within half a second."""
         return self._vision is not None and now - self._vision < NS // 2
 
     def is_settled(self, now: Time) -> bool:
         return self.imu is not None and now >= SETTLES
 
     def feel(self, imu: Imu, now: Time) -> None:
-        """Go on by what the inertial sensors felt."""
+        """Propagate with a sample of the IMU."""
         self.imu = imu
         self.attitude.feel(imu)
         x, y, z = rotate(self.attitude.value, imu.specific_force)
@@ -106,7 +108,7 @@ class EmulatedEstimator:
             self.attitude.lose()
 
     def see(self, pose: VisionPose, now: Time) -> None:
-        """External vision."""
+        """Correct with external vision."""
         heeded = self._sources(self._parameters)
         if heeded.vision_heading and pose.heading is not None:
             self.attitude.see(pose.heading)
@@ -126,7 +128,7 @@ class EmulatedEstimator:
             self._height = now if heeded.vision_height else self._height
 
     def fix(self, position: Vec3, at: Time, now: Time) -> None:
-        """GPS, in the world."""
+        """Correct with a GPS position in the world."""
         heeded = self._sources(self._parameters)
         if not heeded.gps or (heeded.vision and self.sees(now)):
             return
@@ -142,13 +144,13 @@ class EmulatedEstimator:
             self._observer.correct(left, (FIX, FIX, 0.0), self._since(last, now))
 
     def aim(self, heading: float, now: Time) -> None:
-        """The compass."""
+        """Correct with the compass."""
         if self._sources(self._parameters).compass:
             self.attitude.see(heading)
             self._aimed = now
 
     def press(self, height: float, now: Time) -> None:
-        """The barometer; it counts where the height isn't seen otherwise."""
+        """Correct with the barometer, where the height isn't seen otherwise."""
         if self._height is not None and now - self._height < NS:
             self._pressure = (now, self.position[2] - height)
             return
@@ -158,8 +160,8 @@ class EmulatedEstimator:
         self._pressure = (now, zero)
 
     def _admitted(self, off: Vec3, anew: bool, now: Time, gate: float = GATE) -> Vec3 | None:
-        """What is left of a sighting that is believed, None where it is not. One that is `anew` is
-        gone to at once, and so is one that keeps being far off."""
+        """The correction of a sighting that is believed, None for one that is not. One that is
+        `anew`, or stays far off, is jumped to."""
         is_far = norm(off) > gate
         if is_far and not anew:
             self._rejecting = now if self._rejecting is None else self._rejecting

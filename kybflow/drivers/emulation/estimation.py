@@ -45,7 +45,8 @@ UP: Vec3 = (0.0, 0.0, 1.0)
 
 
 class AttitudeFilter:
-    """`value`: body to world. `rate`: the body's turn rate, less the bias, rad/s."""
+    """The attitude of one vehicle. `value`: body to world. `rate`: the body rates without the bias,
+    rad/s."""
 
     def __init__(self, heading: float) -> None:
         self.value: Quat = from_heading(heading)
@@ -59,7 +60,7 @@ class AttitudeFilter:
         return heading_of(self.value)
 
     def see(self, heading: float) -> None:
-        """A heading was seen, by vision or by a compass; the first is taken as it is."""
+        """Take a heading from vision or a compass; the first one is taken as it is."""
         self._off = wrap(heading - self.heading)
         if not self._is_aimed or abs(self._off) > 1.0:
             turned = from_heading(self._off)
@@ -67,11 +68,11 @@ class AttitudeFilter:
             self._is_aimed, self._off = True, 0.0
 
     def lose(self) -> None:
-        """No heading is seen any more."""
+        """Drop the last heading: none is seen any more."""
         self._off = 0.0
 
     def feel(self, imu: Imu) -> None:
-        """Go on by what the inertial sensors felt."""
+        """Propagate with a sample of the IMU."""
         up = rotate(conjugate(self.value), UP)
         force, size = imu.specific_force, norm(imu.specific_force)
         error = scale(cross(force, up), 1.0 / size) if LIGHTEST < size < HEAVIEST else ZERO
@@ -84,14 +85,14 @@ class AttitudeFilter:
 
 
 LONGEST = 0.25
-"""Seconds between sightings for which the gains still grow."""
+"""Seconds between corrections up to which the gains grow."""
 REMEMBERED: Time = NS // 2
 MOST_BIAS = 0.5
 """Largest error of the acceleration that is believed, m/s^2."""
 
 
 class PositionObserver:
-    """Knows nothing at first: it is at zero, at rest."""
+    """The position of one vehicle; it starts at zero, at rest."""
 
     def __init__(self) -> None:
         self.position: Vec3 = ZERO
@@ -101,7 +102,7 @@ class PositionObserver:
         self._shifted: Vec3 = ZERO
 
     def feel(self, acceleration: Vec3, dt: float, now: Time) -> None:
-        """Go on by `dt` with what is felt, in the world, without gravity."""
+        """Propagate by `dt` with an acceleration in the world, without gravity."""
         a = add(acceleration, self._bias)
         move = add(scale(self.velocity, dt), scale(a, 0.5 * dt * dt))
         self.position = add(self.position, move)
@@ -111,14 +112,14 @@ class PositionObserver:
             self._past.popleft()
 
     def off(self, position: Vec3, at: Time) -> Vec3:
-        """How far what was seen at `at` is from what was believed then."""
+        """The distance of a position seen at `at` from the estimate at that time."""
         believed = next((p for time, p in reversed(self._past) if time <= at), None)
         if believed is None:
             believed = self._past[0][1] if self._past else sub(self.position, self._shifted)
         return sub(position, add(believed, self._shifted))
 
     def correct(self, off: Vec3, bandwidths: Vec3, dt: float) -> None:
-        """Believe a sighting, `off` from where it was believed, `dt` seconds after the last."""
+        """Correct by a sighting, `off` from the estimate, `dt` seconds after the last one."""
         dt = min(dt, LONGEST)
         p = [min(0.9, 3.0 * w * dt) * e for w, e in zip(bandwidths, off, strict=True)]
         v = [3.0 * w * w * dt * e for w, e in zip(bandwidths, off, strict=True)]
@@ -129,11 +130,11 @@ class PositionObserver:
         self._bias = (_within(x), _within(y), _within(z))
 
     def jump(self, off: Vec3) -> None:
-        """The sightings have moved: go with them."""
+        """Shift the position: the sightings have jumped."""
         self._shift(off)
 
     def rest(self) -> None:
-        """It stands: what it believed of its motion was an error."""
+        """Set the velocity to zero: the vehicle stands."""
         self.velocity = ZERO
 
     def _shift(self, off: Vec3) -> None:

@@ -1,4 +1,5 @@
-"""How an emulated autopilot flies: what each mode makes of its goals, and when it is on the ground.
+"""How an emulated autopilot flies: what each mode makes of its targets, and when it is on the
+ground.
 
 Speeds in m/s, heights in metres, ENU of its own local frame.
 """
@@ -16,24 +17,24 @@ from kybflow.drivers.emulation.control import PositionControl, PositionTarget
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 
 TAKES_HOLD, SLIGHT, SLOW = 0.6, 0.65, 0.25
-"""It stands when for so many seconds its thrust is less than this part of its weight and it climbs
-or sinks less than so."""
+"""It counts as standing after these seconds with less thrust than this share of its weight and a
+climb or descent slower than this."""
 LIFTS, LIFTED = 0.9, 0.08
-"""It flies when its thrust is more than this part of its weight and it is so high above where it
+"""It counts as flying with more thrust than this share of its weight, this far above where it
 stood."""
 REACHED = 0.15
 SPOOLS: Time = NS
-"""How long rotors take to run up before a take-off."""
+"""How long the rotors spool up before a take-off."""
 STICK_SPEED, STICK_TURN = 2.0, 1.0
-"""What a full stick asks for, m/s and rad/s."""
+"""The speed and the turn rate of a full stick, m/s and rad/s."""
 SINKS = 2.4
 """How fast it comes down in a pilot's mode without a pilot, m/s: the throttle stick reads zero."""
 FAST_ABOVE = 5.0
-"""Above this height a landing is faster than it will be."""
+"""Above this height, metres, it descends twice as fast."""
 
 
 class EmulatedFlight:
-    """The flight of one vehicle. `attitude` is what the sent attitude means, for rates."""
+    """The flight of one vehicle."""
 
     def __init__(
         self, state: EmulatedState, firmware: EmulatedFirmware, control: PositionControl
@@ -48,7 +49,7 @@ class EmulatedFlight:
         self._began: Time = 0
 
     def enter(self, now: Time) -> None:
-        """A mode begins: what it holds is where the vehicle is."""
+        """Begin a mode: hold where the vehicle is."""
         estimator = self._state.estimator
         vx, vy, vz = estimator.velocity
         x, y, z = estimator.position
@@ -61,7 +62,7 @@ class EmulatedFlight:
         self._leave_the_ground()
 
     def arm(self, now: Time) -> None:
-        """The rotors begin to turn."""
+        """Arm: the rotors begin to turn."""
         state, estimator = self._state, self._state.estimator
         state.ground, state.has_flown = estimator.position[2], False
         state.climb_to = None
@@ -69,14 +70,14 @@ class EmulatedFlight:
         self.enter(now)
 
     def _leave_the_ground(self) -> None:
-        """By PX4's mode for it, armed before or after."""
+        """Begin a take-off by the mode for it, armed before or after the change of mode."""
         state = self._state
         if state.flying.role is Role.TAKE_OFF and state.armed and state.is_down:
             height = state.parameters[self._firmware.takeoff_parameter]
             state.climb_to = state.ground + height
 
     def step(self, now: Time, dt: float) -> Command:
-        """What the attitude loop is to do now, while armed."""
+        """The command for the attitude loop now, while armed."""
         state = self._state
         if state.is_down and not self._starts(now):
             return self._control.ground(state.estimator.attitude.heading)
@@ -94,7 +95,7 @@ class EmulatedFlight:
         return self._reach(PositionTarget(self._held, ZERO, heading=self._heading), dt)
 
     def watch(self, now: Time) -> None:
-        """Notice that it has left the ground, or stands on it."""
+        """Notice a lift-off or a landing."""
         state, climb = self._state, self._state.estimator.velocity[2]
         share = self._control.thrust / state.airframe.hover_thrust
         if state.is_down:
@@ -117,7 +118,7 @@ class EmulatedFlight:
         self._state.landed = LandedState.TAKING_OFF if taking_off else down
 
     def _starts(self, now: Time) -> bool:
-        """Whether it is asked to leave the ground."""
+        """Whether it is commanded to leave the ground."""
         state = self._state
         if now - state.armed_at < SPOOLS:
             return False
@@ -172,7 +173,7 @@ class EmulatedFlight:
         return control.hold(self._attitude, thrust, rates, heading)
 
     def _climbing(self, dt: float) -> PositionTarget:
-        """Up at a steady speed, then hold."""
+        """The target of a climb at a steady speed, then of a hold."""
         state, (x, y, z) = self._state, self._held
         to = self._held[2] if state.climb_to is None else state.climb_to
         up = self._firmware.takes_off
@@ -184,7 +185,7 @@ class EmulatedFlight:
         return PositionTarget(self._held, (0.0, 0.0, up if z < to else 0.0), heading=self._heading)
 
     def _landing(self, now: Time) -> PositionTarget:
-        """Straight down; without a position level."""
+        """The target straight down; without a position it only stays level."""
         state, (x, y, _) = self._state, self._held
         down = self._firmware.land_speed(state.parameters)
         if state.estimator.position[2] - state.ground > FAST_ABOVE:
@@ -194,7 +195,7 @@ class EmulatedFlight:
         return PositionTarget((x, y, None), (0.0, 0.0, -down), heading=self._heading)
 
     def _returning(self) -> PositionTarget:
-        """Up, home, down."""
+        """The target up, then to home, then down."""
         state, firmware = self._state, self._firmware
         hx, hy, _ = state.home or self._held
         x, y, z = state.estimator.position
@@ -210,7 +211,7 @@ class EmulatedFlight:
         return PositionTarget((hx, hy, state.ground + up), heading=self._heading)
 
     def _steered(self, now: Time) -> PositionTarget:
-        """A pilot flies, or nobody does: then the throttle reads zero."""
+        """The target of the pilot's sticks; without a pilot the throttle reads zero."""
         state, sticks = self._state, self._state.sticks
         if sticks is None or not state.has_pilot(now):
             return PositionTarget(

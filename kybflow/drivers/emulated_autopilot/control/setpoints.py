@@ -19,8 +19,8 @@ _ROLL_RATE, _PITCH_RATE, _TURN_RATE, _THRUST, _ATTITUDE = 1, 2, 4, 64, 128
 
 
 class AttitudeTarget(NamedTuple):
-    """An attitude, or where it is None body rates, and a throttle of 0 to 1. rates: None where
-    they aren't said."""
+    """An attitude, or body rates where it is None, and a throttle of 0 to 1. rates: None where none
+    are given."""
 
     attitude: Quat | None
     rates: Vec3 | None
@@ -56,7 +56,7 @@ def position_target(message: Any, at: Vec3, heading: float, by_axis: bool) -> Po
 
 
 def attitude_target(message: Any) -> AttitudeTarget | None:
-    """What SET_ATTITUDE_TARGET asks for; None where it leaves out the thrust, or both attitude and
+    """The target of SET_ATTITUDE_TARGET; None where it leaves out the thrust, or both attitude and
     rates."""
     mask = message.type_mask
     if mask & _THRUST or not isfinite(message.thrust):
@@ -72,8 +72,8 @@ def attitude_target(message: Any) -> AttitudeTarget | None:
 
 
 def as_local(message: Any, ned: Vec3) -> Any:
-    """A SET_POSITION_TARGET_GLOBAL_INT as the local message that means the same. ned: its
-    position in the local frame."""
+    """A SET_POSITION_TARGET_GLOBAL_INT as the equivalent local message. ned: its position in the
+    local frame."""
     m, (x, y, z) = message, ned
     return mavlink.MAVLink_set_position_target_local_ned_message(
         m.time_boot_ms, m.target_system, m.target_component, LOCAL, m.type_mask, x, y, z,

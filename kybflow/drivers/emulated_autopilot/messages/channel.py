@@ -1,4 +1,4 @@
-"""One wire of an emulated autopilot: who listens there, and what is sent to them how often."""
+"""One wire of an emulated autopilot: who listens there, and which messages are sent how often."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from kybflow.drivers.mavlink.transport.wire import Wire
 AUTOPILOT = 1
 """Our component (MAV_COMP_ID_AUTOPILOT1)."""
 LISTENS: Time = 5 * NS
-"""A ground station is there for so long after its last heartbeat."""
+"""How long a ground station counts as present after its last heartbeat."""
 FASTEST = 250.0
 
 
 class Channel:
-    """`station` is when a ground station's heartbeat was heard last. streams: what is sent from
-    the beginning, hertz."""
+    """One wire. `station`: when a ground station's heartbeat was last heard. streams: what is sent
+    from the start, Hz."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class Channel:
             self.stream(name, rate)
 
     def receive(self, now: Time) -> list[Any]:
-        """What was heard since the last call."""
+        """The messages since the last call."""
         heard: list[Any] = []
         for data, sender in self.wire.receive(now):
             parser = self._parsers.get(sender)
@@ -59,7 +59,7 @@ class Channel:
         return self._link.heard(heard)
 
     def send(self, message: Any) -> None:
-        """To everybody on this wire."""
+        """Send a message to everybody on this wire."""
         if not self._link.sends():
             return
         data = self._packer.pack(message, AUTOPILOT)
@@ -73,7 +73,7 @@ class Channel:
         return self.station is not None and now - self.station < LISTENS
 
     def stream(self, name: str, rate: float) -> None:
-        """Send a message at `rate` hertz from now on; not at all when it is zero."""
+        """Send a message at `rate` Hz from now on; not at all at zero."""
         self._soonest = 0
         if rate <= 0.0:
             self._streams.pop(name, None)
@@ -82,15 +82,15 @@ class Channel:
             self._streams[name] = (period, self._streams.get(name, (0, 0))[1])
 
     def usual(self, name: str) -> float:
-        """The rate with which it began."""
+        """The rate at the start, Hz."""
         return self._usual.get(name, 0.0)
 
     def interval(self, name: str) -> float:
-        """Seconds between two, 0 where it isn't sent."""
+        """The seconds between two of these messages, 0 where they aren't sent."""
         return self._streams.get(name, (0, 0))[0] / NS
 
     def due(self, now: Time) -> list[str]:
-        """The names of the messages that are to be sent now."""
+        """The names of the messages to send now."""
         if now < self._soonest:
             return []
         due = []
@@ -104,6 +104,6 @@ class Channel:
 
 
 def name_of(number: int) -> str:
-    """The name of a kind of message; empty for one that nobody knows."""
+    """The name of a message number; empty for an unknown one."""
     made = mavlink.mavlink_map.get(number)
     return "" if made is None else str(made.msgname)

@@ -1,5 +1,5 @@
-"""What an emulated autopilot does when it is commanded: COMMAND_LONG and COMMAND_INT, with the
-acknowledgements that the firmwares were seen to give."""
+"""The commands of an emulated autopilot, COMMAND_LONG and COMMAND_INT, with the acknowledgements
+that the firmwares were seen to give."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kybflow.drivers.emulated_autopilot.state import CRITICAL, Role
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 FORCED = 21196
-"""The second parameter of a disarming that is not to be refused."""
+"""The second parameter of an arming or disarming that must not be refused."""
 CUSTOM = 1
 """Bit of a base mode: the custom mode counts."""
 
@@ -25,7 +25,7 @@ Params = tuple[float, ...]
 
 
 class CommandHandlers:
-    """Obeys what comes over one channel."""
+    """The handlers of one channel's commands."""
 
     def __init__(self, autopilot: OnboardAutopilot, channel: Channel) -> None:
         self._a, self._channel = autopilot, channel
@@ -45,7 +45,7 @@ class CommandHandlers:
         }
 
     def obey(self, message: Any) -> int:
-        """Do what a COMMAND_LONG or a COMMAND_INT says; what it is acknowledged with."""
+        """Carry out a COMMAND_LONG or COMMAND_INT; its acknowledgement."""
         m, number = message, message.command
         if m.get_type() == "COMMAND_INT":
             p: Params = (m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z)
@@ -57,7 +57,7 @@ class CommandHandlers:
         return UNSUPPORTED if action is None else action(p)
 
     def set_mode(self, number: int) -> int:
-        """Change to a mode, or say why not."""
+        """Change to a mode, or say why not; the acknowledgement."""
         a = self._a
         if number not in a.firmware.modes:
             return a.firmware.unknown_mode

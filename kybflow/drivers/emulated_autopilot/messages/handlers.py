@@ -167,7 +167,7 @@ class MessageHandlers:
             self._channel.send(mavlink.MAVLink_timesync_message(a.boot_us(a.now) * 1000, m.ts1))
 
     def _files(self, m: Any) -> None:
-        """It has none: refused at once, so that nobody waits."""
+        """Refuse file transfers at once, so that nobody waits."""
         asked = bytes(m.payload)
         number = (int.from_bytes(asked[:2], "little") + 1) & 0xFFFF
         head = [*number.to_bytes(2, "little"), asked[2], REFUSED, 1, asked[3], 0, 0, 0, 0, 0, 0]
@@ -187,7 +187,7 @@ class MessageHandlers:
             )
 
     def _missions(self, m: Any) -> None:
-        """It has no mission of its own, and takes none."""
+        """Answer that there is no mission, and that none is accepted."""
         to, kind = (m.get_srcSystem(), m.get_srcComponent()), getattr(m, "mission_type", 0)
         if m.get_type() == "MISSION_REQUEST_LIST":
             self._channel.send(mavlink.MAVLink_mission_count_message(*to, 0, kind))

@@ -136,7 +136,7 @@ def autopilot_version(a: OnboardAutopilot) -> Any:
 
 
 def spread(a: OnboardAutopilot) -> float:
-    """What it believes the standard deviation of its position to be, metres."""
+    """The standard deviation of its position that it reports, metres."""
     unseen = a.state.estimator.unseen(a.now)
     least = 0.05 if a.state.estimator.sees(a.now) else 0.5
     return 1e3 if unseen is None else least + 0.5 * max(0.0, unseen - 0.3)
@@ -265,7 +265,7 @@ def _tells_position(a: OnboardAutopilot) -> bool:
 
 
 def _course(a: OnboardAutopilot) -> float:
-    """The nose, degrees clockwise from north."""
+    """Its heading, degrees clockwise from north."""
     return degrees(to_euler(attitude_to_ned(a.state.estimator.attitude.value))[2]) % 360.0
 
 

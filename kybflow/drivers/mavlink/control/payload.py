@@ -1,7 +1,8 @@
-"""The output that holds the payload: asked for, acknowledged, and seen to have moved.
+"""The payload's output: commanded, acknowledged, and seen to have moved.
 
-An acknowledgement is not enough where the autopilot tells what its outputs do: some acknowledge
-what moves nothing. Where it is not known what an output is for, what may move it is tried in turn.
+An acknowledgement is not enough where the autopilot reports its outputs: some acknowledge what
+moves nothing. Where the function of an output is unknown, the commands that may move it are tried
+in turn.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.contact import Contact
 
 SEEN = 2.0
-"""Seconds in which an output must have moved after it was acknowledged; and how long ago its
-outputs may have been told."""
+"""Seconds within which an acknowledged output must have moved, and the largest age of a report of
+the outputs."""
 
 
 class PayloadGrip:
-    """output: what the payload hangs on."""
+    """Opens and closes the payload. output: the one that it hangs on."""
 
     def __init__(self, contact: Contact, output: Output) -> None:
         self._profile, self._status = contact.profile, contact.status
@@ -36,8 +37,8 @@ class PayloadGrip:
         self._accepted: Time | None = None
 
     def ask(self, is_open: bool, now: Time) -> Payload | None:
-        """Ask for it, once a tick until it is so; what is then so. Raises Refused, and the next
-        call begins anew."""
+        """Request it, once a tick until it is done; the payload's state when it is. Raises Refused,
+        and the next call starts over."""
         if self._is_open is not is_open:
             self._begin(is_open)
         if self._request is None:
@@ -66,7 +67,7 @@ class PayloadGrip:
         self._is_open, self._said, self._request = is_open, [], None
 
     def _is_done(self, is_open: bool, now: Time) -> bool:
-        """Whether what was acknowledged has been seen, where it can be."""
+        """Whether the acknowledged movement was seen, where it can be seen."""
         if self._accepted is None:
             self._accepted = now
         told = self._status.at.get("SERVO_OUTPUT_RAW")
@@ -84,7 +85,7 @@ class PayloadGrip:
         return False
 
     def _next(self, said: str) -> None:
-        """Try what is left. Raises Refused where nothing is."""
+        """Try the next command. Raises Refused where there is none."""
         self._said.append(said)
         self._request = None
         del self._left[0]

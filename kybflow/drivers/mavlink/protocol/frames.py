@@ -56,7 +56,7 @@ attitude_from_ned, heading_from_ned = attitude_to_ned, heading_to_ned
 
 
 def with_heading(q: Quat, heading: float) -> Quat:
-    """The tilt of `q` at another heading."""
+    """`q` turned to another heading, with the same tilt."""
     return multiply(from_heading(heading - heading_of(q)), q)
 
 
@@ -69,7 +69,7 @@ class Anchor(NamedTuple):
 
     @classmethod
     def joining(cls, there: Vec3, heading_there: float, here: Vec3, heading_here: float) -> Anchor:
-        """The one by which a place and a heading in the autopilot's frame are `here` in the
+        """The anchor by which a place and a heading in the autopilot's frame are `here` in the
         world."""
         turn = wrap(heading_here - heading_there)
         return cls(sub(here, _turned(there, turn)), turn)
@@ -81,7 +81,7 @@ class Anchor(NamedTuple):
         return _turned(sub(position, self.offset), -self.heading)
 
     def turned(self, vector: Vec3) -> Vec3:
-        """A velocity or an acceleration of the autopilot's, in the world."""
+        """A velocity or acceleration in the autopilot's frame, as one in the world."""
         return _turned(vector, self.heading)
 
     def unturned(self, vector: Vec3) -> Vec3:
@@ -105,8 +105,8 @@ IDENTITY = Anchor()
 
 
 class Tangent(NamedTuple):
-    """The plane that touches the earth at a place: its latitude and longitude in degrees, its
-    height in metres, and how many metres a degree of either is there. Good for a kilometre."""
+    """The plane that touches the earth at a place: latitude and longitude in degrees, height in
+    metres, and the metres in a degree of each. Good for a kilometre."""
 
     latitude: float
     longitude: float
@@ -116,7 +116,8 @@ class Tangent(NamedTuple):
 
     @classmethod
     def on_ellipsoid(cls, latitude: float, longitude: float, height: float) -> Tangent:
-        """On that of WGS 84, by its radii of curvature along the meridian and across it."""
+        """The plane on the ellipsoid of WGS 84, by its radii of curvature along the meridian and
+        across it."""
         squared = FLATTENING * (2.0 - FLATTENING)
         bulge = 1.0 - squared * sin(radians(latitude)) ** 2
         across = EQUATOR / sqrt(bulge)
@@ -126,18 +127,18 @@ class Tangent(NamedTuple):
 
     @classmethod
     def on_sphere(cls, latitude: float, longitude: float, height: float, radius: float) -> Tangent:
-        """On the sphere that some firmware takes the earth for."""
+        """The plane on a sphere, for which some firmwares take the earth."""
         east = radius * cos(radians(latitude))
         return cls(latitude, longitude, height, radians(radius), radians(east))
 
     def local(self, latitude: float, longitude: float, height: float) -> Vec3:
-        """A place as metres from this one, ENU."""
+        """The position of a place, metres from this one, ENU."""
         around = (longitude - self.longitude + 180.0) % 360.0 - 180.0
         north = (latitude - self.latitude) * self.north
         return (around * self.east, north, height - self.height)
 
     def place(self, position: Vec3) -> Vec3:
-        """Latitude, longitude and height of a position, metres from this place, ENU."""
+        """The latitude, longitude and height of a position, metres from this place, ENU."""
         x, y, z = position
         return (
             self.latitude + y / self.north, self.longitude + x / self.east, self.height + z,

@@ -29,16 +29,17 @@ Message = Any
 fields."""
 FIRST = 0xFE
 SECOND = 0xFD
-"""What a frame of version 1 and of version 2 begins with."""
+"""The first byte of a frame of version 1 and of version 2."""
 SIGNED = 1
-"""The one flag that is known of those without which a frame can't be understood."""
+"""The only known flag among those that a receiver must understand."""
 _MARKER = re.compile(b"[\xfd\xfe]")
 _HEADER = struct.Struct("<BBBBBBBHB")
 _FIRST_HEAD, _SECOND_HEAD, _CHECKSUM = 6, 10, 2
 
 
 def size_of(data: bytes, at: int, end: int) -> int:
-    """Bytes of the frame that begins there, 0 where none does, -1 where its end has not come."""
+    """The size of the frame that begins there; 0 where none does, -1 where its end has not
+    arrived."""
     if data[at] == SECOND:
         if end - at < 3:
             return -1
@@ -67,7 +68,7 @@ def is_signed(frame: bytes) -> bool:
 
 
 def number_of(frame: bytes) -> int:
-    """Which message it is."""
+    """The message's number."""
     return frame[5] if frame[0] == FIRST else frame[7] | frame[8] << 8 | frame[9] << 16
 
 
@@ -78,7 +79,7 @@ def next_of(data: bytes, at: int) -> int:
 
 
 class MessageLayout:
-    """How the fields of one kind of message lie in its payload."""
+    """The layout of one kind of message in its payload."""
 
     def __init__(self, made: Any) -> None:
         self.made, self.id = made, made.id
@@ -95,12 +96,13 @@ class MessageLayout:
         self._fields: Callable[[Message], Sequence[Any]] | None = None
 
     def fits(self, frame: bytes) -> bool:
-        """Whether its checksum is right."""
+        """Whether the checksum is right."""
         body = _body(frame)
         return _checksum(frame[1:body] + self.extra) == frame[body] | frame[body + 1] << 8
 
     def message(self, frame: bytes) -> Message:
-        """Raises where a field can't be what it says, as a text that is none."""
+        """The message in a frame. Raises any exception where a field has an impossible value, such
+        as a text that is none."""
         payload = frame[_FIRST_HEAD if frame[0] == FIRST else _SECOND_HEAD : _body(frame)]
         values = self._unpack(payload[: self.size].ljust(self.size, b"\0"))
         if self._is_plain:
@@ -148,7 +150,7 @@ def _stored(message: Message, name: str, count: int) -> tuple[str, bool]:
 
 
 def _reader(fields: list[tuple[str, bool]]) -> Callable[[Message], Sequence[Any]]:
-    """What reads the values of these attributes, one after another, arrays as their elements."""
+    """A function that reads these attributes in order, arrays as their elements."""
     names = [name for name, _ in fields]
     if len(names) > 1 and not any(is_array for _, is_array in fields):
         return attrgetter(*names)
@@ -178,7 +180,7 @@ NUMBERS: dict[str, int] = {layout.made.msgname: number for number, layout in LAY
 __all__ = ["ONBOARD", "Counts", "Framing", "Message", "Packer", "Parser"]
 
 ONBOARD = 191
-"""Our component: a computer that flies the vehicle (MAV_COMP_ID_ONBOARD_COMPUTER)."""
+"""Our component id, an onboard computer's (MAV_COMP_ID_ONBOARD_COMPUTER)."""
 _DROPPED = object()
 
 
@@ -257,7 +259,7 @@ class Parser:
         return messages
 
     def _frame(self, frame: bytes, after: bytes) -> Message | None:
-        """The message of a frame, `_DROPPED` where it is not for us, None where it is none."""
+        """The message of a frame; `_DROPPED` where it is not for us, None where it is no frame."""
         if not frame:
             return None
         number = number_of(frame)
@@ -287,7 +289,7 @@ class Parser:
         return message
 
     def _is_believed(self, frame: bytes, system: int, component: int) -> bool:
-        """Whether its signature is as it should be."""
+        """Whether the frame's signature is acceptable."""
         if self._signing is None:
             self.counts.signed += is_signed(frame)
             return True
@@ -302,21 +304,21 @@ class Parser:
 
 
 def _is_whole(data: bytes) -> bool:
-    """Whether bytes begin with a frame that is right."""
+    """Whether the bytes begin with a valid frame."""
     size = size_of(data, 0, len(data)) if data else 0
     layout = LAYOUTS.get(number_of(data[:size])) if size > 0 else None
     return layout is not None and layout.fits(data[:size])
 
 
 class Packer:
-    """Frames for one receiver, which counts them by component."""
+    """Packs frames for one receiver, which counts them by component."""
 
     def __init__(self, system: int, signing: Signing | None = None, link: int = 0) -> None:
         self._system, self._signing, self._link = system, signing, link
         self._sequences: dict[int, int] = {}
 
     def pack(self, message: Message, component: int = ONBOARD) -> bytes:
-        """Raises DriverError where a field does not fit into the message."""
+        """The frame of a message. Raises DriverError where a field does not fit."""
         layout = LAYOUTS[message.get_msgId()]  # `id` is a field of some
         sequence = self._sequences.get(component, 0)
         sender = self._system, component
@@ -330,7 +332,7 @@ class Packer:
 
 
 class Framing:
-    """Both ways of one link to one other. key: the secret of signed messages."""
+    """Both directions of one connection. key: the secret of signed messages."""
 
     def __init__(self, system: int, component: int = ONBOARD, key: bytes | None = None) -> None:
         signing = None if key is None else Signing(key)
@@ -340,5 +342,5 @@ class Framing:
         self.parse = self._parser.parse
 
     def pack(self, message: Message, component: int | None = None) -> bytes:
-        """Raises DriverError where a field does not fit into the message."""
+        """The frame of a message. Raises DriverError where a field does not fit."""
         return self._packer.pack(message, self._component if component is None else component)

@@ -21,9 +21,9 @@ from string import hexdigits
 from kybflow.core.errors import DriverError
 
 SIGNATURE = 13
-"""Bytes of a signature with its link id and its time."""
+"""Bytes of a signature with its link id and time."""
 STEP = 10_000
-"""Nanoseconds."""
+"""Nanoseconds in a step of the time stamp."""
 EPOCH = 1_420_070_400_000_000_000
 """Nanoseconds from 1970 to 2015."""
 MINUTE = 60 * 100_000
@@ -31,7 +31,7 @@ KEY = 32
 
 
 class Signing:
-    """Signs what goes out and judges what comes in. read: nanoseconds since 1970."""
+    """Signs what is sent and checks what arrives. read: nanoseconds since 1970."""
 
     def __init__(self, key: bytes, read: Callable[[], int] = time.time_ns) -> None:
         """Raises DriverError unless the key has 32 bytes."""
@@ -42,17 +42,17 @@ class Signing:
         self._last: dict[tuple[int, int, int], int] = {}
 
     def signature(self, frame: bytes, link: int) -> bytes:
-        """What follows a frame."""
+        """The signature that follows a frame."""
         self._newest = max(self._newest + 1, self._now())
         data = frame + bytes((link,)) + self._newest.to_bytes(6, "little")
         return data[len(frame) :] + sha256(self._key + data).digest()[:6]
 
     def knows(self, frame: bytes) -> bool:
-        """Whether whoever signed a frame has the secret, however old it is."""
+        """Whether the signer of a frame has the secret, however old the frame is."""
         return compare_digest(sha256(self._key + frame[:-6]).digest()[:6], frame[-6:])
 
     def accepts(self, frame: bytes, system: int, component: int) -> bool:
-        """Whether a signed frame of that sender is right, and new."""
+        """Whether a signed frame of that sender is valid and new."""
         if not self.knows(frame):
             return False
         stream = (frame[-13], system, component)
@@ -92,7 +92,7 @@ def read_key(path: Path) -> bytes:
 
 
 def _text(data: bytes) -> str | None:
-    """None where it can't be one; 32 random bytes look like one never."""
+    """The text in a key file; None where it is none, as 32 random bytes never look like one."""
     try:
         text = data.decode().strip()
     except UnicodeDecodeError:

@@ -26,22 +26,23 @@ from kybflow.drivers.mavlink.protocol.framing import Message
 
 MS: Time = NS // 1000
 BACK: Time = NS
-"""A stamp so far before the newest is of another boot, or late."""
+"""A stamp this far before the newest one is of another boot, or late."""
 AGREED = 3
-"""As many of them in a row are of another boot."""
+"""So many of them in a row are of another boot."""
 LONGEST_UP = 10 * 365 * 86400 * NS
-"""A stamp that is later counts from 1970, not from the boot."""
+"""A later stamp counts from 1970 and not from the boot."""
 OFTEN: Time = NS // 10
 SELDOM: Time = NS
 FIRST = 20
-"""Requests that are sent often."""
+"""How many requests are sent at the faster rate."""
 MEMORY: Time = 10 * NS
 SLOW: Time = 5 * MS
-"""A round trip that is longer than the least one by more than this says nothing of the offset."""
+"""A round trip that is longer than the shortest by more than this says nothing about the offset."""
 
 
 class BootClock:
-    """`reboots`: how often the autopilot has started anew since it was first heard."""
+    """Brings an autopilot's stamps to the run's time. `reboots`: how often the autopilot has
+    rebooted since it was first heard."""
 
     def __init__(self) -> None:
         self.reboots = 0
@@ -51,8 +52,8 @@ class BootClock:
         self._back = 0
 
     def to_run(self, boot: Time, now: Time) -> Time:
-        """When something happened that came now and is stamped with nanoseconds since the boot.
-        Never in the future, and never before what is stamped earlier."""
+        """The run's time of an event that was stamped with nanoseconds since the boot and arrived
+        now. Never in the future, and never before an event with an earlier stamp."""
         if self._newest is not None and boot < self._newest[0] - BACK:
             self._back += 1
             if self._back < AGREED:
@@ -71,8 +72,8 @@ class BootClock:
         return self._newest[1] if boot == self._newest[0] else min(stamp, self._newest[1])
 
     def to_boot(self, time: Time) -> Time | None:
-        """A time of the run in nanoseconds since the boot, None before anything was heard or for a
-        time before the boot."""
+        """A time of the run as nanoseconds since the boot; None before anything was heard, and for
+        a time before the boot."""
         if self._known is None or time < self._known:
             return None
         return time - self._known
@@ -83,16 +84,16 @@ class BootClock:
 
 
 def boot_time(message: Message) -> Time | None:
-    """Nanoseconds since the boot that a message carries, None where it carries none: no such field,
-    none filled in, or the time of day in its place. `time_boot_ms` is whole milliseconds."""
+    """The nanoseconds since the boot in a message; None where it has no such field, leaves it
+    empty, or has the time of day there. `time_boot_ms` is whole milliseconds."""
     stamp: int = getattr(message, "time_boot_ms", 0) * MS
     stamp = stamp or getattr(message, "time_usec", 0) * 1000
     return stamp if 0 < stamp < LONGEST_UP else None
 
 
 class Sample(NamedTuple):
-    """One round trip: when its answer came, how long it took, and what must be added to a time of
-    the autopilot to have ours (nanoseconds)."""
+    """One round trip: when its answer arrived, how long it took, and the offset from the
+    autopilot's time to ours, all nanoseconds."""
 
     time: Time
     round_trip: Time
@@ -100,7 +101,7 @@ class Sample(NamedTuple):
 
 
 class TimeSync:
-    """TIMESYNC both ways. Pure: what is to be sent is returned."""
+    """TIMESYNC in both directions. Pure: it returns what must be sent."""
 
     def __init__(self, clock: BootClock) -> None:
         self._clock, self._reboots = clock, clock.reboots
@@ -111,18 +112,18 @@ class TimeSync:
 
     @property
     def round_trip(self) -> Time | None:
-        """The least of the last ten seconds, in nanoseconds; a tick is part of it."""
+        """The shortest round trip of the last ten seconds, nanoseconds, a tick included."""
         return min((sample.round_trip for sample in self._samples), default=None)
 
     @property
     def offset(self) -> Time | None:
-        """What must be added to a time of the autopilot to have ours, by the quickest round trip of
+        """The offset from the autopilot's time to ours, nanoseconds, by the quickest round trip of
         the last ten seconds."""
         quickest = min(self._samples, key=lambda sample: sample.round_trip, default=None)
         return None if quickest is None else quickest.offset
 
     def due(self, now: Time) -> list[Message]:
-        """What is to be asked now: ten times a second at first, then once."""
+        """The requests to send now: ten a second at first, then one."""
         while self._samples and now - self._samples[0].time > MEMORY:
             self._samples.popleft()
         if self._next is not None and now < self._next:
@@ -133,7 +134,7 @@ class TimeSync:
         return [_message(0, now)]
 
     def hear(self, message: Message, now: Time) -> list[Message]:
-        """The answer to what the autopilot asks; nothing while its clock is not known."""
+        """The answer to a request of the autopilot; nothing while its clock is unknown."""
         if message.get_type() != "TIMESYNC":
             return []
         if self._clock.reboots != self._reboots:

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
 INERTIAL = ("RAW_IMU", "SCALED_IMU", "HIGHRES_IMU")
-"""The best last: worse ones are left out once a better one came."""
+"""IMU messages, the best last: once a better one arrived, worse ones are dropped."""
 STATUS = frozenset({"ESTIMATOR_STATUS", "EKF_STATUS_REPORT"})
-"""What autopilots say of their estimator, each one of them."""
+"""The messages in which autopilots report their estimator; each firmware sends one of them."""
 OLDEST: Time = 2 * NS
-"""How old what belongs to a measurement may be."""
+"""The largest age of an attitude that is combined with a position."""
 SILENT: Time = 5 * NS
-"""How long BATTERY_STATUS must have been silent for SYS_STATUS to count."""
+"""How long BATTERY_STATUS must be silent for SYS_STATUS to count."""
 
 
 class Telemetry:
@@ -79,7 +79,7 @@ class Telemetry:
 
     @property
     def heeds(self) -> Set[str]:
-        """What it is made of."""
+        """The messages that it reads."""
         return self._hear.keys()
 
     def hear(self, message: Message, now: Time) -> None:
@@ -93,7 +93,7 @@ class Telemetry:
         self._taken.append(measurement)
 
     def take(self) -> list[Measurement]:
-        """What came since this was asked last, oldest first."""
+        """The measurements since the last call, oldest first."""
         taken, self._taken = self._taken, []
         return taken
 
@@ -130,8 +130,8 @@ class Telemetry:
         return now if boot is None else self._clock.to_run(boot, now)
 
     def _standing(self, message: Message) -> Anchor | None:
-        """The anchor by which it stands where the mission says; None while it does not stand, or
-        has no sound position."""
+        """The anchor that puts it at the mission's start; None while it does not stand on the
+        ground or has no sound position."""
         if (
             self.heading is None
             or self.spread is None

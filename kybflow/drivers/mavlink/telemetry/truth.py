@@ -44,10 +44,10 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
 STEP = 0.012
-"""Metres by which rounding may put a place off."""
+"""The largest error of a place by rounding, metres."""
 SHARE = 0.04
 LONGEST = 0.2
-"""Seconds for which a vehicle goes on as it moved where nothing is heard."""
+"""Seconds for which the motion is extrapolated without a message."""
 
 
 class GroundTruth:
@@ -64,8 +64,8 @@ class GroundTruth:
         self._parcel = None if context.payload is None else _Fall(context.payload)
 
     def hear(self, message: Message, now: Time, *, on_ground: bool) -> None:
-        """A SIM_STATE or a HIL_STATE_QUATERNION; others are passed over. on_ground: whether the
-        vehicle says that it stands; until it does there is no truth."""
+        """Take in a SIM_STATE or HIL_STATE_QUATERNION; others are ignored. on_ground: whether the
+        vehicle reports that it stands; there is no truth before that."""
         kind = message.get_type()
         if kind == "SIM_STATE":
             degrees = (message.lat_int * 1e-7, message.lon_int * 1e-7)
@@ -101,14 +101,14 @@ class GroundTruth:
         self._heard, self._now = now, None
 
     def truth(self, now: Time) -> Truth | None:
-        """Where the vehicle and its parcel are; None until it was heard of on the ground."""
+        """The true state of the vehicle and its parcel; None until it was seen on the ground."""
         vehicle = self._vehicle(now)
         if vehicle is None or self._parcel is None:
             return vehicle
         return vehicle._replace(payload=self._parcel.position(vehicle, now))
 
     def release(self, now: Time) -> None:
-        """Let the parcel go, with the velocity that it has at its place."""
+        """Release the parcel with the velocity that it has."""
         vehicle = self._vehicle(now)
         if self._parcel is not None and vehicle is not None:
             self._parcel.release(vehicle, now)
@@ -130,7 +130,7 @@ class GroundTruth:
         return self._now[1]
 
     def _followed(self, place: Vec3, velocity: Vec3, now: Time) -> Vec3:
-        """The place without its rounding."""
+        """The place without its rounding errors."""
         last, gone = self._newest, (now - self._heard) / NS
         if last is None or gone > LONGEST:
             return place

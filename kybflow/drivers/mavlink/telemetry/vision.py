@@ -24,18 +24,19 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
 OLDEST = 0.1
-"""Seconds; an estimate that is older is not told."""
+"""An estimate that is older, seconds, is not sent."""
 JUMP = 0.3
-"""Metres that an estimate is off from where the one before was heading."""
+"""The distance from the predicted position, metres, from which on an estimate has jumped."""
 REQUEST_MESSAGE = 512
 AGAIN = 2.0
-"""Seconds until the place on earth is told again."""
+"""Seconds until the place on earth is sent again."""
 LATITUDE, LONGITUDE, HEIGHT = 473_977_418, 85_455_939, 488_000
-"""Where on earth a vehicle without GPS is told to be: 1e-7 degrees and millimetres."""
+"""The place on earth that a vehicle without GPS is sent: 1e-7 degrees and millimetres."""
 
 
 class ExternalVision:
-    """To one autopilot. rate: poses a second. `told`: what it was told last, and when."""
+    """The poses for one autopilot. rate: poses a second. `told`: the last estimate that was sent,
+    and when."""
 
     def __init__(self, rate: float, target: tuple[int, int]) -> None:
         self.told: tuple[Estimate, Time] | None = None
@@ -47,8 +48,8 @@ class ExternalVision:
         self._last: Estimate | None = None
 
     def of(self, estimate: Estimate, stamp_us: int, is_lost: bool, now: Time) -> list[Message]:
-        """What is to be sent of an estimate, once a tick. stamp_us: its time on the vehicle's
-        clock. is_lost: whether the autopilot must be told a place on earth."""
+        """The messages to send for an estimate, once a tick. stamp_us: its time on the vehicle's
+        clock. is_lost: whether the autopilot must be sent a place on earth."""
         if now < self._due or estimate.age > OLDEST:
             return []
         last, self._last = self._last, estimate
@@ -83,16 +84,16 @@ def _jumped(last: Estimate, estimate: Estimate) -> bool:
 
 
 SLOW = 1.0
-"""Seconds."""
+"""Time constant of the drift, seconds."""
 FAR = 0.5
-"""Metres beyond which it is no drift: the preflight, or a supervisor, has a word to say."""
+"""A larger distance, metres, is no drift: the preflight or a supervisor reports it."""
 OLDEST_OWN: Time = NS // 2
-"""An own position that is older teaches nothing, and after a longer gap no more is learnt at once
-than after this, so that set-points do not leap."""
+"""An older position of its own teaches nothing; after a longer gap no more is learnt at once than
+after this, so that setpoints do not jump."""
 
 
 class FrameDrift:
-    """`anchor`: where the autopilot's frame lies in the world."""
+    """The drift of one autopilot's frame. `anchor`: where the frame lies in the world."""
 
     def __init__(self) -> None:
         self.anchor = Anchor()
@@ -100,7 +101,8 @@ class FrameDrift:
         self._own: Odometry | None = None
 
     def learn(self, estimate: Estimate, own: Odometry | None, now: Time) -> None:
-        """Take both into account, once a tick; each own position counts once."""
+        """Take an estimate and its own position into account, once a tick; each own position counts
+        once."""
         if own is None or now - own.time > OLDEST_OWN:
             self._learnt = None
             return
