@@ -88,7 +88,7 @@ class Engine:
         while not self._over():
             late = self.seconds() - self.plan.time_limit
             if self.interrupts > 1:
-                return "interrupted twice: the stream was cut"
+                return "interrupted twice: commands were stopped"
             if self.interrupts:
                 self._land("interrupted")
             elif late >= 0.0:

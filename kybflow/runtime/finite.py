@@ -61,5 +61,5 @@ def _check_setpoint(kind: CommandKind, setpoint: Setpoint | None) -> None:
 def checked_alarm(alarm: Alarm) -> Alarm:
     """Raises ValueError for anything but an Alarm with a Reaction."""
     if not isinstance(alarm, Alarm) or not isinstance(alarm.reaction, Reaction):
-        raise ValueError(f"an alarm with a reaction is asked for, not {alarm!r}")
+        raise ValueError(f"expected an alarm with a reaction, not {alarm!r}")
     return alarm

@@ -99,7 +99,7 @@ def _streams(vehicle: Vehicle) -> Iterator[Line]:
         if trouble is not None:
             green, reason = False, f"{reason}: {trouble}"
         if left_out and not green:
-            reason = f"{reason}; {left_out} were left out, because they can't be true"
+            reason = f"{reason}; {left_out} were left out as implausible"
         yield Line(vehicle.name, f"{kind_name(kind)} stream", green, reason, at[kind])
 
 

@@ -214,7 +214,7 @@ def test_an_unknown_option_is_refused_before_anything_is_written(tmp_path: Path)
         ("operator.go@2 m", "`2 m` is a length, but a duration is needed"),
         ("operator.go@-1", "is before the run"),
         ("operator.lnad@2s", "did you mean `operator.land`?"),
-        ("nano.landed@2s", "nothing here waits for `nano.landed`"),
+        ("nano.landed@2s", "the mission doesn't wait for `nano.landed`"),
     ],
 )
 def test_an_event_that_cannot_be_given_is_refused_before_anything_is_written(

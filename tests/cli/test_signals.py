@@ -185,7 +185,7 @@ def test_a_second_ctrl_c_cuts_the_stream(signalled, phase: str):
     first = PHASES[phase]
     left = signalled((first, signal.SIGINT), (first + LATER, signal.SIGINT))
     assert left.code == 130
-    assert left.summary["reason"] == "interrupted twice: the stream was cut"
+    assert left.summary["reason"] == "interrupted twice: commands were stopped"
     assert left.path[-2:] == [phase, "auto_land"]
     assert left.is_whole
     assert left.recorded == pytest.approx(left.summary["sim_time_s"], abs=0.1)

@@ -146,7 +146,7 @@ def test_a_latched_vehicle_accepts_only_what_is_severer(run, reaction):
     refused = [e.fields["state"] for e in named(told, "switch_refused")]
     assert refused == ["hold", "down"]
     [pause], [reset] = named(told, "pause_refused"), named(told, "reset_refused")
-    assert pause.fields["reason"] == f"the failsafe has it ({reaction.name.lower()})"
+    assert pause.fields["reason"] == f"failsafe active ({reaction.name.lower()})"
     assert reset.fields["reason"] == "it is in the air"
     assert path(told, "a")[-2:] == ["land_blind", "fault"]
 

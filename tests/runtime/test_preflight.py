@@ -233,7 +233,7 @@ def test_what_was_left_out_of_a_stream_is_said():
     assert reason == "nothing arrives"
     count, _, why = left_out.partition(" ")
     assert int(count) > 100
-    assert why == "were left out, because they can't be true"
+    assert why == "were left out as implausible"
 
 
 def positions(up: float):

@@ -48,7 +48,7 @@ class CallbackContext:
     def emit(self, name: str) -> None:
         """Raises ValueError for the events of kybflow and of the operator."""
         if name in EVENTS or name.startswith(_OPERATOR):
-            raise ValueError(f"`{name}` is not an action's to tell")
+            raise ValueError(f"an action can't emit `{name}`")
         self._controls.events.tell(name, at=self._at)
 
     def phase(self, flow: str, phase: str) -> None:

@@ -157,7 +157,7 @@ class _Working:
 def _measured(given: Measurement | None, taken: Measurement) -> Measurement | None:
     """Return what a filter gave. Raises TypeError unless it is None or of the type of `taken`."""
     if given is not None and type(given) is not type(taken):
-        raise TypeError(f"its filter made {given!r} of a {type(taken).__name__}")
+        raise TypeError(f"its filter returned {given!r} for a {type(taken).__name__}")
     return given
 
 

@@ -73,7 +73,7 @@ def check_emitted(plan: Plan, names: Iterable[str]) -> None:
     for name in names:
         if name not in known:
             hint = did_you_mean(name, known)
-            raise EventRefused(f"nothing here waits for `{name}`; {hint}")
+            raise EventRefused(f"the mission doesn't wait for `{name}`; {hint}")
 
 
 def _awaited(plan: Plan) -> Iterator[str]:

@@ -112,7 +112,7 @@ class Candidate:
             figures = f"age {estimate.age:.3f} s, spread {estimate.spread:.3f} m"
             return f"`{self.name}` is not healthy: {figures}"
         if self._at_most is not None and self._is_spent:
-            return f"`{self.name}` may be used for {self._at_most / NS:g} s"
+            return f"`{self.name}` may be used for {self._at_most / NS:g} s at most"
         return ""
 
     def _never(self) -> Any:

@@ -129,13 +129,13 @@ class Requests:
         """Return why the request can't be granted, None if it can."""
         state, latched = self._plan.states.get(request.state), self._failsafe.latched
         if self._override.is_somebodys:
-            return "somebody else has it, until `operator.resume`"
+            return "somebody else has control, until `operator.resume`"
         if state is None or request.state == "fault":
-            return "it is not one of its states that can be asked for"
+            return "it is not a state that can be requested"
         if self._activity.machine.state == "fault":
             return "it is in `fault`, until a person resets it"
         if latched is not None and _SAFER.get(request.state, Reaction.WARN) <= latched:
-            return f"the failsafe has it (`{latched.name.lower()}`)"
+            return f"failsafe active (`{latched.name.lower()}`)"
         entry = self._activity.entry()
         held = None if _comes_down(state) else self._held(request)
         return held or unfit(state, entry.flight, entry.estimate is not None)
@@ -168,7 +168,7 @@ class Requests:
     def _pause(self, by: str, at: str, _: Time) -> None:
         latched = self._failsafe.latched
         if self._activity.machine.state == "fault" or latched is not None:
-            has = "it is in `fault`" if latched is None else f"the failsafe has it ({latched.name})"
+            has = "it is in `fault`" if latched is None else f"failsafe active ({latched.name})"
             self._tell("pause_refused", at, by=by, reason=has.lower())
         elif not self.paused:
             self._activity.freeze("pause")

@@ -177,7 +177,10 @@ def at_work(way: str) -> Flight:
     return flight
 
 
-REASON = {"raises": "ZeroDivisionError: no", "odd": "TypeError: its filter made 'half charged' of"}
+REASON = {
+    "raises": "ZeroDivisionError: no",
+    "odd": "TypeError: its filter returned 'half charged' for",
+}
 
 
 @pytest.mark.parametrize("way", REASON)

@@ -193,7 +193,7 @@ def test_a_change_is_told_with_its_reason_and_its_offset(ages):
     assert [(e.name, e.fields["reason"]) for e in told] == [
         ("estimator_changed", "the first estimate"),
         ("estimator_changed", "`first` is not healthy: age 0.400 s, spread 0.000 m"),
-        ("estimator_lost", "`second` may be used for 1 s"),
+        ("estimator_lost", "`second` may be used for 1 s at most"),
         ("estimator_changed", "there was none"),
     ]
     assert told[1].fields["offset"] == pytest.approx(0.1)

@@ -217,7 +217,7 @@ def test_nobody_else_gets_a_vehicle_that_a_pilot_has(run):
 
     _, told = run(flight(own), observers=(ask,), emitted=((BACK, "operator.resume"),))
     [refused] = named(told, "switch_refused")
-    assert refused.fields["reason"] == "somebody else has it, until `operator.resume`"
+    assert refused.fields["reason"] == "somebody else has control, until `operator.resume`"
 
 
 def test_a_run_ends_when_the_pilot_has_put_the_vehicle_down(run):

@@ -36,7 +36,7 @@ def test_nobody_takes_off_again_with_what_a_pilot_put_down(run):
     assert "arm" not in after
     assert path(told, "a") == ["up", "hold", "landed"]
     [refused] = named(told, "switch_refused")
-    assert refused.fields["reason"] == "somebody else has it, until `operator.resume`"
+    assert refused.fields["reason"] == "somebody else has control, until `operator.resume`"
 
 
 class Guest(Autopilot):

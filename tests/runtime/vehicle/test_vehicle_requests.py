@@ -63,8 +63,8 @@ def test_of_several_in_one_tick_the_operator_is_heard_and_the_others_are_told(ru
     [
         ("up", "`take_off` can't start while the vehicle is in the air"),
         ("landed", "`wait_on_ground` can't start while the vehicle is in the air"),
-        ("fault", "it is not one of its states that can be asked for"),
-        ("nowhere", "it is not one of its states that can be asked for"),
+        ("fault", "it is not a state that can be requested"),
+        ("nowhere", "it is not a state that can be requested"),
         ("shut", "the door is shut"),
     ],
 )
