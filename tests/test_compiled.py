@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
-from kybflow.runtime import vehicle
+from kybflow.runtime.vehicle import vehicle
 from kybflow.api.flight import RunRequest, fly
 
 plan = compile_mission(Path(sys.argv[1]), catalog=load_catalog()).plan
