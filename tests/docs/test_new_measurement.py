@@ -1,5 +1,5 @@
-"""A new kind of measurement, as a package of a lab adds it: the kind is declared in one file, a
-sensor measures it, an estimator reads it, and nothing of kybflow changes."""
+"""A new kind of measurement, added as CONTRIBUTING.md says by a lab's package: declared in one file,
+measured by a sensor, read by an estimator; nothing of kybflow changes."""
 
 import json
 import os
@@ -13,20 +13,11 @@ from mcap.reader import make_reader
 
 pytestmark = pytest.mark.thorough
 
-KIND = '''"""The range finder: what it measures, and how that is recorded."""
-
-from typing import Annotated, NamedTuple
-
-from kybflow.core.signals import Stamp
-
-
-class FloorRange(NamedTuple):
-    """The distance to the floor along body -z."""
-
-    time: Stamp
-    distance: Annotated[float, "m, along body -z"]
-    is_valid: Annotated[bool, "false: nothing in reach"]
-'''
+ROOT = Path(__file__).parents[2]
+TEXT = (
+    (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Add a kind of measurement")
+)
+KIND = TEXT[2].partition("```python\n")[2].partition("```")[0]
 
 SENSOR = '''"""A range finder that looks down, simulated."""
 
