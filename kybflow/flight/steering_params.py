@@ -9,22 +9,22 @@ from kybflow.core.units import Acceleration, Angle, Damping, Length, Ratio
 
 @params
 class SteeringParams:
-    """What every tracker for an on-board attitude loop may be told, beside its law's gains."""
+    """Parameters of every tracker for an on-board attitude loop, beside the gains of its law."""
 
     integral_limit: Acceleration = param(
-        "The most that the integral may ask for, along each axis.", default=1.0, at_least=0
+        "Limit of the integral term along each axis.", default=1.0, at_least=0
     )
     tilt: Angle = param(
-        "Largest tilt; the airframe's own bound holds as well.", default=0.349, above=0, below=1.3
+        "Largest tilt, within the airframe's own limit.", default=0.349, above=0, below=1.3
     )
     mass_guess: Ratio = param(
-        "The mass believed at the start over the airframe's.",
+        "Initial estimate of the mass divided by the airframe's.",
         default=0.8, at_least=0.5, at_most=2.0, read_only=True,
     )  # fmt: skip
     trim: Damping = param(
-        "How fast the on-board attitude's error is learnt from the estimate's attitude.",
+        "Rate at which the on-board attitude's error is estimated.",
         default=2.0, at_least=0.0, at_most=4.0,
     )  # fmt: skip
     lift_off: Length = param(
-        "Height above the ground from which it flies.", default=0.02, at_least=0
+        "Height above the ground from which the vehicle counts as flying.", default=0.02, at_least=0
     )

@@ -30,8 +30,8 @@ from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.runtime.views import BelievedView, TrueView
 
 LANDING_TIMEOUT, SLOWEST_DESCENT = 60.0, 0.2
-"""Time that vehicles have to land after the mission's time limit: so many seconds, or longer for a
-descent from the top of the fence at so many m/s."""
+"""Seconds that vehicles have to land after the mission's time limit, and the speed (m/s) of a
+descent from the top of the fence, for which they have longer if necessary."""
 _OBSERVED_EVERY = NS // 20
 
 Observer = Callable[["Engine"], None]

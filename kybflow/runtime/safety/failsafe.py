@@ -35,7 +35,7 @@ _UNHURRIED = NS // 50
 _QUIET = NS // 2
 """Silence after which an alarm is reported again."""
 _RESTING = frozenset({"brake", "hover", "auto_land", "land_blind", "fault"})
-"""Built-in states that a brake leaves alone: they hold already, or must be completed."""
+"""Built-in states that `brake` doesn't interrupt: the vehicle holds already, or must come down."""
 
 
 _Check = tuple[str, Callable[[Tick, bool], Alarm | None]]

@@ -1,9 +1,9 @@
 """The hold of `pause` and `brake`: the vehicle comes to rest and holds, its behavior is frozen.
 
-On release the vehicle flies back to the behavior's last setpoint, and ahead of it by the way that
-the blend covers while it regains that setpoint's velocity. There the behavior resumes. So the
-setpoint that the processors receive has no step in position or velocity, wherever the vehicle was
-pushed meanwhile. World frame.
+On release the vehicle flies back to the behavior's last setpoint, or as far ahead of it as it needs
+to regain that setpoint's velocity. There the behavior resumes, and `SetpointBlend` closes the gap.
+Thus the setpoint that the processors receive has no step in position or velocity, wherever the
+vehicle was pushed meanwhile. World frame.
 """
 
 from __future__ import annotations

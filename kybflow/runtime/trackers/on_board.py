@@ -89,7 +89,7 @@ class OnBoardParams:
         default=1.0, at_least=0,
     )  # fmt: skip
     integral_limit: Acceleration = param(
-        "The most that the integral may ask for, along each axis.", default=1.0, at_least=0
+        "Limit of the integral term along each axis.", default=1.0, at_least=0
     )
     tilt: Number = param(
         "How much of what the tilt lacks of an acceleration is asked for besides, by acceleration.",
