@@ -1,4 +1,4 @@
-"""A new kind of measurement, added as CONTRIBUTING.md says by a lab's package: declared in one file,
+"""A kind of measurement, added as CONTRIBUTING.md says by a lab's package: declared in one file,
 measured by a sensor, read by an estimator; nothing of kybflow changes."""
 
 import json
