@@ -37,7 +37,7 @@ def test_the_five_minutes_are_true(tmp_path: Path):
     ]
     for command in commands:
         do(tmp_path, "kybflow", *command.split())
-    tests = ["tests/test_part_contract.py", "tests/dsl", "tests/flown/test_missions.py"]
+    tests = ["tests/parts/test_part_contract.py", "tests/dsl", "tests/flown/test_missions.py"]
     tests.append("tests/cli/printing/test_reference.py")
     do(tmp_path, "pytest", "-q", "-k", "nod or current", *tests)
 

@@ -50,7 +50,7 @@ def test_its_mission_flies(installed: dict[str, str], tmp_path: Path):
 
 def test_its_parts_keep_the_contract_of_all_parts(installed: dict[str, str]):
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    command += [str(ROOT / "tests" / "test_part_contract.py"), "-k", "bob or tally"]
+    command += [str(ROOT / "tests" / "parts" / "test_part_contract.py"), "-k", "bob or tally"]
     judged = subprocess.run(command, env=installed, capture_output=True, text=True, check=False)
     assert judged.returncode == 0, judged.stdout
     assert "skipped" not in judged.stdout.splitlines()[-1]

@@ -1,6 +1,6 @@
 """Every fault in every state of a mission: what it does to the vehicle, and to the others.
 
-    python tests/fault_study.py [--seeds 20] [--only FAULT] [MISSION ...]
+    python tests/support/fault_study.py [--seeds 20] [--only FAULT] [MISSION ...]
 
 The faults are those of the catalog, so a new one is in the study by itself, with the parameters of
 `SIZES` or its own defaults; each begins half a second after its state was entered and lasts two
@@ -115,7 +115,7 @@ class Watch:
 
 
 def plan_of(mission: str) -> Plan:
-    folder = TESTS if mission == COURIERS else MISSIONS
+    folder = TESTS / "flown" if mission == COURIERS else MISSIONS
     result = compile_mission(folder / f"{mission}.yaml", catalog=load_catalog())
     assert result.plan is not None, result.diagnostics
     return result.plan
