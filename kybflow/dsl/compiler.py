@@ -23,6 +23,7 @@ from kybflow.dsl.diagnostics.diagnostic import (
     has_errors,
     in_order,
     passed,
+    run_passes,
 )
 from kybflow.dsl.diagnostics.spans import SET
 from kybflow.dsl.document import Document, Parameter
@@ -63,7 +64,7 @@ class Result:
 def compile_mission(
     path: str | Path, *, catalog: Catalog, target: str | None = None, sets: Sequence[str] = ()
 ) -> Result:
-    """What the mission in `path` means on `target`, with its parameters set by `sets`
+    """Compile the mission in `path` for `target`, with its parameters set by `sets`
     (`name=value`). Never raises for what a file or a setting says."""
     document, files, result = _compiled(Path(path), str(path), catalog, target, sets)
     if document is None:
@@ -76,8 +77,7 @@ def compile_mission(
 def check_mission(
     path: str | Path, *, catalog: Catalog, target: str | None = None, sets: Sequence[str] = ()
 ) -> Result:
-    """What `compile_mission` finds, without the plan: `lower` finds nothing. A library is judged
-    too."""
+    """Find what `compile_mission` finds, in a mission or a library, and make no plan."""
     return _compiled(Path(path), str(path), catalog, target, sets)[2]
 
 
@@ -85,15 +85,8 @@ def _compiled(
     path: Path, file: str, catalog: Catalog, target: str | None, sets: Sequence[str]
 ) -> tuple[Document | None, Files, Result]:
     source = read(path, file)
-    files, document, found = Files(source, path), None, list[Diagnostic]()
-    passes = _passes(source, files, catalog, target, sets)
-    try:
-        while True:
-            found.append(next(passes))
-    except StopIteration as end:
-        document = end.value
-    except Stopped:
-        pass
+    files = Files(source, path)
+    document, found = run_passes(_passes(source, files, catalog, target, sets))
     located = (_located(finding, files) for finding in found)
     texts = {s.file: s.text for s in files.sources.values()}
     given = {SET: "\n".join(sets), targets.FILE: target or ""}
@@ -103,7 +96,7 @@ def _compiled(
 def _passes(
     source: ParsedFile, files: Files, catalog: Catalog, target: str | None, sets: Sequence[str]
 ) -> Diagnosed[Document | None]:
-    """The passes up to the checked document, a line each; None for a library."""
+    """The passes up to the checked document, a line each. Returns None for a library."""
     root, settings = yield from passed(_input(source, sets))
     if is_library(root):
         library = yield from resolve_library(source, files)
@@ -127,16 +120,16 @@ def _input(source: ParsedFile, sets: Sequence[str]) -> Diagnosed[tuple[Node, dic
 
 
 def _located(diagnostic: Diagnostic, files: Files) -> Diagnostic:
-    """The finding at the value that it is about, with the imports through which its file was
-    reached."""
+    """The finding with its span at the value that is wrong, and with the imports through which the
+    file was reached."""
     moved = _at_value(diagnostic, files)
     via = files.via.get(moved.span.file, ())
     return replace(moved, span=replace(moved.span, via=via)) if via else moved
 
 
 def _at_value(diagnostic: Diagnostic, files: Files) -> Diagnostic:
-    """What is wrong with the value that a user gave for a `$name` of a chain or a library, at that
-    value."""
+    """Move a finding from the `$name` of a chain or a library to the value that a user gave for
+    it."""
     span, value = diagnostic.span, diagnostic.span.value
     if value is None:
         return diagnostic

@@ -88,6 +88,18 @@ def passed(step: Diagnosed[T]) -> Diagnosed[T]:
         return value
 
 
+def run_passes(passes: Diagnosed[T]) -> Collected[T | None]:
+    """Run the passes of a compilation; the value is None where one of them stopped it."""
+    found: list[Diagnostic] = []
+    try:
+        while True:
+            found.append(next(passes))
+    except StopIteration as end:
+        return Collected(end.value, found)
+    except Stopped:
+        return Collected(None, found)
+
+
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Each finding once, sorted by place. Where every use of a chain gets the same wrong, the
     first finding is kept."""
