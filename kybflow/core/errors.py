@@ -23,8 +23,7 @@ class KybflowError(Exception):
 
 
 class UnitError(KybflowError):
-    """A quantity can't be parsed in the expected dimension. `hint` is one line that says what to
-    write instead, or empty."""
+    """A quantity can't be parsed in its dimension. `hint`: what to write instead, or empty."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)

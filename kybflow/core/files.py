@@ -1,5 +1,4 @@
-"""Types of parameters that name a file: `File` is read when the mission is compiled, `FilePath` is
-only checked to exist."""
+"""Types of parameters that name a file."""
 
 from __future__ import annotations
 

@@ -155,8 +155,7 @@ def from_thrust_direction(direction: Vec3, heading: float) -> Quat:
 
 
 def from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat:
-    """Return the attitude whose body axes in the world are `x`, `y` and `z` (orthonormal), by
-    Shepperd's method."""
+    """Return the attitude with these orthonormal body axes in the world, by Shepperd's method."""
     trace = x[0] + y[1] + z[2]
     if trace > 0.0:
         s = 2.0 * sqrt(1.0 + trace)
@@ -172,8 +171,7 @@ def from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat:
 
 
 def integrate(q: Quat, rate: Vec3, dt: float) -> Quat:
-    """Return `q` after `dt` seconds at the body rate `rate` (rad/s), to first order and
-    renormalised."""
+    """Return `q` after `dt` seconds at the body rate `rate` (rad/s): first order, renormalised."""
     w, x, y, z = q
     (rx, ry, rz), half = rate, 0.5 * dt
     hx, hy, hz = half * rx, half * ry, half * rz

@@ -122,8 +122,7 @@ class Field:
     reads: Reads | None = None
 
     def loosens(self, before: Any, after: Any) -> bool:
-        """Return whether a safety parameter is less strict at `after` than at `before`; a vector is
-        if any component is."""
+        """Return whether a safety parameter, or any number of it, is less strict than before."""
         if self.tightens is None or before is None or after is None:
             return False
         if self.choices:
@@ -157,8 +156,7 @@ def type_of(field: Field) -> str:
 
 @functools.cache
 def fields_of(cls: Any) -> tuple[Field, ...]:
-    """Return the parameters that `cls` declares, in order. Raises PartError for a wrong
-    declaration."""
+    """Return the parameters of `cls`, in order. Raises PartError for a wrong declaration."""
     hints = get_type_hints(cls, include_extras=True)
     return tuple(_field(cls, f, hints[f.name]) for f in dataclasses.fields(cls))
 

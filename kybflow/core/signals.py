@@ -61,8 +61,7 @@ Stamp = Annotated[Time, "ns; when it was true. It arrived at the message's log t
 
 
 class Pose(NamedTuple):
-    """A pose measured from outside, by motion capture: `position` in the world, metres, and
-    `attitude`, body to world."""
+    """A pose from motion capture: position in the world, metres; attitude body to world."""
 
     time: Stamp
     position: Annotated[Vec3, "m, world"]
@@ -93,8 +92,7 @@ IMU_TIMEOUT: Time = NS // 10
 
 
 class Frame(NamedTuple):
-    """A camera's image: a grey array, (height, width) uint8. `time` is the middle of the exposure
-    of its middle row."""
+    """A camera's grey image, (height, width) uint8; `time` is mid-exposure of its middle row."""
 
     time: Annotated[Time, "ns; the middle of its exposure. It arrived at the message's log time."]
     camera: str
@@ -102,8 +100,7 @@ class Frame(NamedTuple):
 
 
 class Position(NamedTuple):
-    """A position in the world measured from outside without an attitude, by GPS. spread: standard
-    deviation along each axis, metres."""
+    """A position in the world from GPS, and its standard deviation along each axis, metres."""
 
     time: Stamp
     position: Annotated[Vec3, "m, world"]
@@ -215,8 +212,7 @@ class Setpoint(NamedTuple):
 
 
 class CommandKind(Enum):
-    """What the on-board controller follows in a command; a tracker emits kinds, a driver accepts
-    them."""
+    """What the on-board controller follows; a tracker emits kinds, a driver accepts them."""
 
     POSITION = "position"
     VELOCITY = "velocity"
@@ -293,8 +289,7 @@ class Grip(NamedTuple):
 
 
 class Event(NamedTuple):
-    """Something that happened at `time`. name: in the past tense. at: the mission line that caused
-    it, or empty."""
+    """Something that happened. at: the mission line that caused it, or empty."""
 
     time: Time
     name: str

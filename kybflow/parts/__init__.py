@@ -1,9 +1,9 @@
-"""What a part is: one base class for each kind.
+"""The base class of each kind of part, and the values that parts exchange with the engine.
 
-A part is one file with its docstring, its `@params` and its class; the file name is the name used
-in YAML. Parts are
-passive: none sleeps, starts a thread, prints, reads a clock or draws from a global generator.
-`self.params` is replaced as a whole when an option changes, between ticks; read it in every update.
+A part is one file with a docstring, its `@params` and its class; the file's name is its name in
+YAML. Parts are passive: none sleeps, starts a thread, prints, reads a clock or uses a global random
+generator. The engine replaces `self.params` between ticks when an option changes, so read it in
+every update.
 """
 
 from kybflow.core.params import Field, fields_of, param, params

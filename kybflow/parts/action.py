@@ -1,4 +1,4 @@
-"""Actions: what a mission's callbacks do when an event is heard."""
+"""Actions: what a mission's callbacks do when an event occurs."""
 
 from __future__ import annotations
 
@@ -9,42 +9,41 @@ from kybflow.core.signals import Event
 from kybflow.parts.base import P, Part
 
 BUILT_IN = frozenset({"switch", "set", "enable", "disable", "emit", "phase", "log", "stop"})
-"""The actions that the language has itself."""
+"""The actions that are part of the mission language."""
 
 
 class ActionContext(Protocol):
-    """What an action may do. Nothing here makes a vehicle less safe: a safety part can't be
-    switched off, its parameters only tighten, and a latched vehicle refuses what is milder. Each
-    wish is told with the callback's line; a refusal is an event."""
+    """The requests that an action can make. None makes a vehicle less safe: a safety part can't be
+    disabled, its parameters only tighten, and a vehicle with a latched reaction refuses milder
+    ones. Events name the callback's line in the mission; a refused request is an event too."""
 
     def switch(self, vehicle: str, state: str) -> None:
-        """Ask a vehicle to enter one of its states."""
+        """Request that a vehicle enters one of its states."""
 
     def set(self, option: str, value: Any) -> None:
-        """Ask for another value of an option: SI, or text with a unit."""
+        """Request a new value for an option: SI, or text with a unit."""
 
     def enable(self, vehicle: str, label: str, on: bool) -> None:
-        """Switch a processor that is no safety part on or off, by its label
-        `processors.NAME`."""
+        """Request that a processor, by its label `processors.NAME`, is switched on or off."""
 
     def emit(self, name: str) -> None:
-        """Tell a custom event; everything hears it in the next tick. Raises ValueError for the
-        name of an event that the engine tells itself."""
+        """Emit a custom event, delivered in the next tick. Raises ValueError for the name of an
+        event that the engine emits."""
 
     def phase(self, flow: str, phase: str) -> None:
-        """Ask a flow to enter one of its phases."""
+        """Request that a flow enters one of its phases."""
 
     def log(self, text: str) -> None:
-        """Say something for the record."""
+        """Record `text` in a `logged` event."""
 
     def stop(self, reason: str) -> None:
         """Land every vehicle and end the run."""
 
 
 class Action(Part[P]):
-    """Something that a callback does, `do: [{NAME: {...}}]`. Made when the run begins, called once
-    for each event that the callback hears. One that raises is told as an event and left out.
-    `events` are the names that it emits."""
+    """What a callback does, `do: [{NAME: {...}}]`. Created when the run begins. An action that
+    raises is reported as the event `action_failed` and not called again. `events` are the names of
+    the events that it emits."""
 
     kind = "actions"
     reserved = BUILT_IN
@@ -53,4 +52,5 @@ class Action(Part[P]):
         self.params = params
 
     @abstractmethod
-    def __call__(self, event: Event, context: ActionContext) -> None: ...
+    def __call__(self, event: Event, context: ActionContext) -> None:
+        """React to `event`; called once for each event that the callback listens to."""

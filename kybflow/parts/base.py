@@ -1,4 +1,4 @@
-"""The root of every part."""
+"""The base class of every part."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ P = TypeVar("P")
 
 
 class Objection(NamedTuple):
-    """Why a part can't work as it is told, the parameter that says it, and the way out."""
+    """Why a part can't work as configured: the parameter, the reason, and what to write."""
 
     parameter: str
     reason: str
@@ -17,12 +17,14 @@ class Objection(NamedTuple):
 
 
 class Part(ABC, Generic[P]):
-    """The root of every part. `kind` is the plural that names its folder and its group in the
-    catalog. `events` are the events that its alarms become, or that an action emits. `reserved`
-    are the names of a kind that no part may have, because the language has them. `helpers` are
-    modules that stand beside the parts of a kind and are none. `packages` are
-    those that kybflow does without and it does not, any one of those between which there is a
-    choice; the record of a run tells their versions."""
+    """The base class of every part.
+
+    kind: the plural that names the kind's folder and its group in the catalog. events: the events
+    that the part's alarms become, or that an action emits. reserved: names that no part of the kind
+    may have, because the language uses them. helpers: modules in the kind's folder that are no
+    parts. packages: optional dependencies that the part needs, of alternatives any one; the record
+    of a run has their versions.
+    """
 
     kind: ClassVar[str]
     events: ClassVar[tuple[str, ...]] = ()

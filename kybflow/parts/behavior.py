@@ -1,4 +1,4 @@
-"""Behaviors: what they are entered with, where they leave the vehicle, where they will go."""
+"""Behaviors, the context in which one is entered, and the footprint of its path."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from kybflow.parts.base import P, Part
 from kybflow.world.vehicle_context import VehicleContext
 
 SPEED_SHARE = 0.95
-"""The share of the airframe's speed limit that a planned motion uses; the rest is for tracking."""
+"""The share of the airframe's speed limit that a planned motion may use; tracking has the rest."""
 
 
 class Flight(Enum):
-    """Where a vehicle is between behaviors. MOVING is neither: a take-off or a landing was left
-    before its end."""
+    """Where a vehicle is between behaviors. MOVING: a take-off or a landing was left before its
+    end, so it may be on the ground or in the air."""
 
     GROUND = "ground"
     AIR = "air"
@@ -42,8 +42,7 @@ class Flight(Enum):
 
 
 class Leg(NamedTuple):
-    """One flight type of a behavior: it may begin at `start`, and its normal end leaves the vehicle
-    at `end`."""
+    """A flight type, `start >> end`: where a behavior may begin, and where its normal end is."""
 
     start: Flight
     end: Flight
@@ -53,12 +52,12 @@ GROUND, AIR, MOVING = Flight.GROUND, Flight.AIR, Flight.MOVING
 
 
 class Entry(NamedTuple):
-    """What a behavior is entered with. setpoint: the last one that the tracker followed, None on
-    the ground.
+    """What a behavior knows when it is entered.
 
-    hover_thrust: newtons that the tracker believes hold the vehicle now. flight: where the vehicle
-    is; a missing setpoint does not mean that it is on the ground. rest: the specific force along
-    body z that the IMU felt at rest on the ground, m/s^2; gravity where nobody knows.
+    setpoint: the last one that the tracker followed, None on the ground (and sometimes in the air:
+    `flight` says where the vehicle is). hover_thrust: the tracker's estimate of the thrust that
+    holds the vehicle, newtons. rest: the specific force along body z that the IMU measured at rest
+    on the ground, m/s^2; gravity if unknown.
     """
 
     now: Time
@@ -71,9 +70,9 @@ class Entry(NamedTuple):
 
     @property
     def position(self) -> Vec3:
-        """Where the new behavior begins: the last setpoint where the vehicle follows one (within
-        0.3 m), else the estimate, else the start. Beginning at the setpoint leaves no step in the
-        trajectory."""
+        """Where the behavior begins: the last setpoint if the vehicle is within 0.3 m of it, which
+        leaves no step in the trajectory; else the estimate; else the vehicle's start. Without an
+        estimate the setpoint counts at any distance."""
         wanted = self.setpoint.position if self.setpoint else None
         if self.estimate is None:
             return wanted or self.context.start
@@ -83,16 +82,15 @@ class Entry(NamedTuple):
 
     @property
     def heading(self) -> float:
-        """The heading to hold: the last setpoint's, else the estimate's, else the start's.
-        Radians."""
+        """The heading to hold, radians: the setpoint's, else the estimate's, else the start's."""
         if self.setpoint is not None and self.setpoint.heading is not None:
             return self.setpoint.heading
         return heading_of(self.estimate.attitude) if self.estimate else self.context.heading
 
     @property
     def motion(self) -> Motion:
-        """The position and the velocity to begin with, at `now`: the last setpoint's where the
-        vehicle follows one, gone on by the tick that has passed since; else the estimate's."""
+        """Position and velocity at `now`: the last setpoint's, advanced by one tick, if `position`
+        is the setpoint's; else `position` with the estimate's velocity."""
         wanted = self.setpoint
         if wanted is not None and wanted.velocity is not None and wanted.position == self.position:
             moved = scale(wanted.velocity, self.context.dt)
@@ -100,13 +98,12 @@ class Entry(NamedTuple):
         return Motion(self.position, self.estimate.velocity if self.estimate else ZERO)
 
     def cruise_speed(self, wanted: float) -> float:
-        """`wanted`, but never more than the share of the airframe's limit that plans may use."""
+        """Return `wanted` (m/s), limited to `SPEED_SHARE` of the airframe's speed limit."""
         return min(wanted, SPEED_SHARE * self.context.airframe.speed)
 
 
 class Origin(NamedTuple):
-    """Where a file's footprint comes from, `file:line`: each of its points, where it is fastest,
-    and where its curves are sharpest."""
+    """`file:line` of each of a footprint's points, of its fastest and its sharpest place."""
 
     points: Mapping[Vec3, str]
     fastest: str
@@ -114,12 +111,13 @@ class Origin(NamedTuple):
 
 
 class Footprint(NamedTuple):
-    """Where a behavior will go, for the static checks: `points` bound its path (metres, world),
-    `speed` is its fastest (m/s), `exit` where its normal end leaves the vehicle, None when it can't
-    be told; `is_endless` when it has no normal end; `acceleration` is the largest horizontal one
-    that its curves need (m/s^2); `path` are points along its path, a straight line between each and
-    the next (within 1 cm), none where that is not known. Of two `points` they are the path.
-    `origin` says where they stand, of a path that a file describes."""
+    """Where a behavior will fly, for the compiler's checks, in the world frame.
+
+    points: bound its path, metres. speed: its largest, m/s. exit: where its normal end leaves the
+    vehicle, None if unknown. is_endless: it has no normal end. acceleration: the largest horizontal
+    one that its curves need, m/s^2. path: corners of a polyline within 1 cm of the path, empty if
+    unknown (but two `points` are the path). origin: where a path from a file is described.
+    """
 
     points: tuple[Vec3, ...]
     speed: float
@@ -130,7 +128,7 @@ class Footprint(NamedTuple):
     origin: Origin | None = None
 
     def line_of(self, point: Vec3) -> tuple[str, ...]:
-        """Which line of a file leads to `point`, as a note; none where no file does."""
+        """Return a note with the line of the file that leads to `point`; empty without a file."""
         if self.origin is None or not self.origin.points:
             return ()
         nearest = min(self.origin.points, key=lambda p: distance(p, point))
@@ -138,15 +136,14 @@ class Footprint(NamedTuple):
 
 
 class Behavior(Part[P]):
-    """Decides where the vehicle should be. Made when its state is entered, dropped when it is left.
+    """Decides where the vehicle should be; it lives while its state is active.
 
-    The constructor may raise Refused with a reason. The engine calls `update` once a tick while the
-    state is active; it returns a Setpoint, or Done or Failed with the last one (or a Command, when
-    it `emits` a kind of command, to steer the on-board controller without tracker and estimate; or
-    a Grip, when it `grips`, to ask for the servo that holds the payload).
-    Whatever it raises fails its vehicle into the failsafe, as does an IDLE setpoint in the air.
-    `needs` are kinds of measurement that its vehicle subscribes to while it is active; a driver
-    that doesn't provide them is no reason not to fly it.
+    The constructor may raise Refused with a reason. An exception of `update`, or an IDLE setpoint
+    in the air, hands the vehicle to the failsafe.
+
+    flight: its flight types. emits: the kind of setpoint that `update` returns, or of command.
+    needs_estimate: whether it can fly only with an estimate. needs: kinds of measurement to
+    subscribe to while it is active, if the driver provides them. grips: `update` may return a Grip.
     """
 
     kind = "behaviors"
@@ -174,14 +171,16 @@ class Behavior(Part[P]):
 
     @abstractmethod
     def update(self, tick: Tick) -> Setpoint | Command | Grip | Done | Failed:
-        """The setpoint at `tick.now`."""
+        """Return the setpoint at `tick.now`, or Done or Failed with the last one; called once a
+        tick. A behavior that `emits` commands returns a Command, which bypasses the tracker; one
+        that `grips` may return a Grip."""
 
     @classmethod
     def footprint(cls, params: P, entry: Vec3 | None) -> Footprint | None:
-        """Where it goes when entered at `entry` (None: unknown); None when it can't be told."""
+        """Return where it flies when entered at `entry` (world, None: unknown); None if unknown."""
         return None
 
     @classmethod
     def refusal(cls, params: P, entry: Vec3) -> str | None:
-        """Why it refuses to start when entered at rest at `entry`; None when it starts."""
+        """Return why it would refuse to start at rest at `entry` (world); None if it starts."""
         return None

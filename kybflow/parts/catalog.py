@@ -1,10 +1,9 @@
-"""Finds parts; knows no part by name.
+"""The catalog finds parts by their files.
 
-A part is found by its file: `kybflow/runtime/behaviors/circle.py` is the behavior `circle`. Its
-class is `Circle`, or `CircleBehavior` where another thing has that name. A package of a lab offers
-its own through the entry-point group `kybflow.parts`: each entry names a package that has the same
-folders (`behaviors/`, `estimators/`, ...) as modules. Names are listed without importing anything;
-a part is imported when it is asked for.
+`kybflow/runtime/behaviors/circle.py` is the behavior `circle`; its class is `Circle`, or
+`CircleBehavior` if that name is taken. Another package offers its parts through the entry-point
+group `kybflow.parts`: each entry names a package with the same folders (`behaviors/`,
+`estimators/`, ...). Listing names imports no part; `Catalog.get` does.
 """
 
 from __future__ import annotations
@@ -35,17 +34,7 @@ from kybflow.parts import (
 
 BASES: dict[str, type[Part[Any]]] = {
     base.kind: base
-    for base in (
-        Behavior,
-        Estimator,
-        Processor,
-        Tracker,
-        Supervisor,
-        Driver,
-        Sensor,
-        Fault,
-        Action,
-    )
+    for base in (Behavior, Estimator, Processor, Tracker, Supervisor, Driver, Sensor, Fault, Action)
 }
 _HOMES = {"drivers": "kybflow", "sensors": "kybflow"}
 GROUP = "kybflow.parts"
@@ -53,8 +42,7 @@ GROUP = "kybflow.parts"
 
 @dataclass(frozen=True)
 class PartSpec:
-    """A part as the catalog gives it: its class, its parameters' class, their fields, its own
-    words."""
+    """A part: its class, its parameters' class and fields, and its module's docstring."""
 
     kind: str
     name: str
@@ -65,40 +53,41 @@ class PartSpec:
 
     @property
     def summary(self) -> str:
-        """The first line of its docstring."""
+        """The first line of the part's docstring."""
         return self.doc.strip().splitlines()[0]
 
 
 class Catalog:
-    """Every part at hand, by kind and name."""
+    """The available parts, by kind and name."""
 
     def __init__(self, modules: dict[str, dict[str, str]]) -> None:
         self._modules = modules
         self._specs: dict[tuple[str, str], PartSpec] = {}
 
     def kinds(self) -> tuple[str, ...]:
+        """Return every kind of part, in plural: `behaviors`, `estimators`, ..."""
         return tuple(BASES)
 
     def names(self, kind: str) -> tuple[str, ...]:
-        """The names of a kind, sorted. Imports nothing."""
+        """Return the sorted names of the parts of a kind."""
         return tuple(sorted(self._modules.get(kind, {})))
 
     def get(self, kind: str, name: str) -> PartSpec:
-        """The part; imports its module. Raises KeyError for an unknown name, PartError for a wrong
-        declaration."""
+        """Import a part's module and return its specification. Raises KeyError for an unknown name,
+        PartError for a wrong declaration."""
         key = (kind, name)
         if key not in self._specs:
             self._specs[key] = _load(kind, name, self._modules[kind][name])
         return self._specs[key]
 
     def always(self, kind: str) -> tuple[PartSpec, ...]:
-        """The parts of a kind that every vehicle has, named in the mission or not."""
+        """Return the parts of a kind that every vehicle has, named in the mission or not."""
         found = (self.get(kind, name) for name in self.names(kind))
         return tuple(spec for spec in found if getattr(spec.cls, "always", False))
 
 
 def own_catalog() -> Catalog:
-    """The catalog of kybflow's own parts, without those of installed packages."""
+    """Return the catalog of kybflow's own parts."""
     return Catalog(_own_modules())
 
 
@@ -111,8 +100,8 @@ def _own_modules() -> dict[str, dict[str, str]]:
 
 @functools.cache
 def load_catalog() -> Catalog:
-    """The catalog of everything installed. Raises PartError when two packages offer the same
-    part, or one a part whose name the language needs."""
+    """Return the catalog of all installed parts. Raises PartError if two packages offer the same
+    part, or if a part has a name that the language reserves."""
     modules = _own_modules()
     for entry in entry_points(group=GROUP):
         for kind in BASES:

@@ -1,5 +1,5 @@
-"""The parts between a vehicle's measurements and its command: estimators, processors, trackers; and
-the supervisors that watch them."""
+"""The parts between a vehicle's measurements and its command (estimators, processors, trackers) and
+the supervisors that watch it."""
 
 from __future__ import annotations
 
@@ -30,12 +30,11 @@ if TYPE_CHECKING:
 class Estimator(Part[P]):
     """Turns measurements into an estimate. Lives as long as its vehicle.
 
-    Called once a tick with every measurement that arrived since the last tick, oldest first, of
-    whatever kind; `needs` are the kinds without which it can't work. Returns the estimate at `now`,
-    or None as long as it has none. One that `needs_tags` makes nothing of frames where the world
-    has no tags. One that raises is not asked again, and its vehicle lands. `sighting` is what it
-    made of the newest camera frames, for the pictures in the run folder; most see none. `own`: its
-    estimate comes from the vehicle itself, which is not told of it again.
+    An estimator that raises is not called again, and its vehicle lands.
+
+    needs: the kinds of measurement that it can't work without. needs_tags: it can use frames only
+    if the world has tags. own: its estimate comes from the vehicle itself, so it is not sent back
+    as an external position. sighting: what it found in the newest camera frames, None in most.
     """
 
     kind = "estimators"
@@ -49,24 +48,26 @@ class Estimator(Part[P]):
 
     @classmethod
     def uses(cls, params: P) -> frozenset[MeasurementKind]:
-        """What of `needs` it can't work without with these parameters."""
+        """Return the kinds in `needs` that hold with these parameters."""
         return cls.needs
 
     @abstractmethod
-    def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None: ...
+    def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
+        """Return the estimate at `now`, None while there is none. Called once a tick with every
+        measurement of any kind that arrived since the last tick, oldest first."""
 
     def anchor(self, estimate: Estimate) -> None:
-        """Told of the estimate that the vehicle flies on, in every tick in which that is another
-        estimator's, after `update`; dead reckoning starts from it. Most need none."""
+        """Receive the estimate that the vehicle flies on, so that dead reckoning can start from it.
+        Called after `update` in every tick in which another estimator is in use."""
 
 
 class Processor(Part[P]):
-    """Bends a setpoint on its way to the tracker; a callable. Made anew at each take-off.
+    """Changes a setpoint on its way to the tracker. Created anew at each take-off.
 
-    `accepts` maps each kind of setpoint that it takes to the kind it returns. Called once a tick,
-    in the order of the mission, while a behavior with an estimate flies; `safety` ones from take-
-    off to touch-down, the others only in behaviors that stay in the air. Returns the setpoint, or
-    an Alarm that asks for a reaction. One that raises is left out, and its vehicle lands.
+    Processors run in the order of the mission while a behavior with an estimate flies: `safety`
+    ones from take-off to touch-down, the others only in behaviors that stay in the air. A processor
+    that raises is not called again, and its vehicle lands. `accepts` maps each kind of setpoint
+    that it accepts to the kind that it returns.
     """
 
     kind = "processors"
@@ -78,21 +79,22 @@ class Processor(Part[P]):
 
     @classmethod
     def takes(cls, params: P) -> dict[SetpointKind, SetpointKind]:
-        """What of `accepts` it takes with these parameters."""
+        """Return the entries of `accepts` that hold with these parameters."""
         return cls.accepts
 
     @classmethod
     def keeps_inside(cls, params: P, fence: Box) -> Box | None:
-        """The box inside `fence` that no setpoint leaves; None when it bounds none."""
+        """Return the box inside `fence` that no setpoint leaves; None if it bounds none."""
         return None
 
     @abstractmethod
-    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm: ...
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm:
+        """Return the changed setpoint, or an Alarm that requests a reaction; called once a tick."""
 
 
 class Tracker(Part[P]):
-    """Turns a setpoint into a command. Made anew at each take-off. `accepts` kinds of setpoint,
-    `emits` a kind of command; one that may emit several says so in `kinds`."""
+    """Turns a setpoint into a command. Created anew at each take-off. accepts: kinds of setpoint.
+    emits: the kind of command that it returns; a tracker of several kinds overrides `kinds`."""
 
     kind = "trackers"
     accepts: ClassVar[frozenset[SetpointKind]]
@@ -103,23 +105,25 @@ class Tracker(Part[P]):
 
     @classmethod
     def kinds(cls, params: P) -> frozenset[CommandKind]:
-        """The kinds of command that it may emit with these parameters."""
+        """Return the kinds of command that it may emit with these parameters."""
         return frozenset({cls.emits})
 
     @property
     @abstractmethod
     def hover_thrust(self) -> float:
-        """Newtons that it believes hold the vehicle now."""
+        """The estimated thrust that holds the vehicle now, newtons."""
 
     @abstractmethod
-    def update(self, setpoint: Setpoint, tick: Tick) -> Command: ...
+    def update(self, setpoint: Setpoint, tick: Tick) -> Command:
+        """Return the command that follows `setpoint`. Called once a tick."""
 
 
 class Supervisor(Part[P]):
-    """Watches one bound and reports; it never acts. Lives as long as its vehicle; `always` ones are
-    in every vehicle, named in the mission or not. Called once a tick, or every 20 ms when it is
-    `unhurried`, before anything else is decided. One that raises is not asked again, and its
-    vehicle lands."""
+    """Watches one bound and reports; it never acts. Lives as long as its vehicle.
+
+    A supervisor that raises is not called again, and its vehicle lands. always: every vehicle has
+    it, named in the mission or not. unhurried: it is called every 20 ms, not once a tick.
+    """
 
     kind = "supervisors"
     always: ClassVar[bool] = False
@@ -129,4 +133,5 @@ class Supervisor(Part[P]):
         self.params = params
 
     @abstractmethod
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None: ...
+    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+        """Return an Alarm while the bound is crossed. Called before the tick's other decisions."""

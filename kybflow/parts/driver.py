@@ -1,4 +1,4 @@
-"""Drivers and what they open."""
+"""Drivers: the vehicles that a mission flies, in simulation or over a protocol."""
 
 from __future__ import annotations
 
@@ -16,36 +16,37 @@ if TYPE_CHECKING:
 
 
 class Seat(NamedTuple):
-    """One vehicle that a driver is to open: its place in the world and the driver's parameters for
-    it."""
+    """One vehicle that a driver should open: its context and the driver's parameters for it."""
 
     context: VehicleContext
     params: Any
 
 
 class Session(ABC):
-    """What a driver has open: the links of its vehicles, by name, and the passage of time."""
+    """An open driver: the links of its vehicles, by name, and the world's time."""
 
     links: dict[str, Link]
 
     @abstractmethod
     def advance(self, now: Time) -> None:
-        """Let the world go on until `now`; a simulated one steps its physics. Raises
-        DriverError."""
+        """Advance the world to `now`; a simulation steps its physics. Raises DriverError."""
 
     @abstractmethod
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Release the links and everything behind them."""
 
 
 class Driver(Part[P]):
-    """Opens the vehicles that fly on it. `accepts` kinds of command, `provides` kinds of
-    measurement. `lands`: its vehicles have a land mode of their own, which `Link.land` asks for;
-    `lands_blind`: one that comes down by a barometer of its own where there is no position.
-    `grips`: they can have a servo that holds a payload, which `Link.grip` moves.
-    `brings`: the sensors that a vehicle on it has without being told, where an estimator needs what
-    they measure. `preflight_timeout`: seconds in which its vehicles must have become ready to fly.
-    `targets`: the targets that every mission has on it without a word, each with the driver's
-    parameters there."""
+    """Connects to the vehicles that fly on it.
+
+    accepts: kinds of command. provides: kinds of measurement. simulated: its vehicles are simulated
+    and can have faults. lands: its vehicles have a land mode, and their links are `Lands`.
+    lands_blind: that mode descends by a barometer when there is no position. grips: its vehicles
+    may have a servo that holds a payload, and their links are `Grips`. brings: sensors that the
+    compiler adds if an estimator needs what they measure. preflight_timeout: seconds in which its
+    vehicles must become ready to fly. targets: targets that every mission has without declaring
+    them, each with the driver's parameters.
+    """
 
     kind = "drivers"
     helpers = frozenset({"emulation"})
@@ -61,45 +62,44 @@ class Driver(Part[P]):
 
     @classmethod
     def takes(cls, params: P) -> frozenset[CommandKind]:
-        """What of `accepts` its vehicles follow with these parameters."""
+        """Return the kinds in `accepts` that its vehicles follow with these parameters."""
         return cls.accepts
 
     @classmethod
     def tracker(cls, params: P) -> Mapping[str, str] | None:
-        """The tracker that its vehicles fly best with, in place of the mission's, as it would be
-        written: `use`, and its parameters; None to fly with the mission's. A target may name
-        another."""
+        """Return the tracker that replaces the mission's, unless the target names one, as YAML
+        would: `use` and its parameters. None keeps the mission's."""
         return None
 
     @classmethod
     def shows(cls, params: P) -> bool:
-        """Whether its links tell the truth of a simulator, which simulated sensors watch."""
+        """Return whether its links report a simulator's truth, which simulated sensors observe."""
         return cls.simulated
 
     @classmethod
     def objection(cls, params: P) -> Objection | None:
-        """Why it can't work as it is told, None when it can; asked by the compiler."""
+        """Return why it can't work with these parameters, None if it can."""
         return None
 
     @classmethod
     @abstractmethod
     def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
-        """Open every vehicle of `seats` in one session; `generator` is the only source of chance.
+        """Open every vehicle of `seats` in one session; all randomness comes from `generator`.
         Raises DriverError."""
 
     @classmethod
     def watchdog(cls, params: P) -> str | None:
-        """What is dangerous about the vehicle's own watchdog, which lands it should this program
-        die; None where nothing is. The preflight refuses to fly with it."""
+        """Return what is dangerous about the vehicle's own watchdog, which lands it if this program
+        dies; None if nothing is. The preflight fails with this reason."""
         return None
 
     @classmethod
     def control_rate(cls, params: P) -> int:
-        """Ticks a second with which its vehicles fly well, where the mission's `control` says
-        nothing; the run takes the highest that a vehicle of it needs."""
+        """Return the default control rate of its vehicles, Hz. A mission without `control` flies
+        at the highest of its vehicles."""
         return 250
 
     @classmethod
     def step_rate(cls, params: P) -> float | None:
-        """The rate (Hz) that the control rate must divide, None where there is none."""
+        """Return the rate (Hz) that the control rate must divide, None if there is none."""
         return None

@@ -1,4 +1,4 @@
-"""Faults and the rig by which they break a simulated vehicle."""
+"""Faults, their effects, and the rig that applies them to a simulated vehicle."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ if TYPE_CHECKING:
     import random
 
 Filter = Callable[[Measurement], Measurement | None]
-"""Changes a measurement on its way to the program, or drops it."""
+"""Changes a measurement before it arrives, or drops it (None)."""
 Air = Callable[[float], Vec3]
-"""Wind, m/s in the world frame, so many seconds after it began."""
+"""Wind in the world frame, m/s, as a function of the seconds since it began."""
 Rotors = tuple[float, float, float, float]
+"""A value for each rotor: front left, rear left, rear right, front right."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Effect:
-    """What a fault does to one simulated vehicle; where it says nothing, nothing.
+    """What a fault does to one simulated vehicle; the defaults do nothing.
 
-    filter: what every measurement passes as it arrives, a simulated camera's frames too. wind: on
-    top of the world's. mass: factor on the body's, its inertia with it. payload: kg on top of that.
-    rotors: factor on the thrust of each, front left, rear left, rear right, front right. sag: part
-    of the battery's charge that is missing. gyro_bias, accelerometer_bias: added to the IMU's own,
-    rad/s and m/s^2, body frame. late: seconds by which commands take effect late. body: the vehicle
-    that motion capture takes this one for, if it is another. camera: what is wrong with its
-    simulated cameras. view: the vehicle from whose place these see, if it is another. estimator:
-    the one of its estimators that fails, by name. deaf: nothing that comes over its link arrives
-    here. mute: nothing that is sent over its link arrives there.
+    filter: changes every arriving measurement, simulated cameras' frames included. wind: added to
+    the world's. mass: factor on the body's mass and inertia. payload: mass added to that, kg.
+    rotors: factor on each rotor's thrust. sag: fraction of the battery's charge that is missing.
+    gyro_bias, accelerometer_bias: added to the IMU's, rad/s and m/s^2, body frame. late: delay of
+    commands, seconds. body: the vehicle whose poses motion capture reports as this one's. camera:
+    the degradation of its simulated cameras. view: the vehicle from whose place its cameras see.
+    estimator: the name of the estimator that fails. deaf: nothing from the vehicle arrives over its
+    link. mute: nothing sent over its link reaches the vehicle.
     """
 
     filter: Filter | None = None
@@ -56,8 +56,8 @@ class Effect:
 
 
 class Rig:
-    """How a simulated vehicle is broken now: the effects at work on it, oldest first, and what they
-    are together. An effect that is taken away leaves nothing. Calls `changed` after each change."""
+    """The effects that are active on one simulated vehicle, oldest first, and their combination. An
+    effect that ends leaves no trace. `changed` is called after each change."""
 
     def __init__(self, vehicle: str, changed: Callable[[], None] = lambda: None) -> None:
         self.vehicle = vehicle
@@ -65,23 +65,27 @@ class Rig:
         self._effects: list[tuple[Effect, Time]] = []
 
     def begin(self, effect: Effect, now: Time) -> None:
+        """Activate `effect`."""
         self._effects.append((effect, now))
         self._changed()
 
     def end(self, effect: Effect) -> None:
+        """Deactivate `effect`."""
         self._effects = [entry for entry in self._effects if entry[0] is not effect]
         self._changed()
 
     @property
     def filters(self) -> tuple[Filter, ...]:
+        """Every filter, in the order in which they apply."""
         return tuple(e.filter for e, _ in self._effects if e.filter is not None)
 
     @property
     def blows(self) -> bool:
+        """Whether any effect has wind."""
         return any(e.wind is not None for e, _ in self._effects)
 
     def wind(self, now: Time) -> Vec3:
-        """The wind at `now`, the sum of all."""
+        """Return the sum of all winds at `now`, m/s in the world frame."""
         total = ZERO
         for effect, began in self._effects:
             if effect.wind is not None:
@@ -90,44 +94,48 @@ class Rig:
 
     @property
     def mass(self) -> float:
-        """The product of all."""
+        """The product of all factors."""
         return prod(e.mass for e, _ in self._effects)
 
     @property
     def payload(self) -> float:
-        """The sum of all, like the sag, the biases and the lateness."""
+        """The sum of all payloads, kg."""
         return sum(e.payload for e, _ in self._effects)
 
     @property
     def rotors(self) -> Rotors:
-        """The product of all."""
+        """The product of all factors, for each rotor."""
         a, b, c, d = (prod(e.rotors[i] for e, _ in self._effects) for i in range(4))
         return (a, b, c, d)
 
     @property
     def sag(self) -> float:
+        """The sum of all missing fractions of charge."""
         return sum(e.sag for e, _ in self._effects)
 
     @property
     def gyro_bias(self) -> Vec3:
+        """The sum of all biases, rad/s."""
         return _sum(e.gyro_bias for e, _ in self._effects)
 
     @property
     def accelerometer_bias(self) -> Vec3:
+        """The sum of all biases, m/s^2."""
         return _sum(e.accelerometer_bias for e, _ in self._effects)
 
     @property
     def late(self) -> float:
+        """The sum of all delays, seconds."""
         return sum(e.late for e, _ in self._effects)
 
     @property
     def body(self) -> str:
-        """The newest counts."""
+        """The vehicle that the newest effect names, else the vehicle itself."""
         return next((e.body for e, _ in reversed(self._effects) if e.body), self.vehicle)
 
     @property
     def camera(self) -> Weakness:
-        """The sum of all; of blurs the root of the squares' sum."""
+        """The sum of all degradations; for blur, the root of the sum of squares."""
         weak = [e.camera for e, _ in self._effects if e.camera is not SOUND]
         if not weak:
             return SOUND
@@ -137,20 +145,22 @@ class Rig:
 
     @property
     def view(self) -> str:
-        """The newest counts."""
+        """The vehicle that the newest effect names, else the vehicle itself."""
         return next((e.view for e, _ in reversed(self._effects) if e.view), self.vehicle)
 
     @property
     def estimators(self) -> frozenset[str]:
-        """All that fail."""
+        """The names of the estimators that fail."""
         return frozenset(e.estimator for e, _ in self._effects if e.estimator)
 
     @property
     def deaf(self) -> bool:
+        """Whether any effect cuts the link from the vehicle."""
         return any(e.deaf for e, _ in self._effects)
 
     @property
     def mute(self) -> bool:
+        """Whether any effect cuts the link to the vehicle."""
         return any(e.mute for e, _ in self._effects)
 
 
@@ -162,10 +172,12 @@ def _sum(vectors: Iterable[Vec3]) -> Vec3:
 
 
 class Fault(Part[P]):
-    """Breaks simulated vehicles. Made when it is injected; `generator` is its only source of
-    chance. `effects` is asked once, then; what it gives is at work until the fault's time is over.
-    One that raises is told and left out. `spoils` is the one kind of measurement that it is about:
-    a vehicle none of whose estimators needs that can't be broken by it."""
+    """Breaks simulated vehicles. Created when it is injected; all randomness comes from
+    `generator`.
+
+    A fault that raises is reported as the event `fault_failed` and ends. spoils: the kind of
+    measurement that it corrupts; the compiler reports a vehicle whose estimators don't need it.
+    """
 
     kind = "faults"
     spoils: ClassVar[MeasurementKind | None] = None
@@ -176,4 +188,5 @@ class Fault(Part[P]):
 
     @abstractmethod
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
-        """What it does to `vehicle`, on which it is injected, and to others, by name."""
+        """Return the effects by vehicle, on `vehicle`, where the fault is injected, and on others.
+        Called once; the effects are active until the fault ends."""

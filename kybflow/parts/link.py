@@ -1,7 +1,7 @@
-"""A vehicle's link: what the engine reads and sends once a tick, and what a link may do beside.
+"""A vehicle's link: the engine reads measurements from it and sends it commands, once a tick.
 
-A link must `read` and `send`. Whatever else it can do it shows by its type: it has the method of
-one of the small protocols below, and the runtime finds that with `isinstance`.
+A link must `read` and `send`. It offers each further capability by implementing one of the
+protocols below, which the runtime finds with `isinstance`.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from kybflow.parts.fault import Rig
 
 
 class Check(NamedTuple):
-    """A line of the preflight that the vehicle itself answers: what was checked, whether it passed,
-    and what was found, in words that say what to change (they may carry a table, `details`).
-    waits: whether it may still pass without anybody's doing."""
+    """A preflight check by the vehicle itself: its name, whether it passed, and what was found and
+    must change (with an optional table, `kybflow.core.details`). waits: it may still pass by
+    itself."""
 
     name: str
     green: bool
@@ -26,17 +26,17 @@ class Check(NamedTuple):
 
 
 class StatusText(NamedTuple):
-    """What the vehicle says of itself, in its own words. severity: `critical`, `error`, `warning`,
-    or `notice` and less."""
+    """A message from the vehicle in its own words. severity: `critical`, `error`, `warning`, or
+    `notice` and less."""
 
     severity: str
     text: str
 
 
 class Override(NamedTuple):
-    """Why a vehicle whose link works doesn't follow commands. lands: its own failsafe has it, not a
-    person, and it must be landed. refused: why it wasn't given back when somebody asked for it;
-    empty while nobody has asked and while the answer is awaited."""
+    """Why a vehicle with a working link doesn't follow commands. lands: its own failsafe controls
+    it, not a person, and it must land. refused: why a request for control was refused; empty
+    before a request and until it is answered."""
 
     reason: str
     lands: bool = False
@@ -46,13 +46,12 @@ class Override(NamedTuple):
 class Link(ABC):
     """One vehicle's connection.
 
-    rig: what faults break in a simulated vehicle; None on hardware.
-    override: why the vehicle doesn't follow commands though its link works, because a pilot flies
-    it or it changed its mode by itself; None while it follows. The link then sends no command until
-    somebody asks for the vehicle back (`Reclaimable`).
-    armed: whether the rotors may turn, as the vehicle says; None where it says nothing.
-    is_heard: whether the last `read` brought something from the vehicle itself, and not only what a
-    simulator gives beside it.
+    rig: where faults act on a simulated vehicle; None on hardware. override: why the vehicle
+    doesn't follow commands, because a pilot flies it or it changed its mode by itself; None while
+    it follows. While overridden, the link sends no command until the operator requests control
+    (`Reclaimable`). armed: whether the vehicle reports that it is armed; None if it reports
+    nothing. is_heard: whether the last `read` received data from the vehicle itself, not only from
+    a simulator beside it.
     """
 
     rig: Rig | None = None
@@ -67,7 +66,7 @@ class Link(ABC):
 
     @abstractmethod
     def send(self, command: Command, now: Time) -> None:
-        """Hand over the newest command. Raises DriverError."""
+        """Send the newest command. Raises DriverError."""
 
 
 @runtime_checkable
@@ -75,7 +74,7 @@ class Subscribable(Protocol):
     """A link that delivers some kinds of measurement only on demand."""
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
-        """From now on deliver at least these kinds, where the driver provides them."""
+        """Deliver at least these kinds from now on, if the driver provides them."""
 
 
 @runtime_checkable
@@ -83,10 +82,10 @@ class Arms(Protocol):
     """A vehicle that must be armed before it follows commands."""
 
     def arm(self, command: Command, now: Time) -> bool:
-        """Get ready to follow; return whether the rotors turn and commands are followed. Called
-        once a tick in place of `send`, from the first armed command until it returns True; the
-        behavior's time stands still meanwhile. command: what is asked of the vehicle then. Raises
-        Refused with the vehicle's own words; DriverError."""
+        """Arm; return whether the rotors turn and the vehicle follows commands. Called once a tick
+        in place of `send`, from the first armed command until it returns True, while the behavior's
+        time stands still. command: what the behavior commands meanwhile. Raises Refused with the
+        vehicle's own words; DriverError."""
 
 
 @runtime_checkable
@@ -94,8 +93,7 @@ class StopsRotors(Protocol):
     """A vehicle whose rotors can be stopped in the air."""
 
     def cut(self, now: Time) -> None:
-        """Stop the rotors at once. Called in the tick in which they must stop; disarmed commands
-        follow."""
+        """Stop the rotors at once, in flight. Disarmed commands follow."""
 
 
 @runtime_checkable
@@ -103,10 +101,10 @@ class Lands(Protocol):
     """A vehicle with a land mode of its own."""
 
     def land(self, now: Time) -> bool:
-        """Land by the vehicle's own land mode; return whether it is on the ground with its rotors
+        """Land in the vehicle's own land mode; return whether it is on the ground with its rotors
         at rest. Called once a tick in place of `send` while the failsafe lands a vehicle whose
         driver `lands`: the first call starts the mode, the next `send` ends it. Raises Refused with
-        the vehicle's own words when it won't land, or no longer does; DriverError."""
+        the vehicle's own words if it refuses or stops landing; DriverError."""
 
 
 @runtime_checkable
@@ -115,17 +113,17 @@ class Grips(Protocol):
 
     def grip(self, is_open: bool, now: Time) -> None:
         """Open or close the servo on the channel that the vehicle's context names. Called every
-        tick until a Payload measurement acknowledges it, so that nothing is lost on a bad link; the
-        link repeats the request as often as its protocol wants. Raises Refused with the vehicle's
-        own words; DriverError."""
+        tick until a Payload measurement acknowledges it, so a bad link loses nothing; the link
+        repeats the request as its protocol requires. Raises Refused with the vehicle's own words;
+        DriverError."""
 
 
 @runtime_checkable
 class TakesPosition(Protocol):
-    """A vehicle that fuses its position from outside, such as an autopilot without GPS."""
+    """A vehicle that fuses an external position, such as an autopilot without GPS."""
 
     def tell_position(self, estimate: Estimate, now: Time) -> None:
-        """Tell the vehicle where it is; called once a tick while that is known."""
+        """Send the vehicle its position; called once a tick while it is known."""
 
 
 @runtime_checkable
@@ -138,18 +136,18 @@ class ReportsChecks(Protocol):
 
 @runtime_checkable
 class SendsStatusTexts(Protocol):
-    """A vehicle that reports its state in words."""
+    """A vehicle that sends messages in words."""
 
     def status_texts(self) -> Sequence[StatusText]:
-        """Return what the vehicle said since the last call, oldest first, each text once."""
+        """Return the messages since the last call, oldest first, each once."""
 
 
 @runtime_checkable
 class Reclaimable(Protocol):
-    """A vehicle that a pilot or its own failsafe may take over, and that can be asked for back."""
+    """A vehicle that a pilot or its own failsafe may take over."""
 
     def reclaim(self, now: Time) -> None:
-        """Ask for the vehicle back; one that isn't given back says why in `override.refused`."""
+        """Request control of the vehicle; a refusal appears in `override.refused`."""
 
 
 @runtime_checkable
@@ -157,34 +155,33 @@ class ShowsTruth(Protocol):
     """A link to a simulator that knows where the vehicle is."""
 
     def truth(self) -> Truth | None:
-        """Return the true state for the recorder and the expectations; None where unknown."""
+        """Return the true state for the recorder and the expectations; None if unknown."""
 
 
 @runtime_checkable
 class ShowsView(Protocol):
-    """A link to a simulator in which cameras can be exchanged between vehicles."""
+    """A link to a simulator in which a fault can exchange the cameras of two vehicles."""
 
     def view(self) -> Truth | None:
-        """Return the true state of the vehicle whose camera this one sees through."""
+        """Return the true state of the vehicle from which this one's cameras see."""
 
 
 @runtime_checkable
 class ReportsCollisions(Protocol):
-    """A link to a simulator that notices collisions."""
+    """A link to a simulator that detects collisions."""
 
     def collisions(self) -> Sequence[str]:
-        """Return what the vehicle ran into in the air since the last call; for the recorder and the
-        expectations."""
+        """Return what the vehicle hit in flight since the last call."""
 
 
 def truth_source(link: Link) -> Callable[[], Truth | None]:
-    """Return what tells the true state of a vehicle: None wherever no simulator does."""
+    """Return a function that returns the vehicle's true state, always None without a simulator."""
     return link.truth if isinstance(link, ShowsTruth) else _unknown
 
 
 def view_source(link: Link) -> Callable[[], Truth | None]:
-    """Return what tells from where a simulated camera sees: the vehicle's true state, or another's
-    where a fault has exchanged their cameras."""
+    """Return a function that returns the true state of the vehicle from which a simulated camera
+    sees: its own, or another while a fault has exchanged them."""
     return link.view if isinstance(link, ShowsView) else truth_source(link)
 
 

@@ -1,8 +1,7 @@
-"""What conditions and expectations may ask of a vehicle: each name, its type and how it is read,
-written once.
+"""The observables of conditions and expectations, and the events that the engine emits.
 
-The compiler reads the types, the runtime the getters. In a condition `view.state` is the estimate;
-in an expectation it is the truth where a simulator knows it.
+The compiler reads an observable's type, the runtime its getter. In a condition `View.state` is the
+estimate; in an expectation it is the simulator's truth, if there is one.
 """
 
 from __future__ import annotations
@@ -19,74 +18,98 @@ from kybflow.core.units import ANGLE, DURATION, LENGTH, NUMBER, RATIO, SPEED, VO
 
 
 class Unavailable(Exception):
-    """The value can't be known now (no estimate yet, no battery report): a comparison with it is
-    false."""
+    """A value is unknown now, such as an estimate; a comparison with it is false."""
 
 
 def chains_of(state: str) -> tuple[str, ...]:
-    """The chains in which a state is, outermost first: `a` and `a.b` for `a.b.c`."""
+    """Return the chains that contain a state, outermost first: `a` and `a.b` for `a.b.c`."""
     if "." not in state:
         return ()
     return tuple(state[:i] for i, letter in enumerate(state) if letter == ".")
 
 
 def is_in(behavior: str, state: str) -> bool:
-    """Whether a vehicle whose state is `behavior` is in `state`: the same, or a chain around it."""
+    """Return whether `behavior`, a vehicle's state, is `state` or inside the chain `state`."""
     return behavior == state or ("." in behavior and behavior.startswith(f"{state}."))
 
 
 class State(Protocol):
-    """Position and velocity in the world, attitude body to world: an Estimate or a Truth."""
+    """The common part of an Estimate and a Truth."""
 
     @property
-    def position(self) -> Vec3: ...
+    def position(self) -> Vec3:
+        """In the world, metres."""
+
     @property
-    def velocity(self) -> Vec3: ...
+    def velocity(self) -> Vec3:
+        """In the world, m/s."""
+
     @property
-    def attitude(self) -> Quat: ...
+    def attitude(self) -> Quat:
+        """Body to world."""
 
 
 class View(Protocol):
-    """What may be looked at of one vehicle; a property that can't be known raises Unavailable."""
+    """One vehicle as observables read it. A property raises Unavailable while it is unknown."""
 
     @property
-    def state(self) -> State: ...
+    def state(self) -> State:
+        """The estimate or the truth."""
+
     @property
     def wanted(self) -> Setpoint:
-        """The setpoint before tracking; Unavailable on the ground."""
+        """The setpoint that the tracker follows; Unavailable on the ground."""
 
     @property
-    def battery(self) -> Battery: ...
+    def battery(self) -> Battery:
+        """The newest battery report."""
+
     @property
-    def behavior(self) -> str: ...
+    def behavior(self) -> str:
+        """The name of the active state, empty before the first."""
+
     @property
-    def estimator(self) -> str: ...
+    def estimator(self) -> str:
+        """The name of the estimator in use."""
+
     @property
-    def elapsed(self) -> float: ...
+    def elapsed(self) -> float:
+        """Seconds since the active state was entered."""
+
     @property
-    def start(self) -> Vec3: ...
+    def start(self) -> Vec3:
+        """The declared start in the world, metres."""
+
     @property
-    def age(self) -> float: ...
+    def age(self) -> float:
+        """The estimate's age, seconds."""
+
     @property
-    def spread(self) -> float: ...
+    def spread(self) -> float:
+        """The standard deviation of the estimate's position, metres."""
+
     @property
-    def payload(self) -> PayloadState: ...
+    def payload(self) -> PayloadState:
+        """Where the payload is, as the vehicle acknowledged it."""
+
     @property
     def payload_place(self) -> Vec3:
-        """Where the payload is; Unavailable where no simulator knows."""
+        """The payload's centre in the world, metres; Unavailable outside a simulator."""
 
     @property
-    def releases(self) -> int: ...
+    def releases(self) -> int:
+        """How often the payload was released."""
+
     @property
     def sticks(self) -> Sticks:
-        """What a person holds; Unavailable where nobody holds any."""
+        """A pilot's sticks; Unavailable without a transmitter or a ground station."""
 
 
 @dataclass(frozen=True, slots=True)
 class Observable:
-    """One name. `dimension` None: a name (of a state, of an estimator), compared with `==` and
-    `!=`; `words` are those that it may be, where they are always the same. It is never below `low`
-    or above `high` (SI)."""
+    """A value that conditions and expectations can read by name. dimension: None for text (the name
+    of a state or an estimator), which is compared with `==` and `!=`. low, high: its bounds, SI.
+    words: the values that a text can have, if they are fixed."""
 
     help: str
     dimension: Dimension | None
@@ -238,7 +261,7 @@ EVENTS: dict[str, str] = {
     "logged": "A callback said something.",
     "action_failed": "An action of a package raised and was left out.",
 }
-"""What the engine tells, by name; parts declare the events of their alarms themselves."""
+"""The events that the engine emits and their help; parts declare the events of their alarms."""
 OF_THE_RUN = frozenset(
     {
         "run_started", "run_ended", "run_stopped", "observer_failed", "logged", "action_failed",
@@ -246,14 +269,14 @@ OF_THE_RUN = frozenset(
         "flow_failed",
     }
 )  # fmt: skip
-"""The events that belong to no vehicle."""
+"""Events of the whole run, which belong to no vehicle."""
 OF_THE_SIMULATOR = frozenset({"fault_injected", "fault_ended", "fault_failed"})
-"""The events that no vehicle could know of: they may be logged, and nothing else."""
+"""Events that no vehicle could observe; callbacks may only log them."""
 TOO_LATE = frozenset({"run_ended", "preflight_failed"})
-"""The events after which no tick follows, so that nothing can answer them."""
+"""Events after which no tick follows, so that nothing can react to them."""
 
 ALARM_FIELDS = ("reaction", "reason", "value", "bound")
-"""What an alarm's event carries; the last two are numbers."""
+"""The fields of an alarm's event; `value` and `bound` are numbers."""
 EVENT_FIELDS: dict[str, tuple[str, ...]] = {
     "run_started": (),
     "run_ended": ("reason",),
@@ -322,5 +345,5 @@ EVENT_FIELDS: dict[str, tuple[str, ...]] = {
     "fault_ended": ("fault",),
     "fault_failed": ("fault", "reason"),
 }
-"""What each event of EVENTS carries beside its vehicle and its time. A part's own event is an
-alarm's; a custom one carries nothing."""
+"""The fields of each event in EVENTS, beside its vehicle and time. A part's event has ALARM_FIELDS,
+a custom event none."""

@@ -1,4 +1,4 @@
-"""Sensors that are no part of the vehicle's driver: a camera, motion capture on the network."""
+"""Sensors beside the vehicle's driver: a camera, motion capture on the network."""
 
 from __future__ import annotations
 
@@ -17,24 +17,25 @@ if TYPE_CHECKING:
 
 
 class Stream(ABC):
-    """What a sensor has open for one vehicle. The engine reads it once a tick."""
+    """An open sensor of one vehicle. The engine reads it once a tick."""
 
     @abstractmethod
     def read(self, now: Time) -> Sequence[Measurement]:
-        """The measurements that arrived since the last call, oldest first. One that is later than
-        `now` by more than 5 ms is left out, and told. Raises DriverError."""
+        """Return the measurements that arrived since the last call, oldest first. A measurement
+        more than 5 ms later than `now` is discarded and reported. Raises DriverError."""
 
     def trouble(self) -> str | None:
-        """Why nothing can come, in words for a person; None where nothing is known to be wrong."""
+        """Return why nothing can arrive, in words for a person; None if no problem is known."""
         return None
 
     @abstractmethod
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Release the device or the connection."""
 
 
 class Sensor(Part[P]):
-    """Gives a vehicle measurements that its driver doesn't. `provides` kinds of them. A `simulated`
-    one watches a simulated vehicle, and flies with no other."""
+    """Provides measurements that the vehicle's driver doesn't. provides: their kinds. simulated: it
+    observes a simulator's truth, and works with no other vehicle."""
 
     kind = "sensors"
     provides: ClassVar[frozenset[MeasurementKind]]
@@ -42,23 +43,24 @@ class Sensor(Part[P]):
 
     @classmethod
     def seen_by(cls, params: P, cameras: Mapping[str, Camera]) -> Mapping[str, Camera]:
-        """The vehicle's cameras, by name, as they are on this target: those of the airframe, but
-        for what the sensor knows better."""
+        """Return the vehicle's cameras on this target, by name: the airframe's, with what the
+        sensor knows better, such as a calibration."""
         return cameras
 
     @classmethod
     def objection(cls, params: P, cameras: Mapping[str, Camera]) -> Objection | None:
-        """Why it can't work as it is told on a vehicle with these cameras, None when it can."""
+        """Return why it can't work with these parameters and cameras, None if it can."""
         return None
 
     @classmethod
     def claims(cls, params: P, cameras: Mapping[str, Camera]) -> Sequence[str]:
-        """What no other sensor of the vehicle may give, in words; nobody could tell them apart."""
+        """Return, in words, what no other sensor of the vehicle may provide; they would be
+        indistinguishable."""
         return [f"`{kind_name(kind)}` measurements" for kind in cls.provides]
 
     @classmethod
     def real_time(cls, params: P) -> bool:
-        """Whether it goes by the wall's clock, so that a simulation beside it must too."""
+        """Return whether it runs in real time, so that a simulation beside it must too."""
         return False
 
     @classmethod
@@ -66,10 +68,10 @@ class Sensor(Part[P]):
     def open(
         cls, params: P, context: VehicleContext, link: Link, generator: random.Random
     ) -> Stream:
-        """Open it for the vehicle of `context`, whose driver's link is `link`; `generator` is
-        the only source of chance. Raises DriverError."""
+        """Open the sensor for the vehicle of `context`, whose driver's link is `link`; all
+        randomness comes from `generator`. Raises DriverError."""
 
 
 def frames_of(cameras: Iterable[str]) -> Sequence[str]:
-    """What a sensor claims that takes the frames of these cameras."""
+    """Return what a sensor claims, in words, that takes these cameras' frames."""
     return [f"frames of `{camera}`" for camera in cameras]

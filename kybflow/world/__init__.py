@@ -1,3 +1,3 @@
-"""Facts of the place and the vehicle: shapes, obstacles, printed tags, cameras, an airframe and
-what a vehicle's parts may know of it. Values only; nothing here flies or reads a file.
+"""The world and the vehicle as data: shapes, obstacles, printed tags, cameras, the airframe, and
+the context that a vehicle's parts receive. Nothing here flies or reads a file.
 """

@@ -1,7 +1,7 @@
-"""A camera: its lens, and where it sits on the body.
+"""A camera: its lens and its pose on the body.
 
-Optical frame: x to the image's right, y down, z out of the lens (REP 103, suffix `_optical`). A
-pixel's centre has whole coordinates, (0, 0) is the centre of the upper left one, as in OpenCV.
+The optical frame has x to the image's right, y down and z out of the lens (REP 103, suffix
+`_optical`). Pixel centres have integer coordinates; (0, 0) is the upper left pixel, as in OpenCV.
 """
 
 from __future__ import annotations
@@ -11,12 +11,11 @@ from typing import NamedTuple
 from kybflow.core.geometry import Quat, Vec3
 
 DOWN: Quat = (0.0, 0.7071067811865476, -0.7071067811865476, 0.0)
-"""Optical frame to body of a camera that looks down with the image's upper edge forward."""
+"""Optical frame to body for a camera that looks down, with the image's upper edge forward."""
 
 
 class Lens(NamedTuple):
-    """A calibrated lens: image size and intrinsics in pixels; `distortion` is OpenCV's k1, k2, p1,
-    p2, k3."""
+    """A calibrated lens, in pixels; distortion as OpenCV's k1, k2, p1, p2, k3."""
 
     width: int
     height: int
@@ -28,9 +27,9 @@ class Lens(NamedTuple):
 
 
 class Camera(NamedTuple):
-    """A camera on a vehicle. position: of its lens, body frame (FLU), metres. attitude: optical
-    frame to body. rate: frames a second. row_time: from the start of a row's exposure to the next
-    row's, seconds; zero is a global shutter."""
+    """A camera on a vehicle. position: the lens in the body frame (FLU), metres. attitude: optical
+    frame to body. rate: frames per second. row_time: seconds from the start of one row's exposure
+    to the next row's; zero is a global shutter."""
 
     name: str
     lens: Lens

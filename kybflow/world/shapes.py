@@ -15,6 +15,7 @@ class Box(NamedTuple):
     high: Vec3
 
     def contains(self, p: Vec3) -> bool:
+        """Return whether `p` is inside or on the surface."""
         return (
             self.low[0] <= p[0] <= self.high[0]
             and self.low[1] <= p[1] <= self.high[1]
@@ -22,8 +23,7 @@ class Box(NamedTuple):
         )
 
     def outside_by(self, p: Vec3) -> float:
-        """How far `p` is beyond the nearest face that it has crossed: positive outside, negative
-        inside."""
+        """Return how far `p` is beyond the box along the worst axis; negative inside."""
         low, high = self.low, self.high
         return max(
             low[0] - p[0],
@@ -35,7 +35,7 @@ class Box(NamedTuple):
         )
 
     def distance(self, p: Vec3) -> float:
-        """From the surface to `p`; negative inside."""
+        """Return the distance from the surface to `p`; negative inside."""
         inside = self.outside_by(p)
         if inside <= 0.0:
             return inside
@@ -46,14 +46,14 @@ class Box(NamedTuple):
 
 
 class Cylinder(NamedTuple):
-    """An upright cylinder; `at` is the centre of its foot."""
+    """An upright cylinder; `at` is the centre of its base."""
 
     at: Vec3
     radius: float
     height: float
 
     def distance(self, p: Vec3) -> float:
-        """From the surface to `p`; negative inside."""
+        """Return the distance from the surface to `p`; negative inside."""
         aside = hypot(p[0] - self.at[0], p[1] - self.at[1]) - self.radius
         above = max(self.at[2] - p[2], p[2] - self.at[2] - self.height)
         if aside <= 0.0 or above <= 0.0:
@@ -62,25 +62,24 @@ class Cylinder(NamedTuple):
 
 
 class Sphere(NamedTuple):
-    """A ball around `at`."""
+    """A ball with its centre at `at`."""
 
     at: Vec3
     radius: float
 
     def distance(self, p: Vec3) -> float:
-        """From the surface to `p`; negative inside."""
+        """Return the distance from the surface to `p`; negative inside."""
         return distance(p, self.at) - self.radius
 
 
 class Plane(NamedTuple):
-    """A wall without end through `at`; all behind it, away from the unit vector `facing`, is
-    solid."""
+    """An infinite wall through `at`, solid behind; the unit vector `facing` points out of it."""
 
     at: Vec3
     facing: Vec3
 
     def distance(self, p: Vec3) -> float:
-        """From the surface to `p`; negative behind it."""
+        """Return the distance from the wall to `p`; negative behind it."""
         return sum((a - b) * n for a, b, n in zip(p, self.at, self.facing, strict=True))
 
 

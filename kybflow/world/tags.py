@@ -1,7 +1,7 @@
-"""Printed tags in the world, and the map that knows where they are.
+"""Printed tags in the world, and the map of their poses.
 
-A tag's frame: x to the right of the printed face, y up, z out of the paper; its origin is the
-centre. So a tag on the floor with heading 0 has the attitude LEVEL: its upper edge points north
+A tag's frame has its origin at the centre, x to the right of the printed face, y up and z out of
+the paper. A tag on the floor with heading 0 has the attitude LEVEL: its upper edge points north
 (world y).
 """
 
@@ -14,15 +14,15 @@ from typing import NamedTuple
 from kybflow.core.geometry import Quat, Vec3, add, rotate
 
 _CELL = 1.0
-"""Side of a cell of the index, metres."""
+"""Side of a cell of the spatial index, metres."""
 
 Key = tuple[str, int]
-"""A tag's family and number."""
+"""A tag's family and id."""
 
 
 class Tag(NamedTuple):
     """A printed tag. family: `36h11`, ... (`kybflow.vision.families`). size: side of the black
-    square, metres. position, attitude: of its frame in the world."""
+    square, metres. position, attitude: the pose of its frame in the world."""
 
     family: str
     id: int
@@ -32,11 +32,12 @@ class Tag(NamedTuple):
 
     @property
     def key(self) -> Key:
+        """The family and id, which identify the tag."""
         return self.family, self.id
 
     def corners(self) -> tuple[Vec3, Vec3, Vec3, Vec3]:
-        """Of the black square, in the world: upper left, upper right, lower right, lower left, the
-        order in which OpenCV gives them."""
+        """Return the corners of the black square in the world, in OpenCV's order: upper left, upper
+        right, lower right, lower left."""
         h = 0.5 * self.size
         at, turn = self.position, self.attitude
         return (
@@ -48,8 +49,8 @@ class Tag(NamedTuple):
 
 
 class TagMap:
-    """The tags of the world. Nothing here costs more with more tags elsewhere. Each family and
-    number stands once; raises ValueError for a second."""
+    """The world's tags, in a spatial index: a look-up near a place doesn't slow down with tags
+    elsewhere. Raises ValueError if two tags have the same family and id."""
 
     def __init__(self, tags: Iterable[Tag]) -> None:
         self._tags: dict[Key, Tag] = {}
@@ -74,11 +75,12 @@ class TagMap:
         return hash(frozenset(self._tags))
 
     def get(self, family: str, id: int) -> Tag | None:
-        """The tag, None where the map has none such."""
+        """Return the tag, None if the map has none."""
         return self._tags.get((family, id))
 
     def near(self, x: float, y: float, radius: float) -> list[Tag]:
-        """At least every tag whose centre is within `radius` of (x, y), seen from above."""
+        """Return every tag whose centre is within `radius` (metres, horizontally) of (x, y), and
+        possibly others nearby."""
         (left, low), (right, high) = _cell(x - radius, y - radius), _cell(x + radius, y + radius)
         cells = ((i, j) for i in range(left, right + 1) for j in range(low, high + 1))
         return [tag for cell in cells for tag in self._cells.get(cell, ())]

@@ -1,4 +1,4 @@
-"""What a part knows of the place where it works: the world, the airframe, the vehicle's start."""
+"""The context of a vehicle's parts: the world, the airframe, the payload and the start."""
 
 from __future__ import annotations
 
@@ -15,13 +15,12 @@ from kybflow.world.tags import TagMap
 
 NO_TAGS = TagMap(())
 LEGS = 0.05
-"""Height of a simulated vehicle's rotor plane above the floor when it stands, metres."""
+"""Height of a standing simulated vehicle's rotor plane above the floor, metres."""
 
 
 @params
 class Airframe:
-    """A quadrotor as its maker describes it; the simulator may build one that differs, as real ones
-    do."""
+    """A quadrotor's nominal data; the simulated one may differ from it, as real ones do."""
 
     mass: Mass = param("Mass, ready to fly.", above=0.0)
     diameter: Length = param("From rotor hub to rotor hub, diagonally.", above=0.0)
@@ -48,24 +47,24 @@ class Airframe:
 
     @property
     def arm(self) -> float:
-        """From the centre to a rotor hub, metres."""
+        """The distance from the centre to a rotor hub, metres."""
         return self.diameter / 2.0
 
     @property
     def hover_thrust(self) -> float:
-        """Newtons that hold the airframe's own weight."""
+        """The thrust that holds the airframe's weight, newtons."""
         return self.mass * GRAVITY
 
     @property
     def max_thrust(self) -> float:
-        """Newtons of all four rotors together."""
+        """The largest thrust of all four rotors together, newtons."""
         return 4.0 * self.thrust
 
 
 @declared
 class Parcel:
-    """What a vehicle carries and may release: a box under its rotors, whose lower side is level
-    with its legs."""
+    """A payload that a vehicle carries and can release: a box under its rotors, its lower side
+    level with the legs."""
 
     mass: Mass = param("Mass; no controller is told of it.", above=0.0)
     size: Length = param("Side of the box, a cube.", above=0.0)
@@ -77,11 +76,12 @@ class Parcel:
 
 
 class VehicleContext(NamedTuple):
-    """What a vehicle's parts are built with: who it is, what it flies, where, how often.
+    """What a vehicle's parts are created with; metres and radians in the world frame.
 
-    home: where `go_home` flies, None for the start. obstacles: the world's, by name. diameters:
-    of every vehicle's airframe, by name. tags: the world's. cameras: those on the airframe, by
-    name. payload: what the vehicle carries, None for nothing.
+    vehicle: its name. start, heading: its declared start. dt: seconds per tick. home: where
+    `go_home` flies, None for the start. obstacles: the world's, by name. diameters: every vehicle's
+    airframe diameter, by vehicle. tags: the world's. cameras: the airframe's, by name. payload:
+    what the vehicle carries, None for nothing.
     """
 
     vehicle: str
