@@ -76,7 +76,9 @@ class AutopilotLink(Link):
         if context.payload is not None:
             output = profile.output(context.payload.channel, params.simulator)
             names.append(output.parameter)
-            self._grip = PayloadGrip(contact, output)
+            self._grip = PayloadGrip(
+                profile, contact.status, contact.requests, contact.parameters, output
+            )
         rates = {**profile.streams, **(profile.simulator_streams if params.simulator else {})}
         self._capacity, self._rates = LineCapacity(params), rates
         idle = {name: min(rates[name], IDLE) for name in INERTIAL if name in rates}

@@ -7,16 +7,13 @@ in turn.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from kybflow.core.errors import Refused
 from kybflow.core.signals import NS, Payload, Time
-from kybflow.drivers.mavlink.control.requests import CommandRequest, name_of
-from kybflow.drivers.mavlink.firmware import Output, PayloadCommand
+from kybflow.drivers.mavlink.control.requests import CommandRequest, CommandRequests, name_of
+from kybflow.drivers.mavlink.firmware import FirmwareProfile, Output, PayloadCommand
 from kybflow.drivers.mavlink.protocol import codec
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.contact import Contact
+from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
+from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 SEEN = 2.0
 """Seconds within which an acknowledged output must have moved, and the largest age of a report of
@@ -26,9 +23,16 @@ the outputs."""
 class PayloadGrip:
     """Opens and closes the payload. output: the one that it hangs on."""
 
-    def __init__(self, contact: Contact, output: Output) -> None:
-        self._profile, self._status = contact.profile, contact.status
-        self._requests, self._parameters = contact.requests, contact.parameters
+    def __init__(
+        self,
+        profile: FirmwareProfile,
+        status: ReceivedStatus,
+        requests: CommandRequests,
+        parameters: AutopilotParameters,
+        output: Output,
+    ) -> None:
+        self._profile, self._status = profile, status
+        self._requests, self._parameters = requests, parameters
         self._output = output
         self._is_open: bool | None = None
         self._left: list[PayloadCommand] = []
