@@ -188,6 +188,10 @@ class Failsafe:
         self._braking.clear()
         self._for_good = False
 
+    def is_latched(self) -> bool:
+        """Return whether a reaction holds that only a severer one can replace."""
+        return self.latched is not None
+
     def reset(self) -> None:
         """Release every reaction: a person has checked the vehicle on the ground."""
         self.latched = None

@@ -80,13 +80,7 @@ class Vehicle:
             plan, context, link_in, events, observer, score, failsafe.report, sensors, bodies, fleet
         )
         activity = Activity(
-            plan,
-            params,
-            events,
-            score,
-            self.entry,
-            self._objection,
-            latched=lambda: failsafe.latched is not None,
+            plan, params, events, score, self.entry, self._objection, failsafe.is_latched
         )
         output = CommandOutput(
             plan, link_out, activity, knowledge.payload, knowledge.resting, events
