@@ -109,28 +109,28 @@ class EmulatedEstimator:
 
     def see(self, pose: VisionPose, now: Time) -> None:
         """Correct with external vision."""
-        heeded = self._sources(self._parameters)
-        if heeded.vision_heading and pose.heading is not None:
+        used = self._sources(self._parameters)
+        if used.vision_heading and pose.heading is not None:
             self.attitude.see(pose.heading)
             self._aimed = now
-        if not heeded.vision:
+        if not used.vision:
             return
         at = pose.time if 0 <= now - pose.time < NS // 2 else now
         off = self._observer.off(pose.position, at)
-        if not heeded.vision_height:
+        if not used.vision_height:
             off = (off[0], off[1], 0.0)
         jumped = self._resets is not None and pose.resets != self._resets
         left = self._admitted(off, jumped or self._vision is None, now)
         if left is not None:
-            height = SEEN if heeded.vision_height else 0.0
+            height = SEEN if used.vision_height else 0.0
             self._observer.correct(left, (SEEN, SEEN, height), self._since(self._vision, now))
             self._vision, self._resets = now, pose.resets
-            self._height = now if heeded.vision_height else self._height
+            self._height = now if used.vision_height else self._height
 
     def fix(self, position: Vec3, at: Time, now: Time) -> None:
         """Correct with a GPS position in the world."""
-        heeded = self._sources(self._parameters)
-        if not heeded.gps or (heeded.vision and self.sees(now)):
+        used = self._sources(self._parameters)
+        if not used.gps or (used.vision and self.sees(now)):
             return
         if self._first_fix is None:
             self._first_fix = (now, position)

@@ -76,7 +76,7 @@ class Contact:
         self._text: ReceivedText | None = None
         self._told: dict[str, Time] = {}
         self._kept: list[ReceivedText] = []
-        port.want({*self.status.heeds, *self.telemetry.heeds, *profile.streams, *ANSWERS})
+        port.want({*self.status.reads, *self.telemetry.reads, *profile.streams, *ANSWERS})
         if self.truth is not None:
             port.want(TRUE)
 

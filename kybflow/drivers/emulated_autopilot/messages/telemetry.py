@@ -37,13 +37,13 @@ def heartbeat(a: OnboardAutopilot) -> Any:
 
 
 def sys_status(a: OnboardAutopilot) -> Any:
-    s, heeded = a.state, a.firmware.sources(a.state.parameters)
+    s, used = a.state, a.firmware.sources(a.state.parameters)
     present = GYRO | ACCELEROMETER | BAROMETER | AHRS | BATTERY | PREARM | MOTORS
-    present |= COMPASS * heeded.compass | GPS * heeded.gps | VISION * heeded.vision
+    present |= COMPASS * used.compass | GPS * used.gps | VISION * used.vision
     health = present
     if s.armed or a.firmware.refuses_arming(s, a.now):
         health &= ~PREARM if not s.armed else ~0
-    if heeded.vision and not s.estimator.sees(a.now):
+    if used.vision and not s.estimator.sees(a.now):
         health &= ~VISION
     if not s.estimator.is_settled(a.now):
         health &= ~AHRS

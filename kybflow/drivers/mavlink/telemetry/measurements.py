@@ -78,7 +78,7 @@ class Telemetry:
             self._taken.append(Payload(0, not context.payload.aboard, context.payload.aboard))
 
     @property
-    def heeds(self) -> Set[str]:
+    def reads(self) -> Set[str]:
         """The messages that it reads."""
         return self._hear.keys()
 

@@ -30,7 +30,7 @@ WHOLE = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "<I", 6: "<i"}
 """How the four bytes hold a whole number of each MAV_PARAM_TYPE."""
 
 
-class _Errand:
+class _Exchange:
     """One parameter that is being read, or written where `value` is not None. `next`: when it is
     sent again, 0 before the first time."""
 
@@ -57,29 +57,29 @@ class AutopilotParameters:
         self.refused: dict[str, str] = {}
         self._bytewise, self._target = bytewise, target
         self._types: dict[str, int] = {}
-        self._errands: dict[str, _Errand] = {}
+        self._exchanges: dict[str, _Exchange] = {}
 
     def read(self, names: Iterable[str], now: Time, again: bool = False) -> None:
         """Read these parameters, except those already known or known to be missing; `again` reads
         those too."""
         for name in names:
-            if name in self._errands:
+            if name in self._exchanges:
                 continue
             if again:
                 self.missing.discard(name)
             elif name in self.values or name in self.missing:
                 continue
-            self._errands[name] = _Errand(None)
+            self._exchanges[name] = _Exchange(None)
 
     def write(self, name: str, value: float, now: Time) -> None:
         """Write a parameter; it is read first where its type is unknown."""
         self.refused.pop(name, None)
         self.missing.discard(name)
-        self._errands[name] = _Errand(rounded(value))
+        self._exchanges[name] = _Exchange(rounded(value))
 
     def is_complete(self, names: Iterable[str]) -> bool:
         """Whether no answer about these is awaited any more."""
-        return not any(name in self._errands for name in names)
+        return not any(name in self._exchanges for name in names)
 
     def hear(self, message: Message, now: Time) -> None:
         """Take in a message; those that are not about parameters are ignored."""
@@ -91,31 +91,31 @@ class AutopilotParameters:
 
     def due(self, now: Time) -> list[Message]:
         """The messages to send now. Called every tick: it also gives up what was never answered."""
-        for name, errand in list(self._errands.items()):
-            if errand.tries >= TRIES and now >= errand.next:
+        for name, exchange in list(self._exchanges.items()):
+            if exchange.tries >= TRIES and now >= exchange.next:
                 self._give_up(name)
-        under_way = list(self._errands.items())[:AT_ONCE]
+        under_way = list(self._exchanges.items())[:AT_ONCE]
         return [self._send(name, e, now) for name, e in under_way if now >= e.next]
 
     def _value(self, message: Message) -> None:
         name = name_in(message)
-        errand = self._errands.get(name)
-        if errand is None and name not in self.values:
+        exchange = self._exchanges.get(name)
+        if exchange is None and name not in self.values:
             return
         is_first = name not in self._types
         self._types[name] = message.param_type
         value = self.values[name] = self._decoded(message)
-        if errand is None:
+        if exchange is None:
             return
-        if errand.value is None or is_same(errand.value, value):
-            del self._errands[name]
+        if exchange.value is None or is_same(exchange.value, value):
+            del self._exchanges[name]
         elif is_first:
-            errand.begin_anew()  # now that its type is known
+            exchange.begin_anew()  # now that its type is known
 
     def _error(self, message: Message) -> None:
         name = name_in(message)
-        errand = self._errands.pop(name, None)
-        if errand is None:
+        exchange = self._exchanges.pop(name, None)
+        if exchange is None:
             return
         if message.error == DOES_NOT_EXIST:
             self._forget(name)
@@ -123,8 +123,8 @@ class AutopilotParameters:
             self.refused[name] = ERRORS.get(message.error, f"error {message.error}")
 
     def _give_up(self, name: str) -> None:
-        errand = self._errands.pop(name)
-        if errand.value is None or name not in self._types:
+        exchange = self._exchanges.pop(name)
+        if exchange.value is None or name not in self._types:
             self._forget(name)
         else:
             self.refused[name] = f"it stays at {self.values[name]:g}"
@@ -134,13 +134,13 @@ class AutopilotParameters:
         self.values.pop(name, None)
         self._types.pop(name, None)
 
-    def _send(self, name: str, errand: _Errand, now: Time) -> Message:
-        errand.next = now + (FIRST_WAIT << errand.tries)
-        errand.tries += 1
+    def _send(self, name: str, exchange: _Exchange, now: Time) -> Message:
+        exchange.next = now + (FIRST_WAIT << exchange.tries)
+        exchange.tries += 1
         sort = self._types.get(name)
-        if errand.value is None or sort is None:
+        if exchange.value is None or sort is None:
             return mavlink.MAVLink_param_request_read_message(*self._target, name.encode(), -1)
-        on_wire = self._encoded(errand.value, sort)
+        on_wire = self._encoded(exchange.value, sort)
         return mavlink.MAVLink_param_set_message(*self._target, name.encode(), on_wire, sort)
 
     def _decoded(self, message: Message) -> float:

@@ -112,7 +112,7 @@ class ReceivedStatus:
         }
 
     @property
-    def heeds(self) -> Set[str]:
+    def reads(self) -> Set[str]:
         """The messages that it reads."""
         return self._hear.keys()
 
