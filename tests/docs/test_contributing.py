@@ -1,4 +1,5 @@
-"""CONTRIBUTING.md's "Add a behavior in five minutes", done as written, in a copy of the package."""
+"""CONTRIBUTING.md's recipes for a behavior, a supervisor and a check, done as written,
+each in a copy of the package."""
 
 import os
 import re
@@ -11,22 +12,52 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-TEXT = PAGE.partition("## Add a behavior in five minutes\n")[2].partition("\n## ")[0]
+pytestmark = pytest.mark.thorough
+LITERATE = """# Names
+
+## KYB119: a vehicle like its behavior
+
+```yaml
+kybflow: 1
+mission: bad
+import: {std: kybflow/airframes}
+vehicles:
+  up: {like: std.nano_plus, behaviors: {up: {do: take_off, height: 1 m}}}
+```
+
+```report
+```
+
+```diff
+-  up: {like: std.nano_plus, behaviors: {up: {do: take_off, height: 1 m}}}
++  a: {like: std.nano_plus, behaviors: {up: {do: take_off, height: 1 m}}}
+```
+"""
 
 
-def block(language: str) -> str:
-    found = re.search(rf"```{language}\n(.*?)```", TEXT, re.DOTALL)
+def section(heading: str) -> str:
+    return PAGE.partition(f"## {heading}\n")[2].partition("\n## ")[0]
+
+
+TEXT = section("Add a behavior in five minutes")
+
+
+def block(language: str, text: str = TEXT) -> str:
+    found = re.search(rf"```{language}\n(.*?)```", text, re.DOTALL)
     assert found is not None
     return found[1]
 
 
-@pytest.mark.thorough
+def copied(home: Path) -> None:
+    for folder in ("docs", "kybflow", "missions", "schemas", "tests"):
+        shutil.copytree(ROOT / folder, home / folder)
+    shutil.copy(ROOT / "pyproject.toml", home)
+
+
 def test_the_five_minutes_are_true(tmp_path: Path):
     [part] = re.findall(r"Write the file\*\* `(.*?)`", TEXT)
     [mission] = re.findall(r"Fly it\*\* in `(.*?)`", TEXT)
-    for folder in ("docs", "kybflow", "missions", "schemas", "tests"):
-        shutil.copytree(ROOT / folder, tmp_path / folder)
-    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    copied(tmp_path)
     (tmp_path / part).write_text(block("python"), encoding="utf-8")
     (tmp_path / mission).write_text(block("yaml"), encoding="utf-8")
     commands = re.findall(r"kybflow (parts nod|run \S+|\w+ --write [\w/.]+)", TEXT)
@@ -43,10 +74,45 @@ def test_the_five_minutes_are_true(tmp_path: Path):
     do(tmp_path, "pytest", "-q", "-k", "nod or current", *tests)
 
 
+def test_a_supervisor_is_one_file(tmp_path: Path):
+    text = section("Add a supervisor")
+    [part] = re.findall(r"`(kybflow/\S+\.py)`", text)
+    copied(tmp_path)
+    (tmp_path / part).write_text(block("python", text), encoding="utf-8")
+    [row] = re.findall(r"its row: `(.*)`\.", text)
+    with (tmp_path / "docs" / "failsafe.md").open("a", encoding="utf-8") as failsafe:
+        failsafe.write(f"\n{row}\n")
+    commands = re.findall(r"kybflow (\w+ --write [\w/.]+)", text)
+    assert len(commands) == 2
+    for command in commands:
+        do(tmp_path, "kybflow", *command.split())
+    tests = ["tests/parts", "tests/dsl/test_schema.py", "tests/cli/printing/test_reference.py"]
+    do(tmp_path, "pytest", "-q", "-k", "ceiling or current", *tests)
+
+
+def test_a_check_is_one_file_and_its_page(tmp_path: Path):
+    text = section("Add a check")
+    [check] = re.findall(r"`(kybflow/\S+\.py)`", text)
+    copied(tmp_path)
+    (tmp_path / check).write_text(block("python", text), encoding="utf-8")
+    page = tmp_path / "tests" / "dsl" / "literate" / "names.md"
+    page.write_text(LITERATE, encoding="utf-8")
+    run(tmp_path, "tests/dsl/test_literate.py", page.name)
+    assert "warning[KYB119]: the vehicle `up` has the name" in page.read_text(encoding="utf-8")
+    [command] = re.findall(r"kybflow (explain --write [\w/.]+)", text)
+    do(tmp_path, "kybflow", *command.split())
+    tests = ["tests/dsl/test_literate.py", "tests/dsl/test_codes.py", "tests/dsl/test_explain.py"]
+    do(tmp_path, "pytest", "-q", "-k", "KYB119 or codes or explain", *tests)
+
+
 def do(folder: Path, *command: str) -> None:
     """Run a module as the text says, in the copy."""
+    run(folder, "-m", *command)
+
+
+def run(folder: Path, *words: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", *command],
+        [sys.executable, *words],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": str(folder)},
         capture_output=True,
