@@ -171,7 +171,7 @@ def _facts(spec: PartSpec) -> Iterator[str]:
         yield f"gives {_values(cls.kinds(spec.params()))}"
     elif spec.kind == "supervisors":
         yield "in every vehicle" if cls.always else "in the vehicles that name it"
-        yield from (f"its reaction is `{f.default}`" for f in spec.fields if f.name == "reaction")
+        yield from (f"default reaction `{f.default}`" for f in spec.fields if f.name == "reaction")
     elif spec.kind == "drivers":
         yield "simulated" if cls.simulated else "hardware"
         yield f"takes {_values(cls.accepts)}"
@@ -182,7 +182,8 @@ def _facts(spec: PartSpec) -> Iterator[str]:
     if getattr(cls, "needs", ()):
         yield f"uses {_kinds(cls.needs)}"
     if cls.events:
-        yield f"tells {', '.join(f'`{name}`' for name in cls.events)}"
+        word = "alarms" if spec.kind == "supervisors" else "tells"
+        yield f"{word} {', '.join(f'`{name}`' for name in cls.events)}"
 
 
 def _kinds(kinds: Iterable[MeasurementKind]) -> str:

@@ -55,6 +55,28 @@ def rows_of(title: str) -> set[str]:
     return {word for cell in cells for word in re.findall(r"`(\w+)", cell)}
 
 
+def supervisors() -> dict[str, list[tuple[str, str]]]:
+    """The event and the reaction of each row of the failsafe page's table, by supervisor."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    table = FAILSAFE.partition("\n| supervisor |")[2].partition("\n\n")[0]
+    for row in table.splitlines()[2:]:
+        name, _, event, reaction = row.strip("| ").split(" | ")
+        found.setdefault(name.strip("`"), []).append((event.strip("`"), reaction.split("`")[1]))
+    assert found
+    return found
+
+
+SUPERVISORS = supervisors()
+WARNING = {"battery"}
+"""Supervisors that warn before they ask for their reaction."""
+
+
+def default_reaction(name: str) -> str:
+    fields = own_catalog().get("supervisors", name).fields
+    [reaction] = (field.default for field in fields if field.name == "reaction")
+    return str(reaction)
+
+
 def test_the_page_of_parts_is_current() -> None:
     mend = "mend it with: kybflow parts --write docs/parts.md"
     assert (DOCS / "parts.md").read_text(encoding="utf-8") == page(), mend
@@ -109,10 +131,15 @@ def test_the_language_page_has_every_word_every_action_and_every_built_in_state(
 
 
 @pytest.mark.parametrize("name", own_catalog().names("supervisors"))
-def test_the_failsafe_page_has_the_supervisor(name: str) -> None:
-    spec = own_catalog().get("supervisors", name)
-    [reaction] = (field.default for field in spec.fields if field.name == "reaction")
-    rows = [row for row in FAILSAFE.splitlines() if row.startswith(f"| `{name}` |")]
-    for event in spec.cls.events:
-        assert any(f"| `{event}` | `" in row for row in rows)
-    assert any(f" | `{reaction}`" in row for row in rows)
+def test_the_page_of_parts_has_the_alarms_and_the_reaction_of_the_supervisor(name: str) -> None:
+    section = page().partition("\n## Supervisors\n")[2].partition("\n## ")[0]
+    part = section.partition(f"\n### {name}\n")[2].partition("\n### ")[0]
+    alarms = ", ".join(f"`{event}`" for event in own_catalog().get("supervisors", name).cls.events)
+    assert f"; default reaction `{default_reaction(name)}`; alarms {alarms}.\n" in part
+
+
+@pytest.mark.parametrize("name", list(SUPERVISORS))
+def test_the_rows_of_the_failsafe_page_are_true_of_the_supervisor(name: str) -> None:
+    rows, default = SUPERVISORS[name], default_reaction(name)
+    assert {event for event, _ in rows} == {*own_catalog().get("supervisors", name).cls.events}
+    assert {reaction for _, reaction in rows} == {default, *(["warn"] if name in WARNING else [])}
