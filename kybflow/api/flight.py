@@ -160,8 +160,8 @@ def in_the_air(vehicle: Vehicle) -> bool:
     """Whether a vehicle is in the air, by its own state or, where a simulator knows the truth, by
     that: a vehicle that believes itself on the ground may be wrong."""
     truth, estimate = vehicle.truth, vehicle.estimate
-    if vehicle.activity.airborne or truth is None:
-        return vehicle.activity.airborne
+    if vehicle.activity.off_ground or truth is None:
+        return vehicle.activity.off_ground
     height = truth.position[2]
     if height - vehicle.context.start[2] < _HEIGHT_ERROR:
         return False

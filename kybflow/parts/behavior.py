@@ -56,8 +56,8 @@ class Entry(NamedTuple):
 
     setpoint: the last one that the tracker followed, None on the ground (and sometimes in the air:
     `flight` says where the vehicle is). hover_thrust: the tracker's estimate of the thrust that
-    holds the vehicle, newtons. rest: the specific force along body z that the IMU measured at rest
-    on the ground, m/s^2; gravity if unknown.
+    holds the vehicle, newtons. resting_force: the specific force along body z that the IMU
+    measured at rest on the ground, m/s^2; gravity if unknown.
     """
 
     now: Time
@@ -66,7 +66,7 @@ class Entry(NamedTuple):
     setpoint: Setpoint | None
     hover_thrust: float
     flight: Flight = Flight.AIR
-    rest: float = GRAVITY
+    resting_force: float = GRAVITY
 
     @property
     def position(self) -> Vec3:

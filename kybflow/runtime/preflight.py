@@ -67,7 +67,7 @@ def _link(vehicle: Vehicle) -> Line:
 
 def _own(vehicle: Vehicle) -> Iterator[Line]:
     """The vehicle's own checks; the driver answers for a watchdog that the vehicle omits."""
-    checks = vehicle.knowledge.link.checks(vehicle.now)
+    checks = vehicle.knowledge.link_in.checks(vehicle.now)
     at = vehicle.plan.driver.at
     if all(check.name != "watchdog" for check in checks):
         yield _watchdog(vehicle)

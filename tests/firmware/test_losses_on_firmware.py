@@ -78,7 +78,7 @@ def test_motion_capture_lost_for_good(two: str, tmp_path: Path):
         shown(f"  down after {(time - last) / NS:.1f} s, {drift:.2f} m off, at {-speed[2]:.2f} m/s")
         assert reacted <= REACTS
         assert -speed[2] < SPEED
-        assert v.link.armed is False
+        assert v.link_out.armed is False
 
 
 def test_an_estimate_that_jumps_by_a_metre(two: str, tmp_path: Path):
@@ -99,7 +99,7 @@ def test_an_estimate_that_jumps_by_a_metre(two: str, tmp_path: Path):
         assert began is not None
         shown(f"{two} {v.name}: {began.fields['reason']}, down {down[v.name]:.2f} m off")
         assert down[v.name] < FAR
-        assert v.link.armed is False
+        assert v.link_out.armed is False
 
 
 def test_set_points_that_stall(two: str, tmp_path: Path, beside: Beside):
@@ -119,7 +119,7 @@ def test_set_points_that_stall(two: str, tmp_path: Path, beside: Beside):
     shown(flight.summary["outcome"], flight.summary["reason"])
     assert hung
     for v in engine.vehicles:
-        assert v.link.armed is False
+        assert v.link_out.armed is False
 
 
 @pytest.mark.parametrize("seconds", [0.3, 1.0, 5.0])
@@ -142,7 +142,7 @@ def test_a_link_that_is_cut(two: str, seconds: float, tmp_path: Path, monkeypatc
     assert cut, flight.summary["reason"]
     assert witness.wait(lambda: all(w.rests for w in witness.of.values()), 5.0)
     for v in engine.vehicles:
-        assert v.link.armed is False
+        assert v.link_out.armed is False
         if seconds < 1.0:
             assert way(told, v.name) == ["up", "steady", "eight", "down", "landed"]
 
@@ -173,7 +173,7 @@ def test_a_pilot_takes_one_and_gives_it_back(two: str, tmp_path: Path, beside: B
     assert not named(told, "failsafe_started")
     for v in engine.vehicles:
         assert way(told, v.name) == ["up", "steady", "eight", "down", "landed"]
-        assert v.link.armed is False
+        assert v.link_out.armed is False
 
 
 def test_a_mission_that_is_killed(two: str, tmp_path: Path, beside: Beside):

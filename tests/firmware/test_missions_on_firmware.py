@@ -29,7 +29,7 @@ def came_down(told: list[Event], engine: Engine, states: list[str]) -> None:
     for vehicle in engine.vehicles:
         assert way(told, vehicle.name) == states
         assert vehicle.rests
-        assert vehicle.link.armed is False
+        assert vehicle.link_out.armed is False
 
 
 @pytest.mark.parametrize("name", list(WAYS))
@@ -55,7 +55,7 @@ def test_a_courier_that_knows_only_tags_brings_its_parcel(tmp_path: Path):
     report(flight)
     shown(*(f"{event.name} {event.fields}" for event in named(told, "failsafe_started")))
     assert way(told, "courier")[:5] == ["up", "out", "drop", "back", "down"]
-    assert engine.vehicles[0].link.armed is False
+    assert engine.vehicles[0].link_out.armed is False
     assert len(named(told, "payload_released")) == 1
     held = {line["text"]: line["held"] for line in flight.summary["expectations"]}
     assert held["finally courier.payload.releases == 1"]

@@ -112,4 +112,4 @@ def test_what_it_says_to_arming_is_what_the_run_says(two: str, tmp_path: Path, m
     assert {event.vehicle for event in refused} == {"mk", "nano"}
     assert all(event.at.endswith(("sidestep.yaml:23", "sidestep.yaml:33")) for event in refused)
     assert flight.summary["outcome"] == "failed"
-    assert all(vehicle.link.armed is False for vehicle in engine.vehicles)
+    assert all(vehicle.link_out.armed is False for vehicle in engine.vehicles)

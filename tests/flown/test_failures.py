@@ -231,6 +231,26 @@ def test_a_link_that_fails_ends_its_own_vehicle_and_no_other(run, method, way):
     assert path(told, "b") == ["up", "hold", "down", "landed"]
 
 
+@pytest.mark.parametrize("state", ["override", "armed"])
+def test_a_link_whose_state_raises_ends_its_own_vehicle_and_no_other(run, state):
+    class Broken(Cut):
+        def read(self, now):
+            self.now = now
+            return self.link.read(now)
+
+    def raising(link):
+        link.fail("state", getattr(link, "now", 0))
+
+    setattr(Broken, state, property(raising))
+    driver = wrapped(lambda name, link: Broken(link, "state") if name == "a" else link)
+    states = [up("hold"), hold(2.0, "down"), down()]
+    other = vehicle("b", states, start=(1.0, 0.0, 0.0), driver=driver)
+    flown, told = run(vehicle("a", states, driver=driver), other, time_limit=20.0)
+    assert flown.exit_code == 3
+    assert "the cable is out" in flown.summary["reason"]
+    assert path(told, "b") == ["up", "hold", "down", "landed"]
+
+
 def test_a_listener_and_an_observer_that_raise_do_not_stop_a_flight(run):
     def shut(_):
         raise BrokenPipeError("the terminal is gone")

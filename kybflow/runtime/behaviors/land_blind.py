@@ -101,7 +101,7 @@ class LandBlind(
         self._most = entry.context.airframe.max_thrust
         climb = entry.motion.velocity[2]
         self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST), -_MOST), _MOST)
-        self._descent: Descent | None = Descent(self._hover, self._most, climb, entry.rest)
+        self._descent: Descent | None = Descent(self._hover, self._most, climb, entry.resting_force)
         self._heard: Time = entry.now
         self._last: Imu | None = None
         self._felt: float | None = None

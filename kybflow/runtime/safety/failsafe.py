@@ -34,7 +34,7 @@ _UNHURRIED = NS // 50
 """Period of the calls of an unhurried supervisor."""
 _QUIET = NS // 2
 """Silence after which an alarm is reported again."""
-_RESTING = frozenset({"brake", "hover", "auto_land", "land_blind", "fault"})
+_NOT_BRAKED = frozenset({"brake", "hover", "auto_land", "land_blind", "fault"})
 """Built-in states that `brake` doesn't interrupt: the vehicle holds already, or must come down."""
 
 
@@ -151,11 +151,11 @@ class Failsafe:
         if self.latched is not None and reaction <= self.latched:
             return None
         if reaction is Reaction.BRAKE:
-            if state in _RESTING or self._brakes(alarm.event, tick.now):
+            if state in _NOT_BRAKED or self._brakes(alarm.event, tick.now):
                 return None
         else:
             self.latched = reaction
-            self.unbrake()
+            self.clear_brake()
         self._tell("failsafe_started", heard, reaction)
         return reaction
 
@@ -180,10 +180,10 @@ class Failsafe:
             return False
         self._released.update(dict.fromkeys(self._braking, now))
         self._events.tell("failsafe_ended", self._vehicle, reaction="brake", alarm=self.braking)
-        self.unbrake()
+        self.clear_brake()
         return True
 
-    def unbrake(self) -> None:
+    def clear_brake(self) -> None:
         """Forget the brake, because the vehicle does something else now."""
         self._braking.clear()
         self._for_good = False
@@ -195,4 +195,4 @@ class Failsafe:
     def reset(self) -> None:
         """Release every reaction: a person has checked the vehicle on the ground."""
         self.latched = None
-        self.unbrake()
+        self.clear_brake()

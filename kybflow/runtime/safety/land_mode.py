@@ -11,11 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from kybflow.core.errors import Refused
-from kybflow.core.geometry import LEVEL, ZERO
-from kybflow.core.signals import NS, Command, Time
+from kybflow.core.signals import NS, Time
 
-HANDED_OVER = Command(LEVEL, 0.0, ZERO, None)
-"""The command that is recorded meanwhile: armed, with no thrust requested."""
 TIMEOUT, SLOWEST = 10.0, 0.2
 """Seconds, and m/s: a landing may take `TIMEOUT` plus the height divided by `SLOWEST`."""
 

@@ -76,7 +76,7 @@ class Activity:
             on_enter=self._enter,
             on_exit=self._exit,
             starts=self._starts,
-            airborne=lambda: self.airborne,
+            airborne=lambda: self.off_ground,
             latched=self._latched,
         )
         self.begun = True
@@ -87,7 +87,8 @@ class Activity:
         return self.plan.states[self.machine.state]
 
     @property
-    def airborne(self) -> bool:
+    def off_ground(self) -> bool:
+        """From the start of a take-off until touch-down, whether the rotors turn or not."""
         return self.flight is not GROUND
 
     @property
@@ -117,7 +118,7 @@ class Activity:
         if self.hold is not None and self.hold.lasts:
             self.hold.holders.add(holder)
             return
-        self.hold = Hold(holder, self.entry(), self._wanted, not self.airborne)
+        self.hold = Hold(holder, self.entry(), self._wanted, not self.off_ground)
 
     def wait(self, dt: float) -> None:
         """Let a tick of `dt` seconds pass in which the state's timers stand still."""
@@ -130,7 +131,7 @@ class Activity:
             held = self.hold.update(tick.now)
             if held is not None:
                 return held
-            self.hold, self._resumes = None, self.airborne
+            self.hold, self._resumes = None, self.off_ground
         output = self.behavior.update(tick)
         if not isinstance(output, Setpoint):
             if isinstance(output, Command):
@@ -182,7 +183,7 @@ class Activity:
         before = self.hold
         if before is not None:
             entry = self.entry()
-            self.hold = Hold(holder, entry, before.wanted, not self.airborne)
+            self.hold = Hold(holder, entry, before.wanted, not self.off_ground)
             self.hold.holders |= before.holders
             self.hold.leave(holder, entry.now)
 
@@ -249,7 +250,7 @@ class Activity:
 
     def _built(self, state: StatePlan, entry: Entry) -> Behavior[Any]:
         """Return the behavior of `state`. Raises Refused where it can't start."""
-        reason = unfit(state, self.flight, entry.estimate is not None or self.airborne)
+        reason = unfit(state, self.flight, entry.estimate is not None or self.off_ground)
         reason = reason or self._misplaced(state, entry.estimate)
         if reason is not None:
             raise Refused(reason)

@@ -16,9 +16,8 @@ from kybflow.parts import Processor, Tracker
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_command, checked_setpoint
 from kybflow.runtime.making import make
-from kybflow.runtime.safety.land_mode import HANDED_OVER
 from kybflow.runtime.vehicle.activity import Activity
-from kybflow.runtime.vehicle.output import RESTING, CommandOutput
+from kybflow.runtime.vehicle.output import HANDED_OVER, RESTING, CommandOutput
 from kybflow.runtime.vehicle.reactions import Reactions
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -31,8 +30,11 @@ _LEAST_HOVER, _MOST_HOVER = 0.5, 2.0
 
 
 class Control:
-    """followed: the setpoint that the tracker followed last, None without one. Raises PartFailed
-    for a part that can't be constructed."""
+    """Runs the active behavior, the processors and the tracker of a vehicle.
+
+    followed: the setpoint that the tracker followed last, None without one. Raises PartFailed for a
+    part that can't be constructed.
+    """
 
     def __init__(
         self,
@@ -84,7 +86,7 @@ class Control:
             return self._landing(tick)
         if tick.estimate is None and activity.behavior.needs_estimate:
             self.followed = None
-            if not activity.airborne:
+            if not activity.off_ground:
                 return RESTING, None
             if self._reactions.lost_estimate(tick):
                 return None
@@ -93,7 +95,7 @@ class Control:
             self.followed = None
             return self._turning(checked_command(output)), None
         if output.kind is SetpointKind.IDLE:
-            if activity.airborne:
+            if activity.off_ground:
                 raise ValueError("the rotors can't rest in the air")
             self.followed = None
             return RESTING, output
@@ -121,7 +123,7 @@ class Control:
         return self._turning(command)
 
     def _turning(self, command: Command) -> Command:
-        if self._activity.airborne and not command.armed:
+        if self._activity.off_ground and not command.armed:
             raise ValueError("the rotors can't rest in the air")
         return command
 
@@ -150,7 +152,7 @@ class Control:
         """Return the thrust that holds the vehicle (N): in the air the tracker's estimate if
         that is plausible, else the airframe's weight."""
         weight = self._context.airframe.hover_thrust
-        if not self._activity.airborne:
+        if not self._activity.off_ground:
             return weight
         try:
             believed = self._tracker.hover_thrust

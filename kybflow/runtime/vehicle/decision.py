@@ -35,7 +35,7 @@ class Decision:
         activity = self._activity
         if activity.hold is not None:
             activity.wait(tick.dt)
-        heard = self._failsafe.check(tick, activity.airborne)
+        heard = self._failsafe.check(tick, activity.off_ground)
         if heard is not None:
             self._reactions.react(heard, tick)
         if activity.changed:
@@ -43,7 +43,7 @@ class Decision:
         if self._requests.waiting:
             self.answer(tick.now)
         if activity.hold is not None:
-            self._reactions.hold_on(tick.now)
+            self._reactions.update_hold(tick.now)
         elif not activity.changed:
             activity.step(tick)
         return self.settle(tick) if activity.changed else tick
@@ -64,6 +64,6 @@ class Decision:
         if activity.leg.start is GROUND and activity.leg.end is AIR:
             self._control.renew()
         self._control.select(self._requests.off)
-        self._knowledge.link.subscribe(activity.state.behavior.cls.needs)
+        self._knowledge.link_in.subscribe(activity.state.behavior.cls.needs)
         self._knowledge.estimation.prefer(activity.state.estimators)
         return tick._replace(elapsed=0.0)

@@ -76,7 +76,7 @@ class Knowledge:
         self.sticks: Sticks | None = None
         self.resting = RestingBias()
         self.payload = PayloadTracker(plan.name, events)
-        self.link = link
+        self.link_in = link
         self.estimation = Estimation(plan, context, events, score, report, self._known)
         self.sensing = Sensing(plan, sensors, events)
         self._name, self._observer, self._score = plan.name, observer, score
@@ -90,14 +90,14 @@ class Knowledge:
 
     def update(self, now: Time, in_air: bool) -> None:
         """Read the measurements and update the estimate. in_air: whether the vehicle flies."""
-        measurements = self.link.listen(now, self._accepted)
+        measurements = self.link_in.listen(now, self._accepted)
         if self.sensing.streams:
             measurements = self.sensing.joined(measurements, now, self._note)
         if measurements or now >= self._body.due:
             measurements = self._body.measured(measurements, now, in_air)
         if self.cameras.is_asked:
             measurements = self.cameras.measured(measurements, now, in_air)
-        rig = self.link.rig
+        rig = self.link_in.rig
         if rig is not None and rig.estimators:
             self.estimation.kill(rig.estimators)
         self.estimate = self.estimation.update(measurements, now)
@@ -108,7 +108,7 @@ class Knowledge:
 
     def rate(self, kind: MeasurementKind) -> float:
         """Return the average rate (Hz) of measurements of `kind`; zero before the third one."""
-        stream, now = self._streams.get(kind), self.link.heard
+        stream, now = self._streams.get(kind), self.link_in.heard
         if stream is None or stream.count < 3 or now is None or now == stream.began:
             return 0.0
         return (stream.count - 1) * NS / (now - stream.began)
@@ -156,7 +156,7 @@ class Knowledge:
     def _take_imu(self, imu: Imu, now: Time) -> None:
         self.imu = imu
         if not self.resting.rotors_turn:
-            self.resting.feel(imu)
+            self.resting.add(imu)
 
     def _take_battery(self, battery: Battery, now: Time) -> None:
         self.battery = battery

@@ -48,8 +48,11 @@ Accept = Callable[[Sequence[Measurement], Time], Sequence[Measurement]]
 
 
 class LinkHealth:
-    """error: the first exception of the link in words, None while it works. age: seconds since the
-    vehicle's last message, or since the link was first read."""
+    """Whether a link works.
+
+    error: the first exception of the link in words, None while it works. age: seconds since the
+    vehicle's last message, or since the link was first read.
+    """
 
     __slots__ = ("_driver", "_report", "age", "error")
 
@@ -161,12 +164,20 @@ class LinkOut:
     @property
     def override(self) -> Override | None:
         """Why the vehicle doesn't follow commands over a working link, None while it does."""
-        return self._link.override
+        try:
+            return self._link.override
+        except Exception as error:  # a driver may raise anything
+            self._health.fail(error)
+            return None
 
     @property
     def armed(self) -> bool | None:
         """Whether the vehicle reports itself armed; None where it reports nothing."""
-        return self._link.armed
+        try:
+            return self._link.armed
+        except Exception as error:  # a driver may raise anything
+            self._health.fail(error)
+            return None
 
     def send(self, command: Command, now: Time) -> None:
         """Send a command."""
@@ -205,7 +216,7 @@ class LinkOut:
         """Whether the vehicle has its own land mode and can be requested to use it now."""
         return self._lands and self._health.error is None and self._health.age <= ALIVE
 
-    def lands_itself(self, reaction: Reaction) -> bool:
+    def prefers_land_mode(self, reaction: Reaction) -> bool:
         """Return whether the vehicle's own land mode replaces the state of `reaction`."""
         fit = reaction is Reaction.LAND or (reaction is Reaction.LAND_BLIND and self._lands_blind)
         return fit and self.can_land

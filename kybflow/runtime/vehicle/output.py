@@ -14,11 +14,16 @@ from kybflow.runtime.vehicle.resting_bias import RestingBias
 
 RESTING = Command(LEVEL, 0.0, ZERO, None, False)
 """The command of a vehicle on the ground: rotors at rest."""
+HANDED_OVER = Command(LEVEL, 0.0, ZERO, None)
+"""What is recorded while a land mode or a pilot flies the vehicle: armed, no thrust requested."""
 
 
 class CommandOutput:
-    """sent: the last command. arming: the command that waits for arming, None without one; the
-    behavior's time stands still meanwhile."""
+    """Arms the vehicle and sends its commands.
+
+    sent: the last command. arming: the command that waits for arming, None without one; the
+    behavior's time stands still meanwhile.
+    """
 
     def __init__(
         self,

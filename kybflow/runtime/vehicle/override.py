@@ -22,7 +22,7 @@ from kybflow.runtime.vehicle.reactions import Reactions
 
 
 class ManualOverride:
-    """away: a pilot has control."""
+    """Follows who has control of a vehicle. away: a pilot has it."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class ManualOverride:
     def update(self, tick: Tick, answer: Callable[[Time], None]) -> None:
         """Follow who has control in this tick. `answer` handles requests while a pilot has it."""
         override = self._link.override
-        if override is None or not self._activity.airborne:
+        if override is None or not self._activity.off_ground:
             self._lost = None
             if self.away:
                 self._tell("control_returned")
@@ -80,7 +80,7 @@ class ManualOverride:
         if not self.away:
             self.away, self._control.followed = True, None
             self._tell("control_taken", reason=override.reason)
-            self._failsafe.unbrake()
+            self._failsafe.clear_brake()
             activity.freeze("pilot")
         if override.refused and override.refused != self._refused:
             self._tell("control_refused", reason=override.refused)
@@ -101,7 +101,7 @@ class ManualOverride:
             return
         self._landed_for = override
         if self._activity.land_mode is None:
-            self._reactions.land_itself(now)
+            self._reactions.start_land_mode(now)
 
     def _take_back(self) -> None:
         """Resume the frozen behavior from where the vehicle is now."""

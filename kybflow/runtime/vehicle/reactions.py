@@ -19,6 +19,8 @@ _FALL = 2 * NS
 
 
 class Reactions:
+    """Turns alarms and failures into states, holds and landings, as the failsafe decides."""
+
     def __init__(
         self,
         plan: VehiclePlan,
@@ -36,8 +38,8 @@ class Reactions:
 
     @property
     def airborne(self) -> bool:
-        """Whether the rotors turn and the vehicle is not on the ground."""
-        return self._activity.airborne and self._output.sent.armed
+        """Whether the vehicle is off the ground and its rotors turn."""
+        return self._activity.off_ground and self._output.sent.armed
 
     def falls(self, now: Time) -> bool:
         """Return whether the rotors were cut so recently that the vehicle may still fall."""
@@ -58,8 +60,8 @@ class Reactions:
             activity.flight, self._cut = GROUND, tick.now
             self._link.cut(tick.now)
         activity.go(STATES[reaction] if airborne else "fault")
-        if airborne and self._link.lands_itself(reaction):
-            self.land_itself(tick.now)
+        if airborne and self._link.prefers_land_mode(reaction):
+            self.start_land_mode(tick.now)
         return True
 
     def alarm(self, label: str, alarm: Alarm, tick: Tick) -> bool:
@@ -71,7 +73,7 @@ class Reactions:
         lost = Alarm("estimate_lost", Reaction.LAND_BLIND, "no estimate to fly by")
         return self.react(RaisedAlarm(lost, self._activity.state.at), tick)
 
-    def failed(self, failure: PartFailed, is_needed: bool, tick: Tick) -> None:
+    def react_to_failure(self, failure: PartFailed, is_needed: bool, tick: Tick) -> None:
         """React to a part that raised: the vehicle lands, blind if a part that is needed to land
         failed. The rotors rest if even that failed, or if they rested before. is_needed: the
         vehicle can't fly without the part."""
@@ -84,23 +86,23 @@ class Reactions:
                 reaction = Reaction.LAND_BLIND
         self.react(self._failsafe.failure(failure, reaction, activity.state.at), tick)
 
-    def land_itself(self, now: Time) -> None:
+    def start_land_mode(self, now: Time) -> None:
         """Land by the vehicle's own land mode instead of the behavior that was entered."""
         entry = self._activity.entry()
         height = _height(entry.estimate, entry.context.start[2])
         self._activity.land_mode = LandMode(self._link.land, now, height)
         self._events.tell("land_mode_started", self._plan.name, self._plan.driver.at)
 
-    def hold_on(self, now: Time) -> None:
+    def update_hold(self, now: Time) -> None:
         """Release a hold once its braking alarms are silent; land if it has lasted too long."""
         hold, failsafe = self._activity.hold, self._failsafe
         assert hold is not None
         if "brake" in hold.holders and failsafe.release(now):
             hold.leave("brake", now)
         limit = self._plan.hover_limit
-        if hold.lasts and self._activity.airborne and now - hold.since >= limit * NS:
+        if hold.lasts and self._activity.off_ground and now - hold.since >= limit * NS:
             self._score.failure(f"held for {limit:g} s")
-            failsafe.unbrake()
+            failsafe.clear_brake()
             self._activity.go("auto_land")
 
 

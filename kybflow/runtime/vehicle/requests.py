@@ -48,8 +48,11 @@ class SwitchRequest(NamedTuple):
 
 
 class Requests:
-    """waiting: whether a request waits. off: the labels of the processors that are switched off.
-    retired: why the vehicle lands for the rest of the run, None while it flies its mission."""
+    """What others ask of a vehicle, and the answers.
+
+    waiting: whether a request waits. off: the labels of the processors that are switched off.
+    retired: why the vehicle lands for the rest of the run, None while it flies its mission.
+    """
 
     def __init__(
         self,
@@ -95,8 +98,8 @@ class Requests:
         self.retired = reason
         activity = self._activity
         if self._failsafe.latched is None and activity.machine.state not in _STAYS:
-            self._failsafe.unbrake()
-            activity.go("auto_land" if activity.airborne else "landed")
+            self._failsafe.clear_brake()
+            activity.go("auto_land" if activity.off_ground else "landed")
 
     @property
     def paused(self) -> bool:
@@ -156,7 +159,7 @@ class Requests:
             self._activity.switch(request.state, request.at)
         except Refused as refusal:
             return str(refusal)
-        self._failsafe.unbrake()
+        self._failsafe.clear_brake()
         if self._failsafe.latched is not None:
             self._failsafe.latched = _SAFER.get(request.state)
         return None
@@ -199,7 +202,7 @@ class Requests:
                 self._tell("processor_disabled", at, processor=label, by=by)
 
     def _reset(self, by: str, at: str, now: Time) -> None:
-        if self._activity.airborne or self._reactions.falls(now):
+        if self._activity.off_ground or self._reactions.falls(now):
             self._tell("reset_refused", at, by=by, reason="it is in the air")
             return
         self._failsafe.reset()

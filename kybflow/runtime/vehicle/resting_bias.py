@@ -8,13 +8,16 @@ from kybflow.core.signals import Imu
 
 LONG = 0.1
 """Seconds at rest after which the bias is known to a few cm/s^2."""
-MOST_ERROR = 1.5
+MAX_BIAS = 1.5
 """Largest plausible bias, m/s^2; a larger difference from gravity is ignored."""
 
 
 class RestingBias:
-    """rotors_turn: whether the last command armed the rotors. The measurement starts anew whenever
-    the rotors come to rest."""
+    """Averages the specific force along body z while the rotors rest.
+
+    rotors_turn: whether the last command armed the rotors. The measurement starts anew whenever
+    the rotors come to rest.
+    """
 
     __slots__ = ("_felt", "_time", "rotors_turn")
 
@@ -28,7 +31,7 @@ class RestingBias:
             self._felt = self._time = 0.0
         self.rotors_turn = rotors_turn
 
-    def feel(self, imu: Imu) -> None:
+    def add(self, imu: Imu) -> None:
         """Add a sample that was measured at rest."""
         self._felt += imu.dt * imu.specific_force[2]
         self._time += imu.dt
@@ -39,9 +42,9 @@ class RestingBias:
         return self._time >= LONG
 
     @property
-    def lift(self) -> float:
+    def specific_force(self) -> float:
         """The specific force along body z at rest, m/s^2; gravity where that is not known."""
         if not self.is_known:
             return GRAVITY
         lift = self._felt / self._time
-        return lift if abs(lift - GRAVITY) <= MOST_ERROR else GRAVITY
+        return lift if abs(lift - GRAVITY) <= MAX_BIAS else GRAVITY

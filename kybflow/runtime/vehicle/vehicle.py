@@ -31,7 +31,6 @@ from kybflow.runtime.monitoring.estimate_history import EstimateHistory
 from kybflow.runtime.monitoring.sensing import OpenSensor
 from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
-from kybflow.runtime.safety.land_mode import HANDED_OVER
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.control import Commanded, Control
@@ -39,7 +38,7 @@ from kybflow.runtime.vehicle.decision import Decision
 from kybflow.runtime.vehicle.external_position import ExternalPosition
 from kybflow.runtime.vehicle.knowledge import Knowledge
 from kybflow.runtime.vehicle.link import LinkHealth, LinkIn, LinkOut
-from kybflow.runtime.vehicle.output import RESTING, CommandOutput
+from kybflow.runtime.vehicle.output import HANDED_OVER, RESTING, CommandOutput
 from kybflow.runtime.vehicle.override import ManualOverride
 from kybflow.runtime.vehicle.reactions import Reactions
 from kybflow.runtime.vehicle.requests import Requests
@@ -95,7 +94,7 @@ class Vehicle:
             activity, failsafe, reactions, self.requests, control, output, knowledge
         )
         self.knowledge, self.activity, self.failsafe = knowledge, activity, failsafe
-        self.link, self._link = link_out, link
+        self.link_out = link_out
         self._control, self._output, self._reactions = control, output, reactions
         self._override, self._health = override, health
         self._external_position = ExternalPosition(plan, knowledge.estimation)
@@ -112,7 +111,7 @@ class Vehicle:
     @property
     def truth(self) -> Truth | None:
         """The simulator's ground truth, None on hardware."""
-        return self.knowledge.link.truth
+        return self.knowledge.link_in.truth
 
     @property
     def followed(self) -> Setpoint | None:
@@ -152,7 +151,7 @@ class Vehicle:
             return True
         if self.activity.flight is not GROUND or self.requests.waiting:
             return False
-        if self.link_age < _STALE and self.link.armed and self.link.override is None:
+        if self.link_age < _STALE and self.link_out.armed and self.link_out.override is None:
             return False
         return not self._reactions.falls(self.now) and not self.activity.state.transitions
 
@@ -161,16 +160,16 @@ class Vehicle:
         try:
             self.activity.begin(conditions)
         except Exception as error:  # a part may raise anything; it fails this vehicle alone
-            self._reactions.failed(*self._control.blame(error), self._standing())
+            self._reactions.react_to_failure(*self._control.blame(error), self._standing())
 
     def sense(self, now: Time) -> None:
         """Read the link and update the estimate."""
         self.now = now
         self.knowledge.update(now, self._reactions.airborne)
-        if self.link.tells_position:
+        if self.link_out.tells_position:
             position = self._external_position.of(self.knowledge.estimate)
             if position is not None:
-                self.link.tell_position(position, now)
+                self.link_out.tell_position(position, now)
 
     def act(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> None:
         """Decide, steer, send and record."""
@@ -178,7 +177,7 @@ class Vehicle:
         tick = self._tick(now, dt, fleet)
         command, wanted = HANDED_OVER, None
         override = self._override
-        if override.away or self._link.override is not None:
+        if override.away or self.link_out.override is not None:
             override.update(tick, self._decision.answer)
         if override.away:
             self._output.sent = command
@@ -198,7 +197,7 @@ class Vehicle:
             failure = error
         for _ in range(_ESCALATIONS + len(self.plan.processors)):
             try:
-                self._reactions.failed(*self._control.blame(failure), tick)
+                self._reactions.react_to_failure(*self._control.blame(failure), tick)
                 tick = self._decision.settle(tick)
                 return self._steered(tick)
             except Exception as error:  # the next attempt does without the part that raised
@@ -214,7 +213,7 @@ class Vehicle:
     def entry(self) -> Entry:
         """Return the conditions in which a behavior would be entered now."""
         thrust, flight = self._control.hover_thrust(), self.activity.flight
-        lift = self.knowledge.resting.lift
+        lift = self.knowledge.resting.specific_force
         return Entry(self.now, self.context, self.estimate, self.followed, thrust, flight, lift)
 
     def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
@@ -269,7 +268,7 @@ class Vehicle:
         """Record the tick and its errors: the setpoint that was tracked against the truth, or the
         estimate on hardware."""
         knowledge, setpoint = self.knowledge, self._control.followed
-        estimate, truth = knowledge.estimate, knowledge.link.truth
+        estimate, truth = knowledge.estimate, knowledge.link_in.truth
         self._observer.tick(now, estimate, wanted, setpoint, command, truth)
         self._observer.estimators(now, knowledge.estimation)
         state = truth or estimate

@@ -18,31 +18,31 @@ from kybflow.runtime.vehicle.resting_bias import LONG, RestingBias
 def rest(lift: float, seconds: float) -> RestingBias:
     felt = RestingBias()
     for step in range(round(seconds / 0.004)):
-        felt.feel(Imu(step, 0.004, (0.0, 0.0, lift), ZERO))
+        felt.add(Imu(step, 0.004, (0.0, 0.0, lift), ZERO))
     return felt
 
 
 @pytest.mark.parametrize("lift", [GRAVITY - 1.0, GRAVITY, GRAVITY + 0.4])
 def test_it_is_what_was_felt_on_average(lift: float) -> None:
-    assert rest(lift, 0.2).lift == pytest.approx(lift)
+    assert rest(lift, 0.2).specific_force == pytest.approx(lift)
 
 
 def test_a_moment_tells_nothing() -> None:
     brief = rest(9.0, LONG / 2)
-    assert (brief.is_known, brief.lift) == (False, GRAVITY)
-    assert RestingBias().lift == GRAVITY
+    assert (brief.is_known, brief.specific_force) == (False, GRAVITY)
+    assert RestingBias().specific_force == GRAVITY
 
 
 @pytest.mark.parametrize("lift", [0.0, 7.0, 12.0, nan])
 def test_what_no_accelerometer_is_wrong_by_is_not_believed(lift: float) -> None:
-    assert rest(lift, 0.2).lift == GRAVITY
+    assert rest(lift, 0.2).specific_force == GRAVITY
 
 
 def test_a_sample_counts_as_long_as_it_lasted() -> None:
     felt = RestingBias()
-    felt.feel(Imu(0, 0.3, (0.0, 0.0, 9.0), ZERO))
-    felt.feel(Imu(1, 0.1, (0.0, 0.0, 10.0), ZERO))
-    assert felt.lift == pytest.approx(9.25)
+    felt.add(Imu(0, 0.3, (0.0, 0.0, 9.0), ZERO))
+    felt.add(Imu(1, 0.1, (0.0, 0.0, 10.0), ZERO))
+    assert felt.specific_force == pytest.approx(9.25)
 
 
 def test_a_flight_learns_it_before_take_off_and_anew_after_each_landing(run) -> None:
@@ -52,7 +52,9 @@ def test_a_flight_learns_it_before_take_off_and_anew_after_each_landing(run) -> 
         one = engine.vehicles[0]
         if not engine.flying:
             return
-        seen.setdefault((one.state, one._output.sent.armed), []).append(one.knowledge.resting.lift)
+        seen.setdefault((one.state, one._output.sent.armed), []).append(
+            one.knowledge.resting.specific_force
+        )
 
     inertial = tuple(
         EstimatorPlan(part("estimators", name), None, 1.0, None) for name in ("mocap", "inertial")
@@ -74,6 +76,6 @@ def test_without_an_imu_on_the_ground_it_is_gravity(run) -> None:
     seen = set()
     run(
         vehicle("a", [up("down"), down()]),
-        observers=(lambda engine: seen.add(engine.vehicles[0].knowledge.resting.lift),),
+        observers=(lambda engine: seen.add(engine.vehicles[0].knowledge.resting.specific_force),),
     )
     assert seen == {GRAVITY}
