@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from kybflow.api.library import OWN, Shipped, libraries, missions
 from kybflow.core.errors import KybflowError
+from kybflow.core.text import did_you_mean
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.diagnostics.diagnostic import did_you_mean
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import Mapping, Scalar, entries_of
 from kybflow.dsl.schema.published import schema_text

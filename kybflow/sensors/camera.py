@@ -18,8 +18,8 @@ from kybflow.core.errors import DriverError
 from kybflow.core.files import File, FilePath
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Frame, Measurement, Time
+from kybflow.core.text import did_you_mean
 from kybflow.core.units import Duration
-from kybflow.dsl.diagnostics.diagnostic import did_you_mean
 from kybflow.dsl.reading.calibration import read_calibration
 from kybflow.parts import Link, Objection, Sensor, Stream
 from kybflow.parts.sensor import frames_of

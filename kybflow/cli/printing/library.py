@@ -18,7 +18,7 @@ from kybflow.api.library import (
     text_of,
 )
 from kybflow.core.errors import KybflowError
-from kybflow.dsl.diagnostics.diagnostic import did_you_mean
+from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.render import render
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, entries_of
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from kybflow.core.params import Field, fields_of, type_of
 from kybflow.core.signals import MeasurementKind, kind_name
-from kybflow.dsl.diagnostics.diagnostic import did_you_mean
+from kybflow.core.text import did_you_mean
 from kybflow.dsl.reading.values import bounds_of, shown_value
 from kybflow.parts.catalog import Catalog, PartSpec, own_catalog
 from kybflow.world.vehicle_context import Airframe

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import Case, wrong_goal
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry
 from kybflow.dsl.names.option_names import members, option_values, unknown_vehicle

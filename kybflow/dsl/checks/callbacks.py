@@ -8,10 +8,11 @@ from string import Formatter
 from typing import NamedTuple, get_args
 
 from kybflow.core.signals import ReactionName
+from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import OPERATOR, KnownEvents, fields_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry, CallbackEntry
 from kybflow.dsl.names.built_in import BUILT_IN

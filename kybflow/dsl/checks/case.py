@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, TypeVar, cast
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean, goals_like
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, goals_like
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, StateEntry, VehicleEntry
 from kybflow.dsl.expressions import Condition, Scope, parse

@@ -6,8 +6,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kybflow.core.signals import Imu
+from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import EstimatorEntry
 from kybflow.parts import Estimator
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, TransitionEntry, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kybflow.core.signals import kind_name
+from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.document import FaultEntry
 from kybflow.dsl.expressions import parse

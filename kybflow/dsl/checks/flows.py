@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
+from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import WORDS, Case, wrong_goal
 from kybflow.dsl.checks.events import OPERATOR
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry, VehicleEntry
 from kybflow.dsl.expressions import parse

@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import NamedTuple
 
 import kybflow.dsl
-from kybflow.dsl.diagnostics.diagnostic import did_you_mean
+from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.pages import Section, sections
 
 _HEAD = re.compile(r"(KYB\d{3}): (.*)", re.DOTALL)

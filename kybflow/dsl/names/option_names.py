@@ -6,7 +6,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.params import Field
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, did_you_mean, every
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, every
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry, Document, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN

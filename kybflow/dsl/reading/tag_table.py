@@ -17,8 +17,8 @@ from kybflow.core.errors import FileError
 from kybflow.core.files import File
 from kybflow.core.geometry import from_euler
 from kybflow.core.tables import header_line, need, read_table
+from kybflow.core.text import did_you_mean
 from kybflow.core.units import ANGLE, LENGTH, NUMBER, Dimension
-from kybflow.dsl.diagnostics.diagnostic import did_you_mean
 from kybflow.vision.families import FAMILIES
 from kybflow.world.tags import Tag
 

@@ -14,8 +14,9 @@ from typing import Any, TypeVar
 from kybflow.core.errors import FileError, UnitError
 from kybflow.core.files import File, FilePath
 from kybflow.core.params import Field
+from kybflow.core.text import did_you_mean
 from kybflow.core.units import DIMENSIONS, Dimension, article, format_quantity, parse_quantity
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
 from kybflow.dsl.diagnostics.spans import PREFIX
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe
 

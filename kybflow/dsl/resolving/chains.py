@@ -14,7 +14,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from kybflow.core.params import RESERVED
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, did_you_mean, every
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, every
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, entries_of

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity, did_you_mean
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import (
     Mapping,

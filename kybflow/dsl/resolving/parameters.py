@@ -11,8 +11,9 @@ from math import inf
 from typing import Any, NamedTuple
 
 from kybflow.core.params import Field
+from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, NUMBER, RATIO
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
 from kybflow.dsl.diagnostics.spans import PREFIX, SET, Span
 from kybflow.dsl.document import Parameter
 from kybflow.dsl.reading.composer import compose

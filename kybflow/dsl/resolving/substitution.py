@@ -6,7 +6,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity, did_you_mean, every
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity, every
 from kybflow.dsl.diagnostics.spans import Inset, Span
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence
 from kybflow.dsl.resolving.parameters import BoundParameter, ParameterTable

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 from kybflow.core.errors import UnitError
 from kybflow.core.params import Field
+from kybflow.core.text import did_you_mean
 from kybflow.core.units import DIMENSIONS, NUMBER, article, parse_quantity
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect, did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.reading.nodes import (
     NAME,
     Mapping,

@@ -3,7 +3,8 @@ breaks when."""
 
 from __future__ import annotations
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry, CallbackEntry, FaultEntry, PartUse
 from kybflow.dsl.reading.nodes import (

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from kybflow.core.errors import KybflowError
 from kybflow.core.params import fields_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, did_you_mean
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.document import PartUse
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, describe, items_of

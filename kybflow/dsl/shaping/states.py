@@ -11,8 +11,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
+from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ChainEntry, PartUse, StateEntry, TransitionEntry
 from kybflow.dsl.names.built_in import failure_of

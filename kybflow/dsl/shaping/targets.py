@@ -9,14 +9,8 @@ from typing import TYPE_CHECKING
 
 from kybflow.core.errors import KybflowError
 from kybflow.core.signals import MeasurementKind
-from kybflow.dsl.diagnostics.diagnostic import (
-    Diagnosed,
-    Diagnostic,
-    Severity,
-    collect,
-    did_you_mean,
-    every,
-)
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity, collect, every
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.document import PartUse, SensorEntry, VehicleEntry
 from kybflow.dsl.reading.nodes import (

@@ -11,8 +11,9 @@ from math import sqrt
 from typing import Any, NamedTuple
 
 from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, NUMBER
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, did_you_mean, every
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
 from kybflow.dsl.diagnostics.spans import PREFIX, Span
 from kybflow.dsl.document import ObstacleEntry, Parameter, TagsEntry
 from kybflow.dsl.reading.nodes import (

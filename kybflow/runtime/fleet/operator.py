@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from kybflow.core.errors import EventRefused
 from kybflow.core.signals import NS, Time
-from kybflow.dsl.diagnostics.diagnostic import did_you_mean
+from kybflow.core.text import did_you_mean
 from kybflow.dsl.plan import ActionPlan, Call, Emit, Plan
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.requests import Requests

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
+from kybflow.core.text import did_you_mean
 from kybflow.drivers import firmware_names
 from kybflow.drivers.emulated_autopilot.control.payload import Outputs
 from kybflow.drivers.emulated_autopilot.control.setpoints import AttitudeTarget
@@ -25,7 +26,6 @@ from kybflow.drivers.emulated_autopilot.state import EmulatedState, FailsafeActi
 from kybflow.drivers.emulation.control import Speeds
 from kybflow.drivers.mavlink.firmware import OWN, FirmwareProfile, profile_of
 from kybflow.drivers.mavlink.protocol.frames import Tangent
-from kybflow.dsl.diagnostics.diagnostic import did_you_mean
 from kybflow.world.vehicle_context import VehicleContext
 
 Values = EmulatedParameters

@@ -1,0 +1,31 @@
+"""The hint for a name that nothing has."""
+
+from __future__ import annotations
+
+from bisect import bisect
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+_LONGEST = 80
+_COMPARED = 300
+"""Comparing a name with thousands of others, thousands of times, would never end."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the help line for an unknown name: the nearest known one, or all of them when none is
+    near and they are few."""
+    names = sorted(dict.fromkeys(known))
+    place = bisect(names, name)
+    near = get_close_matches(name[:_LONGEST], _around(names, place), n=1, cutoff=0.6)
+    if near:
+        return f"did you mean `{near[0]}`?"
+    if not names:
+        return ""
+    shown = ", ".join(f"`{n}`" for n in names[:12])
+    return f"known here: {shown}{', ...' if len(names) > 12 else ''}"
+
+
+def _around(names: list[str], place: int) -> list[str]:
+    if len(names) <= _COMPARED:
+        return names
+    return names[max(0, place - _COMPARED // 2) : place + _COMPARED // 2]
