@@ -47,7 +47,7 @@ from kybflow.runtime.fleet.operator import check_emitted
 from kybflow.runtime.interrupts import Interrupts
 from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.options import check_options
-from kybflow.runtime.preflight import Line
+from kybflow.runtime.preflight import PreflightResult
 from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
@@ -133,7 +133,7 @@ class Inspected(NamedTuple):
     """The preflight checks of every vehicle. driver_failed: the error of a link that failed during
     them, for example because nothing answers at the other end; None where all links work."""
 
-    lines: list[Line]
+    lines: list[PreflightResult]
     driver_failed: str | None
 
 

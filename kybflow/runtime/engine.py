@@ -25,7 +25,7 @@ from kybflow.runtime.fleet.ground_truth import Collisions, PayloadDrops
 from kybflow.runtime.fleet.injection import Injection
 from kybflow.runtime.fleet.operator import Operator
 from kybflow.runtime.options import Options
-from kybflow.runtime.preflight import Line, PreflightTimeout, preflight
+from kybflow.runtime.preflight import PreflightResult, PreflightTimeout, preflight
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.runtime.views import BelievedView, TrueView
 
@@ -150,7 +150,7 @@ class Engine:
             self._observers = tuple(other for other in self._observers if other is not observe)
             self.events.tell("observer_failed", reason=described(error))
 
-    def inspect(self) -> list[Line]:
+    def inspect(self) -> list[PreflightResult]:
         """Return the preflight's lines once all are green or it has timed out; none after an
         interrupt. No vehicle arms."""
         timeout = PreflightTimeout(self.plan, self.events)
@@ -172,7 +172,7 @@ class Engine:
             for vehicle in self.vehicles:
                 vehicle.requests.retire(reason)
 
-    def _preflight(self) -> list[Line]:
+    def _preflight(self) -> list[PreflightResult]:
         """Run the preflight; return the lines that stayed red."""
         lines = self.inspect()
         red = [line for line in lines if not line.green]

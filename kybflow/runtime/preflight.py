@@ -32,7 +32,7 @@ _DEEP = 100.0
 """Metres by which the fence's floor is lowered here, because the vehicle stands on the ground."""
 
 
-class Line(NamedTuple):
+class PreflightResult(NamedTuple):
     """One check of a vehicle. green: it passed. at: the mission line that it concerns. waits: the
     vehicle is still getting ready by itself; False if only a person can help, None if unknown."""
 
@@ -44,10 +44,14 @@ class Line(NamedTuple):
     waits: bool | None = None
 
 
-def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[Line, ...]:
+def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[PreflightResult, ...]:
     """Return the lines of a vehicle on the ground; `others` are all vehicles of the mission."""
     if vehicle.link_error is not None:
-        return (Line(vehicle.name, "link", False, vehicle.link_error, vehicle.plan.driver.at),)
+        return (
+            PreflightResult(
+                vehicle.name, "link", False, vehicle.link_error, vehicle.plan.driver.at
+            ),
+        )
     fleet = {other.name: other.estimate for other in others}
     lines = [_link(vehicle), *_own(vehicle), *_streams(vehicle), _battery(vehicle)]
     estimate = vehicle.estimate
@@ -56,33 +60,36 @@ def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[Line, ...]:
     lines += [_estimate(vehicle, estimate), _start(vehicle, estimate, others)]
     lines += [*_surroundings(vehicle, estimate.position)]
     foreseen = vehicle.foreseen(fleet)
-    return (*lines, *(Line(vehicle.name, label, False, why, at) for label, why, at in foreseen))
+    return (
+        *lines,
+        *(PreflightResult(vehicle.name, label, False, why, at) for label, why, at in foreseen),
+    )
 
 
-def _link(vehicle: Vehicle) -> Line:
+def _link(vehicle: Vehicle) -> PreflightResult:
     age = vehicle.link_age
     reason = f"delivered {age * 1000:.0f} ms ago"
-    return Line(vehicle.name, "link", age <= LINK_AGE, reason, vehicle.plan.driver.at)
+    return PreflightResult(vehicle.name, "link", age <= LINK_AGE, reason, vehicle.plan.driver.at)
 
 
-def _own(vehicle: Vehicle) -> Iterator[Line]:
+def _own(vehicle: Vehicle) -> Iterator[PreflightResult]:
     """The vehicle's own checks; the driver answers for a watchdog that the vehicle omits."""
     checks = vehicle.knowledge.link_in.checks(vehicle.now)
     at = vehicle.plan.driver.at
     if all(check.name != "watchdog" for check in checks):
         yield _watchdog(vehicle)
     for name, green, reason, waits in checks:
-        yield Line(vehicle.name, name, green, reason, at, None if green else waits)
+        yield PreflightResult(vehicle.name, name, green, reason, at, None if green else waits)
 
 
-def _watchdog(vehicle: Vehicle) -> Line:
+def _watchdog(vehicle: Vehicle) -> PreflightResult:
     driver = vehicle.plan.driver
     danger = driver.cls.watchdog(driver.params)
     reason = danger or "it lands by itself when commands stop"
-    return Line(vehicle.name, "watchdog", danger is None, reason, driver.at)
+    return PreflightResult(vehicle.name, "watchdog", danger is None, reason, driver.at)
 
 
-def _streams(vehicle: Vehicle) -> Iterator[Line]:
+def _streams(vehicle: Vehicle) -> Iterator[PreflightResult]:
     """Check the rate of every kind of measurement that an estimator uses."""
     knowledge = vehicle.knowledge
     parts = [estimator.part for estimator in vehicle.plan.estimators]
@@ -100,30 +107,32 @@ def _streams(vehicle: Vehicle) -> Iterator[Line]:
             green, reason = False, f"{reason}: {trouble}"
         if left_out and not green:
             reason = f"{reason}; {left_out} were left out as implausible"
-        yield Line(vehicle.name, f"{kind_name(kind)} stream", green, reason, at[kind])
+        yield PreflightResult(vehicle.name, f"{kind_name(kind)} stream", green, reason, at[kind])
 
 
-def _battery(vehicle: Vehicle) -> Line:
+def _battery(vehicle: Vehicle) -> PreflightResult:
     battery = vehicle.battery
     reason = "no report" if battery is None else f"{battery.remaining:.0%}"
-    return Line(vehicle.name, "battery", battery is not None, reason, vehicle.plan.driver.at)
+    return PreflightResult(
+        vehicle.name, "battery", battery is not None, reason, vehicle.plan.driver.at
+    )
 
 
-def _no_estimate(vehicle: Vehicle) -> Line:
+def _no_estimate(vehicle: Vehicle) -> PreflightResult:
     estimators = vehicle.plan.estimators
     reason = f"no healthy estimate from {', '.join(e.part.name for e in estimators)}"
     if vehicle.knowledge.cameras.is_blind:
         reason += ": frames arrive, but no tag of the map is found in them"
-    return Line(vehicle.name, "estimate", False, reason, estimators[0].part.at)
+    return PreflightResult(vehicle.name, "estimate", False, reason, estimators[0].part.at)
 
 
-def _estimate(vehicle: Vehicle, estimate: Estimate) -> Line:
+def _estimate(vehicle: Vehicle, estimate: Estimate) -> PreflightResult:
     at = next(e.part.at for e in vehicle.plan.estimators)
     reason = f"{estimate.source}, spread {estimate.spread * 1000:.1f} mm"
-    return Line(vehicle.name, "estimate", True, reason, at)
+    return PreflightResult(vehicle.name, "estimate", True, reason, at)
 
 
-def _start(vehicle: Vehicle, estimate: Estimate, others: Sequence[Vehicle]) -> Line:
+def _start(vehicle: Vehicle, estimate: Estimate, others: Sequence[Vehicle]) -> PreflightResult:
     """Two motion capture bodies that are swapped stand where the other should start."""
     away = distance(estimate.position, vehicle.context.start)
     green = away <= take_off_tolerance.allowed(estimate)
@@ -132,10 +141,10 @@ def _start(vehicle: Vehicle, estimate: Estimate, others: Sequence[Vehicle]) -> L
         there = distance(estimate.position, other.context.start) <= take_off_tolerance.LEAST
         if there and other is not vehicle:
             reason += f"; the body of `{vehicle.name}` stands where `{other.name}` should start"
-    return Line(vehicle.name, "start pose", green, reason, vehicle.plan.at)
+    return PreflightResult(vehicle.name, "start pose", green, reason, vehicle.plan.at)
 
 
-def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[Line]:
+def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[PreflightResult]:
     context = vehicle.context
     x, y, z = position
     if context.fence is not None:
@@ -143,7 +152,7 @@ def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[Line]:
         walls = Box((west, south, min(floor, z) - _DEEP), context.fence.high)
         outside = walls.outside_by(position)
         reason = f"{outside:.2f} m outside" if outside > 0.0 else f"{-outside:.2f} m inside"
-        yield Line(vehicle.name, "fence", outside <= 0.0, reason, vehicle.plan.at)
+        yield PreflightResult(vehicle.name, "fence", outside <= 0.0, reason, vehicle.plan.at)
     if context.obstacles:
         name, shape = min(
             context.obstacles.items(), key=lambda o: o[1].distance((x, y, z + _ABOVE))
@@ -151,7 +160,7 @@ def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[Line]:
         room = shape.distance((x, y, z + _ABOVE))
         reason = f"{room:.2f} m from `{name}` ({context.airframe.arm:.2f} m needed)"
         green = room >= context.airframe.arm
-        yield Line(vehicle.name, "obstacles", green, reason, vehicle.plan.at)
+        yield PreflightResult(vehicle.name, "obstacles", green, reason, vehicle.plan.at)
 
 
 class PreflightTimeout:
@@ -170,7 +179,7 @@ class PreflightTimeout:
         self._ready = 0.0
         self._told: set[tuple[str, str]] = set()
 
-    def ends(self, lines: Sequence[Line], seconds: float) -> bool:
+    def ends(self, lines: Sequence[PreflightResult], seconds: float) -> bool:
         """Return whether the preflight is over: all lines are green, or it has timed out."""
         if all(line.green for line in lines):
             return True
@@ -184,7 +193,7 @@ class PreflightTimeout:
             self._tell(waiting)
         return late
 
-    def _tell(self, waiting: Sequence[Line]) -> None:
+    def _tell(self, waiting: Sequence[PreflightResult]) -> None:
         for vehicle, check, _, reason, at, _ in waiting:
             if (vehicle, check) not in self._told:
                 self._told.add((vehicle, check))

@@ -16,7 +16,7 @@ from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Event
 from kybflow.parts import Link
 from kybflow.recording.outcome import EXIT_CODES
-from kybflow.runtime.preflight import Line
+from kybflow.runtime.preflight import PreflightResult
 
 REASON = detailed("2 are wrong", ["A is 0", "B is 1"])
 
@@ -36,7 +36,10 @@ def test_other_words_stay_as_they_are():
 
 
 def test_the_preflight_has_the_table_below_its_line():
-    lines = [Line("nano", "link", True, "well"), Line("a", "parameters", False, REASON, "m.yaml:9")]
+    lines = [
+        PreflightResult("nano", "link", True, "well"),
+        PreflightResult("a", "parameters", False, REASON, "m.yaml:9"),
+    ]
     assert table(lines) == [
         "green  nano  link        well",
         "RED    a     parameters  2 are wrong  [m.yaml:9]",

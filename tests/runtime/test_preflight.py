@@ -22,13 +22,13 @@ from kybflow.core.signals import NS, Battery, Estimate, Frame, Pose, Reaction
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, SensorPlan, TransitionPlan
 from kybflow.parts import Estimator, Link, Sensor, Stream
-from kybflow.runtime.preflight import Line
+from kybflow.runtime.preflight import PreflightResult
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.world.cameras import Camera, Lens
 from kybflow.world.shapes import Box
 
 
-def checks(*vehicles, **facts) -> dict[tuple[str, str], Line]:
+def checks(*vehicles, **facts) -> dict[tuple[str, str], PreflightResult]:
     return {(line.vehicle, line.check): line for line in inspect(plan(*vehicles, **facts)).lines}
 
 
@@ -87,7 +87,7 @@ def test_two_swapped_bodies_are_named():
 
     driver = replace(part("drivers", "sim"), cls=SwappedSim)
     found = checks(flight("a", driver=driver), flight("b", driver=driver, start=(1.0, 0.0, 0.0)))
-    assert found["a", "start pose"] == Line(
+    assert found["a", "start pose"] == PreflightResult(
         "a",
         "start pose",
         False,
@@ -287,7 +287,9 @@ def test_a_dangerous_watchdog_keeps_it_on_the_ground():
 
     driver = replace(part("drivers", "sim"), cls=Unwatched, at="m.yaml:9")
     line = checks(flight(driver=driver))["a", "watchdog"]
-    assert line == Line("a", "watchdog", False, "COM_OBL_RC_ACT is 0: it flies on", "m.yaml:9")
+    assert line == PreflightResult(
+        "a", "watchdog", False, "COM_OBL_RC_ACT is 0: it flies on", "m.yaml:9"
+    )
 
 
 def test_outside_the_fence_and_inside_an_obstacle_it_stays():

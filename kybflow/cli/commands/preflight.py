@@ -14,7 +14,7 @@ from kybflow.core.details import details, headline
 
 if TYPE_CHECKING:
     from kybflow.dsl.plan import Plan
-    from kybflow.runtime.preflight import Line
+    from kybflow.runtime.preflight import PreflightResult
 
 EXAMPLES = examples(
     "kybflow preflight missions/figure_eight.yaml",
@@ -60,7 +60,7 @@ def _inspect(plan: Plan, seed: int) -> int:
     return 0 if all(line.green for line in found.lines) else RED
 
 
-def table(lines: Sequence[Line]) -> list[str]:
+def table(lines: Sequence[PreflightResult]) -> list[str]:
     """The lines in columns: red or green, vehicle, check, reason, mission line; below a line the
     table that its reason carries."""
     names = max(len(line.vehicle) for line in lines)
