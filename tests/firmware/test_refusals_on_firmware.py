@@ -68,7 +68,7 @@ def failures(told) -> dict[tuple[str, str], str]:
 
 
 def test_without_a_position_it_does_not_fly_and_says_why(two: str, tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(AutopilotLink, "tell", lambda link, estimate, now: None)
+    monkeypatch.setattr(AutopilotLink, "tell_position", lambda link, estimate, now: None)
     flight, told, _ = flown(plan_of(SIDESTEP, two), tmp_path)
     found = failures(told)
     assert flight.summary["outcome"] == "failed"
@@ -103,7 +103,7 @@ def test_parameters_that_are_not_prepared_are_named_with_what_mends_them(two: st
 def test_what_it_says_to_arming_is_what_the_run_says(two: str, tmp_path: Path, monkeypatch):
     """No vision, and a preflight that does not look: it must refuse by itself where it is to keep
     the position. (By acceleration PX4 needs none, and flies the whole mission.)"""
-    monkeypatch.setattr(AutopilotLink, "tell", lambda link, estimate, now: None)
+    monkeypatch.setattr(AutopilotLink, "tell_position", lambda link, estimate, now: None)
     monkeypatch.setattr(AutopilotLink, "checks", lambda link, now: ())
     flight, told, engine = flown(by_position(plan_of(SIDESTEP, two)), tmp_path)
     refused = named(told, "arming_refused")

@@ -9,8 +9,6 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.cli.commands.mavlink import ticks
 from kybflow.core.signals import NS, Time, Truth
-from kybflow.drivers.mavlink.contact import SET_MESSAGE_INTERVAL
-from kybflow.drivers.mavlink.control.modes import DO_SET_MODE
 from kybflow.drivers.mavlink.control.requests import CommandRequest, CommandRequests
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
@@ -64,7 +62,8 @@ class Watched:
 
     def fly_in(self, mode: str, now: Time) -> CommandRequest:
         """What a pilot's switch does."""
-        return self.ask(DO_SET_MODE, *self.profile.mode_params(self.profile.modes[mode]), now=now)
+        params = self.profile.mode_params(self.profile.modes[mode])
+        return self.ask(mavlink.MAV_CMD_DO_SET_MODE, *params, now=now)
 
     def look(self, now: Time) -> None:
         self.now = now
@@ -79,7 +78,7 @@ class Watched:
             rates = RATES if self.truth is None else RATES | dict(self.profile.simulator_streams)
             for name, rate in rates.items():
                 number = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
-                self.ask(SET_MESSAGE_INTERVAL, number, round(1e6 / rate), now=now)
+                self.ask(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, round(1e6 / rate), now=now)
         for message in self._requests.due(now):
             self._port.send(message)
 

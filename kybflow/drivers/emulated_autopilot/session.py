@@ -68,10 +68,10 @@ class EmulatedLink(AutopilotLink):
     def autopilot(self) -> OnboardAutopilot:
         return self._emulated.onboard.autopilot
 
-    def look(self, now: Time) -> None:
+    def update(self, now: Time) -> None:
         rig = self._emulated.vehicle.rig
         self.wire.deaf, self.wire.mute = rig.deaf, rig.mute
-        super().look(now)
+        super().update(now)
 
     def read(self, now: Time) -> Sequence[Measurement]:
         told, poses = super().read(now), self._emulated.poses()
@@ -113,7 +113,7 @@ class EmulatedSession(Session):
         self._fleet.advance(now)
         self._hub.poll(now)
         for link in self._links:
-            link.look(now)
+            link.update(now)
 
     def close(self) -> None:
         for link in self._links:

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.control.override import Silence
 from kybflow.drivers.mavlink.control.requests import CommandRequests
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, TimeSync
@@ -27,6 +26,7 @@ from kybflow.drivers.mavlink.telemetry.received_status import (
     LandedState,
     ReceivedStatus,
     ReceivedText,
+    Silence,
 )
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port, heartbeat
@@ -42,8 +42,8 @@ FORGETS: Time = 2 * NS
 REPEATED: Time = 60 * NS
 """How long a text that was reported is not reported again."""
 DISARM, REFUSALS = "disarm", ("denied", "not landed", "refused", "rejected")
-ALERT = 1
-"""MAV_SEVERITY: texts as severe as this are reported at once, whatever they say."""
+ALERT = mavlink.MAV_SEVERITY_ALERT
+"""Texts as severe as this are reported at once, whatever they say."""
 SEVERITIES = ("critical", "critical", "critical", "error", "warning")
 TRUE = frozenset({"SIM_STATE", "HIL_STATE_QUATERNION"})
 ANSWERS = frozenset({"COMMAND_ACK", "PARAM_VALUE", "PARAM_ERROR", "TIMESYNC"})
@@ -156,9 +156,8 @@ def _refuses_to_disarm(text: ReceivedText) -> bool:
     return text.severity > ALERT and DISARM in words and any(word in words for word in REFUSALS)
 
 
-STATION, ONBOARD = 190, 191
-"""Our component ids: ground station, onboard computer."""
-REQUEST_MESSAGE, SET_MESSAGE_INTERVAL = 512, 511
+STATION = mavlink.MAV_COMP_ID_MISSIONPLANNER
+"""Our component id as a ground station."""
 ROUND: Time = 5 * NS
 """Pause between two requests for streams that do not arrive."""
 ROUNDS = 3
@@ -196,7 +195,7 @@ class Upkeep:
         if now >= self._heartbeat:
             self._heartbeat = now + NS
             self._port.send(HEARTBEAT, STATION)
-            self._port.send(heartbeat(mavlink.MAV_TYPE_ONBOARD_CONTROLLER), ONBOARD)
+            self._port.send(heartbeat(mavlink.MAV_TYPE_ONBOARD_CONTROLLER))
         if self._status.heartbeat is None:
             return
         if self._clock.reboots != self._reboots:
@@ -220,9 +219,10 @@ class Upkeep:
                 self._ask_for(name, now)
         if "GPS_GLOBAL_ORIGIN" not in self._status.at:
             number = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
-            self._requests.ask(REQUEST_MESSAGE, number, now=now, attempts=2)
+            self._requests.ask(mavlink.MAV_CMD_REQUEST_MESSAGE, number, now=now, attempts=2)
 
     def _ask_for(self, name: str, now: Time) -> None:
         number = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
         interval = round(1e6 / self._rates[name])
-        self._requests.ask(SET_MESSAGE_INTERVAL, number, interval, now=now, attempts=3)
+        command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+        self._requests.ask(command, number, interval, now=now, attempts=3)

@@ -25,7 +25,6 @@ from kybflow.core.signals import (
     Truth,
 )
 from kybflow.drivers.mavlink.contact import Contact, Upkeep
-from kybflow.drivers.mavlink.control.modes import DO_SET_MODE
 from kybflow.drivers.mavlink.control.offboard import OffboardControl, OffboardGoal
 from kybflow.drivers.mavlink.control.payload import PayloadGrip
 from kybflow.drivers.mavlink.control.setpoints import HoverThrottle, compensated
@@ -52,7 +51,7 @@ blind descent until more arrive."""
 
 
 class AutopilotLink(Link):
-    """The link to one vehicle. The session calls `look` once a tick after the router was polled."""
+    """The link to one vehicle. The session calls `update` once a tick, after polling the router."""
 
     def __init__(self, seat: Seat, profile: FirmwareProfile, port: Port) -> None:
         context, params = seat.context, seat.params
@@ -88,19 +87,18 @@ class AutopilotLink(Link):
         self._opened: Time | None = None
         self._command: Command | None = None
 
-    def look(self, now: Time) -> None:
+    def update(self, now: Time) -> None:
         """Take in messages, decide, and send what is due. Raises DriverError."""
         self._now = now
         if self.contact.listen(now):
             self._upkeep.begin_anew()
-        self.offboard.detector.silence = self.contact.silence
-        self.offboard.look(self.contact.age(now), now)
-        self._flow(now)
+        self.offboard.update(self.contact.age(now), self.contact.silence, now)
+        self._stream_setpoint(now)
         if now >= self._due:
             self._due = now + OFTEN
-            self._learn(now)
+            self._learn_hover_throttle(now)
             self._upkeep.step(now)
-        self._note()
+        self._publish_state()
 
     def read(self, now: Time) -> Sequence[Measurement]:
         if self._opened is None:
@@ -115,21 +113,21 @@ class AutopilotLink(Link):
     def send(self, command: Command, now: Time) -> None:
         self._command = command
         self.offboard.send(command, now)
-        self._flow(now)
+        self._stream_setpoint(now)
 
     def arm(self, command: Command, now: Time) -> bool:
         self._command = command
         try:
             return self.offboard.arm(command, now)
         finally:
-            self._flow(now)
-            self._note()
+            self._stream_setpoint(now)
+            self._publish_state()
 
     def cut(self, now: Time) -> None:
         self.offboard.cut(now)
-        self.offboard.look(self.contact.age(now), now)
+        self.offboard.update(self.contact.age(now), self.contact.silence, now)
         self._upkeep.step(now)
-        self._note()
+        self._publish_state()
 
     def tell_position(self, estimate: Estimate, now: Time) -> None:
         contact = self.contact
@@ -145,7 +143,7 @@ class AutopilotLink(Link):
 
     def checks(self, now: Time) -> Sequence[Check]:
         misses = self.offboard.prepare(now)
-        self._flow(now)
+        self._stream_setpoint(now)
         return [*self._checks.checks(misses, self._vision.told, now), *self._capacity.check()]
 
     def status_texts(self) -> Sequence[StatusText]:
@@ -158,13 +156,13 @@ class AutopilotLink(Link):
 
     def reclaim(self, now: Time) -> None:
         self.offboard.reclaim(now)
-        self._note()
+        self._publish_state()
 
     def land(self, now: Time) -> bool:
         try:
             return self.offboard.land(now)
         finally:
-            self._note()
+            self._publish_state()
 
     def grip(self, is_open: bool, now: Time) -> None:
         if self._grip is None:
@@ -193,12 +191,13 @@ class AutopilotLink(Link):
         if not is_ours or before is None or before == contact.status.mode:
             return
         params = (*contact.profile.mode_params(before), 0.0, 0.0, 0.0, 0.0)
+        command = mavlink.MAV_CMD_DO_SET_MODE
         contact.port.send(
-            mavlink.MAVLink_command_long_message(*contact.target, DO_SET_MODE, 0, *params)
+            mavlink.MAVLink_command_long_message(*contact.target, command, 0, *params)
         )
 
-    def _flow(self, now: Time) -> None:
-        """Send the set-point that is due."""
+    def _stream_setpoint(self, now: Time) -> None:
+        """Send the setpoint that is due."""
         command = self.offboard.stream.due(now)
         if command is None or (anchor := self._anchor) is None:
             return
@@ -218,7 +217,7 @@ class AutopilotLink(Link):
         own = self.contact.telemetry.anchor
         return self._drift.anchor if self.contact.is_outside else own
 
-    def _learn(self, now: Time) -> None:
+    def _learn_hover_throttle(self, now: Time) -> None:
         """How much throttle holds it in the air."""
         status, contact = self.contact.status, self.contact
         flies = self.offboard.goal is OffboardGoal.FOLLOW and status.landed is LandedState.AIR
@@ -239,7 +238,7 @@ class AutopilotLink(Link):
         setpoint = Setpoint(SetpointKind.POSITION, here, ZERO, heading=heading)
         return Command(LEVEL, 0.0, ZERO, heading, True, CommandKind.POSITION, setpoint)
 
-    def _note(self) -> None:
+    def _publish_state(self) -> None:
         status = self.contact.status
         self.override = self.offboard.override
         self.armed = None if status.heartbeat is None else status.armed

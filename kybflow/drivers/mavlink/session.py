@@ -68,7 +68,7 @@ class MavlinkSession(Session):
             router.poll(now)
         for link in self.links.values():
             if isinstance(link, AutopilotLink):
-                link.look(now)
+                link.update(now)
 
     def close(self) -> None:
         try:

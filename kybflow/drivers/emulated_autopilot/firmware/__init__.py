@@ -206,7 +206,8 @@ def check_names(firmware: str, changes: Mapping[str, float]) -> None:
 
 
 def as_built(firmware: EmulatedFirmware, context: VehicleContext, system: int) -> dict[str, float]:
-    """The parameters that every airframe has of its own: its throttle in hover, its system id."""
+    """The parameters that a vehicle has before anybody sets it up, where they differ from the
+    firmware's defaults: the throttle in hover of its airframe, and its system id."""
     hover = round(context.airframe.hover_thrust / context.airframe.max_thrust, 4)
     return {firmware.profile.hover_parameter: hover, firmware.system_parameter: system}
 
@@ -214,9 +215,11 @@ def as_built(firmware: EmulatedFirmware, context: VehicleContext, system: int) -
 def prepared(
     firmware: EmulatedFirmware, context: VehicleContext, system: int, *, outside: bool, station: int
 ) -> dict[str, float]:
-    """The parameters of `as_built`, and those that kybflow needs. outside: the position comes from
-    kybflow; else the vehicle's own stays on. station: the system id of the program that flies
-    it."""
+    """The parameters of `as_built`, and those that kybflow needs for a flight.
+
+    outside: the position comes from kybflow; else the vehicle's own stays on.
+    station: the system id of the program that flies it.
+    """
     profile = firmware.profile
     safe = {danger.name for danger in profile.dangers}
     changes = as_built(firmware, context, system)

@@ -6,12 +6,12 @@ in force, and only they count.
 
 from __future__ import annotations
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from kybflow.core.signals import Time
 from kybflow.drivers.mavlink.control.requests import CommandRequests, Retries
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
-
-DO_SET_MODE = 176
 
 
 class Modes:
@@ -76,7 +76,7 @@ class Modes:
         if not self.was_in_force:
             if self._asking is None:
                 params = self._profile.mode_params(self._profile.modes[self.wanted])
-                self._asking = Retries(self._requests, DO_SET_MODE, params)
+                self._asking = Retries(self._requests, mavlink.MAV_CMD_DO_SET_MODE, params)
             self._asking.step(now)
         return False
 

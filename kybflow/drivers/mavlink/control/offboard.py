@@ -20,7 +20,11 @@ from kybflow.drivers.mavlink.control.override import ControlRecovery, OverrideDe
 from kybflow.drivers.mavlink.control.requests import CommandRequests
 from kybflow.drivers.mavlink.control.setpoints import SetpointStream
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
-from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
+from kybflow.drivers.mavlink.telemetry.received_status import (
+    LandedState,
+    ReceivedStatus,
+    Silence,
+)
 from kybflow.parts import Override
 
 MODE_TIMEOUT: Time = 3 * NS
@@ -34,23 +38,25 @@ RISES = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
 
 
 class OffboardGoal(Enum):
-    """What the autopilot is asked for. NOTHING: nothing yet."""
+    """What the autopilot is asked for: nothing yet, to be disarmed, to arm, to follow setpoints, to
+    land by its own mode, to stop its rotors whoever controls it."""
 
-    NOTHING = "nothing"
-    REST = "rest"
-    READY = "ready"
+    NONE = "none"
+    DISARM = "disarm"
+    ARM = "arm"
     FOLLOW = "follow"
     LAND = "land"
-    STOP = "stop"
+    KILL = "kill"
 
 
 class OffboardControl:
     """Offboard control of one vehicle.
 
-     arming_time: seconds that arming may take. rate: setpoints a second. resumes: whether the
-    vehicle is taken back unasked from its own failsafe once the link is good. hold: the command
-    that holds the vehicle still where it is, None while that is unknown. `override`: why the
-    vehicle does not follow, None while it does.
+    arming_time: seconds that arming may take.
+    rate: setpoints a second.
+    resumes: whether the vehicle is taken back unasked from its own failsafe once the link is good.
+    hold: the command that holds the vehicle still where it is, None while that is unknown.
+    `override`: why the vehicle does not follow, None while it does.
     """
 
     def __init__(
@@ -58,7 +64,7 @@ class OffboardControl:
         arming_time: float, rate: float, resumes: bool, hold: Callable[[], Command | None],
     ) -> None:  # fmt: skip
         self.override: Override | None = None
-        self.goal = OffboardGoal.NOTHING
+        self.goal = OffboardGoal.NONE
         self.modes = Modes(profile, status, requests)
         self.stream = SetpointStream(rate)
         self.detector = OverrideDetector(status, self.modes)
@@ -70,17 +76,17 @@ class OffboardControl:
         first = self.stream if profile.streams_first else None
         self._preflight_mode = PreflightMode(self.modes, first, hold, self._step_mode)
         self._since: Time = 0
-        self._left_for = ""  # the mode in which it was asked to land
+        self._mode_before_land = ""
         self._lift_off = LiftOff(hold)
         self._recovery = ControlRecovery(self.modes, self.stream, hold, self._step_mode)
 
     def arm(self, command: Command, now: Time) -> bool:
         """Arm; whether it follows. Raises Refused, and disarms a vehicle that it had armed."""
-        if self._status.armed and (self.goal is OffboardGoal.NOTHING or self.override is not None):
+        if self._status.armed and (self.goal is OffboardGoal.NONE or self.override is not None):
             reason = "it is armed" if self.override is None else self.override.reason
             raise Refused(f"somebody else has it: {reason}")
-        if self.goal is not OffboardGoal.READY or self._arming is None:
-            self._begin(OffboardGoal.READY, now)
+        if self.goal is not OffboardGoal.ARM or self._arming is None:
+            self._begin(OffboardGoal.ARM, now)
             self._arming = Arming(
                 self._profile, self._status, self._requests, self.modes, self._arming_time, now
             )
@@ -95,7 +101,7 @@ class OffboardControl:
             rises = command.kind in RISES
             obeys = self._arming.step(self.stream, self._lift_off.height, rises, now)
         except Refused:
-            self.rest(now)
+            self.disarm(now)
             raise
         if obeys:
             self._begin(OffboardGoal.FOLLOW, now)
@@ -106,11 +112,11 @@ class OffboardControl:
 
     def send(self, command: Command, now: Time) -> None:
         """Follow the newest command; one that is not armed disarms the vehicle."""
-        if self.override is not None or self.goal is OffboardGoal.STOP:
+        if self.override is not None or self.goal is OffboardGoal.KILL:
             return
         if not command.armed:
-            if self.goal not in (OffboardGoal.REST, OffboardGoal.NOTHING):
-                self.rest(now)
+            if self.goal not in (OffboardGoal.DISARM, OffboardGoal.NONE):
+                self.disarm(now)
             return
         if self.goal is not OffboardGoal.FOLLOW:
             self._begin(OffboardGoal.FOLLOW, now)
@@ -121,20 +127,20 @@ class OffboardControl:
     def prepare(self, now: Time) -> str:
         """Put the disarmed vehicle into the mode that follows setpoints; why it is not in force,
         empty when it is. Called once a tick."""
-        if self._status.armed or self.goal not in (OffboardGoal.NOTHING, OffboardGoal.REST):
+        if self._status.armed or self.goal not in (OffboardGoal.NONE, OffboardGoal.DISARM):
             return "" if self.goal is OffboardGoal.FOLLOW else "it is armed"
         return self._preflight_mode.step(now)
 
-    def rest(self, now: Time) -> None:
+    def disarm(self, now: Time) -> None:
         """Disarm the vehicle."""
-        self._begin(OffboardGoal.REST, now)
+        self._begin(OffboardGoal.DISARM, now)
         self.stream.stop()
         self.modes.want(None)
         self._disarming = Disarming(self._status, self._requests, self.modes)
 
     def cut(self, now: Time) -> None:
         """Stop the rotors, whoever controls the vehicle."""
-        self._begin(OffboardGoal.STOP, now)
+        self._begin(OffboardGoal.KILL, now)
         self.stream.stop()
         self.modes.want(None)
         self._motor_stop = MotorStop(self._status, self._requests)
@@ -145,7 +151,7 @@ class OffboardControl:
             raise Refused(f"somebody else has it: {self.override.reason}")
         if self.goal is not OffboardGoal.LAND or self.override is not None:
             self._begin(OffboardGoal.LAND, now)
-            self._left_for = self.modes.reported
+            self._mode_before_land = self.modes.reported
             self.modes.want("land")
         if not self._status.armed:
             return True
@@ -155,7 +161,7 @@ class OffboardControl:
             self._watch_control(now)
             if self.override is not None:
                 raise Refused(self.override.reason)
-        elif self.modes.is_manual and self.modes.reported != self._left_for:
+        elif self.modes.is_manual and self.modes.reported != self._mode_before_land:
             taken = Override(f"a pilot took over: {self.modes.reported}")
             self._lose_control(taken)
             raise Refused(taken.reason)
@@ -168,7 +174,7 @@ class OffboardControl:
         if self.override is None or self._recovery.is_under_way:
             return
         if not self._status.armed:
-            self.rest(now)
+            self.disarm(now)
             return
         trouble = self._recovery.begin(now)
         refused = "" if self._recovery.is_unasked else trouble
@@ -177,19 +183,22 @@ class OffboardControl:
     @property
     def is_disarming(self) -> bool:
         """Whether disarming is under way and not overdue yet."""
-        return self.goal is OffboardGoal.REST and self.override is None and self._disarming.insists
+        return (
+            self.goal is OffboardGoal.DISARM and self.override is None and self._disarming.insists
+        )
 
-    def look(self, age: float, now: Time) -> None:
+    def update(self, age: float, silence: Silence | None, now: Time) -> None:
         """React to what the autopilot does, once a tick after its messages were taken in. age:
-        seconds since its last message."""
+        seconds since its last message. silence: the newest interval without one."""
+        self.detector.silence = silence
         if not self._status.armed:
             self._lift_off.stand(now)
-        if self.goal is OffboardGoal.STOP:
+        if self.goal is OffboardGoal.KILL:
             if self._motor_stop.step(now):
-                self.rest(now)
+                self.disarm(now)
         elif self.override is not None:
             self._wait_or_recover(self.override, age, now)
-        elif self.goal is OffboardGoal.REST:
+        elif self.goal is OffboardGoal.DISARM:
             self._keep_disarmed(now)
         elif self.goal is OffboardGoal.FOLLOW:
             self._watch_control(now)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from kybflow.core.signals import NS, Command, Time
 from kybflow.drivers.mavlink.control.modes import Modes
 from kybflow.drivers.mavlink.control.setpoints import SetpointStream
-from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
+from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus, Silence
 
 TELLING = ("lost", "variance", "emergency", "critical", "timeout", "low battery")
 """What of an autopilot's words says that it acted by itself."""
@@ -25,18 +25,11 @@ BEFORE: Time = 2 * NS
 """How much earlier than the change what it said may be about it."""
 AFTER: Time = NS // 2
 """How long its words are waited for."""
-LANDS_ITSELF: Time = 3 * NS
-"""How long a vehicle that disarmed itself on the ground, or left its land mode there, is waited
-for: who lands it notices later that it is there, and of the two the mode may be told first."""
+LANDING_GRACE: Time = 3 * NS
+"""How long after a vehicle on the ground disarms itself or changes its mode this is no override
+yet: an autopilot ends a landing by itself, and the mission may notice the touchdown later."""
 CUT_BEFORE: Time = 3 * NS
 """How long ago a link may have returned that explains the change."""
-
-
-class Silence(NamedTuple):
-    """An interval without a message: when it ended, and its seconds."""
-
-    ended: Time
-    seconds: float
 
 
 class OverrideCause(NamedTuple):
@@ -92,7 +85,7 @@ class OverrideDetector:
         if any(telling in words.lower() for telling in TELLING):
             return OverrideCause(f"its own failsafe: {mode}{said}", True)
         on_ground = self._status.landed is LandedState.GROUND
-        if now - since < (LANDS_ITSELF if on_ground else AFTER):
+        if now - since < (LANDING_GRACE if on_ground else AFTER):
             return None
         return OverrideCause(
             f"a person or itself put it into {mode}, and it does not say why{said}"
@@ -101,7 +94,7 @@ class OverrideDetector:
     def _rotors(self, since: Time, now: Time) -> OverrideCause | None:
         """The cause of a disarming that was not requested here."""
         in_air = self._status.landed in (LandedState.AIR, LandedState.TAKING_OFF)
-        if not in_air and now - since <= LANDS_ITSELF:
+        if not in_air and now - since <= LANDING_GRACE:
             return None
         words = self._status.words(since - BEFORE)
         where = "in the air" if in_air else "on the ground"
@@ -127,7 +120,7 @@ class ControlRecovery:
         self._holding: Command | None = None
         self._asked: Time = 0
         self.is_unasked = False
-        self._left_for = ""
+        self._failsafe_mode = ""
 
     @property
     def is_under_way(self) -> bool:
@@ -138,12 +131,12 @@ class ControlRecovery:
         """Whether a person may have taken a vehicle that should come back unasked: it is flown by
         hand, or is neither in its failsafe's mode nor in the one that follows setpoints."""
         mode = self._modes.reported
-        is_other = mode != self._left_for and not self._modes.is_in("offboard")
+        is_other = mode != self._failsafe_mode and not self._modes.is_in("offboard")
         return self._modes.is_manual or is_other
 
     def expect(self) -> None:
         """Let it come back unasked, from the mode that it reports now."""
-        self.is_unasked, self._left_for = True, self._modes.reported
+        self.is_unasked, self._failsafe_mode = True, self._modes.reported
 
     def begin(self, now: Time) -> str:
         """Begin to ask for it; the reason where that is impossible, else empty."""

@@ -128,27 +128,34 @@ class Output(NamedTuple):
 class FirmwareProfile:
     """One kind of autopilot.
 
-    mav_autopilot: its MAV_AUTOPILOT. names: its modes by custom_mode. modes: custom_mode by our
-    names, `offboard` that follows setpoints, `land` and `hold`, and by its own names. manual_modes:
-    the names of modes that a person flies. streams, simulator_streams: the messages to request, Hz,
-    and those of its own simulator. indoors: the parameters that flight without GPS needs. dangers:
-    those that can be dangerous. streams_first: setpoints must flow before it accepts the mode.
-    climbs: it leaves the ground only when asked to take off, to `takeoff_height`, metres.
-    needs_origin: it must be told a place on earth before it has a position. raises: it raises the
-    thrust by the tilt itself. hover_parameter: its throttle in hover. reaction: the parameter that
-    says what it does once this program is dead. feeds, feeds_own: the parameters that select the
-    source of its position, where kybflow sends one and where it finds its own. latency: how late it
-    follows its setpoints. sphere: the radius of the earth in its simulator,
-    metres, None for the ellipsoid. integer_parameters_bytewise: integers travel as their bytes in
-    the field of a float.
-
-    mode_params: the first three of DO_SET_MODE. default_address: of its simulator. output: the
-    n-th auxiliary output, from 1; its second argument says whether it is that of the simulator.
-    grip: the commands that open or close what hangs on an output, by its number, the likeliest
-    first; its third argument is the value of the output's parameter, None while unknown; where
-    nothing there can be moved there are none. ready: why it can't be armed yet in
-    the mode in which it is, None where it can. spread: the standard deviation of its position,
-    metres, by its estimator's status; None while it has no position.
+    mav_autopilot: its MAV_AUTOPILOT.
+    names: the firmware's names of its modes, by custom_mode.
+    modes: custom_mode by those names and by ours: `offboard` (follows setpoints), `land`, `hold`.
+    manual_modes: the names of the modes that a person flies.
+    streams, simulator_streams: the messages to request, Hz; those of its own simulator.
+    indoors: the parameters that flight without GPS needs.
+    dangers: the parameters that can be dangerous.
+    streams_first: whether setpoints must flow before it accepts `offboard`.
+    climbs: whether it leaves the ground only when asked to take off.
+    needs_origin: whether it must be told a place on earth before it has a position.
+    raises: whether it raises the thrust by the tilt itself.
+    integer_parameters_bytewise: whether integers travel as their bytes in the field of a float.
+    hover_parameter: the parameter with its throttle in hover.
+    reaction: the parameter that says what it does once this program is dead.
+    feeds: the parameters that select kybflow as the source of its position.
+    feeds_own: the parameters that select a source of its own.
+    takeoff_height: the height that a take-off asks for, metres.
+    latency: how late it follows its setpoints.
+    sphere: the radius of the earth in its simulator, metres; None for the ellipsoid.
+    mode_params: the first three parameters of DO_SET_MODE for a custom_mode.
+    default_address: the address of its simulator, by system id.
+    output: the n-th auxiliary output, from 1; whether it is that of the simulator.
+    grip: the commands that open or close the payload on an output, the likeliest first, none where
+        nothing can be moved; takes the output's number, whether to open, and the value of the
+        output's parameter, None while unknown.
+    ready: why it can't be armed yet in its present mode; None where it can.
+    spread: the standard deviation of its position, metres, from a message of its estimator's
+        status; None while it has no position.
     """
 
     mav_autopilot: int

@@ -27,6 +27,8 @@ except ImportError as missing:
 Message = Any
 """A message object of pymavlink: `get_type()`, `get_srcSystem()`, `get_srcComponent()`, its
 fields."""
+ONBOARD: int = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+"""Our component id, an onboard computer's."""
 FIRST = 0xFE
 SECOND = 0xFD
 """The first byte of a frame of version 1 and of version 2."""
@@ -176,12 +178,8 @@ LAYOUTS: dict[int, MessageLayout] = {
 }
 NUMBERS: dict[str, int] = {layout.made.msgname: number for number, layout in LAYOUTS.items()}
 
-
-__all__ = ["ONBOARD", "Counts", "Framing", "Message", "Packer", "Parser"]
-
-ONBOARD = 191
-"""Our component id, an onboard computer's (MAV_COMP_ID_ONBOARD_COMPUTER)."""
 _DROPPED = object()
+"""What `Parser` makes of a good frame that nobody reads."""
 
 
 @dataclass(slots=True)
@@ -199,11 +197,15 @@ class Counts:
 
 
 class Parser:
-    """What one sender says, whole frames or a stream of bytes. Never raises, whatever comes.
-    stale: who signed rightly, but long ago, by system and component; who reads it, empties it.
-    wanted: the numbers of the messages that are read, when there are any; others are looked at no
-    further than their signature, and without one, alone in a datagram, no further than their
-    length."""
+    """Reads the messages of one sender from whole frames or a stream of bytes. Never raises,
+    whatever comes.
+
+    wanted: the numbers of the messages to return; empty returns all. Other frames are dropped
+    before their fields are read; without a key, those alone in a datagram are dropped even before
+    their checksum is compared.
+    `stale`: the senders, by system and component, whose signature was right but too old. The caller
+    empties it.
+    """
 
     def __init__(
         self,

@@ -15,16 +15,18 @@ from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from kybflow.core.signals import NS, Time
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
-WARNING = 4
-"""MAV_SEVERITY; more severe texts have lower numbers."""
-NO_AUTOPILOT = 8
-ARMED = 128
-READY = 1 << 28
+WARNING = mavlink.MAV_SEVERITY_WARNING
+"""More severe texts have lower numbers."""
+NO_AUTOPILOT = mavlink.MAV_AUTOPILOT_INVALID
+ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+READY = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 CHUNK = 50
 CHUNK_PATIENCE: Time = NS // 5
 """How long a text waits for its missing chunks."""
@@ -50,6 +52,13 @@ class ReceivedText(NamedTuple):
     time: Time
     severity: int
     text: str
+
+
+class Silence(NamedTuple):
+    """An interval without a message: when it ended, and its seconds."""
+
+    ended: Time
+    seconds: float
 
 
 class _Chunks:

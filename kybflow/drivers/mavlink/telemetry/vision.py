@@ -27,7 +27,6 @@ OLDEST = 0.1
 """An estimate that is older, seconds, is not sent."""
 JUMP = 0.3
 """The distance from the predicted position, metres, from which on an estimate has jumped."""
-REQUEST_MESSAGE = 512
 AGAIN = 2.0
 """Seconds until the place on earth is sent again."""
 LATITUDE, LONGITUDE, HEIGHT = 473_977_418, 85_455_939, 488_000
@@ -67,11 +66,11 @@ class ExternalVision:
             return []
         self._origin_due = now + round(AGAIN * NS)
         place = (LATITUDE, LONGITUDE, HEIGHT)
-        number = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
+        command, number = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
         return [
             mavlink.MAVLink_set_gps_global_origin_message(self._target[0], *place),
             mavlink.MAVLink_command_long_message(
-                *self._target, REQUEST_MESSAGE, 0, number, 0, 0, 0, 0, 0, 0
+                *self._target, command, 0, number, 0, 0, 0, 0, 0, 0
             ),
         ]
 

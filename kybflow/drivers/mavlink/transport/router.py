@@ -29,8 +29,8 @@ from kybflow.drivers.mavlink.protocol.framing import (
 from kybflow.drivers.mavlink.protocol.signing import Signing
 from kybflow.drivers.mavlink.transport.wire import MOST_HELD, Wire
 
-AUTOPILOT = 1
-"""Its component id (MAV_COMP_ID_AUTOPILOT1)."""
+AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
+"""The component id of the autopilot itself."""
 GONE: Time = 3 * NS
 """After this silence a vehicle may be heard from another place."""
 AGAIN: Time = NS
@@ -110,7 +110,8 @@ class Port:
         self._messages.append(message)
 
     def answer(self, place: Any) -> None:
-        """Called by the router: one heartbeat to a place where nothing else is sent."""
+        """Send one heartbeat to that address, unless the autopilot is heard from there and gets
+        ours anyway. Called by the router when frames from there are signed with an old time."""
         if place != self._place:
             self._line.wire.send(self._packer.pack(HEARTBEAT), place)
 
