@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from dataclasses import replace
 
+from framing import Framing
 from pymavlink.dialects.v20 import all as mavlink
 from sim_worlds import QUIET, seat
 
@@ -15,7 +16,6 @@ from kybflow.drivers.emulated_autopilot.firmware import as_built, emulated_firmw
 from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
 from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned, to_ned
-from kybflow.drivers.mavlink.protocol.framing import Framing
 from kybflow.drivers.mavlink.transport.wire import memory_wires
 from kybflow.drivers.sim.world import SimulatedWorld
 
@@ -159,7 +159,7 @@ class Bench:
         return "".join(m.text for m in self.heard if m.get_type() == "STATUSTEXT")
 
     def take_off(self, height=1.0):
-        """Into the mode that follows set-points, armed, up."""
+        """Into the mode that follows setpoints, armed, up."""
         if self.px4:
             self.wanted = lambda: self.go(0.0, 0.0, height)
             self.run(1.5)

@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
+from framing import Framing
 from pymavlink.dialects.v20 import all as mavlink
 from sim_worlds import FRAME
 
@@ -17,7 +18,6 @@ from kybflow.core.signals import NS, Command, CommandKind, Estimate, Setpoint, S
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
 from kybflow.drivers.mavlink.params import MavlinkParams
-from kybflow.drivers.mavlink.protocol.framing import Framing
 from kybflow.drivers.mavlink.session import MavlinkSession, open_session
 from kybflow.drivers.mavlink.transport.wire import MemoryWire, Wire, memory_wires
 from kybflow.parts import Seat
@@ -33,7 +33,7 @@ NO_POSITION = 0b111
 
 class Fake:
     """`refuses`: by command, the result and the text that it gives. `deaf_to`: commands that it
-    does not answer. `obeys`: whether what it accepts is so. `is_heavy`: whether set-points don't
+    does not answer. `obeys`: whether what it accepts is so. `is_heavy`: whether setpoints don't
     lift it. `ill`: the bits of the sensors that it reports as not well. `sent`: all that it was
     sent."""
 
@@ -130,13 +130,13 @@ class Fake:
         self._heartbeat()
 
     def _asked_up(self, message: Any) -> float:
-        """The height that a set-point asks for: its own, or any above for a push up."""
+        """The height that a setpoint asks for: its own, or any above for a push up."""
         if message.type_mask & NO_POSITION == NO_POSITION:
             return self.position[2] + 1.0 if message.afz < 0.0 else self.position[2]
         return float(-message.z)
 
     def _rise(self, wanted: float) -> None:
-        """2 cm towards a set-point that asks it up; it never sinks, nor goes aside."""
+        """2 cm towards a setpoint that asks it up; it never sinks, nor goes aside."""
         x, y, z = self.position
         follows = self.armed and self.mode == self.profile.modes["offboard"]
         if follows and wanted > z and not self.is_heavy:

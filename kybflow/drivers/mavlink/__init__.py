@@ -3,9 +3,9 @@
 One part for both: what differs is a profile (`autopilot`). Several vehicles share a link and are
 told apart by their system id. Unless its `position` is its own, what kybflow estimates goes to the
 autopilot as external vision, and kybflow's own position loop sends it accelerations, which it
-follows by its own attitude controller; by GPS, or where set-points are rare, it follows positions.
-Everything goes by the engine's tick: when this program stops, so do set-points and heartbeats. The
-last set-point stays in force until the autopilot's own failsafe acts, which the preflight has
+follows by its own attitude controller; by GPS, or where setpoints are rare, it follows positions.
+Everything goes by the engine's tick: when this program stops, so do setpoints and heartbeats. The
+last setpoint stays in force until the autopilot's own failsafe acts, which the preflight has
 looked at.
 """
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     import random
 
 OFTEN = 40.0
-"""Set-points a second from which on the position loop may be ours, as accelerations."""
+"""Setpoints a second from which on the position loop may be ours, as accelerations."""
 SLOW, QUICK = 100, 250
-"""Ticks a second, for set-points of position or acceleration: up to one in two ticks of the former,
+"""Ticks a second, for setpoints of position or acceleration: up to one in two ticks of the former,
 and above. The attitude loop, which needs more, is the autopilot's."""
 
 

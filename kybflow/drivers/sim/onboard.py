@@ -56,7 +56,7 @@ Rotors = tuple[float, float, float, float]
 STOPPED: Rotors = (0.0, 0.0, 0.0, 0.0)
 
 
-class Pilot:
+class AttitudeController:
     """One vehicle's on-board controller; `update` once a physics step, `receive` once a command.
     `noise` are the errors of its IMU, in the order of what is felt. `rest`: the upward specific
     force that it felt before it was armed, m/s^2; gravity where that was not long enough."""

@@ -6,7 +6,7 @@ from collections import deque
 
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NEVER, NS, Command, Time
-from kybflow.drivers.sim.onboard import Pilot
+from kybflow.drivers.sim.onboard import AttitudeController
 from kybflow.flight.descent import Descent
 from kybflow.world.vehicle_context import Airframe
 
@@ -15,14 +15,14 @@ WATCHDOG: Time = NS // 4
 
 
 class Receiver:
-    """Hands commands to the pilot, `late` nanoseconds after they were sent. When nothing arrives
-    for too long its watchdog levels out and comes down by the law of `kybflow.flight.descent`; from
-    then on it heeds nothing but a command to stop the rotors."""
+    """Hands commands to the on-board controller, `late` nanoseconds after they were sent. When
+    nothing arrives for too long its watchdog levels out and comes down by the law of
+    `kybflow.flight.descent`; from then on it heeds nothing but a command to stop the rotors."""
 
-    def __init__(self, pilot: Pilot, airframe: Airframe, watched: bool) -> None:
+    def __init__(self, controller: AttitudeController, airframe: Airframe, watched: bool) -> None:
         self.descent: Descent | None = None
         self.late: Time = 0
-        self._pilot, self._airframe, self._watched = pilot, airframe, watched
+        self._controller, self._airframe, self._watched = controller, airframe, watched
         self._heard: Time = 0
         self._deaf = False
         self._on_the_way: deque[tuple[Time, Command]] = deque()
@@ -46,7 +46,7 @@ class Receiver:
             if command.armed:
                 return
             self._deaf, self.descent = False, None
-        self._pilot.receive(command)
+        self._controller.receive(command)
 
     def mind(self, now: Time) -> Time:
         """Take what has arrived, the newest counts; begin to come down when nothing was heard for
@@ -60,12 +60,12 @@ class Receiver:
         if not self._watched:
             return due
         since = now
-        if self._pilot.armed and not self._deaf:
+        if self._controller.armed and not self._deaf:
             since = self._heard
             if now - since >= WATCHDOG:
-                frame, pilot = self._airframe, self._pilot
+                frame, controller = self._airframe, self._controller
                 self.descent = Descent(
-                    frame.hover_thrust, frame.max_thrust, pilot.climb, pilot.rest
+                    frame.hover_thrust, frame.max_thrust, controller.climb, controller.rest
                 )
                 self._deaf, since = True, now
         return min(due, since + WATCHDOG)
@@ -75,6 +75,6 @@ class Receiver:
         if self.descent is None:
             return
         thrust = self.descent.step(lift, dt)
-        self._pilot.receive(Command(LEVEL, thrust or 0.0, ZERO, None, thrust is not None))
+        self._controller.receive(Command(LEVEL, thrust or 0.0, ZERO, None, thrust is not None))
         if thrust is None:
             self.descent = None

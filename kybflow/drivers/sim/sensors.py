@@ -170,7 +170,7 @@ class Positions:
         ]
 
 
-class Cell:
+class SimulatedBattery:
     """A battery that a hovering vehicle empties in the airframe's endurance.
 
     Power goes with thrust^1.5 (momentum theory). Voltage falls with the charge by the airframe's

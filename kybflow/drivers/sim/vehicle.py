@@ -23,9 +23,16 @@ from kybflow.core.signals import (
     Truth,
 )
 from kybflow.drivers.sim.model import BuiltAirframe
-from kybflow.drivers.sim.onboard import Pilot, Rotors
+from kybflow.drivers.sim.onboard import AttitudeController, Rotors
 from kybflow.drivers.sim.receiver import Receiver
-from kybflow.drivers.sim.sensors import Averages, Cell, PoseSampler, Positions, bias, draw
+from kybflow.drivers.sim.sensors import (
+    Averages,
+    PoseSampler,
+    Positions,
+    SimulatedBattery,
+    bias,
+    draw,
+)
 from kybflow.parts import Link, Rig, Seat
 from kybflow.world.vehicle_context import Airframe
 
@@ -98,7 +105,7 @@ class SimulatedVehicle(Link):
         imu = streams[1]
         offsets = [*bias(imu, p.gyro_bias), *bias(imu, p.accelerometer_bias)]
         noises = [p.gyro_noise] * 3 + [p.accelerometer_noise] * 3
-        self.pilot = Pilot(
+        self.controller = AttitudeController(
             context.airframe, context.heading, 1.0 / p.physics, draw(imu, offsets, noises)
         )
         self.capture = PoseSampler(
@@ -107,7 +114,7 @@ class SimulatedVehicle(Link):
         )  # fmt: skip
         spread = (p.position_noise, p.position_noise, p.position_noise_up)
         self._positions = Positions(p.position_rate, p.position_latency, spread, streams[4])
-        self.cell = Cell(context.airframe, p.battery, p.battery_rate)
+        self.battery = SimulatedBattery(context.airframe, p.battery, p.battery_rate)
         self.wind = GustyWind(p.wind, p.gust, draw(streams[3], [0.0] * 3, [1.0] * 3))
         self.due: Time = 0
         self.thrust = list(self.body.thrust)
@@ -117,9 +124,9 @@ class SimulatedVehicle(Link):
         self._filters = self.rig.filters
         self._deaf = self._mute = False
         self._seen_as = self._sees_as = index
-        self._imu = Averages(self.pilot.noise)
+        self._imu = Averages(self.controller.noise)
         self._subscribed = False
-        self._receiver = Receiver(self.pilot, context.airframe, p.watchdog)
+        self._receiver = Receiver(self.controller, context.airframe, p.watchdog)
         self._minded: Time = 0
         if context.payload is not None:
             self._arriving.append(
@@ -128,21 +135,21 @@ class SimulatedVehicle(Link):
 
     def measure(self, now: Time) -> None:
         """Take every measurement that is due at `now`, and every command; mind the watchdog."""
-        capture, cell = self.capture, self.cell
+        capture, battery = self.capture, self.battery
         if capture.schedule.due <= now:
             truth = self._world.truth(self._seen_as)
             while (at := capture.schedule.due) <= now:
                 self._arriving.append((at + capture.latency, capture.measure(truth, at, now)))
                 capture.schedule.move_on()
-        if cell.schedule.due <= now:
-            self._arriving.append((now, cell.measure(now)))
+        if battery.schedule.due <= now:
+            self._arriving.append((now, battery.measure(now)))
             self._world.load(self._index, now)
-            cell.schedule.move_on()
+            battery.schedule.move_on()
         if self._minded <= now:
             falling, self._minded = self._receiver.descent, self._receiver.mind(now)
             if self._receiver.descent is not falling:
                 self._rewire()
-        self.due = min(capture.schedule.due, cell.schedule.due, self._minded)
+        self.due = min(capture.schedule.due, battery.schedule.due, self._minded)
         if self._positions.is_wanted:
             if self._positions.schedule.due <= now:
                 self._positions.measure(self.truth(), now)
@@ -152,10 +159,10 @@ class SimulatedVehicle(Link):
     def update(self) -> Update:
         """The on-board controller, as much of it as is needed now."""
         taps = self._subscribed or self._imu.bias is not None or self._receiver.descent is not None
-        return self._update if taps else self.pilot.update
+        return self._update if taps else self.controller.update
 
     def _update(self, felt: list[float]) -> Rotors:
-        rotors = self.pilot.update(felt)
+        rotors = self.controller.update(felt)
         self._imu.add(felt)
         self._receiver.come_down(self._imu.lift, self._dt)
         return rotors
@@ -210,11 +217,11 @@ class SimulatedVehicle(Link):
     def grip(self, is_open: bool, now: Time) -> None:
         if self._mute:
             return
-        aboard = self._world.grip(self._index, is_open, self.pilot.armed)
+        aboard = self._world.grip(self._index, is_open, self.controller.armed)
         self._arriving.append((now, Payload(now, is_open, aboard)))
 
     def _rewire(self) -> None:
-        self.pilot.noise = self._imu
+        self.controller.noise = self._imu
         self._world.wire()
 
     def _rigged(self) -> None:
@@ -225,7 +232,7 @@ class SimulatedVehicle(Link):
         self._receiver.put_off(round(rig.late * NS))
         self._seen_as = self._world.index(rig.body)
         self._sees_as = self._world.index(rig.view)
-        self.cell.sag = rig.sag
+        self.battery.sag = rig.sag
         self.thrust = [t * left for t, left in zip(self.body.thrust, rig.rotors, strict=True)]
         off = [*rig.gyro_bias, *rig.accelerometer_bias]
         self._imu.bias = off if any(off) else None

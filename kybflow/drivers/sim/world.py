@@ -148,10 +148,10 @@ class SimulatedWorld(Session):
         """Drain a vehicle's battery by what its rotors give, and let their thrust sag with it."""
         vehicle = self._vehicles[index]
         rotors = self.data.act[ROTORS * index : ROTORS * (index + 1)].tolist()
-        sag = vehicle.cell.level**2
+        sag = vehicle.battery.level**2
         thrust = sag * sum(a * b for a, b in zip(rotors, vehicle.thrust, strict=True))
-        vehicle.cell.drain(thrust, 1.0 / vehicle.cell.schedule.rate if now else 0.0)
-        sag = vehicle.cell.level**2
+        vehicle.battery.drain(thrust, 1.0 / vehicle.battery.schedule.rate if now else 0.0)
+        sag = vehicle.battery.level**2
         first = ACTUATORS * index
         self.model.actuator_gainprm[first : first + ROTORS, 0] = [sag * f for f in vehicle.thrust]
 

@@ -199,16 +199,8 @@ def decode_pose(payload: bytes) -> PoseReport:
     return PoseReport(sensor, (px, py, pz), (w, x, y, z))
 
 
-def encode_text(severity: int, text: str) -> bytes:
-    """The payload of a TEXT. severity: 0 normal, 1 warning, 2 error."""
-    try:
-        return _TEXT.pack(severity, 0) + text.encode("utf-8", "replace") + b"\0"
-    except struct.error as error:
-        raise CodecError(f"a text that does not fit: {error}") from None
-
-
 def decode_text(payload: bytes) -> tuple[int, str]:
-    """Severity and text."""
+    """The severity (0 normal, 1 warning, 2 error) and the text of a TEXT."""
     severity, _ = _unpack(_TEXT, payload[: _TEXT.size], "text")
     return severity, _string(payload[_TEXT.size :])
 

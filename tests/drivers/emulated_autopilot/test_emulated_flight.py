@@ -1,4 +1,4 @@
-"""An emulated autopilot arms, climbs, follows set-points and lands, over a raw wire."""
+"""An emulated autopilot arms, climbs, follows setpoints and lands, over a raw wire."""
 
 from __future__ import annotations
 

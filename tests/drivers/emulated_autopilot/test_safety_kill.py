@@ -12,10 +12,10 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
+from framing import Framing
 from served_autopilots import emulated
 from waiting import HANGS, free_port
 
-from kybflow.drivers.mavlink.protocol.framing import Framing
 from kybflow.drivers.mavlink.transport import open_wire
 
 pytestmark = pytest.mark.thorough

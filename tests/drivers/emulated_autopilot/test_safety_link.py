@@ -1,4 +1,4 @@
-"""The link is cut, set-points stall, the program dies: the vehicle is safe on its own, and on
+"""The link is cut, setpoints stall, the program dies: the vehicle is safe on its own, and on
 return goes on or lands as the mission says."""
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def test_set_points_that_stall_are_a_matter_of_its_own_failsafe(autopilot, secon
 
 @thorough
 def test_one_that_holds_by_itself_while_it_is_to_be_landed_is_landed(tmp_path):
-    """It was landed by set-points already when it was found not to follow them."""
+    """It was landed by setpoints already when it was found not to follow them."""
 
     def holds(flight):
         flight.pilot.state.parameters._values["COM_OBL_RC_ACT"] = 5.0

@@ -112,7 +112,7 @@ def test_px4_is_never_in_offboard_without_set_points(tmp_path):
 
 
 def starts_watching(flight):
-    """Look at every change of mode: does the autopilot hear set-points then?"""
+    """Look at every change of mode: does the autopilot hear setpoints then?"""
     flight.follows, change = [], flight.pilot.change
 
     def watched(mode, now, *, asked):

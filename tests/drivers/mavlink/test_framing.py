@@ -7,12 +7,13 @@ import subprocess
 import sys
 
 import pytest
+from framing import Framing
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.errors import DriverError
-from kybflow.drivers.mavlink.protocol.framing import Counts, Framing, Message, Packer, Parser
+from kybflow.drivers.mavlink.protocol.framing import Counts, Message, Packer, Parser
 
 NAN = math.nan
 ATTITUDE = mavlink.MAVLink_attitude_message(1234, 0.5, -0.25, 3.0, 0.125, 0.0, 0.0)

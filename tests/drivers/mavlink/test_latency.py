@@ -1,4 +1,4 @@
-"""Set-points ahead of their time."""
+"""Setpoints ahead of their time."""
 
 from __future__ import annotations
 

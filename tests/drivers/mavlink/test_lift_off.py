@@ -1,4 +1,4 @@
-"""The set-points that lift a vehicle from the ground."""
+"""The setpoints that lift a vehicle from the ground."""
 
 from __future__ import annotations
 

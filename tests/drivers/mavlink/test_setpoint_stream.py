@@ -1,4 +1,4 @@
-"""The stream of set-points: its rate, and its end."""
+"""The stream of setpoints: its rate, and its end."""
 
 from __future__ import annotations
 

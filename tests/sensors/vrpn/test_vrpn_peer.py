@@ -15,12 +15,13 @@ from kybflow.sensors.vrpn.codec import (
     describe,
     encode,
     encode_pose,
-    encode_text,
 )
 from kybflow.sensors.vrpn.peer import Peer, SenderMessage, SenderStatus
 
 REPORT = PoseReport(3, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0))
 PAYLOAD = encode_pose(REPORT)
+DARK = bytes.fromhex("00000001 00000000") + b"dark\0"
+"""A text with the severity of a warning."""
 
 
 def met() -> tuple[Peer, Peer]:
@@ -43,7 +44,7 @@ def test_names_are_described_once_and_understood() -> None:
 
 def test_pings_and_texts_are_heard() -> None:
     speaker, listener = met()
-    words = speaker.say("a", PING, 0) + speaker.say("b", TEXT, 0, encode_text(1, "dark"))
+    words = speaker.say("a", PING, 0) + speaker.say("b", TEXT, 0, DARK)
     assert listener.hear(words) == [
         SenderMessage("a", 0, SenderStatus(PING)),
         SenderMessage("b", 0, SenderStatus(TEXT, "dark", 1)),

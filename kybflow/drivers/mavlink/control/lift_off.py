@@ -1,11 +1,11 @@
 """The way up from the ground.
 
-An autopilot's own take-off ends on the ground where it is commanded down. The mission's set-points
+An autopilot's own take-off ends on the ground where it is commanded down. The mission's setpoints
 begin there, while the vehicle is on its way up already. So positions are kept back until they are
 above it, and accelerations until they are not downward, for five seconds at most; then it is high
 enough to be commanded down.
 
-One that takes off by set-points is given others until it has lifted: a position above, or a push
+One that takes off by setpoints is given others until it has lifted: a position above, or a push
 up that grows, since what it believes to hover with may be too little.
 """
 

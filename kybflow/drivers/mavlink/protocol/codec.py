@@ -86,7 +86,7 @@ def encode(
     command: Command, *, target: tuple[int, int], boot_ms: int, anchor: Anchor,
     throttle: Throttle, own_heading: float | None = None,
 ) -> Message:  # fmt: skip
-    """The set-point message of a command. target: system and component. boot_ms: the vehicle's time
+    """The setpoint message of a command. target: system and component. boot_ms: the vehicle's time
     since its start. own_heading: the autopilot's, in its own frame but as ENU; it is held where the
     command knows none. A command that is not armed asks for no thrust. Raises ValueError where the
     setpoint lacks what its kind needs, which is a tracker's mistake."""

@@ -87,9 +87,6 @@ class Anchor(NamedTuple):
     def unturned(self, vector: Vec3) -> Vec3:
         return _turned(vector, -self.heading)
 
-    def heading_to_world(self, heading: float) -> float:
-        return wrap(heading + self.heading)
-
     def heading_from_world(self, heading: float) -> float:
         return wrap(heading - self.heading)
 

@@ -144,7 +144,7 @@ class Pipe:
     many bytes it took. Both raise OSError when it is lost.
 
     A frame that went out in part is finished first; what is sent meanwhile is lost, since a
-    set-point that comes late is worse than none.
+    setpoint that comes late is worse than none.
     """
 
     def __init__(self, read: Callable[[int], bytes], write: Callable[[bytes], int]) -> None:
