@@ -1,4 +1,4 @@
-"""What many autopilots in one process cost, as a share of one core, and how late set-points leave.
+"""What many autopilots in one process cost, as a share of one core, and how late setpoints leave.
 
     python bench/mavlink.py [--vehicles 16] [--seconds 10] [--profile 30]
 
@@ -6,7 +6,7 @@ Flies the vehicle `mk` of missions/figure_eight.yaml, sixteen of it, recording o
 autopilots, first over datagrams of this machine, then over wires in memory. All of it is in one
 process and in simulated time, so that a busy machine delays nobody; what the emulator takes, with
 its physics, is told apart. Every twentieth of a simulated second pymavlink's own parser reads once
-more what came, so that whatever else the machine does slows both. A set-point is late by how much
+more what came, so that whatever else the machine does slows both. A setpoint is late by how much
 longer than its period it left after the one before: by ticks, and by the processor's time of all
 that is done earlier in the same tick. What the machine takes for a million additions is told too: a
 share is one of a core that is as fast as that.
@@ -50,13 +50,13 @@ MISSION = Path(__file__).parent.parent / "missions" / "figure_eight.yaml"
 SET_POINT, SYSTEM = dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED, 60
 """Its number, and where in its frame the system id is."""
 PERIOD, SPACING, GOAL = 20.0, 2.0, 0.5
-"""Milliseconds between set-points; metres between vehicles; the share that is allowed."""
+"""Milliseconds between setpoints; metres between vehicles; the share that is allowed."""
 ADDITIONS = 5000
 
 
 class Traffic:
     """What is noted while a flight goes on. `came`: frames since the last slice; `left`: when each
-    vehicle's set-points did, in ms; `fleet`: processor time of the emulator."""
+    vehicle's setpoints did, in ms; `fleet`: processor time of the emulator."""
 
     def __init__(self) -> None:
         self.came: list[bytes] = []
@@ -234,7 +234,7 @@ def measure(name: str, count: int, seconds: float, cls: type, lines: int) -> Non
 
 
 def lateness(left: dict[int, list[float]]) -> list[float]:
-    """By how much set-points left later than their period after the one before, ms, sorted."""
+    """By how much setpoints left later than their period after the one before, ms, sorted."""
     return sorted(
         after - before - PERIOD for times in left.values() for before, after in pairwise(times)
     )
@@ -258,7 +258,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="in the air, simulated")
     parser.add_argument("--profile", type=int, default=0, metavar="LINES")
     o = parser.parse_args()
-    print(f"{o.vehicles} vehicles; the goal: {GOAL:.0%} of a core, no set-point {PERIOD:g} ms late")
+    print(f"{o.vehicles} vehicles; the goal: {GOAL:.0%} of a core, no setpoint {PERIOD:g} ms late")
     print("wires        ours  emulat.  1e6+ms  x pymav  msg/s/v  sp/s/v  late ms   99.9 %")
     measure("datagrams", o.vehicles, o.seconds, Datagrams, o.profile)
     measure("memory", o.vehicles, o.seconds, EmulatedAutopilot, o.profile)

@@ -1,9 +1,9 @@
-"""How late set-points leave by the clock on the wall, with autopilots in a process of their own.
+"""How late setpoints leave by the clock on the wall, with autopilots in a process of their own.
 
     python bench/mavlink_wall.py [--vehicles 8] [--seconds 10]
 
 `kybflow emulate autopilot` is one process; this one flies the vehicle `mk` of
-missions/figure_eight.yaml, so many of it, in real time, recording on. A set-point is late by how
+missions/figure_eight.yaml, so many of it, in real time, recording on. A setpoint is late by how
 much more than its period after the one before it leaves. Both processes need a core that is their
 own; what this one takes of its own is told, and what a million additions take, for comparison with
 other machines. `bench/mavlink.py` needs no second core, and more vehicles fit into it.
@@ -37,7 +37,7 @@ ADDITIONS = 1_000_000
 
 
 class Timed(Mavlink):
-    """`left`: when each vehicle's set-points did, in ms."""
+    """`left`: when each vehicle's setpoints did, in ms."""
 
     left: ClassVar[dict[int, list[float]]] = defaultdict(list)
 
@@ -110,7 +110,7 @@ def main() -> None:
     began, x = process_time(), 0
     for number in range(ADDITIONS):
         x += number
-    print(f"{o.vehicles} vehicles; the goal: {GOAL:.0%} of a core, no set-point {PERIOD:g} ms late")
+    print(f"{o.vehicles} vehicles; the goal: {GOAL:.0%} of a core, no setpoint {PERIOD:g} ms late")
     print("  ours  1e6+ms  sp/s/v  late ms  99.9 %  late ticks")
     print(
         f"{watch.taken / watch.flown:6.1%}  {1e3 * (process_time() - began):6.1f}"
