@@ -75,8 +75,8 @@ class StateEntry:
 
 @dataclass(frozen=True, slots=True)
 class ChainEntry:
-    """A behavior that is a chain of states, `NAME.INNER`. Its arrows are also among those of every
-    state inside."""
+    """A behavior that is a chain of states, `NAME.INNER`. Its transitions are also among those of
+    every state inside."""
 
     name: Text
     transitions: tuple[TransitionEntry, ...]

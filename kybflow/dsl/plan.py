@@ -21,7 +21,7 @@ from kybflow.world.vehicle_context import NO_TAGS, Airframe, Parcel
 
 Cause = Literal["next", "then", "failed", "within"]
 END = "end"
-"""Where an arrow of a phase leads to end its flow."""
+"""Where a transition of a phase leads to end its flow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +38,13 @@ class PartPlan:
 
 @dataclass(frozen=True, slots=True)
 class TransitionPlan:
-    """One arrow out of a state.
+    """One transition out of a state.
 
     `next` fires when `when` has held for `hold` seconds, or `event` is heard, or `after` seconds
-    have passed in the
-    state (those that are given, together); `then` when the behavior is done; `failed` when it
-    failed; `within` after `after` seconds. `implied` arrows are those that the language adds.
-    Seconds count from the entry of the chain `since` where it is not empty; `enters` is the chain
-    that the arrow enters anew.
+    have passed in the state (those that are given, together); `then` when the behavior is done;
+    `failed` when it failed; `within` after `after` seconds. `implied` transitions are those that
+    the language adds. Seconds count from the entry of the chain `since` where it is not empty;
+    `enters` is the chain that the transition enters anew.
     """
 
     cause: Cause
@@ -62,7 +61,7 @@ class TransitionPlan:
 
 @dataclass(frozen=True, slots=True)
 class StatePlan:
-    """One state of a vehicle: a behavior and its arrows, in the order in which they are asked.
+    """One state of a vehicle: a behavior and its transitions, in the order in which they are asked.
     `estimators` come before the vehicle's others, in this order, while it is active."""
 
     name: str

@@ -150,7 +150,7 @@ def _phase(phase: PhasePlan, groups: dict[str, tuple[str, ...]]) -> str:
     steps = [f"{names.get(tuple(v), ', '.join(v))}: {state}" for state, v in states.items()]
     steps += [f"give {vehicle} to {flow}" for vehicle, flow in phase.give.items()]
     steps += [_action(option) for option in phase.set]
-    ways = "; ".join(f"{cause_of(arrow)}: {arrow.target}" for arrow in phase.transitions)
+    ways = "; ".join(f"{cause_of(way)}: {way.target}" for way in phase.transitions)
     return "; ".join(steps) + (f" ({ways})" if ways else "")
 
 

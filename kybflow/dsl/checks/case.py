@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 NO_TARGET = frozenset({"fault"})
-"""Built-in states that no arrow of a mission may lead to: the failsafe's own."""
+"""Built-in states that no transition of a mission may lead to: the failsafe's own."""
 
 TARGETS = tuple(name for name in BUILT_IN if name not in NO_TARGET)
-"""The built-in states that an arrow of a mission may lead to."""
+"""The built-in states that a transition of a mission may lead to."""
 
 
 WORDS = KEYWORDS | {"all", "any", "start", "operator"}

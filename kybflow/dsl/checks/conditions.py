@@ -78,8 +78,8 @@ def never_true(case: Case) -> Iterator[Diagnostic]:
 
     No speed, distance, age or time is below zero, no share outside 0 % to 100 %, no tilt above 180
     degrees, no time beyond the mission's `time_limit`, and no vehicle is in two states at once. An
-    arrow with such a condition never fires, an estimator with such a `healthy` is never used, and
-    an expectation fails whatever is flown.
+    transition with such a condition never fires, an estimator with such a `healthy` is never used,
+    and an expectation fails whatever is flown.
     """
     for text, condition, _ in case.cached(all_conditions):
         if never_holds(condition, case.bounds):
@@ -91,7 +91,7 @@ def never_true(case: Case) -> Iterator[Diagnostic]:
 def always_true(case: Case) -> Iterator[Diagnostic]:
     """KYB254: a condition that holds whenever it can be asked, so that it says nothing.
 
-    An arrow with it fires in the first tick of its state; an expectation with it can't fail.
+    A transition with it fires in the first tick of its state; an expectation with it can't fail.
     """
     for text, condition, _ in case.cached(all_conditions):
         if always_holds(condition, case.bounds):
@@ -108,20 +108,20 @@ def always_true(case: Case) -> Iterator[Diagnostic]:
 
 
 def after_the_end(case: Case) -> Iterator[Diagnostic]:
-    """KYB259: an arrow that waits for longer than the run lasts, so that it never fires.
+    """KYB259: a transition that waits for longer than the run lasts, so that it never fires.
 
     A run ends after `time_limit`, 600 s unless the mission says otherwise. Often a unit is wrong:
     `min` for `ms`.
     """
     limit = case.document.time_limit
-    for arrow in _arrows(case):
-        waits = max(arrow.after or 0.0, arrow.hold)
+    for transition in _transitions(case):
+        waits = max(transition.after or 0.0, transition.hold)
         if waits < limit:
             continue
         yield Diagnostic(
             "KYB259",
-            f"`{arrow.target.text}` is never reached by a wait of {_seconds(waits)}",
-            arrow.span,
+            f"`{transition.target.text}` is never reached by a wait of {_seconds(waits)}",
+            transition.span,
             label="the run is over before",
             notes=(f"its `time_limit` is {_seconds(limit)}",),
             help="wait for less, or write a longer `time_limit`",
@@ -132,7 +132,7 @@ def _seconds(value: float) -> str:
     return format_quantity(value, DURATION)
 
 
-def _arrows(case: Case) -> Iterator[TransitionEntry]:
+def _transitions(case: Case) -> Iterator[TransitionEntry]:
     for _, state in case.states():
         yield from state.transitions
     for flow in case.document.flows.values():
@@ -151,14 +151,16 @@ def conditions_of(case: Case) -> Iterator[TypedCondition]:
     """Every condition of a transition, a callback, a phase and a fault that parses."""
     document, scopes = case.document, case.scopes
     written = [
-        (arrow.when, vehicle.name.text)
+        (transition.when, vehicle.name.text)
         for vehicle, state in case.states()
-        for arrow in state.transitions
+        for transition in state.transitions
     ]
     written += [(f.when, f.vehicle.text) for f in document.faults]
     shared = [callback.when for callback in document.callbacks]
     for flow in document.flows.values():
-        shared += [arrow.when for phase in flow.phases.values() for arrow in phase.transitions]
+        shared += [
+            transition.when for phase in flow.phases.values() for transition in phase.transitions
+        ]
     for text, own in written:
         condition = case.condition(text, scopes.condition(own))
         if text is not None and condition is not None:
@@ -195,7 +197,7 @@ _ESTIMATED = ("state.", "estimate.", "position_error", "velocity_error", "estima
 def never_entered(case: Case) -> Iterator[Diagnostic]:
     """KYB257: a condition or an expectation asks for a state that its vehicle never enters.
 
-    The state exists, but no arrow, callback or flow leads to it; it came through `like`, else
+    The state exists, but no transition, callback or flow leads to it; it came through `like`, else
     KYB204 would say so. A statistic of it is of no tick, an `eventually` of it fails.
     """
     never = {v.name.text: _never(v) for v in case.vehicles()}
@@ -209,7 +211,7 @@ def never_entered(case: Case) -> Iterator[Diagnostic]:
                     f"`{vehicle}` never enters `{state}`",
                     typed.text.span,
                     label="nothing to look at",
-                    help=f"let an arrow lead to `{state}`, or ask for another state",
+                    help=f"let a transition lead to `{state}`, or ask for another state",
                 )
 
 

@@ -1,5 +1,5 @@
-"""Events: which of them a mission can hear, and those that arrows and callbacks wait for in vain:
-KYB208 and KYB209."""
+"""Events: which of them a mission can hear, and those that transitions and callbacks wait for in
+vain: KYB208 and KYB209."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from kybflow.parts.observables import (
 
 
 def unknown_events(case: Case) -> Iterator[Diagnostic]:
-    """KYB208: an arrow or a callback waits for an event that nothing here tells, or that no tick
-    follows, so that nothing ever comes of it.
+    """KYB208: a transition or a callback waits for an event that nothing here tells, or that no
+    tick follows, so that nothing ever comes of it.
 
     Known are the engine's events, those that the vehicles' parts declare, those that the mission's
-    own actions emit, and `operator.NAME`, which a person gives. An arrow hears its own vehicle's
-    and the run's as `NAME`; everybody hears `VEHICLE.NAME` and `any.NAME`; a callback also
-    `GROUP.NAME`.
+    own actions emit, and `operator.NAME`, which a person gives. A transition hears its own
+    vehicle's and the run's as `NAME`; everybody hears `VEHICLE.NAME` and `any.NAME`; a callback
+    also `GROUP.NAME`.
     """
     known = KnownEvents(case)
     for vehicle, state in case.states():
@@ -86,8 +86,8 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
     """
     states = [state.transitions for _, state in case.states()]
     phases = [p.transitions for f in case.document.flows.values() for p in f.phases.values()]
-    arrows = (arrow for transitions in (*states, *phases) for arrow in transitions)
-    acting = [arrow.event for arrow in arrows if arrow.event is not None]
+    transitions = (transition for transitions in (*states, *phases) for transition in transitions)
+    acting = [transition.event for transition in transitions if transition.event is not None]
     acting += [
         callback.event
         for callback in case.document.callbacks
@@ -130,7 +130,7 @@ class KnownEvents:
         return tuple(vehicle for vehicle in asked if name in self.of[vehicle])
 
     def hears(self, event: str, own: str | None) -> bool:
-        """Whether an arrow can hear an event: of the vehicle `own`, or of a flow (None)."""
+        """Whether a transition can hear an event: of the vehicle `own`, or of a flow (None)."""
         if own is not None and event in self.of[own]:
             return True
         return event.partition(".")[0] not in self._document.groups and bool(self.sources(event))

@@ -80,11 +80,13 @@ def phase_states(case: Case) -> Iterator[Diagnostic]:
                 yield finding
 
 
-def phase_arrows(case: Case) -> Iterator[Diagnostic]:
-    """KYB195: an arrow of a phase, or `begin`, names a phase that the flow does not have."""
+def phase_transitions(case: Case) -> Iterator[Diagnostic]:
+    """KYB195: a transition of a phase, or `begin`, names a phase that the flow does not have."""
     for flow in case.document.flows.values():
-        arrows = (arrow for phase in flow.phases.values() for arrow in phase.transitions)
-        for goal in [flow.begin, *(arrow.target for arrow in arrows)]:
+        transitions = (
+            transition for phase in flow.phases.values() for transition in phase.transitions
+        )
+        for goal in [flow.begin, *(transition.target for transition in transitions)]:
             if goal.text in flow.phases or (goal.text == END and goal is not flow.begin):
                 continue
             message = f"the flow `{flow.name.text}` has no phase `{goal.text}`"
@@ -93,10 +95,10 @@ def phase_arrows(case: Case) -> Iterator[Diagnostic]:
 
 
 def unreachable_phases(case: Case) -> Iterator[Diagnostic]:
-    """KYB196: no arrow and no callback leads to a phase.
+    """KYB196: no transition and no callback leads to a phase.
 
     Phases that came through `like` are excepted: a template may offer more than one mission uses.
-    Where an arrow leads to an unknown name, nothing is said before that is mended.
+    Where a transition leads to an unknown name, nothing is said before that is mended.
     """
     for flow in case.document.flows.values():
         found = reached(case.document, flow)
@@ -104,7 +106,7 @@ def unreachable_phases(case: Case) -> Iterator[Diagnostic]:
             if phase.name.text not in found | {END} and not phase.inherited:
                 message = f"the phase `{phase.name.text}` is never reached"
                 hint = f"let another phase go there, as `go: {phase.name.text}`, or remove it"
-                label = "no arrow leads here"
+                label = "no transition leads here"
                 yield Diagnostic("KYB196", message, phase.span, label=label, help=hint)
 
 
@@ -116,7 +118,7 @@ def barriers(case: Case) -> Iterator[Diagnostic]:
     events), and for the end of a flow that was given a vehicle, which has bounds of its own.
     """
     for flow, phase in phases(case.document):
-        bounded = any(_is_time_alone(arrow) for arrow in phase.transitions)
+        bounded = any(_is_time_alone(transition) for transition in phase.transitions)
         waits = [a for a in phase.transitions if not _may_wait(a, flow, case.document)]
         if waits and not bounded:
             yield Diagnostic(
@@ -129,17 +131,17 @@ def barriers(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _is_time_alone(arrow: TransitionEntry) -> bool:
-    return arrow.after is not None and arrow.when is None and arrow.event is None
+def _is_time_alone(transition: TransitionEntry) -> bool:
+    return transition.after is not None and transition.when is None and transition.event is None
 
 
-def _may_wait(arrow: TransitionEntry, flow: FlowEntry, document: Document) -> bool:
+def _may_wait(transition: TransitionEntry, flow: FlowEntry, document: Document) -> bool:
     """Whether waiting for this alone needs no bound."""
-    if arrow.event is None or arrow.when is not None:
+    if transition.event is None or transition.when is not None:
         return False
     given = {goal.text for phase in flow.phases.values() for _, goal in phase.give}
     finished = {f"{name}.finished" for name in given & set(document.flows)}
-    return arrow.event.text.startswith(OPERATOR) or arrow.event.text in finished
+    return transition.event.text.startswith(OPERATOR) or transition.event.text in finished
 
 
 def timeless_circles(case: Case) -> Iterator[Diagnostic]:
@@ -174,9 +176,9 @@ def _circle(flow: FlowEntry, name: str) -> list[str]:
 
 def _at_once(phase: PhaseEntry | None) -> str | None:
     """The phase that follows at once; None when something may be waited for."""
-    for arrow in phase.transitions if phase else ():
-        if arrow.after == 0.0 and arrow.when is None and arrow.event is None:
-            return arrow.target.text
+    for transition in phase.transitions if phase else ():
+        if transition.after == 0.0 and transition.when is None and transition.event is None:
+            return transition.target.text
     return None
 
 
@@ -184,9 +186,9 @@ def phase_conditions(case: Case) -> Iterator[Diagnostic]:
     """Every `when` of every phase: KYB210 to KYB215."""
     scope = case.scopes.flow()
     for _, phase in phases(case.document):
-        for arrow in phase.transitions:
-            if arrow.when is not None:
-                yield from parse(arrow.when, scope)[1]
+        for transition in phase.transitions:
+            if transition.when is not None:
+                yield from parse(transition.when, scope)[1]
 
 
 def groups(case: Case) -> Iterator[Diagnostic]:
@@ -275,15 +277,15 @@ def has_state(vehicle: VehicleEntry, state: str) -> bool:
 
 
 def reached(document: Document, flow: FlowEntry) -> set[str]:
-    """The phases that arrows lead to from the first, or from one that a callback asks for."""
+    """The phases that transitions lead to from the first, or from one that a callback asks for."""
     waiting = [flow.begin.text, *_asked(document, flow)]
     found = set(waiting)
     while waiting:
         phase = flow.phases.get(waiting.pop())
-        for arrow in phase.transitions if phase else ():
-            if arrow.target.text not in found:
-                found.add(arrow.target.text)
-                waiting.append(arrow.target.text)
+        for transition in phase.transitions if phase else ():
+            if transition.target.text not in found:
+                found.add(transition.target.text)
+                waiting.append(transition.target.text)
     return found - {END}
 
 

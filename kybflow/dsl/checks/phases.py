@@ -124,10 +124,10 @@ def _holders(document: Document, flow: FlowEntry) -> dict[str, _Holders]:
         held = dict(entered[phase.name.text])
         for assignment in handovers(document, phase):
             held[assignment.vehicle] = _Holder(assignment.goal.text, assignment.who.span)
-        for arrow in phase.transitions:
-            event = "" if arrow.event is None else arrow.event.text
+        for transition in phase.transitions:
+            event = "" if transition.event is None else transition.event.text
             left = {v: _held_after(holder, own, event) for v, holder in held.items()}
-            target = arrow.target.text
+            target = transition.target.text
             before = entered.get(target)
             merged = left if before is None else {v: _merged(before[v], left[v]) for v in left}
             if merged != before:
@@ -247,10 +247,10 @@ def _flight_conditions(case: Case, flow: FlowEntry) -> dict[str, _Places]:
     waiting = list(entered)
     while waiting:
         phase = flow.phases[waiting.pop()]
-        for arrow in phase.transitions:
+        for transition in phase.transitions:
             target, left = (
-                arrow.target.text,
-                _conditions_after(case, phase, arrow, entered[phase.name.text]),
+                transition.target.text,
+                _conditions_after(case, phase, transition, entered[phase.name.text]),
             )
             before = entered.get(target)
             merged = left if before is None else {v: left[v] | before[v] for v in left}
@@ -261,7 +261,7 @@ def _flight_conditions(case: Case, flow: FlowEntry) -> dict[str, _Places]:
 
 
 def _conditions_after(
-    case: Case, phase: PhaseEntry, arrow: TransitionEntry, places: _Places
+    case: Case, phase: PhaseEntry, transition: TransitionEntry, places: _Places
 ) -> _Places:
     """Where each vehicle can be after a way out of a phase."""
     document = case.document
@@ -269,7 +269,7 @@ def _conditions_after(
     asked |= {assignment.vehicle for assignment in handovers(document, phase)}
     still = frozenset({GROUND})
     left = {v: p if p == still and v not in asked else _ANY for v, p in places.items()}
-    for vehicle, state in _said_states(case.condition(arrow.when, case.scopes.flow())):
+    for vehicle, state in _said_states(case.condition(transition.when, case.scopes.flow())):
         if vehicle in left:
             left[vehicle] = _places_of(case, vehicle, state)
     return left

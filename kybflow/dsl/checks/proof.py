@@ -1,8 +1,9 @@
 """The proof that everything that flies comes down: KYB205, KYB251 and KYB252.
 
 It walks the graph of states as they are entered in each flight condition (`flights`), with the
-arrows of the mission and those that the language adds: what ends without a `then` brakes, hovers
-and lands, what fails without a `failed` does so too, and a landing that fails goes down blind.
+transitions of the mission and those that the language adds: what ends without a `then` brakes,
+hovers and lands, what fails without a `failed` does so too, and a landing that fails goes down
+blind.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from kybflow.parts import AIR, GROUND
 
 
 def never_lands(case: Case) -> Iterator[Diagnostic]:
-    """KYB205: from a behavior in the air no sequence of arrows reaches the ground.
+    """KYB205: from a behavior in the air no sequence of transitions reaches the ground.
 
     A behavior that ends and has no `then` is followed by `brake`, `hover` and, after the hover
     limit, a landing. So this is a behavior without an end that no `next` or `within` ends, or a
@@ -108,7 +109,7 @@ def failures_that_circle(case: Case) -> Iterator[Diagnostic]:
 
 
 def _failures(first: FlightNode, failing: dict[FlightNode, FlightEdge]) -> list[FlightEdge]:
-    """The arrows from `first` back to it, each a failure; none where they end elsewhere."""
+    """The transitions from `first` back to it, each a failure; none where they end elsewhere."""
     circle = [failing[first]]
     for _ in failing:
         link = circle[-1]
@@ -122,36 +123,37 @@ def _failures(first: FlightNode, failing: dict[FlightNode, FlightEdge]) -> list[
 
 
 def _sound(case: Case) -> Iterator[tuple[VehicleEntry, FlightGraph]]:
-    """The vehicles whose arrows all lead somewhere and meet; before that nothing can be proven."""
+    """The vehicles whose transitions all lead somewhere and meet; before that nothing can be
+    proven."""
     for vehicle in case.vehicles():
         flights = flight_graph(case, vehicle)
         if not flights.broken and reached_states(vehicle) <= {*vehicle.states, *TARGETS}:
             yield vehicle, flights
 
 
-def _drains(case: Case, vehicle: VehicleEntry, arrow: TransitionEntry) -> bool:
-    """Whether an arrow waits for nothing but that the vehicle's own battery has less than some
+def _drains(case: Case, vehicle: VehicleEntry, transition: TransitionEntry) -> bool:
+    """Whether a transition waits for nothing but that the vehicle's own battery has less than some
     share left, which hovering brings about within the mission's time limit."""
-    if arrow.event is not None or arrow.after is not None or arrow.hold > 0.0:
+    if transition.event is not None or transition.after is not None or transition.hold > 0.0:
         return False
     own = vehicle.name.text
-    match case.condition(arrow.when, case.scopes.condition(own)):
+    match case.condition(transition.when, case.scopes.condition(own)):
         case Compare("<", Read(who, "battery.remaining"), Quantity(share)) if who in (None, own):
             return (1.0 - share) * vehicle.airframe.endurance < case.document.time_limit
     return False
 
 
 def _comes_surely(
-    drains: Callable[[TransitionEntry], bool], arrow: TransitionEntry, is_endless: bool
+    drains: Callable[[TransitionEntry], bool], transition: TransitionEntry, is_endless: bool
 ) -> bool:
-    """Whether an arrow opens without anything that may never be, and nothing before it."""
-    if drains(arrow):
+    """Whether a transition opens without anything that may never be, and nothing before it."""
+    if drains(transition):
         return True
-    if arrow.event is not None:
-        return arrow.when is None and arrow.event.text.startswith(OPERATOR)
+    if transition.event is not None:
+        return transition.when is None and transition.event.text.startswith(OPERATOR)
     if not is_endless:
-        return arrow.cause == "then"
-    return arrow.cause == "within" or (arrow.cause == "next" and arrow.when is None)
+        return transition.cause == "then"
+    return transition.cause == "within" or (transition.cause == "next" and transition.when is None)
 
 
 def _way_out(path: list[str]) -> str:
@@ -215,7 +217,7 @@ def _told_path(vehicle: VehicleEntry, flights: FlightGraph, path: list[str]) -> 
 
 
 def _way(start: str, goal: str, flights: FlightGraph) -> list[str]:
-    """The shortest way along the arrows; the goal alone where it is asked for from outside."""
+    """The shortest way along the transitions; the goal alone where it is asked for from outside."""
     ahead: dict[str, list[str]] = {}
     for link in flights.links:
         ahead.setdefault(link.source.state, []).append(link.transition.target.text)

@@ -27,7 +27,7 @@ class FlightNode(NamedTuple):
 
 
 class FlightEdge(NamedTuple):
-    """An arrow of the mission out of a node; `flight` is what it leaves the vehicle in."""
+    """A transition of the mission out of a node; `flight` is what it leaves the vehicle in."""
 
     source: FlightNode
     transition: TransitionEntry
@@ -46,8 +46,8 @@ class FlightGraph:
 
 
 def flight_graph(case: Case, vehicle: VehicleEntry) -> FlightGraph:
-    """Walk every arrow of the mission from the first state, and from those that may be asked for
-    wherever they can start."""
+    """Walk every transition of the mission from the first state, and from those that may be asked
+    for wherever they can start."""
     requested = [
         FlightNode(s, leg.start) for s in sorted(vehicle.requested) for leg in case.legs(vehicle, s)
     ]
@@ -80,12 +80,12 @@ def _links(state: StateEntry, node: FlightNode) -> Iterator[FlightEdge]:
             yield FlightEdge(node, transition, flight)
 
 
-def may_end(arrow: TransitionEntry, is_endless: bool) -> bool:
-    """Whether an arrow may be taken without anything failing, from a behavior that has an end or
-    none: `within` is the way out of one without, and the failure of one that has."""
-    if arrow.cause == "within":
+def may_end(transition: TransitionEntry, is_endless: bool) -> bool:
+    """Whether a transition may be taken without anything failing, from a behavior that has an end
+    or none: `within` is the way out of one without, and the failure of one that has."""
+    if transition.cause == "within":
         return is_endless
-    return arrow.cause == "next" or (arrow.cause == "then" and not is_endless)
+    return transition.cause == "next" or (transition.cause == "then" and not is_endless)
 
 
 def comes_down(
@@ -94,7 +94,7 @@ def comes_down(
     endless: AbstractSet[str],
     counts: Callable[[TransitionEntry, bool], bool] = may_end,
 ) -> frozenset[FlightNode]:
-    """The nodes from which the ground can be reached without anything failing, by arrows that
+    """The nodes from which the ground can be reached without anything failing, by transitions that
     count.
 
     A behavior without `then` ends in `brake`, `hover` and then `auto_land`, or is on the ground.
@@ -203,7 +203,7 @@ def endless_states(vehicle: VehicleEntry) -> frozenset[str]:
 
 
 def _left_at(state: StateEntry, transition: TransitionEntry, entry: Vec3 | None) -> Vec3 | None:
-    """Where an arrow leaves the vehicle; None when that can't be told."""
+    """Where a transition leaves the vehicle; None when that can't be told."""
     cls = state.part.spec.cls
     if all(leg.start is GROUND and leg.end is GROUND for leg in cls.flight):
         return entry

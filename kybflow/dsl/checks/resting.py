@@ -65,12 +65,14 @@ def _rests(vehicle: VehicleEntry) -> list[RestingPlace]:
     endless = endless_states(vehicle)
     for name, entries in entries_of(vehicle).items():
         state = vehicle.states[name]
-        arrows = [a for a in state.transitions if may_end(a, name in endless)]
-        by_default = [a for a in arrows if a.target.text in BUILT_IN]
+        transitions = [a for a in state.transitions if may_end(a, name in endless)]
+        by_default = [a for a in transitions if a.target.text in BUILT_IN]
         if any(a.cause != "then" or a.target.text not in _BELOW for a in by_default):
             return []
-        goes_on = name in endless or any(a.cause == "then" for a in arrows if a not in by_default)
-        if goes_on and not (_is_on_ground(state) and not arrows):
+        goes_on = name in endless or any(
+            a.cause == "then" for a in transitions if a not in by_default
+        )
+        if goes_on and not (_is_on_ground(state) and not transitions):
             continue
         rests = [_rest(vehicle, state, entry) for entry in entries.candidates()]
         if None in rests:

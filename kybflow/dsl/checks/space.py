@@ -130,7 +130,7 @@ def _fastest(footprint: Footprint) -> tuple[str, ...]:
 
 
 def refuses(case: Case) -> Iterator[Diagnostic]:
-    """KYB372: a behavior would refuse to start where an arrow leads to it, such as a trajectory
+    """KYB372: a behavior would refuse to start where a transition leads to it, such as a trajectory
     that begins too far away."""
     for _, state, entries in _entered(case):
         for entry in entries.points:

@@ -1,6 +1,6 @@
-"""The arrows between states, and between phases: the names that they lead to, the flight types that
-must meet, those that can never fire, and names that can't be used: KYB201 to KYB204, KYB206, KYB207
-and KYB241."""
+"""The transitions between states, and between phases: the names that they lead to, the flight types
+that must meet, those that can never fire, and names that can't be used: KYB201 to KYB204, KYB206,
+KYB207 and KYB241."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from kybflow.parts.observables import chains_of
 
 
 def unknown_targets(case: Case) -> Iterator[Diagnostic]:
-    """KYB201: an arrow, or `begin`, names a state that the vehicle does not have.
+    """KYB201: a transition, or `begin`, names a state that the vehicle does not have.
 
     A target is one of the vehicle's own behaviors or one of the built-in states `landed`, `brake`,
     `hover`, `auto_land` and `land_blind`. `fault` is entered by the failsafe alone.
@@ -32,8 +32,8 @@ def unknown_targets(case: Case) -> Iterator[Diagnostic]:
         if vehicle.begin.text not in (*vehicle.states, GROUNDED):
             yield no_state("KYB201", vehicle.begin, vehicle)
         for state in vehicle.states.values():
-            for arrow in state.transitions:
-                finding = wrong_goal("KYB201", arrow.target, vehicle)
+            for transition in state.transitions:
+                finding = wrong_goal("KYB201", transition.target, vehicle)
                 if finding is not None:
                     yield finding
 
@@ -104,10 +104,10 @@ def _starts(legs: tuple[Leg, ...]) -> str:
 
 
 def unreachable_states(case: Case) -> Iterator[Diagnostic]:
-    """KYB204: no arrow, callback or flow leads to a behavior, so it can never be flown.
+    """KYB204: no transition, callback or flow leads to a behavior, so it can never be flown.
 
     Behaviors that came through `like` are excepted: a template may offer more than one mission
-    uses. Where an arrow leads to an unknown name, nothing is said before that is mended.
+    uses. Where a transition leads to an unknown name, nothing is said before that is mended.
     """
     for vehicle in case.vehicles() if all_known(case.document) else ():
         reached = reached_states(vehicle)
@@ -123,7 +123,7 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
                 "KYB204",
                 f"`{name}` is never reached",
                 span,
-                label="no arrow leads here",
+                label="no transition leads here",
                 help=f"let another behavior go there, as `then: {name}`, or remove it",
             )
 
@@ -141,7 +141,7 @@ def _unreached(
 
 
 def reached_states(vehicle: VehicleEntry) -> set[str]:
-    """The states that an arrow leads to, or that something may ask for; unknown names too."""
+    """The states that a transition leads to, or that something may ask for; unknown names too."""
     waiting, reached = (
         [vehicle.begin.text, *vehicle.requested],
         {vehicle.begin.text, *vehicle.requested},
@@ -160,7 +160,7 @@ _MARKS = frozenset({"*", "="})  # `transitions` reads them as any state and as t
 
 @dataclass(frozen=True, slots=True)
 class _Guarded:
-    """An arrow with its condition understood; None where it has none or it can't be."""
+    """A transition with its condition understood; None where it has none or it can't be."""
 
     transition: TransitionEntry
     when: Condition | None
@@ -171,11 +171,11 @@ class _Guarded:
 
 
 def never_fires(case: Case) -> Iterator[Diagnostic]:
-    """KYB206: an arrow that can never fire, because one that is asked before it fires whenever it
-    would, or because it waits for the end of a behavior that never ends.
+    """KYB206: a transition that can never fire, because one that is asked before it fires whenever
+    it would, or because it waits for the end of a behavior that never ends.
 
-    In a tick `next` is asked from the top, then whether the behavior ended, then `within`. An arrow
-    with a time alone ends the state by then, so that what would come later never comes.
+    In a tick `next` is asked from the top, then whether the behavior ended, then `within`. A
+    transition with a time alone ends the state by then, so that what would come later never comes.
     """
     for vehicle in case.vehicles():
         for name in sorted(endless_states(vehicle)):
@@ -223,8 +223,8 @@ def _guarded(case: Case, vehicle: VehicleEntry, state: StateEntry) -> Iterator[_
 
 
 def _is_beside(first: _Guarded, later: _Guarded, vehicle: VehicleEntry, state: StateEntry) -> bool:
-    """Whether `first` can make `later` useless: an arrow of a whole chain is so by another of it
-    alone, which is told for its first state."""
+    """Whether `first` can make `later` useless: a transition of a whole chain is so by another of
+    it alone, which is told for its first state."""
     chain = later.transition.since
     if not chain:
         return True

@@ -1,8 +1,8 @@
 """What is drawn of the state machines of a plan, of vehicles and of flows, before anything has a
 place on the page.
 
-Arrows that are taken when all goes well or as the mission says are drawn; the failure arrows that
-the language adds are not. Vehicles with the same machine share a drawing.
+Transitions that are taken when all goes well or as the mission says are drawn; the failure
+transitions that the language adds are not. Vehicles with the same machine share a drawing.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ class StateBox(NamedTuple):
 
 
 class Edge(NamedTuple):
-    """All arrows from one state to another, a label each; `is_asked`: from who may ask for it."""
+    """All transitions from one state to another, a label each; `is_asked`: from who may ask for
+    it."""
 
     source: str
     target: str
@@ -99,10 +100,10 @@ def _machine(vehicle: VehiclePlan, askers: Requests) -> _Machine:
     labels: dict[tuple[str, str], list[str]] = {}
     implied: dict[tuple[str, str], bool] = {}
     for box in boxes:
-        for arrow in _drawn(vehicle.states[box.name]):
-            added = arrow.implied or box.is_built_in
-            ends = (box.name, arrow.target)
-            labels.setdefault(ends, []).append(cause_of(arrow))
+        for transition in _drawn(vehicle.states[box.name]):
+            added = transition.implied or box.is_built_in
+            ends = (box.name, transition.target)
+            labels.setdefault(ends, []).append(cause_of(transition))
             implied[ends] = implied.get(ends, True) and added
     edges = tuple(Edge(*ends, tuple(text), implied[ends]) for ends, text in labels.items())
     asking = tuple(StateBox(name, "asks", "", False, is_asker=True) for name in askers)
@@ -115,15 +116,15 @@ def _machine(vehicle: VehiclePlan, askers: Requests) -> _Machine:
 
 
 def _reached(vehicle: VehiclePlan, askers: Requests) -> set[str]:
-    """The mission's own states, and the built-in ones that a drawn arrow leads to."""
+    """The mission's own states, and the built-in ones that a drawn transition leads to."""
     own = (name for name, state in vehicle.states.items() if not state.built_in)
     waiting = [*own, vehicle.begin, *(state for states in askers.values() for state in states)]
     reached = set(waiting)
     while waiting:
-        for arrow in _drawn(vehicle.states[waiting.pop()]):
-            if arrow.target not in reached:
-                reached.add(arrow.target)
-                waiting.append(arrow.target)
+        for transition in _drawn(vehicle.states[waiting.pop()]):
+            if transition.target not in reached:
+                reached.add(transition.target)
+                waiting.append(transition.target)
     return reached
 
 
@@ -133,10 +134,10 @@ def _drawn(state: StatePlan) -> list[TransitionPlan]:
     footprint = state.behavior.cls.footprint(state.behavior.params, None)
     is_endless = footprint is not None and footprint.is_endless
     return [
-        arrow
-        for arrow in state.transitions
-        if not (arrow.implied or state.built_in)
-        or not (arrow.cause == "failed" or (arrow.cause == "then" and is_endless))
+        transition
+        for transition in state.transitions
+        if not (transition.implied or state.built_in)
+        or not (transition.cause == "failed" or (transition.cause == "then" and is_endless))
     ]
 
 
@@ -146,23 +147,23 @@ def _box(state: StatePlan) -> StateBox:
     return StateBox(state.name, state.behavior.name, flight, state.built_in)
 
 
-def cause_of(arrow: TransitionPlan) -> str:
-    """When an arrow is taken, in words."""
-    if arrow.cause == "then":
+def cause_of(transition: TransitionPlan) -> str:
+    """When a transition is taken, in words."""
+    if transition.cause == "then":
         return "done"
-    if arrow.cause == "failed":
+    if transition.cause == "failed":
         return "failed"
-    if arrow.cause == "within":
-        whole = f"{arrow.since} " if arrow.since else ""
-        return f"{whole}not done within {quantity(arrow.after or 0.0, DURATION)}"
-    parts = [describe(arrow.when)] if arrow.when is not None else []
-    if arrow.hold > 0.0:
-        parts.append(f"for {quantity(arrow.hold, DURATION)}")
-    if arrow.event is not None:
-        parts.append(f"event {arrow.event}")
-    if arrow.after is not None:
-        inside = f" in {arrow.since}" if arrow.since else ""
-        parts.append(f"after {quantity(arrow.after, DURATION)}{inside}")
+    if transition.cause == "within":
+        whole = f"{transition.since} " if transition.since else ""
+        return f"{whole}not done within {quantity(transition.after or 0.0, DURATION)}"
+    parts = [describe(transition.when)] if transition.when is not None else []
+    if transition.hold > 0.0:
+        parts.append(f"for {quantity(transition.hold, DURATION)}")
+    if transition.event is not None:
+        parts.append(f"event {transition.event}")
+    if transition.after is not None:
+        inside = f" in {transition.since}" if transition.since else ""
+        parts.append(f"after {quantity(transition.after, DURATION)}{inside}")
     return " ".join(parts)
 
 
@@ -170,8 +171,8 @@ def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
     """The machine of a flow: its phases, and `end` where something leads there."""
     labels: dict[tuple[str, str], list[str]] = {}
     for phase in flow.phases.values():
-        for arrow in phase.transitions:
-            labels.setdefault((phase.name, arrow.target), []).append(cause_of(arrow))
+        for transition in phase.transitions:
+            labels.setdefault((phase.name, transition.target), []).append(cause_of(transition))
         if not phase.transitions:
             labels[phase.name, END] = ["done"]
     boxes = [StateBox(p.name, _phase_text(p, groups), "", False) for p in flow.phases.values()]

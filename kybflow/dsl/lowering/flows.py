@@ -46,7 +46,7 @@ def _phase(phase: PhaseEntry, document: Document, scope: Scope, catalog: Catalog
         run=run,
         give=_spread(phase.give, document),
         set=tuple(options),
-        transitions=tuple(_arrow(arrow, scope) for arrow in phase.transitions),
+        transitions=tuple(_transition(transition, scope) for transition in phase.transitions),
         chains={name: state for name, state in named.items() if state != run[name]},
         at=phase.span.at,
     )
@@ -56,13 +56,13 @@ def _spread(pairs: tuple[tuple[Text, Text], ...], document: Document) -> dict[st
     return {vehicle: goal.text for who, goal in pairs for vehicle in members(document, who.text)}
 
 
-def _arrow(arrow: TransitionEntry, scope: Scope) -> TransitionPlan:
+def _transition(transition: TransitionEntry, scope: Scope) -> TransitionPlan:
     return TransitionPlan(
-        cause=arrow.cause,
-        target=arrow.target.text,
-        when=None if arrow.when is None else parse(arrow.when, scope)[0],
-        event=None if arrow.event is None else arrow.event.text,
-        after=arrow.after,
-        hold=arrow.hold,
-        at=arrow.span.at,
+        cause=transition.cause,
+        target=transition.target.text,
+        when=None if transition.when is None else parse(transition.when, scope)[0],
+        event=None if transition.event is None else transition.event.text,
+        after=transition.after,
+        hold=transition.hold,
+        at=transition.span.at,
     )

@@ -1,5 +1,5 @@
-"""The document to the plan: expressions parsed, built-in states and implied arrows added, the files
-that parameters name recorded, spans reduced to `file:line`."""
+"""The document to the plan: expressions parsed, built-in states and implied transitions added, the
+files that parameters name recorded, spans reduced to `file:line`."""
 
 from __future__ import annotations
 
@@ -154,19 +154,19 @@ def _part(use: PartUse, label: str) -> PartPlan:
 
 def _state(state: StateEntry, vehicle: str, scopes: Scopes) -> StatePlan:
     legs = state.part.spec.cls.flight
-    arrows = [_arrow(t, vehicle, scopes) for t in state.transitions]
-    causes = {arrow.cause for arrow in arrows}
+    transitions = [_transition(t, vehicle, scopes) for t in state.transitions]
+    causes = {transition.cause for transition in transitions}
     at = state.span.at
     if "then" not in causes:
-        arrows.append(TransitionPlan("then", end_of(legs), implied=True, at=at))
+        transitions.append(TransitionPlan("then", end_of(legs), implied=True, at=at))
     if "failed" not in causes:
-        arrows.append(TransitionPlan("failed", failure_of(legs), implied=True, at=at))
+        transitions.append(TransitionPlan("failed", failure_of(legs), implied=True, at=at))
     order = ("next", "then", "failed", "within")
-    arrows.sort(key=lambda arrow: order.index(arrow.cause))
+    transitions.sort(key=lambda transition: order.index(transition.cause))
     name = state.name.text
     estimators = tuple(text.text for text in state.estimators)
     behavior = _part(state.part, _label(name))
-    return StatePlan(name, behavior, legs, tuple(arrows), at=at, estimators=estimators)
+    return StatePlan(name, behavior, legs, tuple(transitions), at=at, estimators=estimators)
 
 
 def _label(state: str) -> str:
@@ -174,22 +174,24 @@ def _label(state: str) -> str:
     return f"behaviors.{state}"
 
 
-def _arrow(arrow: TransitionEntry, vehicle: str, scopes: Scopes) -> TransitionPlan:
+def _transition(transition: TransitionEntry, vehicle: str, scopes: Scopes) -> TransitionPlan:
     return TransitionPlan(
-        cause=arrow.cause,
-        target=arrow.target.text,
-        when=None if arrow.when is None else _parsed(arrow.when, scopes.condition(vehicle)),
-        event=None if arrow.event is None else arrow.event.text,
-        after=arrow.after,
-        hold=arrow.hold,
-        at=arrow.span.at,
-        since=arrow.since,
-        enters=arrow.enters,
+        cause=transition.cause,
+        target=transition.target.text,
+        when=None
+        if transition.when is None
+        else _parsed(transition.when, scopes.condition(vehicle)),
+        event=None if transition.event is None else transition.event.text,
+        after=transition.after,
+        hold=transition.hold,
+        at=transition.span.at,
+        since=transition.since,
+        enters=transition.enters,
     )
 
 
 def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:
-    arrows = {
+    transitions = {
         "brake": (_implied("then", "hover"), _implied("failed", "hover")),
         "hover": (
             TransitionPlan("next", "auto_land", after=hover_limit, implied=True),
@@ -204,7 +206,7 @@ def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:
     for name, part in BUILT_IN.items():
         spec = catalog.get("behaviors", part)
         behavior = PartPlan(part, spec.cls, spec.params(), _label(name))
-        states[name] = StatePlan(name, behavior, spec.cls.flight, arrows.get(name, ()), True)
+        states[name] = StatePlan(name, behavior, spec.cls.flight, transitions.get(name, ()), True)
     return states
 
 

@@ -1,4 +1,4 @@
-"""The states that every vehicle has, and the arrows that the language adds."""
+"""The states that every vehicle has, and the transitions that the language adds."""
 
 from __future__ import annotations
 

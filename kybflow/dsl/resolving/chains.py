@@ -1,6 +1,6 @@
 """Chains: behaviors that are used as one. `pick: {do: chain.pick_up, height: 1 m, then: home}`
 becomes the states `pick.over`, `pick.down`, ... of the chain with its parameters in place, the
-first one on top, and, as `pick`, the arrows of the use, which hold for all of them.
+first one on top, and, as `pick`, the transitions of the use, which hold for all of them.
 
 A state inside that has no `then`, or `then: end`, leaves by the `then` of the use, and one that
 fails without `failed` by its `failed`; `within` of the use bounds the whole chain; its `estimators`
@@ -24,21 +24,21 @@ from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
 from kybflow.dsl.resolving.substitution import Substitution, known, names_in, unused_parameter
 
 CODES = {
-    "KYB158": "A chain whose arrow, or `begin`, names a state that it does not have.",
+    "KYB158": "A chain whose transition, or `begin`, names a state that it does not have.",
     "KYB159": "A name that is taken: of a chain's parameter, or of a state inside of a chain.",
     "KYB160": "Chains that use each other in a circle, or more uses than a mission may have.",
-    "KYB161": "An arrow to `end` in a chain whose use does not say what follows.",
+    "KYB161": "A transition to `end` in a chain whose use does not say what follows.",
 }
 MAX_USES = 2000
 END = "end"
 """The goal that leaves a chain."""
-_ARROWS = frozenset({"then", "next", "failed", "within"})
-_KEYS = _ARROWS | {"do", "estimators"}
+_TRANSITIONS = frozenset({"then", "next", "failed", "within"})
+_KEYS = _TRANSITIONS | {"do", "estimators"}
 
 
 class ChainExpansion(NamedTuple):
-    """One use of a chain, being expanded: the name of the state, the `do` that names the chain,
-    the arrows of the use, the file in which that name has its meaning, and the uses around this
+    """One use of a chain, being expanded: the name of the state, the `do` that names the chain, the
+    transitions of the use, the file in which that name has its meaning, and the uses around this
     one, outermost first."""
 
     state: str
@@ -121,16 +121,16 @@ class Chains:
         return Mapping(states, written.span)
 
     def _used(self, use: ChainExpansion) -> Diagnosed[list[tuple[str, MappingEntry]]]:
-        """The states of a use, and the entry that holds its arrows."""
+        """The states of a use, and the entry that holds its transitions."""
         meant = yield from use.exports.chain(use.do)
         if meant is None:
             return []
         exports, name = meant
-        arrows = {k: e for k, e in use.body.entries.items() if k in _ARROWS}
-        whole = MappingEntry(Scalar(use.state, use.do.span), Mapping(arrows, use.body.span))
+        transitions = {k: e for k, e in use.body.entries.items() if k in _TRANSITIONS}
+        whole = MappingEntry(Scalar(use.state, use.do.span), Mapping(transitions, use.body.span))
         parameters = yield from self._parameters(use, exports, name)
         inside = yield from self._inside(use, exports, name, parameters)
-        return [(use.state, whole), *inside] if arrows else inside
+        return [(use.state, whole), *inside] if transitions else inside
 
     def _parameters(
         self, use: ChainExpansion, exports: Exports, name: str
@@ -160,8 +160,8 @@ class Chains:
             key, value = behaviors[inner].key, _used_at(behaviors[inner].value, use.places)
             full = f"{use.state}.{inner}"
             assert isinstance(value, Mapping)
-            arrows = yield from _arrows(value, use, behaviors)
-            body = _flown_on(arrows, use.body)
+            transitions = yield from _transitions(value, use, behaviors)
+            body = _flown_on(transitions, use.body)
             do = chain_of(body)
             if do is None:
                 span = replace(key.span, used=use.places)
@@ -205,9 +205,11 @@ def _begin(chain: Mapping, behaviors: dict[str, MappingEntry]) -> Diagnosed[str]
     return begin.text
 
 
-def _arrows(body: Mapping, use: ChainExpansion, behaviors: Collection[str]) -> Diagnosed[Mapping]:
-    """A state of the chain whose arrows go to the states of the use, or out of it. A `then: end` is
-    left out: the `then` of the use holds for it."""
+def _transitions(
+    body: Mapping, use: ChainExpansion, behaviors: Collection[str]
+) -> Diagnosed[Mapping]:
+    """A state of the chain whose transitions go to the states of the use, or out of it.
+    A `then: end` is left out: the `then` of the use holds for it."""
     entries = dict(body.entries)
     for key in ("then", "failed"):
         goal = body.get(key)

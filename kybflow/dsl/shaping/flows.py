@@ -13,7 +13,7 @@ from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntr
 from kybflow.dsl.names.option_names import members
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, entries_of, items_of
 from kybflow.dsl.shaping.callbacks import named_values
-from kybflow.dsl.shaping.states import duration, next_arrow
+from kybflow.dsl.shaping.states import duration, next_transition
 from kybflow.parts import GROUND
 
 CODES = {
@@ -68,21 +68,21 @@ def _phase(entry: MappingEntry) -> Diagnosed[PhaseEntry]:
     options = body.entries.get("set")
     items = (item for item in items_of(body.get("next")) if isinstance(item, Mapping))
     actions = [] if options is None else (yield from named_values(options))
-    arrows = yield from every(next_arrow(item) for item in items)
+    transitions = yield from every(next_transition(item) for item in items)
     limit = yield from _limit(body)
     return PhaseEntry(
         name=entry.key.as_text,
         run=tuple(_pairs(body.get("run"))),
         give=tuple(_pairs(body.get("give"))),
         set=tuple(actions),
-        transitions=(*arrows, *limit),
+        transitions=(*transitions, *limit),
         span=entry.key.span,
         inherited=entry.inherited,
     )
 
 
 def _limit(body: Mapping) -> Diagnosed[tuple[TransitionEntry, ...]]:
-    """The arrow of `within` and `otherwise`; none where one of them is missing."""
+    """The transition of `within` and `otherwise`; none where one of them is missing."""
     limit, goal = body.get("within"), body.get("otherwise")
     if limit is not None and isinstance(goal, Scalar):
         after = yield from duration(body, "within", above=0.0)
@@ -210,6 +210,6 @@ def _first_of(document: Document, flow: FlowEntry, vehicle: str) -> Iterator[tup
         asked = (*phase.run, *phase.give)
         if any(vehicle in members(document, who.text) for who, _ in asked):
             continue
-        fresh = {arrow.target.text for arrow in phase.transitions} - seen
+        fresh = {transition.target.text for transition in phase.transitions} - seen
         seen |= fresh
         waiting += fresh

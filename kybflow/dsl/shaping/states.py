@@ -1,8 +1,8 @@
 """A vehicle's `behaviors` to its states.
 
-States called `NAME.INNER` are those of a chain, and an entry `NAME` without `do` has the arrows of
-the chain as a whole: each state inside has them too, its own first but for `next`; their times
-count from the entry of the chain.
+States called `NAME.INNER` are those of a chain, and an entry `NAME` without `do` has the
+transitions of the chain as a whole: each state inside has them too, its own first but for `next`;
+their times count from the entry of the chain.
 """
 
 from __future__ import annotations
@@ -71,9 +71,9 @@ def _chain(entry: MappingEntry, states: States) -> Diagnosed[ChainEntry]:
             message = f"`{key}` is no key of a chain's own entry"
             hint = did_you_mean(key, _OF_CHAINS)
             yield Diagnostic("KYB101", message, inner.key.span, help=hint)
-    arrows = yield from _written(entry.value, states)
+    transitions = yield from _written(entry.value, states)
     return ChainEntry(
-        entry.key.as_text, tuple(replace(a, since=name) for a in arrows), entry.key.span
+        entry.key.as_text, tuple(replace(a, since=name) for a in transitions), entry.key.span
     )
 
 
@@ -86,31 +86,33 @@ def _state(entry: MappingEntry, states: States, uses: PartDecoder) -> Diagnosed[
     chains = states.chains
     around = [chains[c].transitions for c in chains_of(name.text) if c in chains]
     own = yield from _written(node, states)
-    arrows = _joined(own, around, failure_of(part.spec.cls.flight))
+    transitions = _joined(own, around, failure_of(part.spec.cls.flight))
     first = (n for n in items_of(node.get("estimators")) if isinstance(n, Scalar))
     estimators = tuple(item.as_text for item in first)
-    return StateEntry(name.as_text, part, arrows, name.span, entry.inherited, estimators)
+    return StateEntry(name.as_text, part, transitions, name.span, entry.inherited, estimators)
 
 
 def _written(node: Mapping, states: States) -> Diagnosed[list[TransitionEntry]]:
-    """The arrows of one entry; the goal of `within` is that of its `failed`, else empty."""
+    """The transitions of one entry; the goal of `within` is that of its `failed`, else empty."""
     items = (item for item in items_of(node.get("next")) if isinstance(item, Mapping))
-    arrows: list[TransitionEntry] = []
-    for arrow in (yield from every(next_arrow(item) for item in items)):
-        target, enters = states.goal(arrow.target)
-        arrows.append(replace(arrow, target=target, enters=enters) if enters else arrow)
+    transitions: list[TransitionEntry] = []
+    for transition in (yield from every(next_transition(item) for item in items)):
+        target, enters = states.goal(transition.target)
+        transitions.append(
+            replace(transition, target=target, enters=enters) if enters else transition
+        )
     causes: tuple[Cause, ...] = ("then", "failed")
     for cause in causes:
         goal = node.get(cause)
         if isinstance(goal, Scalar):
             target, enters = states.goal(goal.as_text)
-            arrows.append(TransitionEntry(cause, target, goal.span, enters=enters))
+            transitions.append(TransitionEntry(cause, target, goal.span, enters=enters))
     limit = node.get("within")
     after = yield from duration(node, "within", above=0.0)
     if limit is not None and after is not None:
         nowhere = Text("", limit.span, verbatim=False)
-        arrows.append(TransitionEntry("within", nowhere, limit.span, after=after))
-    return arrows
+        transitions.append(TransitionEntry("within", nowhere, limit.span, after=after))
+    return transitions
 
 
 def _is_chain(node: Node) -> bool:
@@ -120,30 +122,34 @@ def _is_chain(node: Node) -> bool:
 def _joined(
     own: list[TransitionEntry], around: list[tuple[TransitionEntry, ...]], implied: str
 ) -> tuple[TransitionEntry, ...]:
-    """The arrows of a state: `next` of the chains around it from the outermost, and its own; `then`
-    and `failed` of itself, else of the nearest chain; every `within`, its own first."""
+    """The transitions of a state: `next` of the chains around it from the outermost, and its own;
+    `then` and `failed` of itself, else of the nearest chain; every `within`, its own first."""
     inward = [own, *reversed(around)]
-    arrows = [a for level in (*around, own) for a in level if a.cause == "next"]
+    transitions = [a for level in (*around, own) for a in level if a.cause == "next"]
     for cause in ("then", "failed"):
         nearest = _first_of(cause, inward)
         if nearest is not None:
-            arrows.append(nearest)
+            transitions.append(nearest)
     for depth, level in enumerate(inward):
         failed = _first_of("failed", inward[depth:])
-        for arrow in level:
-            if arrow.cause == "within" and failed is not None:
-                arrows.append(replace(arrow, target=failed.target, enters=failed.enters))
-            elif arrow.cause == "within":
-                arrows.append(replace(arrow, target=replace(arrow.target, text=implied)))
-    return tuple(arrows)
+        for transition in level:
+            if transition.cause == "within" and failed is not None:
+                transitions.append(replace(transition, target=failed.target, enters=failed.enters))
+            elif transition.cause == "within":
+                transitions.append(
+                    replace(transition, target=replace(transition.target, text=implied))
+                )
+    return tuple(transitions)
 
 
 def _first_of(cause: str, levels: Iterable[Iterable[TransitionEntry]]) -> TransitionEntry | None:
-    return next((arrow for level in levels for arrow in level if arrow.cause == cause), None)
+    return next(
+        (transition for level in levels for transition in level if transition.cause == cause), None
+    )
 
 
-def next_arrow(node: Mapping) -> Diagnosed[TransitionEntry]:
-    """The arrow that an item of `next` is; its shape is judged already."""
+def next_transition(node: Mapping) -> Diagnosed[TransitionEntry]:
+    """The transition that an item of `next` is; its shape is judged already."""
     when, event, goal = node.get("when"), node.get("event"), node.get("go")
     assert isinstance(goal, Scalar)
     if when is None and event is None and node.get("after") is None:

@@ -188,12 +188,12 @@ def _phase(phase: PhaseEntry) -> str:
     options = [f"{a.target.text}: {option_value(a.value)}" for a in phase.set if a.target]
     pairs = [_pairs("give", phase.give), _pairs("run", phase.run)]
     pairs.insert(1, f"set: {{{', '.join(options)}}}" if options else "")
-    ways = [way(arrow) for arrow in phase.transitions if arrow.cause == "next"]
+    ways = [way(transition) for transition in phase.transitions if transition.cause == "next"]
     pairs.append(f"next: [{', '.join(ways)}]" if ways else "")
-    for arrow in phase.transitions:
-        if arrow.cause == "within" and arrow.after is not None:
-            limit = quantity(arrow.after, DURATION)
-            pairs.append(f"within: {limit}, otherwise: {quoted(arrow.target.text)}")
+    for transition in phase.transitions:
+        if transition.cause == "within" and transition.after is not None:
+            limit = quantity(transition.after, DURATION)
+            pairs.append(f"within: {limit}, otherwise: {quoted(transition.target.text)}")
     return "{" + ", ".join(pair for pair in pairs if pair) + "}"
 
 

@@ -59,20 +59,23 @@ def written_fields(params: Any, fields: Iterable[Field]) -> list[str]:
     ]
 
 
-def goal(arrow: TransitionEntry) -> str:
+def goal(transition: TransitionEntry) -> str:
     """The target of a transition as an author writes it: a chain by its name."""
-    return arrow.enters or arrow.target.text
+    return transition.enters or transition.target.text
 
 
-def way(arrow: TransitionEntry) -> str:
+def way(transition: TransitionEntry) -> str:
     """One item of `next`."""
-    texts: tuple[tuple[str, Text | None], ...] = (("when", arrow.when), ("event", arrow.event))
+    texts: tuple[tuple[str, Text | None], ...] = (
+        ("when", transition.when),
+        ("event", transition.event),
+    )
     pairs = [f"{key}: {quoted(text.text)}" for key, text in texts if text is not None]
-    if arrow.after is not None:
-        pairs.append(f"after: {quantity(arrow.after, DURATION)}")
-    if arrow.hold:
-        pairs.append(f"for: {quantity(arrow.hold, DURATION)}")
-    pairs.append(f"go: {goal(arrow)}")
+    if transition.after is not None:
+        pairs.append(f"after: {quantity(transition.after, DURATION)}")
+    if transition.hold:
+        pairs.append(f"for: {quantity(transition.hold, DURATION)}")
+    pairs.append(f"go: {goal(transition)}")
     return "{" + ", ".join(pairs) + "}"
 
 

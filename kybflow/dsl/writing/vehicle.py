@@ -90,22 +90,22 @@ def _estimator(estimator: EstimatorEntry) -> str:
 
 
 def _state(state: StateEntry) -> str:
-    own = [arrow for arrow in state.transitions if not arrow.since]
+    own = [transition for transition in state.transitions if not transition.since]
     first = ", ".join(name.text for name in state.estimators)
     more = (f"estimators: [{first}]",) if first else ()
-    return part(state.part, "do", (*more, *_arrows(own)))
+    return part(state.part, "do", (*more, *_transitions(own)))
 
 
 def _chain(chain: ChainEntry) -> str:
-    return "{" + ", ".join(_arrows(chain.transitions)) + "}"
+    return "{" + ", ".join(_transitions(chain.transitions)) + "}"
 
 
-def _arrows(arrows: Sequence[TransitionEntry]) -> Iterator[str]:
-    ways = [way(arrow) for arrow in arrows if arrow.cause == "next"]
+def _transitions(transitions: Sequence[TransitionEntry]) -> Iterator[str]:
+    ways = [way(transition) for transition in transitions if transition.cause == "next"]
     if ways:
         yield f"next: [{', '.join(ways)}]"
-    for arrow in arrows:
-        if arrow.cause in ("then", "failed"):
-            yield f"{arrow.cause}: {goal(arrow)}"
-        elif arrow.cause == "within" and arrow.after is not None:
-            yield f"within: {quantity(arrow.after, DURATION)}"
+    for transition in transitions:
+        if transition.cause in ("then", "failed"):
+            yield f"{transition.cause}: {goal(transition)}"
+        elif transition.cause == "within" and transition.after is not None:
+            yield f"within: {quantity(transition.after, DURATION)}"

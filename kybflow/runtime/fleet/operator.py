@@ -81,8 +81,8 @@ def _awaited(plan: Plan) -> Iterator[str]:
     own = {name for one in plan.callbacks for action in one.actions for name in _emitted(action)}
     states = (state for vehicle in plan.vehicles for state in vehicle.states.values())
     phases = (phase for flow in plan.flows for phase in flow.phases.values())
-    heard = {arrow.event for state in states for arrow in state.transitions}
-    heard |= {arrow.event for phase in phases for arrow in phase.transitions}
+    heard = {transition.event for state in states for transition in state.transitions}
+    heard |= {transition.event for phase in phases for transition in phase.transitions}
     heard |= {callback.event for callback in plan.callbacks if callback.vehicles == ("",)}
     for name in heard:
         if name is not None and (name in own or name.startswith(PREFIX)):
