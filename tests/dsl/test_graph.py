@@ -112,7 +112,7 @@ def test_nothing_overlaps(count: int, edges: list[tuple[int, int]]) -> None:
 
 
 @pytest.mark.parametrize(("count", "edges"), GRAPHS)
-def test_arrows_point_down_but_for_those_that_close_a_circle(
+def test_arrows_point_down_but_for_those_that_close_a_cycle(
     count: int, edges: list[tuple[int, int]]
 ) -> None:
     layout = arranged([Size(60, 60, 46)] * count, edges, [Size(6, 50, 19)] * len(edges), 0)

@@ -193,7 +193,7 @@ class _Way(NamedTuple):
     to: int
 
 
-def circles(case: Case) -> Iterator[Diagnostic]:
+def cycles(case: Case) -> Iterator[Diagnostic]:
     """KYB239: a callback brings about the event that it hears, itself or through others, and none
     of them has a `when` that could end it.
 
@@ -204,15 +204,15 @@ def circles(case: Case) -> Iterator[Diagnostic]:
     callbacks = [c for c in case.document.callbacks if c.when is None]
     ways = _ways(case, callbacks)
     for first, out in ways.items():
-        circle = _back(first, ways)
-        if circle and first == min(circle):
-            heard = [callbacks[index].event.text for index in (*circle, first)]
+        cycle = _back(first, ways)
+        if cycle and first == min(cycle):
+            heard = [callbacks[index].event.text for index in (*cycle, first)]
             yield Diagnostic(
                 "KYB239",
                 f"`{heard[0]}` is answered again and again, for ever",
-                next(way.action.name.span for way in out if way.to == (*circle, first)[1]),
-                label="this brings it about" if len(circle) == 1 else "this begins a circle",
-                notes=() if len(circle) == 1 else ("`" + "` → `".join(heard) + "`",),
+                next(way.action.name.span for way in out if way.to == (*cycle, first)[1]),
+                label="this brings it about" if len(cycle) == 1 else "this begins a cycle",
+                notes=() if len(cycle) == 1 else ("`" + "` → `".join(heard) + "`",),
                 help="add a `when`, or hear an event that this does not bring about",
             )
 
@@ -261,7 +261,7 @@ def _said(case: Case, action: ActionEntry) -> Iterator[_Said]:
 
 
 def _back(first: int, ways: dict[int, list[_Way]]) -> list[int]:
-    """The shortest circle through `first`, from it on; empty when there is none."""
+    """The shortest cycle through `first`, from it on; empty when there is none."""
     came: dict[int, int] = {}
     waiting = [first]
     for index in waiting:

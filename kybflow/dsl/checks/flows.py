@@ -144,26 +144,26 @@ def _may_wait(transition: TransitionEntry, flow: FlowEntry, document: Document) 
     return transition.event.text.startswith(OPERATOR) or transition.event.text in finished
 
 
-def timeless_circles(case: Case) -> Iterator[Diagnostic]:
-    """KYB240: phases follow each other in a circle in which no time passes: each goes on `after:
+def timeless_cycles(case: Case) -> Iterator[Diagnostic]:
+    """KYB240: phases follow each other in a cycle in which no time passes: each goes on `after:
     0 s`."""
     for flow in case.document.flows.values():
         told: set[str] = set()
         for name in flow.phases:
-            circle = _circle(flow, name)
-            if circle and told.isdisjoint(circle):
-                told.update(circle)
+            cycle = _cycle(flow, name)
+            if cycle and told.isdisjoint(cycle):
+                told.update(cycle)
                 yield Diagnostic(
                     "KYB240",
-                    f"the flow `{flow.name.text}` runs in a circle without an end",
+                    f"the flow `{flow.name.text}` runs in a cycle without an end",
                     flow.phases[name].span,
                     label="no time passes here",
-                    notes=("`" + "` → `".join([*circle, circle[0]]) + "`",),
+                    notes=("`" + "` → `".join([*cycle, cycle[0]]) + "`",),
                     help="let one of them wait for something",
                 )
 
 
-def _circle(flow: FlowEntry, name: str) -> list[str]:
+def _cycle(flow: FlowEntry, name: str) -> list[str]:
     """The phases that follow `name` at once, up to itself; none when they don't come back."""
     path = [name]
     while (ahead := _at_once(flow.phases.get(path[-1]))) not in (None, name):

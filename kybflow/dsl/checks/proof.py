@@ -34,7 +34,7 @@ def never_lands(case: Case) -> Iterator[Diagnostic]:
 
     A behavior that ends and has no `then` is followed by `brake`, `hover` and, after the hover
     limit, a landing. So this is a behavior without an end that no `next` or `within` ends, or a
-    circle of `then` that no `next` leaves, and no callback or flow asks for what comes down.
+    cycle of `then` that no `next` leaves, and no callback or flow asks for what comes down.
     Failures do not count as a way out, nor does a `within` where the behavior ends before it. A
     `then` that is never taken is reported as KYB206 alone.
     """
@@ -55,10 +55,10 @@ def never_lands(case: Case) -> Iterator[Diagnostic]:
 
 
 def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
-    """KYB251: nothing but a condition or an event ends a behavior or a circle in the air. Should it
+    """KYB251: nothing but a condition or an event ends a behavior or a cycle in the air. Should it
     never come, the vehicle flies until its battery or the time limit of the run lands it.
 
-    It is enough that a behavior of the circle goes elsewhere when it ends; one without an end needs
+    It is enough that a behavior of the cycle goes elsewhere when it ends; one without an end needs
     a `within`, or an `after` without a condition. An event of the operator is enough too, and so is
     what a callback or a flow asks for, and that the battery has less than a share left which it
     must come to within the `time_limit`.
@@ -82,7 +82,7 @@ def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def failures_that_circle(case: Case) -> Iterator[Diagnostic]:
+def failures_in_a_cycle(case: Case) -> Iterator[Diagnostic]:
     """KYB252: a behavior in the air that fails, or takes too long, comes back to itself by failures
     alone: what makes it fail for good keeps the vehicle in the air.
 
@@ -93,15 +93,15 @@ def failures_that_circle(case: Case) -> Iterator[Diagnostic]:
         failing = {link.source: link for link in flights.links if link.transition.cause == "failed"}
         told: set[str] = set()
         for node in sorted(failing, key=lambda n: list(vehicle.states).index(n.state)):
-            circle = _failures(node, failing)
-            if not circle or node.flight is GROUND or node.state in told:
+            cycle = _failures(node, failing)
+            if not cycle or node.flight is GROUND or node.state in told:
                 continue
-            told.update(link.source.state for link in circle)
-            states = [link.source.state for link in circle]
+            told.update(link.source.state for link in cycle)
+            states = [link.source.state for link in cycle]
             yield Diagnostic(
                 "KYB252",
                 f"when `{node.state}` keeps failing the vehicle never comes down",
-                circle[0].transition.target.span,
+                cycle[0].transition.target.span,
                 label="leads back by failures alone",
                 notes=("`" + "` → `".join([*states, states[0]]) + "` → ...",),
                 help="let one of them fail to `auto_land`, or leave `failed` away",
@@ -110,15 +110,15 @@ def failures_that_circle(case: Case) -> Iterator[Diagnostic]:
 
 def _failures(first: FlightNode, failing: dict[FlightNode, FlightEdge]) -> list[FlightEdge]:
     """The transitions from `first` back to it, each a failure; none where they end elsewhere."""
-    circle = [failing[first]]
+    cycle = [failing[first]]
     for _ in failing:
-        link = circle[-1]
+        link = cycle[-1]
         successor = FlightNode(link.transition.target.text, link.flight)
         if successor.state == first.state:
-            return circle
+            return cycle
         if successor not in failing:
             break
-        circle.append(failing[successor])
+        cycle.append(failing[successor])
     return []
 
 
@@ -157,7 +157,7 @@ def _comes_surely(
 
 
 def _way_out(path: list[str]) -> str:
-    """The help line for a trap: a circle of states, or one state that never ends."""
+    """The help line for a trap: a cycle of states, or one state that never ends."""
     if len(path) > 1:
         return "let the last of them go on to a landing, such as `auto_land`"
     return "add a `within`, or a `next` with `after: 60 s`, that leads to a landing"
@@ -181,8 +181,8 @@ def _traps(
     stuck: AbstractSet[FlightNode],
     endless: AbstractSet[str],
 ) -> Iterator[list[str]]:
-    """Each state that never ends and each circle of `then` among the `stuck`, once: its states, the
-    first again at the end of a circle."""
+    """Each state that never ends and each cycle of `then` among the `stuck`, once: its states, the
+    first again at the end of a cycle."""
     names = {node.state for node in stuck}
     thens = (link for link in flights.links if link.transition.cause == "then")
     ahead = {link.source.state: link.transition.target.text for link in thens}

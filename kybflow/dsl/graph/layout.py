@@ -1,6 +1,6 @@
 """Layered layout of a directed graph, after Sugiyama, Tagawa and Toda (1981).
 
-Layers by longest path over the arrows that do not close a circle; each arrow is a chain with a
+Layers by longest path over the arrows that do not close a cycle; each arrow is a chain with a
 vertex in every layer that it passes, the first of which carries its label, so that neither boxes
 nor labels can overlap; order by barycentres; positions by the nearest feasible ones to the mean of
 the neighbours (isotonic regression), swept down and up.
@@ -66,7 +66,7 @@ def arranged(
 
 
 def _closing(count: int, edges: Sequence[tuple[int, int]], first: int) -> set[int]:
-    """The edges that close a circle in a depth-first walk from `first`."""
+    """The edges that close a cycle in a depth-first walk from `first`."""
     leaving: list[list[int]] = [[] for _ in range(count)]
     for number, (source, _) in enumerate(edges):
         leaving[source].append(number)
@@ -93,7 +93,7 @@ def _closing(count: int, edges: Sequence[tuple[int, int]], first: int) -> set[in
 
 
 def _ranks(count: int, down: Sequence[tuple[int, int]]) -> list[int]:
-    """The longest path to each vertex; `down` has no circles."""
+    """The longest path to each vertex; `down` has no cycles."""
     ranks = [0] * count
     for _ in range(count):
         for source, target in down:

@@ -26,7 +26,7 @@ from kybflow.dsl.resolving.substitution import Substitution, known, names_in, un
 CODES = {
     "KYB158": "A chain whose transition, or `begin`, names a state that it does not have.",
     "KYB159": "A name that is taken: of a chain's parameter, or of a state inside of a chain.",
-    "KYB160": "Chains that use each other in a circle, or more uses than a mission may have.",
+    "KYB160": "Chains that use each other in a cycle, or more uses than a mission may have.",
     "KYB161": "A transition to `end` in a chain whose use does not say what follows.",
 }
 MAX_USES = 2000

@@ -21,7 +21,7 @@ from kybflow.dsl.schema.judge import judge_file
 CODES = {
     "KYB120": "An import that names no file.",
     "KYB121": "An import that leaves the mission's folder and the installed libraries.",
-    "KYB122": "Files that import each other in a circle.",
+    "KYB122": "Files that import each other in a cycle.",
     "KYB123": "An imported file that is no library.",
     "KYB127": "More imports than a mission may have, counted along every way to a library.",
 }

@@ -10,7 +10,7 @@ from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Seque
 
 CODES = {
     "KYB124": "`like`, `airframe`, `stack`, `world` or `do: chain.` names what doesn't exist.",
-    "KYB125": "Entries that are `like` each other in a circle, or stacks that hold each other.",
+    "KYB125": "Entries that are `like` each other in a cycle, or stacks that hold each other.",
     "KYB126": "More values than a mission may have, counted after `like`.",
     "KYB129": "A behavior or phase that is removed, and that `like` does not bring (a warning).",
 }
