@@ -159,7 +159,7 @@ def asked_for() -> Plan:
 def test_what_flows_and_callbacks_ask_for_has_an_arrow() -> None:
     a, b, _ = drawings(asked_for())
     assert [box.name for box in a.boxes if box.is_asker] == ["flow team", "on battery_low"]
-    assert [(edge.source, edge.target) for edge in a.edges if edge.is_asked] == [
+    assert [(edge.source, edge.target) for edge in a.edges if edge.is_request] == [
         ("flow team", "go"),
         ("on battery_low", "down"),
         ("on battery_low", "fault"),

@@ -183,7 +183,7 @@ def never_fires(case: Case) -> Iterator[Diagnostic]:
     for vehicle, state in case.states():
         guarded = list(_guarded(case, vehicle, state))
         for index, later in enumerate(guarded):
-            others = [a for a in guarded if _is_beside(a, later, vehicle, state)]
+            others = [a for a in guarded if _can_shadow(a, later, vehicle, state)]
             before = [a for a in guarded[:index] if a in others and _covers(a, later)]
             before += [a for a in others if _is_sooner(a, later)]
             if before:
@@ -222,9 +222,11 @@ def _guarded(case: Case, vehicle: VehicleEntry, state: StateEntry) -> Iterator[_
         yield _Guarded(transition, when)
 
 
-def _is_beside(first: _Guarded, later: _Guarded, vehicle: VehicleEntry, state: StateEntry) -> bool:
-    """Whether `first` can make `later` useless: a transition of a whole chain is so by another of
-    it alone, which is told for its first state."""
+def _can_shadow(first: _Guarded, later: _Guarded, vehicle: VehicleEntry, state: StateEntry) -> bool:
+    """Whether `later`, which `state` has, is reported when `first` always fires before it.
+
+    Every state of a chain has the transitions of the chain as a whole. They are compared with each
+    other only, and reported once, at the chain's first state."""
     chain = later.transition.since
     if not chain:
         return True

@@ -38,14 +38,14 @@ class StateBox(NamedTuple):
 
 
 class Edge(NamedTuple):
-    """All transitions from one state to another, a label each; `is_asked`: from who may ask for
-    it."""
+    """What one arrow of the drawing stands for: all transitions from `source` to `target`, a label
+    each; or, with `is_request`, that the flow or callback `source` may ask for the state."""
 
     source: str
     target: str
     labels: tuple[str, ...]
     is_implied: bool
-    is_asked: bool = False
+    is_request: bool = False
 
 
 class Drawing(NamedTuple):
@@ -108,7 +108,7 @@ def _machine(vehicle: VehiclePlan, askers: Requests) -> _Machine:
     edges = tuple(Edge(*ends, tuple(text), implied[ends]) for ends, text in labels.items())
     asking = tuple(StateBox(name, "asks", "", False, is_asker=True) for name in askers)
     entries = tuple(
-        Edge(name, state, (), False, is_asked=True)
+        Edge(name, state, (), False, is_request=True)
         for name, states in askers.items()
         for state in states
     )

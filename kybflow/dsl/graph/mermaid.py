@@ -21,7 +21,7 @@ def _box(prefix: str, drawing: Drawing) -> list[str]:
         label = _escaped(f"{box.name}<br>{box.part}{', ' if box.flight else ''}{box.flight}")
         lines.append(f'    state "{label}" as {ids[box.name]}')
     for edge in drawing.edges:
-        label = "asks" if edge.is_asked else _escaped("<br>".join(edge.labels))
+        label = "asks" if edge.is_request else _escaped("<br>".join(edge.labels))
         lines.append(f"    {ids[edge.source]} --> {ids[edge.target]} : {label}")
     built_in = ",".join(ids[box.name] for box in drawing.boxes if box.is_built_in)
     lines.append("  }")

@@ -165,7 +165,7 @@ def _edge(layout: Layout, number: int, edge: Edge, ports: Ports) -> str:
     if chain.is_reversed:
         points.reverse()
     faint = edge.is_implied
-    style = " faint" if faint else " asked" if edge.is_asked else ""
+    style = " faint" if faint else " asked" if edge.is_request else ""
     line = f'<path class="edge{style}" d="{_curve(points)}" {_MARKED}/>'
     x, y = layout.x[passed[0]], layout.y[passed[0]]
     return line + _label(edge.labels, x + 7, y, "label faint-text" if faint else "label")

@@ -175,12 +175,11 @@ def _label(state: str) -> str:
 
 
 def _transition(transition: TransitionEntry, vehicle: str, scopes: Scopes) -> TransitionPlan:
+    when = transition.when
     return TransitionPlan(
         cause=transition.cause,
         target=transition.target.text,
-        when=None
-        if transition.when is None
-        else _parsed(transition.when, scopes.condition(vehicle)),
+        when=None if when is None else _parsed(when, scopes.condition(vehicle)),
         event=None if transition.event is None else transition.event.text,
         after=transition.after,
         hold=transition.hold,

@@ -20,13 +20,13 @@ CODES = {
     "KYB003": "The file is not UTF-8 text.",
 }
 MAX_BYTES = 2_000_000
-_MOST = 200
-"""Files that are compared with a name that is none."""
+MOST_FILES = 200
+"""Files of a folder, at most, among which the one is sought that an unknown name could mean."""
 
 
 class ParsedFile(NamedTuple):
-    """One file as read: the path as reported, its text, the SHA-256 of its bytes, its tree (None
-    when it can't be had) and what was found."""
+    """A YAML file as read. file: its path as reports show it. sha256: of its bytes. root: its node
+    tree, None if the file can't be read or isn't YAML. found: the diagnostics of reading it."""
 
     file: str
     text: str
@@ -82,7 +82,7 @@ def _near(path: Path) -> str:
     """The file that could be meant: one in the folder that was named, or beside."""
     try:
         folder = path if path.is_dir() else path.parent
-        names = [str(folder / f.name) for f in itertools.islice(folder.glob("*.yaml"), _MOST)]
+        names = [str(folder / f.name) for f in itertools.islice(folder.glob("*.yaml"), MOST_FILES)]
     except (OSError, ValueError):
         return ""
     return did_you_mean(str(path), names)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import kybflow
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
 from kybflow.dsl.reading.nodes import Mapping, Scalar
-from kybflow.dsl.reading.reader import ParsedFile, read
+from kybflow.dsl.reading.reader import MOST_FILES, ParsedFile, read
 from kybflow.dsl.schema.judge import judge_file
 
 CODES = {
@@ -28,8 +28,6 @@ CODES = {
 GROUP = "kybflow.missions"
 _STANDARD = "the standard library is `kybflow/airframes`"
 _LONGEST = 80
-_MOST = 200
-"""Files that are compared with a name that is none."""
 
 
 class LibraryPath(NamedTuple):
@@ -93,7 +91,7 @@ def _at_hand(importer: LibraryPath, name: str) -> list[str]:
     beside = importer.path.parent / folder
     shown: list[str] = []
     if "\0" not in folder and _within(beside, (importer.path.parent,)) and beside.is_dir():
-        files = itertools.islice(beside.glob("*.yaml"), _MOST)
+        files = itertools.islice(beside.glob("*.yaml"), MOST_FILES)
         shown += sorted(os.path.join(folder, f.name) for f in files if f != importer.path)
     packages = {"kybflow", *(entry.name for entry in entry_points(group=GROUP))}
     for package in sorted(packages):
