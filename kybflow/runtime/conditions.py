@@ -12,24 +12,7 @@ from itertools import combinations
 from typing import Any
 
 from kybflow.core.geometry import Vec3, distance
-from kybflow.dsl.expressions import (
-    Aggregate,
-    And,
-    Compare,
-    Distance,
-    Expression,
-    GroupInState,
-    InState,
-    Location,
-    MissionTime,
-    Not,
-    Or,
-    Quantity,
-    Read,
-    Separation,
-    Value,
-    Word,
-)
+from kybflow.dsl.expressions import tree
 from kybflow.parts.observables import OBSERVABLES, Unavailable, View, is_in
 
 OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
@@ -43,7 +26,7 @@ OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
 
 
 def bind(
-    expression: Expression,
+    expression: tree.Expression,
     views: Mapping[str, View],
     own: str | None,
     now: Callable[[], float],
@@ -51,45 +34,45 @@ def bind(
     """Return the condition as a function without arguments. `own` is the vehicle that an unnamed
     read refers to; `now` returns seconds of the run. Raises TypeError for any other expression."""
     match expression:
-        case Compare(left=Read(vehicle, name), right=Quantity(bound, _)):
+        case tree.Compare(left=tree.Read(vehicle, name), right=tree.Quantity(bound, _)):
             view = views[vehicle or own or ""]
             return _against(OBSERVABLES[name].read, view, OPERATORS[expression.operator], bound)
-        case Compare(symbol, left, right):
+        case tree.Compare(symbol, left, right):
             a, b = value_of(left, views, own, now), value_of(right, views, own, now)
             return _compared(OPERATORS[symbol], a, b)
-        case InState(vehicle, state):
+        case tree.InState(vehicle, state):
             return _in_state(views[vehicle], state)
-        case GroupInState(quantifier, _, vehicles, state):
+        case tree.GroupInState(quantifier, _, vehicles, state):
             inside = [_in_state(views[vehicle], state) for vehicle in vehicles]
             return _both(inside) if quantifier == "all" else _either(inside)
-        case And(parts):
+        case tree.And(parts):
             return _both([bind(part, views, own, now) for part in parts])
-        case Or(parts):
+        case tree.Or(parts):
             return _either([bind(part, views, own, now) for part in parts])
-        case Not(part):
+        case tree.Not(part):
             inner = bind(part, views, own, now)
             return lambda: not inner()
     raise TypeError(f"{type(expression).__name__} is not a condition")
 
 
 def value_of(
-    value: Value | Aggregate,
+    value: tree.Value | tree.Aggregate,
     views: Mapping[str, View],
     own: str | None,
     now: Callable[[], float],
 ) -> Callable[[], Any]:
     """Return the value (SI) as a function that raises Unavailable while the value is unknown."""
     match value:
-        case Quantity(constant, _) | Word(constant):
+        case tree.Quantity(constant, _) | tree.Word(constant):
             return lambda: constant
-        case Read(vehicle, name):
+        case tree.Read(vehicle, name):
             view, read = views[vehicle or own or ""], OBSERVABLES[name].read
             return lambda: read(view)
-        case MissionTime():
+        case tree.MissionTime():
             return now
-        case Distance(a, b):
+        case tree.Distance(a, b):
             return _distance(_point_of(a, views, own), _point_of(b, views, own))
-        case Separation(vehicles):
+        case tree.Separation(vehicles):
             return _separation([views[vehicle] for vehicle in vehicles])
     raise TypeError(f"{type(value).__name__} is not a value of one tick")
 
@@ -136,7 +119,9 @@ def _either(parts: list[Callable[[], bool]]) -> Callable[[], bool]:
     return lambda: any(part() for part in parts)
 
 
-def _point_of(place: Location, views: Mapping[str, View], own: str | None) -> Callable[[], Vec3]:
+def _point_of(
+    place: tree.Location, views: Mapping[str, View], own: str | None
+) -> Callable[[], Vec3]:
     if place.point is not None:
         point = place.point
         return lambda: point

@@ -11,19 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Any, NamedTuple, Protocol
 
-from kybflow.dsl.expressions import (
-    Aggregate,
-    Always,
-    Compare,
-    Condition,
-    Eventually,
-    Finally,
-    Finished,
-    MissionTime,
-    Quantity,
-    Read,
-    Word,
-)
+from kybflow.dsl.expressions import tree
 from kybflow.dsl.plan import ExpectationPlan
 from kybflow.parts.observables import OBSERVABLES, Unavailable, View
 from kybflow.runtime.conditions import OPERATORS, bind, value_of
@@ -89,17 +77,17 @@ def _expectation(
     plan: ExpectationPlan, views: Mapping[str, View], now: Now, samplers: Samplers
 ) -> Expectation:
     match plan.expression:
-        case Compare(operator, Aggregate() as left, right):
+        case tree.Compare(operator, tree.Aggregate() as left, right):
             return _Statistic(operator, left, right, samplers)
-        case Always(condition):
-            if isinstance(condition, Compare) and condition.operator in _ORDERS:
+        case tree.Always(condition):
+            if isinstance(condition, tree.Compare) and condition.operator in _ORDERS:
                 return _Bound(condition, views, now)
             return _Unbroken(bind(condition, views, None, now))
-        case Eventually(condition, within):
+        case tree.Eventually(condition, within):
             return _Once(bind(condition, views, None, now), within, now)
-        case Finally(condition):
+        case tree.Finally(condition):
             return _Last(condition, views, now)
-        case Finished(within):
+        case tree.Finished(within):
             return _InTime(within)
     raise TypeError(f"{plan.text!r} is not an expectation")
 
@@ -114,7 +102,9 @@ class _AtTheEnd:
 class _Statistic(_AtTheEnd):
     """`mean(mk.position_error in eight) < 3.4 cm`; the samplers collect the values."""
 
-    def __init__(self, operator: str, left: Aggregate, right: object, samplers: Samplers) -> None:
+    def __init__(
+        self, operator: str, left: tree.Aggregate, right: object, samplers: Samplers
+    ) -> None:
         self._operator = operator
         self._left = _reader(left, samplers)
         self._right = _reader(right, samplers)
@@ -132,7 +122,7 @@ class _Bound:
     """`always separation(all) > 60 cm`: the worst value and its margin. Ticks in which the value is
     unavailable don't count."""
 
-    def __init__(self, condition: Compare, views: Mapping[str, View], now: Now) -> None:
+    def __init__(self, condition: tree.Compare, views: Mapping[str, View], now: Now) -> None:
         self._unit = _unit(condition.left)
         self._holds = OPERATORS[condition.operator]
         self._sign = _ORDERS[condition.operator]
@@ -195,10 +185,10 @@ class _Once:
 class _Last(_AtTheEnd):
     """`finally`: evaluated once, after the last tick."""
 
-    def __init__(self, condition: Condition, views: Mapping[str, View], now: Now) -> None:
+    def __init__(self, condition: tree.Condition, views: Mapping[str, View], now: Now) -> None:
         self._condition = bind(condition, views, None, now)
         self._bound: _Bound | None = None
-        if isinstance(condition, Compare) and condition.operator in _ORDERS:
+        if isinstance(condition, tree.Compare) and condition.operator in _ORDERS:
             self._bound = _Bound(condition, views, now)
 
     def found(self, finished_at: float | None) -> Assessment:
@@ -225,10 +215,10 @@ _ORDERS: Mapping[str, float] = {"<": 1.0, "<=": 1.0, ">": -1.0, ">=": -1.0}
 
 
 def _reader(value: object, samplers: Samplers) -> Callable[[], float | None]:
-    if isinstance(value, Quantity):
+    if isinstance(value, tree.Quantity):
         constant = value.value
         return lambda: constant
-    if not isinstance(value, Aggregate):
+    if not isinstance(value, tree.Aggregate):
         raise TypeError(f"{value!r} can't be compared with a statistic")
     statistics = samplers.statistics(value)
     readers: dict[str, Callable[[], float | None]] = {
@@ -247,13 +237,13 @@ def _margin(operator: str, value: float, bound: float) -> float | None:
 
 def _unit(value: Any) -> str:
     """Return the SI unit of the measured value."""
-    if isinstance(value, Aggregate):
+    if isinstance(value, tree.Aggregate):
         value = value.value
-    if isinstance(value, Read):
+    if isinstance(value, tree.Read):
         dimension = OBSERVABLES[value.name].dimension
         return dimension.si if dimension is not None else ""
-    if isinstance(value, Quantity):
+    if isinstance(value, tree.Quantity):
         return value.dimension.si
-    if isinstance(value, MissionTime):
+    if isinstance(value, tree.MissionTime):
         return "s"
-    return "" if isinstance(value, Word) else "m"
+    return "" if isinstance(value, tree.Word) else "m"

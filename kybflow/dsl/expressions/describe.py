@@ -3,59 +3,39 @@
 from __future__ import annotations
 
 from kybflow.core.units import DURATION, LENGTH, SPEED, Dimension, format_quantity
-from kybflow.dsl.expressions.tree import (
-    Aggregate,
-    Always,
-    And,
-    Compare,
-    Distance,
-    Eventually,
-    Expression,
-    Finally,
-    Finished,
-    GroupInState,
-    InState,
-    Location,
-    MissionTime,
-    Not,
-    Or,
-    Quantity,
-    Read,
-    Separation,
-    Value,
-    Word,
-)
+from kybflow.dsl.expressions import tree
 
 _SMALL = {LENGTH: ("cm", 100.0), SPEED: ("cm/s", 100.0), DURATION: ("ms", 1000.0)}
 
 
-def describe(expression: Expression) -> str:
+def describe(expression: tree.Expression) -> str:
     """The expression as a person would write it; what it says can be parsed again."""
     match expression:
-        case Compare(operator, left, right):
+        case tree.Compare(operator, left, right):
             return f"{_value(left)} {operator} {_value(right)}"
-        case InState(vehicle, state):
+        case tree.InState(vehicle, state):
             return f"{vehicle} in {state}"
-        case GroupInState(quantifier, group, _, state):
+        case tree.GroupInState(quantifier, group, _, state):
             return f"{quantifier} {group} in {state}"
-        case And(parts):
-            return " and ".join(_grouped(p, (Or,)) for p in parts)
-        case Or(parts):
-            return " or ".join(_grouped(p, (Or,)) for p in parts)
-        case Not(part):
-            return f"not {_grouped(part, (And, Or, Compare, InState, GroupInState))}"
+        case tree.And(parts):
+            return " and ".join(_grouped(p, (tree.Or,)) for p in parts)
+        case tree.Or(parts):
+            return " or ".join(_grouped(p, (tree.Or,)) for p in parts)
+        case tree.Not(part):
+            grouped = (tree.And, tree.Or, tree.Compare, tree.InState, tree.GroupInState)
+            return f"not {_grouped(part, grouped)}"
     return _expectation(expression)
 
 
-def _expectation(expression: Always | Eventually | Finally | Finished) -> str:
+def _expectation(expression: tree.Always | tree.Eventually | tree.Finally | tree.Finished) -> str:
     match expression:
-        case Always(condition):
+        case tree.Always(condition):
             return f"always {describe(condition)}"
-        case Finally(condition):
+        case tree.Finally(condition):
             return f"finally {describe(condition)}"
-        case Finished(within):
+        case tree.Finished(within):
             return f"finished within {quantity(within, DURATION)}"
-        case Eventually(condition, within):
+        case tree.Eventually(condition, within):
             limit = "" if within is None else f" within {quantity(within, DURATION)}"
             return f"eventually {describe(condition)}{limit}"
 
@@ -68,30 +48,30 @@ def quantity(value: float, dimension: Dimension) -> str:
     return format_quantity(value, dimension)
 
 
-def _grouped(part: Expression, loose: tuple[type, ...]) -> str:
+def _grouped(part: tree.Expression, loose: tuple[type, ...]) -> str:
     text = describe(part)
     return f"({text})" if isinstance(part, loose) else text
 
 
-def _value(value: Value | Aggregate) -> str:
+def _value(value: tree.Value | tree.Aggregate) -> str:
     match value:
-        case Quantity(number, dimension):
+        case tree.Quantity(number, dimension):
             return quantity(number, dimension)
-        case Word(text):
+        case tree.Word(text):
             return text
-        case Read(vehicle, name):
+        case tree.Read(vehicle, name):
             return f"{vehicle}.{name}" if vehicle else name
-        case MissionTime():
+        case tree.MissionTime():
             return "time"
-        case Distance(a, b):
+        case tree.Distance(a, b):
             return f"distance({_place(a)} to {_place(b)})"
-        case Separation(vehicles):
+        case tree.Separation(vehicles):
             return f"separation({' and '.join(vehicles)})"
-        case Aggregate(function, inner, _, state):
+        case tree.Aggregate(function, inner, _, state):
             return f"{function}({_value(inner)}{f' in {state}' if state else ''})"
 
 
-def _place(place: Location) -> str:
+def _place(place: tree.Location) -> str:
     if place.point is not None:
         return "[" + " ".join(f"{c:.6g}" for c in place.point) + "]"
     if place.vehicle is None:

@@ -25,34 +25,9 @@ from typing import cast, get_args
 from kybflow.core.units import DURATION, LENGTH, Dimension
 from kybflow.dsl.diagnostics.diagnostic import Collected
 from kybflow.dsl.diagnostics.spans import PREFIX, Text
-from kybflow.dsl.expressions import errors
+from kybflow.dsl.expressions import errors, tree
 from kybflow.dsl.expressions.semantics import HEALTH, Operand, Scope, Semantics, is_quantity
 from kybflow.dsl.expressions.tokens import Token, tokens_of
-from kybflow.dsl.expressions.tree import (
-    Aggregate,
-    Always,
-    And,
-    Compare,
-    ComparisonOperator,
-    Condition,
-    Distance,
-    Eventually,
-    Expression,
-    Finally,
-    Finished,
-    Function,
-    GroupInState,
-    InState,
-    Location,
-    MissionTime,
-    Not,
-    Or,
-    Quantifier,
-    Quantity,
-    Read,
-    Separation,
-    Value,
-)
 from kybflow.parts.observables import OBSERVABLES
 
 __all__ = ["Scope", "parse"]
@@ -60,8 +35,8 @@ __all__ = ["Scope", "parse"]
 MAX_DEPTH = 32
 MAX_LENGTH = 2000
 EXPECTATIONS = ("always", "eventually", "finally", "finished")
-_QUANTIFIERS = frozenset(get_args(Quantifier))
-FLIPPED: Mapping[ComparisonOperator, ComparisonOperator] = {
+_QUANTIFIERS = frozenset(get_args(tree.Quantifier))
+FLIPPED: Mapping[tree.ComparisonOperator, tree.ComparisonOperator] = {
     "<": ">",
     "<=": ">=",
     ">": "<",
@@ -69,18 +44,18 @@ FLIPPED: Mapping[ComparisonOperator, ComparisonOperator] = {
     "==": "==",
     "!=": "!=",
 }
-_FUNCTIONS = frozenset(get_args(Function))
+_FUNCTIONS = frozenset(get_args(tree.Function))
 
 
-def parse(text: Text, scope: Scope) -> Collected[Expression | None]:
+def parse(text: Text, scope: Scope) -> Collected[tree.Expression | None]:
     """The expression that `text` says, or None and what is wrong with it. Never raises."""
     if text not in scope.read:
         scope.read[text] = _parsed(text, scope)
-    found: Collected[Expression | None] = scope.read[text]
+    found: Collected[tree.Expression | None] = scope.read[text]
     return found
 
 
-def _parsed(text: Text, scope: Scope) -> Collected[Expression | None]:
+def _parsed(text: Text, scope: Scope) -> Collected[tree.Expression | None]:
     try:
         if len(text.text) > MAX_LENGTH:
             raise errors.too_long(text, MAX_LENGTH)
@@ -100,26 +75,26 @@ class _Parser:
         self._operands = _Operands(self._tokens, semantics)
         self._depth = 0
 
-    def whole(self) -> Expression:
+    def whole(self) -> tree.Expression:
         expectation = self._semantics.scope.kind == "expectation"
         expression = self._expectation() if expectation else self._condition()
         if self._tokens.peek().kind != "end":
             raise errors.unreadable(self._text, self._tokens.peek(), "`and`, `or` or the end")
         return expression
 
-    def _expectation(self) -> Expression:
+    def _expectation(self) -> tree.Expression:
         first = self._tokens.peek()
         if self._tokens.skip("finished"):
             self._tokens.expect("within")
-            return Finished(self._limit())
+            return tree.Finished(self._limit())
         if self._tokens.skip("always"):
-            return Always(self._condition())
+            return tree.Always(self._condition())
         if self._tokens.skip("finally"):
-            return Finally(self._condition())
+            return tree.Finally(self._condition())
         if self._tokens.skip("eventually"):
             condition = self._condition()
             limit = self._limit() if self._tokens.skip("within") else None
-            return Eventually(condition, limit)
+            return tree.Eventually(condition, limit)
         near = get_close_matches(first.text, EXPECTATIONS, n=1)
         if near and self._tokens.peek(1).kind != "operator" and self._tokens.peek(1).text != "in":
             raise errors.misspelt(self._text, first, near[0])
@@ -135,7 +110,7 @@ class _Parser:
             self._semantics.findings.append(errors.before_the_start(self._text, place))
         return value
 
-    def _statistic(self, first: Token) -> Condition:
+    def _statistic(self, first: Token) -> tree.Condition:
         self._operands.statistics_allowed = True
         condition = self._condition()
         if self._semantics.findings or _is_statistic(condition):
@@ -143,30 +118,30 @@ class _Parser:
         place = (first.start, self._tokens.behind())
         finding = errors.timeless
         if self._operands.has_statistics:
-            alone = isinstance(condition, Compare)
+            alone = isinstance(condition, tree.Compare)
             finding = errors.momentary if alone else errors.joined_statistics
         self._semantics.findings.append(finding(self._text, place))
         return condition
 
-    def _condition(self) -> Condition:
+    def _condition(self) -> tree.Condition:
         parts = [self._both()]
         while self._tokens.skip("or"):
             parts.append(self._both())
-        return parts[0] if len(parts) == 1 else Or(tuple(parts))
+        return parts[0] if len(parts) == 1 else tree.Or(tuple(parts))
 
-    def _both(self) -> Condition:
+    def _both(self) -> tree.Condition:
         parts = [self._single()]
         while self._tokens.skip("and"):
             parts.append(self._single())
-        return parts[0] if len(parts) == 1 else And(tuple(parts))
+        return parts[0] if len(parts) == 1 else tree.And(tuple(parts))
 
-    def _single(self) -> Condition:
+    def _single(self) -> tree.Condition:
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise errors.too_deep(self._text, self._tokens.peek(), MAX_DEPTH)
         try:
             if self._tokens.skip("not"):
-                return Not(self._single())
+                return tree.Not(self._single())
             if self._tokens.skip("("):
                 inner = self._condition()
                 self._tokens.expect(")")
@@ -179,13 +154,13 @@ class _Parser:
         finally:
             self._depth -= 1
 
-    def _in_state(self) -> Condition:
+    def _in_state(self) -> tree.Condition:
         vehicle = self._semantics.vehicle(self._tokens.name("a vehicle"))
         self._tokens.expect("in")
-        return InState(vehicle, self._semantics.state(vehicle, self._tokens.name("a state")))
+        return tree.InState(vehicle, self._semantics.state(vehicle, self._tokens.name("a state")))
 
-    def _group_in_state(self) -> Condition:
-        quantifier = cast(Quantifier, self._tokens.take().text)
+    def _group_in_state(self) -> tree.Condition:
+        quantifier = cast(tree.Quantifier, self._tokens.take().text)
         name = self._tokens.name("a group")
         vehicles = self._semantics.group(name)
         self._tokens.expect("in")
@@ -193,18 +168,18 @@ class _Parser:
         for vehicle in vehicles:
             if len(self._semantics.findings) == before:
                 self._semantics.state(vehicle, token)
-        return GroupInState(quantifier, name.text, vehicles, token.text)
+        return tree.GroupInState(quantifier, name.text, vehicles, token.text)
 
-    def _comparison(self) -> Condition:
+    def _comparison(self) -> tree.Condition:
         left = self._operands.operand()
         operator = self._tokens.operator()
         right = self._operands.operand()
         if self._tokens.peek().kind == "operator":
             raise errors.unreadable(self._text, self._tokens.peek(), "`and`, `or` or the end")
         compare = self._semantics.compared(left, operator, right)
-        if not isinstance(compare, Compare):
+        if not isinstance(compare, tree.Compare):
             return compare
-        if isinstance(compare.left, Quantity) and isinstance(compare.right, Aggregate):
+        if isinstance(compare.left, tree.Quantity) and isinstance(compare.right, tree.Aggregate):
             return self._semantics.compared(right, FLIPPED[operator], left)
         return compare
 
@@ -243,14 +218,14 @@ class _Operands:
         node, dimension = self._meaning(token)
         return Operand(token.text, token.start, token.end, node, dimension)
 
-    def _meaning(self, token: Token) -> tuple[Value | None, Dimension | None]:
+    def _meaning(self, token: Token) -> tuple[tree.Value | None, Dimension | None]:
         """The value that a dotted name reads, with its dimension; (None, None) for one that may be
         a bare word."""
         if token.text == "time" and self._scope.kind != "health":
-            return MissionTime(), DURATION
+            return tree.MissionTime(), DURATION
         if self._scope.kind == "health":
             name = HEALTH.get(token.text)
-            return (Read(None, name), OBSERVABLES[name].dimension) if name else (None, None)
+            return (tree.Read(None, name), OBSERVABLES[name].dimension) if name else (None, None)
         first, _, rest = token.text.partition(".")
         if token.text in OBSERVABLES and self._scope.own is not None:
             return self._read(None, token.text, token)
@@ -258,14 +233,16 @@ class _Operands:
             return self._read(first, rest, token)
         return None, None
 
-    def _read(self, vehicle: str | None, name: str, token: Token) -> tuple[Read, Dimension | None]:
+    def _read(
+        self, vehicle: str | None, name: str, token: Token
+    ) -> tuple[tree.Read, Dimension | None]:
         if name.partition(".")[0] == "payload":
             self._semantics.payload(vehicle or self._scope.own or "", token)
-        return Read(vehicle, name), OBSERVABLES[name].dimension
+        return tree.Read(vehicle, name), OBSERVABLES[name].dimension
 
     def _call(self, token: Token) -> Operand:
         self._tokens.expect("(")
-        node: Value | Aggregate
+        node: tree.Value | tree.Aggregate
         dimension: Dimension | None = LENGTH
         before = len(self._semantics.findings)
         if token.text == "distance":
@@ -283,37 +260,37 @@ class _Operands:
         is_broken = len(self._semantics.findings) > before
         return Operand(source, token.start, self._tokens.behind(), node, dimension, is_broken)
 
-    def _distance(self) -> Distance:
+    def _distance(self) -> tree.Distance:
         a = self._place()
         self._tokens.expect("to")
-        return Distance(a, self._place())
+        return tree.Distance(a, self._place())
 
-    def _place(self) -> Location:
+    def _place(self) -> tree.Location:
         if self._tokens.skip("["):
             point = (self.quantity(LENGTH), self.quantity(LENGTH), self.quantity(LENGTH))
             self._tokens.expect("]")
-            return Location(None, point=point)
+            return tree.Location(None, point=point)
         token = self._tokens.name("a vehicle or a point")
         if token.text == "start" and self._scope.own is not None:
-            return Location(None, start=True)
+            return tree.Location(None, start=True)
         if token.text.startswith(PREFIX):
-            return Location(None, point=self._semantics.point(token))
+            return tree.Location(None, point=self._semantics.point(token))
         own = "payload" if token.text.endswith(".payload") else "start"
         name = token.text.removesuffix(f".{own}")
         self._semantics.vehicle(Token("name", name, token.start, token.start + len(name)))
         if name == token.text:
-            return Location(name)
+            return tree.Location(name)
         if own == "start":
-            return Location(name, start=True)
+            return tree.Location(name, start=True)
         self._semantics.payload(name, token)
         if self._scope.kind != "expectation":
             place = (token.start, token.end)
             self._semantics.findings.append(
                 errors.known_to_the_simulator(self._text, place, token.text)
             )
-        return Location(name, payload=True)
+        return tree.Location(name, payload=True)
 
-    def _separation(self, function: Token) -> Separation:
+    def _separation(self, function: Token) -> tree.Separation:
         first = self._tokens.name("a vehicle, a group or `all`")
         if first.text == "all" and "all" not in self._scope.vehicles:
             vehicles = list(self._scope.vehicles)
@@ -327,12 +304,12 @@ class _Operands:
             way_out = "write `separation(a and b)` or `separation(all)`"
             found = errors.mismatch(self._text, place, message, "one vehicle", way_out)
             self._semantics.findings.append(found)
-        return Separation(tuple(dict.fromkeys(vehicles)))
+        return tree.Separation(tuple(dict.fromkeys(vehicles)))
 
     def _some(self, token: Token) -> tuple[str, ...]:
         return self._scope.groups.get(token.text) or (self._semantics.vehicle(token),)
 
-    def _aggregate(self, token: Token) -> tuple[Aggregate, Dimension | None]:
+    def _aggregate(self, token: Token) -> tuple[tree.Aggregate, Dimension | None]:
         self.has_statistics = True
         if not self.statistics_allowed:
             place = (token.start, token.end)
@@ -342,7 +319,10 @@ class _Operands:
         inner = self.operand()
         node = inner.node
         vehicle = _subject(node)
-        if not isinstance(node, Read | Distance | Separation) or inner.dimension is None:
+        if (
+            not isinstance(node, tree.Read | tree.Distance | tree.Separation)
+            or inner.dimension is None
+        ):
             node = self._no_statistic(inner)
         state = None
         if self._tokens.skip("in"):
@@ -350,16 +330,16 @@ class _Operands:
             if vehicle is None and inner.node is not None and not inner.is_broken:
                 message = f"`{inner.source}` belongs to no one vehicle that could be in `{state}`"
                 self._semantics.mismatch(inner, message, "of no one vehicle", "leave `in ...` away")
-        function = cast(Function, token.text)
-        return Aggregate(function, node, vehicle if state else None, state), inner.dimension
+        function = cast(tree.Function, token.text)
+        return tree.Aggregate(function, node, vehicle if state else None, state), inner.dimension
 
-    def _no_statistic(self, inner: Operand) -> Read:
+    def _no_statistic(self, inner: Operand) -> tree.Read:
         if inner.node is None and not is_quantity(inner):
             self._semantics.unknown_name(inner)
         else:
             message = f"there is no statistic of `{inner.source}`"
             self._semantics.mismatch(inner, message, "not measured in numbers", "")
-        return Read(None, "elapsed")
+        return tree.Read(None, "elapsed")
 
 
 class _Cursor:
@@ -396,25 +376,25 @@ class _Cursor:
             raise errors.unreadable(self._text, self.peek(), what)
         return self.take()
 
-    def operator(self) -> ComparisonOperator:
+    def operator(self) -> tree.ComparisonOperator:
         token = self.peek()
         if token.kind != "operator":
             raise errors.unreadable(self._text, token, "a comparison such as `<`")
-        return cast(ComparisonOperator, self.take().text)
+        return cast(tree.ComparisonOperator, self.take().text)
 
 
-def _is_statistic(condition: Condition) -> bool:
+def _is_statistic(condition: tree.Condition) -> bool:
     return (
-        isinstance(condition, Compare)
-        and isinstance(condition.left, Aggregate)
-        and isinstance(condition.right, Aggregate | Quantity)
+        isinstance(condition, tree.Compare)
+        and isinstance(condition.left, tree.Aggregate)
+        and isinstance(condition.right, tree.Aggregate | tree.Quantity)
     )
 
 
 def _subject(node: object) -> str | None:
     """The vehicle that a value is about: of a distance, the first that is named."""
-    if isinstance(node, Read):
+    if isinstance(node, tree.Read):
         return node.vehicle
-    if isinstance(node, Distance):
+    if isinstance(node, tree.Distance):
         return node.a.vehicle or node.b.vehicle
     return None

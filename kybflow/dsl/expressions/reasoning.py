@@ -25,15 +25,15 @@ from kybflow.dsl.expressions import (
     Quantity,
     Read,
     Word,
+    tree,
 )
 from kybflow.dsl.expressions.parse import FLIPPED
-from kybflow.dsl.expressions.tree import Aggregate, ComparisonOperator, Distance, Separation
 from kybflow.parts.observables import OBSERVABLES, is_in
 
 Bounds = Callable[[object], tuple[float, float]]
 """The range that a value never leaves (SI)."""
 _MOST = 64
-_OPPOSITE: dict[ComparisonOperator, ComparisonOperator] = {
+_OPPOSITE: dict[tree.ComparisonOperator, tree.ComparisonOperator] = {
     "<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "==",
 }  # fmt: skip
 
@@ -43,7 +43,7 @@ class _Fact(NamedTuple):
     `not`, which also holds where the value is not known."""
 
     value: object
-    operator: ComparisonOperator
+    operator: tree.ComparisonOperator
     bound: float | str
     is_plain: bool
 
@@ -65,12 +65,12 @@ def physical_bounds(longest: float) -> Bounds:
                 return 0.0, longest
             case Read(_, name):
                 return OBSERVABLES[name].low, OBSERVABLES[name].high
-            case Distance() | Separation():
+            case tree.Distance() | tree.Separation():
                 return 0.0, inf
-            case Aggregate("rms", inner):
+            case tree.Aggregate("rms", inner):
                 low, high = bounds(inner)
                 return 0.0, max(abs(low), abs(high))
-            case Aggregate(_, inner):
+            case tree.Aggregate(_, inner):
                 return bounds(inner)
         return -inf, inf
 
@@ -134,7 +134,9 @@ def _joined(parts: list[list[_Group]], together: bool) -> list[_Group]:
     return groups
 
 
-def _fact(value: object, operator: ComparisonOperator, bound: float | str, truth: bool) -> _Fact:
+def _fact(
+    value: object, operator: tree.ComparisonOperator, bound: float | str, truth: bool
+) -> _Fact:
     return _Fact(value, operator if truth else _OPPOSITE[operator], bound, truth)
 
 
