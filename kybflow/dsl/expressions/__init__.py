@@ -29,27 +29,7 @@ from kybflow.dsl.expressions.tree import (
 )
 
 __all__ = [
-    "Aggregate",
-    "Always",
-    "And",
-    "Compare",
-    "Condition",
-    "Distance",
-    "Eventually",
-    "Expression",
-    "Finally",
-    "Finished",
-    "GroupInState",
-    "InState",
-    "Location",
-    "MissionTime",
-    "Not",
-    "Or",
-    "Quantity",
-    "Read",
-    "Scope",
-    "Separation",
-    "Word",
-    "describe",
-    "parse",
-]
+    "Aggregate", "Always", "And", "Compare", "Condition", "Distance", "Eventually",
+    "Expression", "Finally", "Finished", "GroupInState", "InState", "Location", "MissionTime",
+    "Not", "Or", "Quantity", "Read", "Scope", "Separation", "Word", "describe", "parse",
+]  # fmt: skip
