@@ -255,7 +255,7 @@ def test_what_cannot_be_closed_is_told_in_the_summary(run):
 def test_who_believes_itself_on_the_ground_may_be_in_the_air(height, believed, speed, mistaken):
     truth = Truth((0.0, 0.0, height), (0.0, 0.0, speed), LEVEL, ZERO)
     estimate = Estimate(0, (0.0, 0.0, believed), ZERO, LEVEL, ZERO, "mocap", 0.0, 0.0)
-    context, activity = SimpleNamespace(start=ZERO), SimpleNamespace(airborne=False)
+    context, activity = SimpleNamespace(start=ZERO), SimpleNamespace(off_ground=False)
     landed = SimpleNamespace(truth=truth, estimate=estimate, context=context, activity=activity)
     assert in_the_air(landed) is mistaken
 
