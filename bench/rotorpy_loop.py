@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from time import perf_counter
+from time import process_time
 
 from rotorpy.controllers.quadrotor_control import SE3Control
 from rotorpy.environments import Environment
@@ -12,7 +12,7 @@ from rotorpy.vehicles.multirotor import Multirotor
 
 
 def real_time_factor(seconds: float) -> float:
-    """Simulated over wall seconds; the first half second warms up and is not counted."""
+    """Simulated over processor seconds; the first half second warms up and is not counted."""
     environment = Environment(
         vehicle=Multirotor(quad_params),
         controller=SE3Control(quad_params),
@@ -20,6 +20,6 @@ def real_time_factor(seconds: float) -> float:
         sim_rate=100,
     )
     environment.run(t_final=0.5, plot=False, verbose=False)
-    began = perf_counter()
+    began = process_time()
     environment.run(t_final=seconds, plot=False, verbose=False)
-    return seconds / (perf_counter() - began)
+    return seconds / (process_time() - began)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 from kybflow.dsl.plan import Plan
@@ -47,9 +47,9 @@ class Stages:
         seconds = self.seconds
 
         def timed(*arguments: Any) -> Any:
-            began = perf_counter()
+            began = process_time()
             result = method(*arguments)
-            seconds[stage] += perf_counter() - began
+            seconds[stage] += process_time() - began
             self.calls += 1
             return result
 
@@ -61,7 +61,7 @@ def _methods(plan: Plan) -> list[tuple[str, type, str]]:
     from kybflow.drivers.sim.world import SimulatedWorld
 
     found: dict[tuple[str, type, str], None] = {
-        ("simulator", SimulatedWorld, "advance"): None,
+        ("simulator: physics, sensors, on-board control", SimulatedWorld, "advance"): None,
         ("link: measurements, truth, command", SimulatedVehicle, "read"): None,
         ("link: measurements, truth, command", SimulatedVehicle, "truth"): None,
         ("link: measurements, truth, command", SimulatedVehicle, "send"): None,
@@ -86,17 +86,17 @@ def _methods(plan: Plan) -> list[tuple[str, type, str]]:
 
 def _cost(rounds: int = 20_000) -> float:
     """Seconds that one timed call costs more than the call itself."""
-    began = perf_counter()
+    began = process_time()
     for _ in range(rounds):
         _nothing()
-    plain = perf_counter() - began
+    plain = process_time() - began
     stages = Stages.__new__(Stages)
     stages.seconds, stages.calls = defaultdict(float), 0
     wrapped = stages._timed("", _nothing)
-    began = perf_counter()
+    began = process_time()
     for _ in range(rounds):
         wrapped()
-    return max(0.0, perf_counter() - began - plain) / rounds
+    return max(0.0, process_time() - began - plain) / rounds
 
 
 def _nothing() -> None:
