@@ -127,15 +127,19 @@ def nullable(schema: Any) -> Any:
         return [nullable(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
-    new = {key: nullable(value) for key, value in schema.items()}
+    return {key: nullable(value) for key, value in with_nulls(schema).items()}
+
+
+def with_nulls(schema: Schema) -> Schema:
+    """The schema with `null` allowed for the keys of its own mapping that may be left out."""
+    new, needed = dict(schema), schema.get("required", ())
     if isinstance(schema.get("properties"), dict):
-        needed = schema.get("required", ())
         new["properties"] = {
-            name: nullable(inner) if name in needed else _with_null(nullable(inner))
+            name: inner if name in needed else _with_null(inner)
             for name, inner in schema["properties"].items()
         }
     if isinstance(schema.get("additionalProperties"), dict):
-        new["additionalProperties"] = _with_null(new["additionalProperties"])
+        new["additionalProperties"] = _with_null(schema["additionalProperties"])
     return new
 
 

@@ -1,30 +1,52 @@
-"""`jsonschema` judges, in our words: each of its errors becomes a finding with a place and a way
-out."""
+"""Trees judged by their schemas, in our words: each error of `jsonschema` becomes a finding with a
+place and a way out."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from typing import Any
-
-from jsonschema import Draft202012Validator
+from typing import TYPE_CHECKING, Any
 
 from kybflow.core.params import fields_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Stopped
 from kybflow.dsl.reading.nodes import Mapping, Node, Sequence, describe, head_of, to_json
-from kybflow.dsl.schema.building import nullable, params_schema
+from kybflow.dsl.schema.building import Schema, nullable, params_schema
 from kybflow.dsl.schema.explain import SchemaViolation, explain
 from kybflow.dsl.schema.mission import library_schema, skeleton
+from kybflow.dsl.schema.quick import QuickValidator
+
+if TYPE_CHECKING:
+    from jsonschema import ValidationError
+    from jsonschema.protocols import Validator
+
+
+class _Schema:
+    """A schema of the language or of a part, and what judges by it: the quick validator whether a
+    tree is valid, `jsonschema` what is wrong with one that isn't."""
+
+    def __init__(self, schema: Schema) -> None:
+        self._schema = schema
+        self._quick = QuickValidator(schema)
+
+    def errors(self, root: Node) -> Iterator[ValidationError]:
+        if not self._quick.is_valid(root):
+            yield from self._validator.iter_errors(to_json(root))
+
+    @functools.cached_property
+    def _validator(self) -> Validator:
+        from jsonschema import Draft202012Validator  # takes longer to import than all else in `dsl`
+
+        return Draft202012Validator(nullable(self._schema))
 
 
 @functools.cache
-def _skeleton(kind: str) -> Draft202012Validator:
-    return Draft202012Validator(nullable(skeleton() if kind == "mission" else library_schema()))
+def _skeleton(kind: str) -> _Schema:
+    return _Schema(skeleton() if kind == "mission" else library_schema())
 
 
 @functools.cache
-def _part(params: type) -> Draft202012Validator:
-    return Draft202012Validator(nullable(params_schema(fields_of(params), "")))
+def _part(params: type) -> _Schema:
+    return _Schema(params_schema(fields_of(params), ""))
 
 
 def judge_file(root: Node, kind: str) -> list[Diagnostic]:
@@ -63,11 +85,11 @@ def judge_params(
 
 def _findings(
     root: Node,
-    validator: Draft202012Validator,
+    judged_by: _Schema,
     part: str = "",
     beside: frozenset[str] = frozenset(),
 ) -> Iterator[Diagnostic]:
-    for error in validator.iter_errors(to_json(root)):
+    for error in judged_by.errors(root):
         node, name = _locate(root, error.absolute_path)
         schema = error.schema if isinstance(error.schema, dict) else {}
         yield from explain(
