@@ -1,79 +1,69 @@
-"""The command line: each command is a module of `kybflow.cli.commands`; this file gathers them and
+"""The command line: each command is a module of `kybflow.cli.commands`; this file finds them and
 catches what they raise. Everything heavy is imported where it is needed."""
 
 from __future__ import annotations
 
 import os
 import sys
-from pathlib import Path
-from typing import Annotated, TextIO, cast
+from importlib import import_module
+from typing import Any, TextIO, cast
 
-import typer
+import click
+from click.exceptions import Exit
 
+from kybflow import __version__
 from kybflow.cli.arguments import INVALID
-from kybflow.cli.commands import (
-    emulate,
-    explain,
-    graph,
-    library,
-    mavlink,
-    mocap_server,
-    new,
-    parts,
-    preflight,
-    run,
-    schema,
-    show,
-    tags,
-    test,
-    validate,
-)
 from kybflow.cli.output import UNWRITTEN, GuardedStream, Unwritable, echo
 from kybflow.core.errors import KybflowError
 
-app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
+INTERRUPTED = 130
+COMMANDS = (
+    "run",
+    "validate",
+    "test",
+    "preflight",
+    "explain",
+    "graph",
+    "show",
+    "new",
+    "library",
+    "mocap-server",
+    "parts",
+    "schema",
+    "tags",
+    "mavlink",
+    "emulate",
 )
+"""In the order of the help. Each is the `command` of the module of its name."""
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
-        from kybflow import __version__
+class _Commands(click.Group):
+    """Imports the module of a command when that is called, so that none pays for the others."""
 
-        echo(f"kybflow {__version__}")
-        raise typer.Exit
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return [*COMMANDS]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        module = import_module(f"kybflow.cli.commands.{cmd_name.replace('-', '_')}")
+        return cast(click.Command, module.command)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise Exit(INTERRUPTED) from None
 
 
-@app.callback()
-def _options(
-    version: Annotated[
-        bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
-    ] = False,
-) -> None:
+@click.group(
+    cls=_Commands,
+    no_args_is_help=True,
+    context_settings={"max_content_width": 100, "show_default": True},
+)
+@click.version_option(__version__, message="kybflow %(version)s", help="Print the version.")
+def app() -> None:
     """Experiments with quadrotors, written in YAML, proven before take-off, flown."""
-
-
-for _name, _command, _examples in (
-    ("run", run.run, run.EXAMPLES),
-    ("validate", validate.validate, validate.EXAMPLES),
-    ("test", test.fly_tests, test.EXAMPLES),
-    ("preflight", preflight.preflight, preflight.EXAMPLES),
-    ("explain", explain.explain, explain.EXAMPLES),
-    ("graph", graph.graph, graph.EXAMPLES),
-    ("show", show.show, show.EXAMPLES),
-    ("new", new.new, new.EXAMPLES),
-    ("library", library.library, library.EXAMPLES),
-    ("mocap-server", mocap_server.mocap_server, mocap_server.EXAMPLES),
-    ("parts", parts.parts, parts.EXAMPLES),
-    ("schema", schema.schema, schema.EXAMPLES),
-    ("tags", tags.tags, tags.EXAMPLES),
-):
-    app.command(_name, epilog=_examples)(_command)
-app.add_typer(mavlink.app, name="mavlink")
-app.add_typer(emulate.app, name="emulate")
 
 
 def main() -> None:
@@ -83,7 +73,7 @@ def main() -> None:
     sys.stderr = cast(TextIO, GuardedStream(_open(sys.stderr)))
     try:
         try:
-            _run(sys.argv[1:])
+            app()
         finally:
             sys.stdout.flush()
     except Unwritable as error:
@@ -102,12 +92,3 @@ def _open(stream: TextIO | None) -> TextIO:
     if reconfigure is not None:
         reconfigure(errors="backslashreplace")
     return stream
-
-
-def _run(arguments: list[str]) -> None:
-    paths = arguments[1:]
-    if arguments[:1] == ["validate"] and paths and not any(p.startswith("-") for p in paths):
-        # typer builds a pydantic adapter for each parameter: 60 ms that the plainest call is spared
-        text = validate.Format.TEXT
-        sys.exit(validate.validate_all([Path(path) for path in paths], text, None, ()))
-    app()

@@ -1,12 +1,13 @@
-"""The arguments that several commands have, and what becomes of them."""
+"""What several commands share: how their help looks, their arguments, and what becomes of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any, TypeVar
 
-import typer
+import click
+from click.exceptions import Exit
 
 from kybflow.cli.output import echo
 
@@ -16,34 +17,65 @@ if TYPE_CHECKING:
 
 INVALID = 2
 """The exit code of a mission or a command line that is invalid."""
+PATH = click.Path(path_type=Path)
+Function = TypeVar("Function", bound=Callable[..., Any])
 
-Target = Annotated[str | None, typer.Option("--target", help="Where to fly; `sim` by default.")]
-Sets = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter of the mission."),
-]
-Seed = Annotated[int, typer.Option(help="Seed of everything that is drawn by chance.")]
-RunOut = Annotated[Path | None, typer.Option(help="Run folder; runs/MISSION-TIME by default.")]
+
+class Argument(click.Argument):
+    """A positional argument that the help of its command explains."""
+
+    def __init__(self, declarations: Sequence[str], said: str, **rest: Any) -> None:
+        super().__init__(declarations, **rest)
+        self.row = (self.human_readable_name, said)
+
+
+def argument(name: str, help: str, **rest: Any) -> Callable[[Function], Function]:
+    """Give a command the positional argument `name`."""
+    return click.argument(name, cls=Argument, said=help, **rest)
+
+
+class Subcommand(click.Command):
+    """A command whose help explains its arguments; a list of commands has its first paragraph."""
+
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        self.format_usage(ctx, formatter)
+        self.format_help_text(ctx, formatter)
+        if rows := [one.row for one in self.params if isinstance(one, Argument)]:
+            with formatter.section("Arguments"):
+                formatter.write_dl(rows)
+        self.format_options(ctx, formatter)
+        self.format_epilog(ctx, formatter)
+
+    def get_short_help_str(self, limit: int = 45) -> str:
+        return " ".join((self.help or "").partition("\n\n")[0].split())
+
+
+target_option = click.option("--target", help="Where to fly; `sim` by default.")
+set_option = click.option(
+    "--set", "sets", multiple=True, metavar="NAME=VALUE", help="Set a parameter of the mission."
+)
+seed_option = click.option("--seed", default=0, help="Seed of everything that is drawn by chance.")
+out_option = click.option("--out", type=PATH, help="Run folder; runs/MISSION-TIME by default.")
 
 
 def examples(*lines: str) -> str:
-    """The end of a command's help: an example a line, as typer breaks them at empty lines."""
-    return "\n\n".join(("Examples:", *lines))
+    """The end of a command's help: an example a line, which click is told not to join."""
+    return "\n".join(("\b", "Examples:", *(f"  {line}" for line in lines)))
 
 
 def compiled(
-    mission: Path, target: str | None = None, sets: Sequence[str] | None = None
+    mission: Path, target: str | None = None, sets: tuple[str, ...] = ()
 ) -> tuple[Plan, Result]:
     """Compile a mission and print its findings. Exits with INVALID where it has no plan."""
     from kybflow.api.validation import findings
     from kybflow.dsl.compiler import compile_mission
     from kybflow.parts.catalog import load_catalog
 
-    result = compile_mission(mission, catalog=load_catalog(), target=target, sets=tuple(sets or ()))
+    result = compile_mission(mission, catalog=load_catalog(), target=target, sets=sets)
     for text in findings(result, mission):
         echo(text, err=True)
     if result.plan is None:
-        raise typer.Exit(INVALID)
+        raise Exit(INVALID)
     return result.plan, result
 
 
@@ -53,7 +85,7 @@ def write(path: Path, text: str, option: str) -> None:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         message = f"`{path}` can't be written: {error.strerror}"
-        raise typer.BadParameter(message, param_hint=option) from None
+        raise click.BadParameter(message, param_hint=option) from None
 
 
 def published(
@@ -67,5 +99,5 @@ def published(
         check.is_file() and check.read_text(encoding="utf-8") == text()
     ):
         echo(f"{check} is not current; mend it with: {command} --write {check}", err=True)
-        raise typer.Exit(INVALID)
+        raise Exit(INVALID)
     return write_to is not None or check is not None

@@ -36,6 +36,8 @@ class GuardedStream:
         self._stream, self._ignored = stream, ignored
 
     def write(self, text: str) -> int:
+        if text == "":  # click's probe for text, whose error click would swallow
+            return 0
         try:
             return self._stream.write(text)
         except OSError as error:

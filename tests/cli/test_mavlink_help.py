@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 import shlex
 
+import click
 import pytest
-from typer.main import get_command
 
 from kybflow.cli.app import app
 from kybflow.cli.commands.emulate import EXAMPLES
@@ -22,5 +22,6 @@ def test_there_are_examples():
 @pytest.mark.parametrize("line", SHOWN)
 def test_an_example_is_a_command(line: str):
     _, group, name, *arguments = shlex.split(line)
-    known = get_command(app).commands[group].commands
-    assert known[name].make_context(name, arguments).params
+    known = app.get_command(click.Context(app), group)
+    assert isinstance(known, click.Group)
+    assert known.commands[name].make_context(name, arguments).params

@@ -5,9 +5,9 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 
+import click
 import pytest
-import typer
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 pytest.importorskip("pymavlink")
 
@@ -197,12 +197,12 @@ def test_one_of_several_is_chosen_by_its_system() -> None:
 
 
 def test_several_without_a_choice_are_named() -> None:
-    with pytest.raises(typer.BadParameter, match="systems 1, 2 are heard"):
+    with pytest.raises(click.BadParameter, match="systems 1, 2 are heard"):
         Table(Peer(1), Peer(2)).set_up()
 
 
 def test_another_firmware_is_not_touched() -> None:
-    with pytest.raises(typer.BadParameter, match="system 1 is no px4: ardupilot, GUIDED, disarmed"):
+    with pytest.raises(click.BadParameter, match="system 1 is no px4: ardupilot, GUIDED, disarmed"):
         Table(Peer(1, ARDUPILOT, VISO_TYPE=0)).set_up(write=True)
 
 

@@ -7,11 +7,12 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-import typer
+import click
+from click.exceptions import Exit
 
-from kybflow.cli.arguments import INVALID, Seed, examples
+from kybflow.cli.arguments import INVALID, PATH, Subcommand, examples, seed_option
 from kybflow.cli.output import echo
 from kybflow.drivers import firmware_names
 
@@ -23,10 +24,6 @@ if TYPE_CHECKING:
     from kybflow.drivers.emulation.fleet import Fleet
     from kybflow.parts import Seat
     from kybflow.parts.catalog import PartSpec
-
-    Firmware = str
-else:
-    Firmware = Literal[firmware_names("emulated_autopilot")]
 
 EXAMPLES = examples(
     "kybflow emulate autopilot --vehicle px4",
@@ -54,65 +51,88 @@ VEHICLE = """  v{number}:
 Given = TypeVar("Given")
 Read = TypeVar("Read")
 
-app = typer.Typer(no_args_is_help=True)
 
-
-@app.callback()
-def _emulate() -> None:
+@click.group("emulate", no_args_is_help=True)
+def command() -> None:
     """Stand in for something that isn't there."""
 
 
-@app.command("autopilot", epilog=EXAMPLES)
+@command.command("autopilot", cls=Subcommand, epilog=EXAMPLES)
+@click.option(
+    "--vehicle",
+    type=click.Choice(firmware_names("emulated_autopilot")),
+    required=True,
+    help="Whose firmware is emulated.",
+)
+@click.option("--mission", type=PATH, help="A mission whose vehicles and obstacles are taken.")
+@click.option(
+    "--airframe",
+    default="mk_quadro",
+    help="An airframe of the standard library, where there is no mission.",
+)
+@click.option(
+    "--count",
+    type=click.IntRange(1, 50),
+    default=1,
+    help="How many, where there is no mission.",
+)
+@click.option(
+    "--address",
+    multiple=True,
+    help="Where it speaks, as `udpout:HOST:PORT`, `udpin:HOST:PORT` or `tcpin:HOST:PORT`;"
+    " can be repeated. Of several vehicles each listens 10 ports above the one before."
+    " By default as the firmware's own simulator does.",
+)
+@click.option("--system", type=click.IntRange(1, 200), default=1, help="System id of the first.")
+@click.option(
+    "--gps/--no-gps",
+    default=True,
+    help="Whether it has GPS and is as the firmware comes; else it is set up for flight"
+    " indoors, and its position comes from the client, as `kybflow run --target px4`"
+    " wants it.",
+)
+@click.option(
+    "--param",
+    "parameters",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="A parameter of the autopilot.",
+)
+@click.option(
+    "--own-system",
+    type=click.IntRange(1, 255),
+    default=245,
+    help="System id of the client, with --no-gps.",
+)
+@click.option("--key", type=PATH, help="File with the secret of signed messages.")
+@click.option(
+    "--fail",
+    multiple=True,
+    metavar="NAME[=VALUE][@SECONDS]",
+    help="What fails, and when: silent, deaf, blind, battery, refuse, bar, drop, tilt,"
+    " pilot, heal.",
+)
+@click.option(
+    "--speed",
+    type=click.FloatRange(0.01, 100.0),
+    default=1.0,
+    help="Pace: 2 is twice as fast as real time.",
+)
+@seed_option
 def autopilot(
-    vehicle: Annotated[Firmware, typer.Option(help="Whose firmware is emulated.")],
-    mission: Annotated[
-        Path | None, typer.Option(help="A mission whose vehicles and obstacles are taken.")
-    ] = None,
-    airframe: Annotated[
-        str, typer.Option(help="An airframe of the standard library, where there is no mission.")
-    ] = "mk_quadro",
-    count: Annotated[
-        int, typer.Option(min=1, max=50, help="How many, where there is no mission.")
-    ] = 1,
-    address: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Where it speaks, as `udpout:HOST:PORT`, `udpin:HOST:PORT` or `tcpin:HOST:PORT`;"
-            " can be repeated. Of several vehicles each listens 10 ports above the one before."
-            " By default as the firmware's own simulator does."
-        ),
-    ] = None,
-    system: Annotated[int, typer.Option(min=1, max=200, help="System id of the first.")] = 1,
-    gps: Annotated[
-        bool,
-        typer.Option(
-            help="Whether it has GPS and is as the firmware comes; else it is set up for flight"
-            " indoors, and its position comes from the client, as `kybflow run --target px4`"
-            " wants it."
-        ),
-    ] = True,
-    parameter: Annotated[
-        list[str] | None,
-        typer.Option("--param", metavar="NAME=VALUE", help="A parameter of the autopilot."),
-    ] = None,
-    own_system: Annotated[
-        int, typer.Option(min=1, max=255, help="System id of the client, with --no-gps.")
-    ] = 245,
-    key: Annotated[
-        Path | None, typer.Option(help="File with the secret of signed messages.")
-    ] = None,
-    fail: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME[=VALUE][@SECONDS]",
-            help="What fails, and when: silent, deaf, blind, battery, refuse, bar, drop, tilt,"
-            " pilot, heal.",
-        ),
-    ] = None,
-    speed: Annotated[
-        float, typer.Option(min=0.01, max=100.0, help="Pace: 2 is twice as fast as real time.")
-    ] = 1.0,
-    seed: Seed = 0,
+    vehicle: str,
+    mission: Path | None,
+    airframe: str,
+    count: int,
+    address: tuple[str, ...],
+    system: int,
+    gps: bool,
+    parameters: tuple[str, ...],
+    own_system: int,
+    key: Path | None,
+    fail: tuple[str, ...],
+    speed: float,
+    seed: int,
 ) -> None:
     """Emulate autopilots on simulated vehicles until Ctrl-C.
 
@@ -125,10 +145,8 @@ def autopilot(
     from kybflow.drivers.emulation.breaking import read_break
     from kybflow.drivers.mavlink.protocol.signing import read_key
 
-    breaks = [
-        _given("--fail", partial(read_break, kind=AutopilotFailures), text) for text in fail or ()
-    ]
-    changes = dict(_given("--param", _setting, text) for text in parameter or ())
+    breaks = [_given("--fail", partial(read_break, kind=AutopilotFailures), text) for text in fail]
+    changes = dict(_given("--param", _setting, text) for text in parameters)
     secret = None if key is None else _given("--key", read_key, key)
     seats = _seats(mission, airframe, count)
     places = address or _defaults(vehicle)
@@ -143,7 +161,7 @@ def autopilot(
             _serve(fleet, breaks, speed)
     except DriverError as error:
         echo(f"error: {error}", err=True)
-        raise typer.Exit(FAILED) from None
+        raise Exit(FAILED) from None
 
 
 def _opened(
@@ -246,13 +264,13 @@ def _compiled(path: Path, mission: Path | None) -> list[Seat]:
 
     result = compile_mission(path, catalog=load_catalog())
     if result.plan is None and mission is None:
-        raise typer.BadParameter(
+        raise click.BadParameter(
             "the standard library has no such airframe", param_hint="--airframe"
         )
     if result.plan is None:
         for text in findings(result, path):
             echo(text, err=True)
-        raise typer.Exit(INVALID)
+        raise Exit(INVALID)
     plan, params = result.plan, _driver().params()
     return [Seat(context_of(plan, vehicle), params) for vehicle in plan.vehicles]
 
@@ -281,4 +299,4 @@ def _given(option: str, read: Callable[[Given], Read], given: Given) -> Read:
     try:
         return read(given)
     except DriverError as error:
-        raise typer.BadParameter(str(error), param_hint=option) from None
+        raise click.BadParameter(str(error), param_hint=option) from None

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
-from kybflow.cli.arguments import examples, published
+from kybflow.cli.arguments import PATH, Subcommand, argument, examples, published
 from kybflow.cli.output import echo
 
 EXAMPLES = examples(
@@ -17,13 +16,11 @@ EXAMPLES = examples(
 )
 
 
-def explain(
-    code: Annotated[str | None, typer.Argument(help="Code of a finding, such as KYB203.")] = None,
-    write_to: Annotated[
-        Path | None, typer.Option("--write", help="Write the page of all codes to this file.")
-    ] = None,
-    check: Annotated[Path | None, typer.Option(help="Fail unless this page is current.")] = None,
-) -> None:
+@click.command("explain", cls=Subcommand, epilog=EXAMPLES)
+@argument("code", "Code of a finding, such as KYB203.", required=False)
+@click.option("--write", "write_to", type=PATH, help="Write the page of all codes to this file.")
+@click.option("--check", type=PATH, help="Fail unless this page is current.")
+def command(code: str | None, write_to: Path | None, check: Path | None) -> None:
     """What a finding means and how to mend it; without a code, all of them by family."""
     from kybflow.dsl.diagnostics.codes import codes, list_codes, page, show_code, unknown_code
 
@@ -34,4 +31,4 @@ def explain(
     elif code.upper() in codes():
         echo(show_code(codes()[code.upper()]))
     else:
-        raise typer.BadParameter(unknown_code(code), param_hint="CODE")
+        raise click.BadParameter(unknown_code(code), param_hint="CODE")

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import sys
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
-from kybflow.cli.arguments import Sets, Target, compiled, examples, write
+from kybflow.cli.arguments import (
+    PATH,
+    Subcommand,
+    argument,
+    compiled,
+    examples,
+    set_option,
+    target_option,
+    write,
+)
 
 EXAMPLES = examples(
     "kybflow graph missions/figure_eight.yaml",
@@ -17,24 +24,23 @@ EXAMPLES = examples(
 )
 
 
-class GraphFormat(StrEnum):
-    MERMAID = "mermaid"
-    SVG = "svg"
-
-
-def graph(
-    mission: Annotated[Path, typer.Argument(help="The mission to draw.")],
-    format: Annotated[GraphFormat, typer.Option(help="How to draw it.")] = GraphFormat.MERMAID,
-    out: Annotated[Path | None, typer.Option(help="Write it to this file.")] = None,
-    target: Target = None,
-    sets: Sets = None,
+@click.command("graph", cls=Subcommand, epilog=EXAMPLES)
+@argument("mission", "The mission to draw.", type=PATH)
+@click.option(
+    "--format", type=click.Choice(["mermaid", "svg"]), default="mermaid", help="How to draw it."
+)
+@click.option("--out", type=PATH, help="Write it to this file.")
+@target_option
+@set_option
+def command(
+    mission: Path, format: str, out: Path | None, target: str | None, sets: tuple[str, ...]
 ) -> None:
     """Draw each vehicle's state machine, with flight types and conditions."""
     from kybflow.dsl.graph.mermaid import mermaid
     from kybflow.dsl.graph.svg import svg
 
     plan, _ = compiled(mission, target, sets)
-    drawn = (svg if format is GraphFormat.SVG else mermaid)(plan)
+    drawn = (svg if format == "svg" else mermaid)(plan)
     if out is None:
         sys.stdout.write(drawn)
     else:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
+from click.exceptions import Exit
 
-from kybflow.cli.arguments import INVALID, examples
+from kybflow.cli.arguments import INVALID, Subcommand, argument, examples
 from kybflow.cli.output import echo
 from kybflow.core.errors import KybflowError
 
@@ -19,14 +19,13 @@ EXAMPLES = examples(
 )
 
 
-def library(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            help="A library, a mission, an entry, a file or an import's name; else all are listed."
-        ),
-    ] = None,
-) -> None:
+@click.command("library", cls=Subcommand, epilog=EXAMPLES)
+@argument(
+    "name",
+    "A library, a mission, an entry, a file or an import's name; else all are listed.",
+    required=False,
+)
+def command(name: str | None) -> None:
     """What installed packages ship: airframes, vehicles, chains, stacks, worlds and missions. Of a
     file: what it offers, and what it imports."""
     from kybflow.cli.printing.library import (
@@ -45,7 +44,7 @@ def library(
         text = show_file(Path(name)) if is_file else show_shipped(name) or show_import(name)
     except KybflowError as error:
         echo(str(error), err=True)
-        raise typer.Exit(INVALID) from None
+        raise Exit(INVALID) from None
     if text is None:
-        raise typer.BadParameter(unknown_name(name), param_hint="NAME")
+        raise click.BadParameter(unknown_name(name), param_hint="NAME")
     echo(text)

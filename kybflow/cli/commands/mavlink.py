@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-import typer
+import click
+from click.exceptions import Exit
 
-from kybflow.cli.arguments import examples
+from kybflow.cli.arguments import PATH, Subcommand, examples
 from kybflow.cli.output import echo
 from kybflow.drivers import firmware_names
 
 if TYPE_CHECKING:
     from kybflow.core.signals import Time
     from kybflow.drivers.mavlink.discovery import Discovery
-
-    Firmware = str
-else:
-    Firmware = Literal[firmware_names("mavlink")]
 
 SETUP = examples(
     "kybflow mavlink setup --vehicle px4",
@@ -36,45 +33,51 @@ LONGEST = 3600
 Given = TypeVar("Given")
 Read = TypeVar("Read")
 
-app = typer.Typer(no_args_is_help=True)
+own_system_option = click.option(
+    "--own-system",
+    type=click.IntRange(1, 255),
+    default=245,
+    help="The system id of this program, as in the mission.",
+)
+key_option = click.option("--key", type=PATH, help="File with the secret of signed messages.")
 
 
-OwnSystem = Annotated[
-    int, typer.Option(min=1, max=255, help="The system id of this program, as in the mission.")
-]
-Key = Annotated[Path | None, typer.Option(help="File with the secret of signed messages.")]
-
-
-@app.callback()
-def _group() -> None:
+@click.group("mavlink", no_args_is_help=True)
+def command() -> None:
     """Meet an autopilot: hear it, and set its parameters."""
 
 
-@app.command("setup", epilog=SETUP)
+@command.command("setup", cls=Subcommand, epilog=SETUP)
+@click.option(
+    "--vehicle",
+    type=click.Choice(firmware_names("mavlink")),
+    required=True,
+    help="Whose firmware it is.",
+)
+@click.option("--address", help="Where it is; where the firmware's own simulator is by default.")
+@click.option(
+    "--system",
+    type=click.IntRange(1, 254),
+    help="Its system id; needed where several are heard.",
+)
+@click.option("--write", is_flag=True, help="Write what is wrong, and read it back.")
+@click.option("--simulator", is_flag=True, help="It is the firmware's own simulator.")
+@own_system_option
+@key_option
 def setup(
-    vehicle: Annotated[Firmware, typer.Option(help="Whose firmware it is.")],
-    address: Annotated[
-        str | None,
-        typer.Option(help="Where it is; where the firmware's own simulator is by default."),
-    ] = None,
-    system: Annotated[
-        int | None,
-        typer.Option(min=1, max=254, help="Its system id; needed where several are heard."),
-    ] = None,
-    write: Annotated[
-        bool, typer.Option("--write", help="Write what is wrong, and read it back.")
-    ] = False,
-    simulator: Annotated[
-        bool, typer.Option("--simulator", help="It is the firmware's own simulator.")
-    ] = False,
-    own_system: OwnSystem = 245,
-    key: Key = None,
+    vehicle: str,
+    address: str | None,
+    system: int | None,
+    write: bool,
+    simulator: bool,
+    own_system: int,
+    key: Path | None,
 ) -> None:
     """Look at the parameters that flight indoors without GPS needs; nothing is written without
     --write.
 
+    \b
     Exit codes:
-
     0: all is right.
     1: something is not.
     2: the command line is invalid.
@@ -89,20 +92,19 @@ def setup(
     with _opened(place, system, own_system, key) as discovery:
         parameters = ParameterSetup(profile, own_system, simulator=simulator)
         is_right = set_up(discovery, ticks(), parameters, write=write)
-    raise typer.Exit(0 if is_right else WRONG)
+    raise Exit(0 if is_right else WRONG)
 
 
-@app.command("listen", epilog=LISTEN)
-def listen(
-    address: Annotated[str, typer.Option(help="Where to listen, such as udpin:127.0.0.1:14540.")],
-    duration: Annotated[str, typer.Option("--for", help="How long, such as 5s.")] = "5s",
-    own_system: OwnSystem = 245,
-    key: Key = None,
-) -> None:
+@command.command("listen", cls=Subcommand, epilog=LISTEN)
+@click.option("--address", required=True, help="Where to listen, such as udpin:127.0.0.1:14540.")
+@click.option("--for", "duration", default="5s", help="How long, such as 5s.")
+@own_system_option
+@key_option
+def listen(address: str, duration: str, own_system: int, key: Path | None) -> None:
     """Say which autopilots are heard at an address.
 
+    \b
     Exit codes:
-
     0: at least one is heard.
     2: the command line is invalid.
     3: none is.
@@ -142,7 +144,7 @@ def _opened(
             yield Discovery(wire, system, own_system, secret)
     except DriverError as error:
         echo(f"error: {error}", err=True)
-        raise typer.Exit(FAILED) from None
+        raise Exit(FAILED) from None
 
 
 def _given(option: str, read: Callable[[Given], Read], text: Given) -> Read:
@@ -151,7 +153,7 @@ def _given(option: str, read: Callable[[Given], Read], text: Given) -> Read:
     try:
         return read(text)
     except DriverError as error:
-        raise typer.BadParameter(str(error), param_hint=option) from None
+        raise click.BadParameter(str(error), param_hint=option) from None
 
 
 def _duration(text: str) -> Time:
@@ -162,7 +164,7 @@ def _duration(text: str) -> Time:
         seconds = parse_quantity(text, DURATION)
     except UnitError as error:
         message = f"{error}; {error.hint}" if error.hint else str(error)
-        raise typer.BadParameter(message, param_hint="--for") from None
+        raise click.BadParameter(message, param_hint="--for") from None
     if not 0.0 < seconds <= LONGEST:
-        raise typer.BadParameter(f"`{text}` is not within 0 s to {LONGEST} s", param_hint="--for")
+        raise click.BadParameter(f"`{text}` is not within 0 s to {LONGEST} s", param_hint="--for")
     return round(seconds * 1e9)

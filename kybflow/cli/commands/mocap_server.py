@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
+from click.exceptions import Exit
 
-from kybflow.cli.arguments import RunOut, Seed, Sets, Target, compiled, examples
+from kybflow.cli.arguments import (
+    PATH,
+    Subcommand,
+    argument,
+    compiled,
+    examples,
+    out_option,
+    seed_option,
+    set_option,
+    target_option,
+)
 from kybflow.cli.output import echo
 
 if TYPE_CHECKING:
@@ -23,28 +34,38 @@ EXAMPLES = examples(
 STILL_RATE = 120
 
 
-def mocap_server(
-    mission: Annotated[
-        Path | None, typer.Argument(help="The mission whose simulated vehicles are published.")
-    ] = None,
-    still: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--still",
-            metavar="NAME=X,Y,Z",
-            help="Instead of a mission: a body at rest, in metres, until Ctrl-C.",
-        ),
-    ] = None,
-    host: Annotated[
-        str, typer.Option(help="Our address to listen on; 0.0.0.0 lets everybody in.")
-    ] = "127.0.0.1",
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port, TCP and UDP; 0 takes a free one.")
-    ] = 3883,
-    target: Target = None,
-    sets: Sets = None,
-    seed: Seed = 0,
-    out: RunOut = None,
+@click.command("mocap-server", cls=Subcommand, epilog=EXAMPLES)
+@argument(
+    "mission", "The mission whose simulated vehicles are published.", type=PATH, required=False
+)
+@click.option(
+    "--still",
+    multiple=True,
+    metavar="NAME=X,Y,Z",
+    help="Instead of a mission: a body at rest, in metres, until Ctrl-C.",
+)
+@click.option(
+    "--host", default="127.0.0.1", help="Our address to listen on; 0.0.0.0 lets everybody in."
+)
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=3883,
+    help="Port, TCP and UDP; 0 takes a free one.",
+)
+@target_option
+@set_option
+@seed_option
+@out_option
+def command(
+    mission: Path | None,
+    still: tuple[str, ...],
+    host: str,
+    port: int,
+    target: str | None,
+    sets: tuple[str, ...],
+    seed: int,
+    out: Path | None,
 ) -> None:
     """Fly a mission in real time and publish its simulated vehicles over VRPN, as a motion-capture
     system would.
@@ -52,8 +73,8 @@ def mocap_server(
     Each vehicle is the tracker of its name, sensor 0, in metres, z up, noise and faults included.
     """
     if (mission is None) == (not still):
-        raise typer.BadParameter("give a mission, or bodies with --still", param_hint="MISSION")
-    places = dict(_place(text) for text in still or ())
+        raise click.BadParameter("give a mission, or bodies with --still", param_hint="MISSION")
+    places = dict(_place(text) for text in still)
     from kybflow.sensors.vrpn.server import Server
 
     plan = None if mission is None else compiled(mission, target, sets)[0]
@@ -63,7 +84,7 @@ def mocap_server(
         if plan is None:
             _stand(places, server, seed)
         else:
-            raise typer.Exit(_fly(plan, server, tuple(sets or ()), seed, out))
+            raise Exit(_fly(plan, server, sets, seed, out))
     finally:
         server.close()
 
@@ -94,7 +115,7 @@ def _stand(places: dict[str, Vec3], server: Server, seed: int) -> None:
     except KeyboardInterrupt:
         return
     except CodecError as error:
-        raise typer.BadParameter(str(error), param_hint="--still") from None
+        raise click.BadParameter(str(error), param_hint="--still") from None
 
 
 def _place(text: str) -> tuple[str, Vec3]:
@@ -108,5 +129,5 @@ def _place(text: str) -> tuple[str, Vec3]:
         x = float("nan")
         y = z = x
     if not name.strip() or not all(map(isfinite, (x, y, z))):
-        raise typer.BadParameter(f"`{text}` is not NAME=X,Y,Z", param_hint="--still")
+        raise click.BadParameter(f"`{text}` is not NAME=X,Y,Z", param_hint="--still")
     return name.strip(), (x, y, z)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
+from click.exceptions import Exit
 
-from kybflow.cli.arguments import INVALID, examples
+from kybflow.cli.arguments import INVALID, Subcommand, argument, examples
 from kybflow.cli.output import echo
 from kybflow.core.errors import KybflowError
 
@@ -17,23 +17,28 @@ EXAMPLES = examples(
 )
 
 
-def new(
-    name: Annotated[str, typer.Argument(help="Its name; NAME.yaml is written beside you.")],
-    origin: Annotated[
-        str, typer.Option("--from", metavar="MISSION", help="The shipped mission to begin from.")
-    ] = "first_flight",
-) -> None:
+@click.command("new", cls=Subcommand, epilog=EXAMPLES)
+@argument("name", "Its name; NAME.yaml is written beside you.")
+@click.option(
+    "--from",
+    "origin",
+    metavar="MISSION",
+    default="first_flight",
+    help="The shipped mission to begin from.",
+)
+def command(name: str, origin: str) -> None:
     """Begin a mission of your own from one that is shipped; overwrites nothing.
 
-    The files that the mission names are written beside it,
-    and the schema that editors complete from."""
+    The files that the mission names are written beside it, and the schema that editors complete
+    from.
+    """
     from kybflow.api.scaffold import scaffold
 
     try:
         written = scaffold(name, origin, Path())
     except KybflowError as error:
         echo(f"kybflow: {error}", err=True)
-        raise typer.Exit(INVALID) from None
+        raise Exit(INVALID) from None
     for path in written:
         echo(f"wrote {path}")
     echo(f"fly it: kybflow run {name}.yaml")

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
-from kybflow.cli.arguments import examples, published
+from kybflow.cli.arguments import PATH, Subcommand, argument, examples, published
 from kybflow.cli.output import echo
 
 EXAMPLES = examples(
@@ -17,13 +16,11 @@ EXAMPLES = examples(
 )
 
 
-def parts(
-    name: Annotated[str | None, typer.Argument(help="A part; without it, all are listed.")] = None,
-    write_to: Annotated[
-        Path | None, typer.Option("--write", help="Write the page of kybflow's own parts here.")
-    ] = None,
-    check: Annotated[Path | None, typer.Option(help="Fail unless this page is current.")] = None,
-) -> None:
+@click.command("parts", cls=Subcommand, epilog=EXAMPLES)
+@argument("name", "A part; without it, all are listed.", required=False)
+@click.option("--write", "write_to", type=PATH, help="Write the page of kybflow's own parts here.")
+@click.option("--check", type=PATH, help="Fail unless this page is current.")
+def command(name: str | None, write_to: Path | None, check: Path | None) -> None:
     """What behaviors, estimators, processors, trackers, supervisors, drivers, faults and actions
     there are."""
     from kybflow.cli.printing.parts import list_parts, page, show_part, unknown_part
@@ -37,5 +34,5 @@ def parts(
         catalog = load_catalog()
         text = show_part(catalog, name)
         if text is None:
-            raise typer.BadParameter(unknown_part(catalog, name), param_hint="NAME")
+            raise click.BadParameter(unknown_part(catalog, name), param_hint="NAME")
         echo(text)

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
+from click.exceptions import Exit
 
-from kybflow.cli.arguments import Seed, Sets, Target, compiled, examples
+from kybflow.cli.arguments import (
+    PATH,
+    Subcommand,
+    argument,
+    compiled,
+    examples,
+    seed_option,
+    set_option,
+    target_option,
+)
 from kybflow.cli.output import echo
 from kybflow.core.details import details, headline
 
@@ -23,23 +33,23 @@ EXAMPLES = examples(
 RED, FAILED = 1, 3
 
 
-def preflight(
-    mission: Annotated[Path, typer.Argument(help="The mission that is to fly.")],
-    target: Target = None,
-    sets: Sets = None,
-    seed: Seed = 0,
-) -> None:
+@click.command("preflight", cls=Subcommand, epilog=EXAMPLES)
+@argument("mission", "The mission that is to fly.", type=PATH)
+@target_option
+@set_option
+@seed_option
+def command(mission: Path, target: str | None, sets: tuple[str, ...], seed: int) -> None:
     """Look at everything that must be well before take-off; nothing arms.
 
+    \b
     Exit codes:
-
     0: every line is green.
     1: one is red.
     2: the mission is invalid.
     3: a driver or device failed.
     """
     plan, _ = compiled(mission, target, sets)
-    raise typer.Exit(_inspect(plan, seed))
+    raise Exit(_inspect(plan, seed))
 
 
 def _inspect(plan: Plan, seed: int) -> int:

@@ -5,11 +5,23 @@ from __future__ import annotations
 import dataclasses
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
+from click.exceptions import Exit
 
-from kybflow.cli.arguments import INVALID, RunOut, Seed, Sets, Target, compiled, examples
+from kybflow.cli.arguments import (
+    INVALID,
+    PATH,
+    Subcommand,
+    argument,
+    compiled,
+    examples,
+    out_option,
+    seed_option,
+    set_option,
+    target_option,
+)
 from kybflow.cli.output import console
 from kybflow.core.errors import KybflowError, UnitError
 from kybflow.core.units import DURATION, parse_quantity
@@ -25,43 +37,52 @@ EXAMPLES = examples(
 )
 
 
-def run(
-    mission: Annotated[Path, typer.Argument(help="The mission to fly.")],
-    target: Target = None,
-    sets: Sets = None,
-    seed: Seed = 0,
-    out: RunOut = None,
-    speed: Annotated[
-        float | None,
-        typer.Option(
-            min=0.01, help="Pace of a simulation, 1 is real time; else as fast as it goes."
-        ),
-    ] = None,
-    options: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--option",
-            metavar="NAME=VALUE",
-            help="Change a parameter of a part, like mk.processors.limit_speed.speed=50cm/s.",
-        ),
-    ] = None,
-    emits: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--emit",
-            metavar="NAME@TIME",
-            help="Give an event while it flies, like operator.go@2s; TIME is that of the run. "
-            "operator.pause, .resume, .land, .reset and .stop act on every vehicle.",
-        ),
-    ] = None,
-    live: Annotated[bool, typer.Option("--live", help="Show the simulation in a window.")] = False,
-    plain: Annotated[bool, typer.Option("--plain", help="Events as lines, no table.")] = False,
-    report: Annotated[bool, typer.Option(help="Write report.html.")] = True,
+@click.command("run", cls=Subcommand, epilog=EXAMPLES)
+@argument("mission", "The mission to fly.", type=PATH)
+@target_option
+@set_option
+@seed_option
+@out_option
+@click.option(
+    "--speed",
+    type=click.FloatRange(min=0.01),
+    help="Pace of a simulation, 1 is real time; else as fast as it goes.",
+)
+@click.option(
+    "--option",
+    "options",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Change a parameter of a part, like mk.processors.limit_speed.speed=50cm/s.",
+)
+@click.option(
+    "--emit",
+    "emits",
+    multiple=True,
+    metavar="NAME@TIME",
+    help="Give an event while it flies, like operator.go@2s; TIME is that of the run. "
+    "operator.pause, .resume, .land, .reset and .stop act on every vehicle.",
+)
+@click.option("--live", is_flag=True, help="Show the simulation in a window.")
+@click.option("--plain", is_flag=True, help="Events as lines, no table.")
+@click.option("--report/--no-report", default=True, help="Write report.html.")
+def command(
+    mission: Path,
+    target: str | None,
+    sets: tuple[str, ...],
+    seed: int,
+    out: Path | None,
+    speed: float | None,
+    options: tuple[str, ...],
+    emits: tuple[str, ...],
+    live: bool,
+    plain: bool,
+    report: bool,
 ) -> None:
     """Fly a mission and report.
 
+    \b
     Exit codes:
-
     0: it ended as it should and every expectation held.
     1: it did not, or its record could not be written.
     2: the mission or the command line is invalid.
@@ -71,11 +92,11 @@ def run(
     from kybflow.api.flight import RunRequest
 
     pace = 1.0 if live and speed is None else speed
-    changes = tuple(_pair(option) for option in options or ())
-    given = tuple(_timed(emit) for emit in emits or ())
+    changes = tuple(_pair(option) for option in options)
+    given = tuple(_timed(emit) for emit in emits)
     plan, _ = compiled(mission, target, sets)
-    request = RunRequest(seed, out, pace, changes, given, tuple(sets or ()))
-    raise typer.Exit(fly_plan(plan, request, live=live, plain=plain, report=report))
+    request = RunRequest(seed, out, pace, changes, given, sets)
+    raise Exit(fly_plan(plan, request, live=live, plain=plain, report=report))
 
 
 def fly_plan(
@@ -127,19 +148,19 @@ def _timed(emit: str) -> tuple[float, str]:
     """(seconds, name) of `NAME@TIME`."""
     name, at, time = emit.rpartition("@")
     if not at or not name.strip():
-        raise typer.BadParameter(f"`{emit}` is not NAME@TIME", param_hint="--emit")
+        raise click.BadParameter(f"`{emit}` is not NAME@TIME", param_hint="--emit")
     try:
         seconds = parse_quantity(time, DURATION)
     except UnitError as error:
         reason = f"`{emit}`: {error}; {error.hint}" if error.hint else f"`{emit}`: {error}"
-        raise typer.BadParameter(reason, param_hint="--emit") from None
+        raise click.BadParameter(reason, param_hint="--emit") from None
     if seconds < 0.0:
-        raise typer.BadParameter(f"`{emit}` is before the run", param_hint="--emit")
+        raise click.BadParameter(f"`{emit}` is before the run", param_hint="--emit")
     return seconds, name.strip()
 
 
 def _pair(option: str) -> tuple[str, str]:
     name, equals, value = option.partition("=")
     if not equals:
-        raise typer.BadParameter(f"`{option}` is not NAME=VALUE", param_hint="--option")
+        raise click.BadParameter(f"`{option}` is not NAME=VALUE", param_hint="--option")
     return name.strip(), value.strip()

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
-from kybflow.cli.arguments import examples, published
+from kybflow.cli.arguments import PATH, Subcommand, examples, published
 
 EXAMPLES = examples(
     "kybflow schema > mission.schema.json",
@@ -16,10 +15,10 @@ EXAMPLES = examples(
 )
 
 
-def schema(
-    write_to: Annotated[Path | None, typer.Option("--write", help="Write it to this file.")] = None,
-    check: Annotated[Path | None, typer.Option(help="Fail unless this file is current.")] = None,
-) -> None:
+@click.command("schema", cls=Subcommand, epilog=EXAMPLES)
+@click.option("--write", "write_to", type=PATH, help="Write it to this file.")
+@click.option("--check", type=PATH, help="Fail unless this file is current.")
+def command(write_to: Path | None, check: Path | None) -> None:
     """The JSON Schema of a mission, made from the parts that are installed; editors complete from
     it."""
     from kybflow.dsl.schema.published import schema_text

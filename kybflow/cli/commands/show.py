@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
-from kybflow.cli.arguments import Sets, Target, compiled, examples
+from kybflow.cli.arguments import (
+    PATH,
+    Subcommand,
+    argument,
+    compiled,
+    examples,
+    set_option,
+    target_option,
+)
 from kybflow.cli.output import echo
 
 EXAMPLES = examples(
@@ -16,15 +23,14 @@ EXAMPLES = examples(
 )
 
 
-def show(
-    mission: Annotated[Path, typer.Argument(help="The mission to show.")],
-    resolved: Annotated[
-        bool,
-        typer.Option("--resolved", help="All of it, after imports and defaults, with origins."),
-    ] = False,
-    target: Target = None,
-    sets: Sets = None,
-) -> None:
+@click.command("show", cls=Subcommand, epilog=EXAMPLES)
+@argument("mission", "The mission to show.", type=PATH)
+@click.option(
+    "--resolved", is_flag=True, help="All of it, after imports and defaults, with origins."
+)
+@target_option
+@set_option
+def command(mission: Path, resolved: bool, target: str | None, sets: tuple[str, ...]) -> None:
     """What a mission does: its vehicles, states and parameters; or all of it, line by line."""
     from kybflow.cli.printing.mission import show_mission
 

@@ -8,11 +8,20 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
+from click.exceptions import Exit
 
-from kybflow.cli.arguments import INVALID, Sets, Target, examples
+from kybflow.cli.arguments import (
+    INVALID,
+    PATH,
+    Subcommand,
+    argument,
+    examples,
+    set_option,
+    target_option,
+)
 from kybflow.cli.output import console, echo
 
 if TYPE_CHECKING:
@@ -27,29 +36,42 @@ _SEEDS = re.compile(r"(\d{1,9})(?:\.\.(\d{1,9}))?")
 _MOST = 100_000
 
 
-def fly_tests(
-    paths: Annotated[list[Path], typer.Argument(help="Missions, or folders with missions below.")],
-    seeds: Annotated[
-        str, typer.Option(help="Seeds to fly each mission with: `0..99`, `3`, or `0,7,20..29`.")
-    ] = "0",
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Flights at a time; one a processor by default.")
-    ] = None,
-    junit: Annotated[Path | None, typer.Option(help="Write JUnit XML to this file.")] = None,
-    full: Annotated[
-        bool, typer.Option("--full", help="Fail when a state or transition was never taken.")
-    ] = False,
-    out: Annotated[
-        Path, typer.Option(help="Where the run folders of flights that fail are kept.")
-    ] = Path("runs"),
-    keep: Annotated[bool, typer.Option("--keep", help="Keep every run folder.")] = False,
-    target: Target = None,
-    sets: Sets = None,
+@click.command("test", cls=Subcommand, epilog=EXAMPLES)
+@argument("paths", "Missions, or folders with missions below.", type=PATH, nargs=-1, required=True)
+@click.option(
+    "--seeds",
+    default="0",
+    help="Seeds to fly each mission with: `0..99`, `3`, or `0,7,20..29`.",
+)
+@click.option(
+    "--jobs", type=click.IntRange(min=1), help="Flights at a time; one a processor by default."
+)
+@click.option("--junit", type=PATH, help="Write JUnit XML to this file.")
+@click.option("--full", is_flag=True, help="Fail when a state or transition was never taken.")
+@click.option(
+    "--out",
+    type=PATH,
+    default="runs",
+    help="Where the run folders of flights that fail are kept.",
+)
+@click.option("--keep", is_flag=True, help="Keep every run folder.")
+@target_option
+@set_option
+def command(
+    paths: tuple[Path, ...],
+    seeds: str,
+    jobs: int | None,
+    junit: Path | None,
+    full: bool,
+    out: Path,
+    keep: bool,
+    target: str | None,
+    sets: tuple[str, ...],
 ) -> None:
     """Fly missions as tests, and tell which states and transitions no flight has taken.
 
+    \b
     Exit codes:
-
     0: every flight succeeded.
     1: one failed.
     2: a mission or the command line is invalid.
@@ -65,16 +87,16 @@ def fly_tests(
     found = list(missions_under(paths))
     if not found:
         echo(f"no mission is under {', '.join(map(str, paths))}", err=True)
-        raise typer.Exit(INVALID)
+        raise Exit(INVALID)
     cases = [
-        FlightCase(path, seed, folder / f"{n}-{path.stem}-{seed}", target, tuple(sets or ()), keep)
+        FlightCase(path, seed, folder / f"{n}-{path.stem}-{seed}", target, sets, keep)
         for n, path in enumerate(found)
         for seed in numbers
     ]
     if junit is not None:
         _report(junit, ())
     with _made(folder):
-        raise typer.Exit(_fly(cases, jobs or os.cpu_count() or 1, junit, full))
+        raise Exit(_fly(cases, jobs or os.cpu_count() or 1, junit, full))
 
 
 def _fly(cases: Sequence[FlightCase], jobs: int, junit: Path | None, full: bool) -> int:
@@ -102,7 +124,7 @@ def _made(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         message = f"`{folder}` can't be written: {error.strerror}"
-        raise typer.BadParameter(message, param_hint="--out") from None
+        raise click.BadParameter(message, param_hint="--out") from None
     try:
         yield
     finally:
@@ -117,7 +139,7 @@ def _report(junit: Path, results: Sequence[FlightResult]) -> None:
         write_junit(junit, results)
     except OSError as error:
         message = f"`{junit}` can't be written: {error.strerror}"
-        raise typer.BadParameter(message, param_hint="--junit") from None
+        raise click.BadParameter(message, param_hint="--junit") from None
 
 
 def _seeds(text: str) -> list[int]:
@@ -128,6 +150,6 @@ def _seeds(text: str) -> list[int]:
         first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, -1)
         if not 0 <= last - first < _MOST:
             message = f"`{item.strip()}` is no seed and no range of seeds; write `7` or `0..99`"
-            raise typer.BadParameter(message, param_hint="--seeds")
+            raise click.BadParameter(message, param_hint="--seeds")
         numbers.update(dict.fromkeys(range(first, last + 1)))
     return list(numbers)

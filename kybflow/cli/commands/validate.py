@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
+from click.exceptions import Exit
 
-from kybflow.cli.arguments import INVALID, Sets, Target, examples
+from kybflow.cli.arguments import (
+    INVALID,
+    PATH,
+    Subcommand,
+    argument,
+    examples,
+    set_option,
+    target_option,
+)
 from kybflow.cli.output import echo
 
 EXAMPLES = examples(
@@ -18,37 +25,29 @@ EXAMPLES = examples(
 )
 
 
-class Format(StrEnum):
-    TEXT = "text"
-    JSON = "json"
-    SARIF = "sarif"
-    GITHUB = "github"
-
-
-def validate(
-    paths: Annotated[list[Path], typer.Argument(help="Missions, or folders with missions below.")],
-    format: Annotated[
-        Format, typer.Option(help="For people, programs, code scanning or GitHub Actions.")
-    ] = Format.TEXT,
-    target: Target = None,
-    sets: Sets = None,
+@click.command("validate", cls=Subcommand, epilog=EXAMPLES)
+@argument("paths", "Missions, or folders with missions below.", type=PATH, nargs=-1, required=True)
+@click.option(
+    "--format",
+    type=click.Choice(["text", "json", "sarif", "github"]),
+    default="text",
+    help="For people, programs, code scanning or GitHub Actions.",
+)
+@target_option
+@set_option
+def command(
+    paths: tuple[Path, ...], format: str, target: str | None, sets: tuple[str, ...]
 ) -> None:
     """Prove all of a mission that can be proven before take-off.
 
     A folder stands for the missions and libraries in it and below: the YAML files with `kybflow`,
     `mission` or `library` at the top level. Hidden folders and those of runs are left out.
 
+    \b
     Exit codes:
-
     0: every mission is valid.
     2: one is not.
     """
-    raise typer.Exit(validate_all(paths, format, target, tuple(sets or ())))
-
-
-def validate_all(
-    paths: list[Path], format: Format, target: str | None, sets: tuple[str, ...]
-) -> int:
     from kybflow.api.validation import WHOLE, validate_paths
 
     whole = WHOLE.get(format)
@@ -58,10 +57,10 @@ def validate_all(
         if whole is not None:
             files.append(one)
             continue
-        for text in one.annotations if format is Format.GITHUB else one.reports:
+        for text in one.annotations if format == "github" else one.reports:
             echo(text)
     if whole is not None:
         echo(whole(files))
     if not valid:
         echo(f"no mission is under {', '.join(map(str, paths))}", err=True)
-    return 0 if valid and all(valid) else INVALID
+    raise Exit(0 if valid and all(valid) else INVALID)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-import typer
+import click
 
 from kybflow.cli.output import echo
 
@@ -58,12 +58,12 @@ def _only(discovery: Discovery, systems: Sequence[int], name: str) -> int:
 
     if len(systems) > 1:
         names = ", ".join(str(system) for system in systems)
-        raise typer.BadParameter(f"systems {names} are heard: say which", param_hint="--system")
+        raise click.BadParameter(f"systems {names} are heard: say which", param_hint="--system")
     number = discovery.statuses[systems[0]].autopilot
     if firmware_by(number) != name:
         found = described(discovery.statuses[systems[0]])
         message = f"system {systems[0]} is no {name}: {found}"
-        raise typer.BadParameter(message, param_hint="--vehicle")
+        raise click.BadParameter(message, param_hint="--vehicle")
     return systems[0]
 
 

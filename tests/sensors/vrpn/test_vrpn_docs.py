@@ -7,9 +7,9 @@ import re
 import shlex
 from pathlib import Path
 
+import click
 import pytest
-import typer
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.dsl.compiler import compile_mission
@@ -47,10 +47,10 @@ def test_its_mission_compiles_and_takes_poses_from_the_network(tmp_path: Path) -
 
 
 def test_its_commands_exist() -> None:
-    command = typer.main.get_command(app)
     lines = re.findall(r"^    kybflow (mocap-server [^#\n]*)", PAGE, re.MULTILINE)
     assert len(lines) == 3
     for line in lines:
         name, *arguments = shlex.split(line)
-        server = command.commands[name]  # type: ignore[attr-defined]
+        server = app.get_command(click.Context(app), name)
+        assert server is not None
         server.make_context(name, arguments, resilient_parsing=False)

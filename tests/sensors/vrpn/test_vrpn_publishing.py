@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 from waiting import free_port, until
 
 from kybflow.api.flight import RunRequest, fly
