@@ -207,7 +207,7 @@ class AutopilotLink(Link):
             compensated(command, self._latency), target=contact.target, boot_ms=boot // MS,
             anchor=anchor,
             throttle=self._hover.throttle(contact.parameters.values),
-            own_heading=contact.telemetry.heading,
+            own_heading=contact.telemetry.heading if command.heading is None else None,
         )  # fmt: skip
         contact.port.send(message)
 

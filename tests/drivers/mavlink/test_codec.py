@@ -35,6 +35,7 @@ from kybflow.drivers.mavlink.protocol.frames import (
     attitude_to_ned,
     to_ned,
 )
+from kybflow.drivers.mavlink.protocol.framing import Packer
 
 THROTTLE = Throttle(0.5, 20.0)
 PLACE, SPEED, PUSH = (1.0, 2.0, 3.0), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6)
@@ -48,8 +49,7 @@ def sent(command, anchor=IDENTITY, throttle=THROTTLE, own_heading=None):
         command, target=(1, 1), boot_ms=5000, anchor=anchor, throttle=throttle,
         own_heading=own_heading,
     )  # fmt: skip
-    link = mavlink.MAVLink(None)
-    return link.decode(bytearray(message.pack(link)))
+    return mavlink.MAVLink(None).decode(bytearray(Packer(245).pack(message)))
 
 
 def moving(kind, **fields):
@@ -165,8 +165,7 @@ ESTIMATE = Estimate(
 
 def test_an_estimate_goes_out_as_odometry():
     message = vision(ESTIMATE, stamp_us=7_000_000, resets=258)
-    link = mavlink.MAVLink(None)
-    message = link.decode(bytearray(message.pack(link)))
+    message = mavlink.MAVLink(None).decode(bytearray(Packer(245).pack(message)))
     assert (
         message.frame_id, message.child_frame_id, message.time_usec, message.reset_counter,
     ) == (20, 12, 7_000_000, 2)  # fmt: skip

@@ -69,7 +69,8 @@ def numbers(value):
 
 
 def floats_in(message):
-    for field, kind in zip(message.fieldnames, message.fieldtypes, strict=True):
+    made = mavlink.mavlink_map[message.get_msgId()]
+    for field, kind in zip(made.fieldnames, made.fieldtypes, strict=True):
         value = getattr(message, field)
         if kind in FLOATS and message.get_type() != "COMMAND_LONG":
             yield from value if isinstance(value, (list, tuple)) else (value,)

@@ -132,6 +132,8 @@ class CommandRequests:
     def due(self, now: Time) -> list[Message]:
         """The messages to send now, the oldest first. Called every tick: it also ends requests that
         were refused or not answered."""
+        if not (self._waiting or self._replaced):
+            return []
         self._replaced = [request for request in self._replaced if now < request.next]
         for request in self._waiting:
             if now >= request.next:

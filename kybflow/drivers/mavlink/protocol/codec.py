@@ -20,7 +20,7 @@ open gives None."""
 from __future__ import annotations
 
 from itertools import takewhile
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
@@ -53,10 +53,13 @@ from kybflow.drivers.mavlink.protocol.frames import (
     to_ned,
     with_heading,
 )
+from kybflow.drivers.mavlink.protocol.framing import LAYOUTS
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
+ODOMETRY = LAYOUTS[mavlink.MAVLINK_MSG_ID_ODOMETRY]
+POSITION_TARGET = LAYOUTS[mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED]
 NO_POSITION, NO_VELOCITY, NO_ACCELERATION = 0b111, 0b111 << 3, 0b111 << 6
 NO_YAW, NO_YAW_RATE = 1 << 10, 1 << 11
 """Bits of the type mask of SET_POSITION_TARGET_LOCAL_NED: the fields to ignore."""
@@ -90,27 +93,28 @@ def encode(
     since its start. own_heading: the autopilot's, in its own frame but as ENU; it is held where the
     command knows none. A command that is not armed asks for no thrust. Raises ValueError where the
     setpoint lacks what its kind needs, which is a tracker's mistake."""
-    head = (boot_ms & 0xFFFFFFFF, *target)
+    boot_ms &= 0xFFFFFFFF
     if command.kind in (CommandKind.ATTITUDE_THRUST, CommandKind.RATES_THRUST):
-        return _attitude_target(command, head, anchor, throttle, own_heading)
-    return _position_target(command, head, anchor)
+        return _attitude_target(command, target, boot_ms, anchor, throttle, own_heading)
+    return _position_target(command, target, boot_ms, anchor)
 
 
 def vision(estimate: Estimate, *, stamp_us: int, resets: int) -> Message:
     """ODOMETRY of what kybflow believes, whose world becomes the autopilot's own frame. stamp_us:
     when it was true, in the vehicle's time. resets: how often the estimate has jumped."""
     body = conjugate(estimate.attitude)
-    place = to_ned(estimate.position)
-    speed = to_frd(rotate(body, estimate.velocity))
-    return mavlink.MAVLink_odometry_message(
-        stamp_us, mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_BODY_FRD, *place,
-        attitude_to_ned(estimate.attitude), *speed, *to_frd(estimate.angular_velocity),
-        _covariance(estimate.spread), _covariance(VELOCITY_SPREAD), resets & 0xFF,
+    return ODOMETRY.of(
+        stamp_us, *to_ned(estimate.position), *attitude_to_ned(estimate.attitude),
+        *to_frd(rotate(body, estimate.velocity)), *to_frd(estimate.angular_velocity),
+        *_covariance(estimate.spread), *VELOCITY_COVARIANCE,
+        mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_BODY_FRD, resets & 0xFF,
         mavlink.MAV_ESTIMATOR_TYPE_VISION, WELL,
     )  # fmt: skip
 
 
-def _position_target(command: Command, head: tuple[int, ...], anchor: Anchor) -> Message:
+def _position_target(
+    command: Command, target: tuple[int, int], boot_ms: int, anchor: Anchor
+) -> Message:
     setpoint = command.setpoint
     if setpoint is None:
         raise ValueError(f"a command of kind {command.kind.value} without a setpoint")
@@ -124,11 +128,10 @@ def _position_target(command: Command, head: tuple[int, ...], anchor: Anchor) ->
     else:
         yaw = heading_to_ned(anchor.heading_from_world(setpoint.heading))
         mask |= 0 if setpoint.heading_rate else NO_YAW_RATE
-    return mavlink.MAVLink_set_position_target_local_ned_message(
-        *head, mavlink.MAV_FRAME_LOCAL_NED, mask,
-        *(ZERO if position is None else to_ned(anchor.from_world(position))),
+    return POSITION_TARGET.of(
+        boot_ms, *(ZERO if position is None else to_ned(anchor.from_world(position))),
         *to_ned(anchor.unturned(velocity or ZERO)), *to_ned(anchor.unturned(acceleration or ZERO)),
-        yaw, -setpoint.heading_rate + 0.0,
+        yaw, -setpoint.heading_rate + 0.0, mask, *target, mavlink.MAV_FRAME_LOCAL_NED,
     )  # fmt: skip
 
 
@@ -150,7 +153,7 @@ def _followed(
 
 
 def _attitude_target(
-    command: Command, head: tuple[int, ...], anchor: Anchor, throttle: Throttle,
+    command: Command, target: tuple[int, int], boot_ms: int, anchor: Anchor, throttle: Throttle,
     own_heading: float | None,
 ) -> Message:  # fmt: skip
     thrust = command.thrust if command.armed else 0.0
@@ -161,7 +164,7 @@ def _attitude_target(
         thrust *= lean(attitude) if throttle.raised else 1.0
         attitude = attitude_to_ned(attitude)
     return mavlink.MAVLink_set_attitude_target_message(
-        *head, mask, attitude, *rates, throttle.share(thrust)
+        boot_ms, *target, mask, attitude, *rates, throttle.share(thrust)
     )
 
 
@@ -174,11 +177,18 @@ def _wanted(command: Command, anchor: Anchor, own_heading: float | None) -> Quat
 
 def _covariance(spread: float) -> tuple[float, ...]:
     """The upper triangle of a pose's covariance, or a velocity's, by rows: no correlations."""
-    linear, angular = spread * spread, ATTITUDE_SPREAD * ATTITUDE_SPREAD
-    entries: list[Any] = [0.0] * 21
-    for place, variance in zip((0, 6, 11, 15, 18, 20), (linear,) * 3 + (angular,) * 3, strict=True):
-        entries[place] = variance
-    return tuple(entries)
+    p, a = spread * spread, ATTITUDE_SPREAD * ATTITUDE_SPREAD
+    return (
+        p, 0.0, 0.0, 0.0, 0.0, 0.0,
+        p, 0.0, 0.0, 0.0, 0.0,
+        p, 0.0, 0.0, 0.0,
+        a, 0.0, 0.0,
+        a, 0.0,
+        a,
+    )  # fmt: skip
+
+
+VELOCITY_COVARIANCE = _covariance(VELOCITY_SPREAD)
 
 
 MILLI_G, MILLI = 9.80665e-3, 1e-3

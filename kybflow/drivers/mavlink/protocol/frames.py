@@ -24,8 +24,6 @@ from kybflow.core.geometry import (
 )
 
 _HALF = sqrt(0.5)
-_WORLDS: Quat = (0.0, _HALF, _HALF, 0.0)
-_BODIES: Quat = (0.0, -1.0, 0.0, 0.0)
 
 EQUATOR, FLATTENING = 6_378_137.0, 1.0 / 298.257223563
 """The ellipsoid of WGS 84: its radius at the equator, metres, and its flattening."""
@@ -42,8 +40,9 @@ def to_frd(v: Vec3) -> Vec3:
 
 
 def attitude_to_ned(q: Quat) -> Quat:
-    """An attitude FLU to ENU as one FRD to NED."""
-    return multiply(multiply(_WORLDS, q), _BODIES)
+    """An attitude FLU to ENU as one FRD to NED: (0, h, h, 0) q (0, -1, 0, 0), h the root of 1/2."""
+    w, x, y, z = (_HALF * part for part in q)
+    return (w + z, x + y, x - y, w - z)
 
 
 def heading_to_ned(heading: float) -> float:
@@ -91,7 +90,7 @@ class Anchor(NamedTuple):
         return wrap(heading - self.heading)
 
     def attitude_to_world(self, q: Quat) -> Quat:
-        return multiply(from_heading(self.heading), q)
+        return multiply(from_heading(self.heading), q) if self.heading else q
 
     def attitude_from_world(self, q: Quat) -> Quat:
         return multiply(from_heading(-self.heading), q)
@@ -148,5 +147,7 @@ def lean(q: Quat) -> float:
 
 
 def _turned(v: Vec3, heading: float) -> Vec3:
+    if heading == 0.0:
+        return v
     c, s = cos(heading), sin(heading)
     return (c * v[0] - s * v[1], s * v[0] + c * v[1], v[2])

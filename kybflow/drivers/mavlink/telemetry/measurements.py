@@ -37,8 +37,8 @@ class Telemetry:
 
     `anchor`: where the autopilot's own frame lies in the world, None while unknown. `odometry`: its
     newest own estimate. `spread`: the standard deviation of its position, metres, None while it has
-    no position. `heading`: its heading in its own frame, as ENU, radians. spread_of: reads `spread`
-    from its estimator's status. streams: the messages that are requested from it.
+    no position. spread_of: reads `spread` from its estimator's status. streams: the messages that
+    are requested from it.
     """
 
     def __init__(
@@ -53,10 +53,10 @@ class Telemetry:
         self.anchor: Anchor | None = IDENTITY if is_outside else None
         self.odometry: Odometry | None = None
         self.spread: float | None = None
-        self.heading: float | None = None
         self._context, self._spread_of = context, spread_of
         self._status, self._clock, self._is_outside = status, clock, is_outside
         self._attitude: Message | None = None
+        self._turn: Message | None = None
         self._reboots, self._has_flown = clock.reboots, False
         self._inertial = 0
         self._imu: Time | None = None
@@ -76,6 +76,11 @@ class Telemetry:
         }
         if context.payload is not None:
             self._taken.append(Payload(0, not context.payload.aboard, context.payload.aboard))
+
+    @property
+    def heading(self) -> float | None:
+        """Its heading in its own frame, as ENU, radians; None before the first sound attitude."""
+        return None if self._turn is None else codec.own_heading(self._turn)
 
     @property
     def reads(self) -> Set[str]:
@@ -101,7 +106,7 @@ class Telemetry:
         if not codec.is_attitude(message):
             self._attitude = None
             return
-        self._attitude, self.heading = message, codec.own_heading(message)
+        self._attitude = self._turn = message
         if self._clock.to_boot(now) is None:
             self._time(message, now)
 
@@ -132,16 +137,13 @@ class Telemetry:
     def _standing(self, message: Message) -> Anchor | None:
         """The anchor that puts it at the mission's start; None while it does not stand on the
         ground or has no sound position."""
-        if (
-            self.heading is None
-            or self.spread is None
-            or self._status.landed is not LandedState.GROUND
-        ):
+        heading = self.heading
+        if heading is None or self.spread is None or self._status.landed is not LandedState.GROUND:
             return None
         if self._has_flown and self._reboots:
             return None
         there = from_ned((message.x, message.y, message.z))
-        return Anchor.joining(there, self.heading, self._context.start, self._context.heading)
+        return Anchor.joining(there, heading, self._context.start, self._context.heading)
 
     def _begin_anew(self) -> None:
         self._reboots = self._clock.reboots

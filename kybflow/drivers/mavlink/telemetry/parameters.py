@@ -91,6 +91,8 @@ class AutopilotParameters:
 
     def due(self, now: Time) -> list[Message]:
         """The messages to send now. Called every tick: it also gives up what was never answered."""
+        if not self._exchanges:
+            return []
         for name, exchange in list(self._exchanges.items()):
             if exchange.tries >= TRIES and now >= exchange.next:
                 self._give_up(name)

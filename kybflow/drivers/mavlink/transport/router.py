@@ -75,6 +75,8 @@ class Port:
 
     def take(self) -> list[Message]:
         """The messages since the last call, oldest first."""
+        if not self._messages:
+            return []
         messages = list(self._messages)
         self._messages.clear()
         return messages
@@ -182,9 +184,9 @@ class _Line:
         self._answered: tuple[Any, Time] = (None, 0)
 
     def poll(self, now: Time) -> None:
-        self.now = now
+        self.now, parsers = now, self._parsers
         for data, place in self.wire.receive(now):
-            parser = self._parser(place)
+            parser = parsers.get(place) or self._begun(place)
             messages = parser.parse(data)
             if parser.stale:
                 self._answer(parser.stale, place, now)
@@ -225,12 +227,11 @@ class _Line:
             return f"what is heard at {place} is no MAVLink{_BAUD if _is_serial(place) else ''}"
         return f"nothing is heard at {place}"
 
-    def _parser(self, place: Any) -> Parser:
-        parser = self._parsers.get(place)
-        if parser is None:
-            if len(self._parsers) >= MOST_SENDERS:
-                self._parsers.pop(next(iter(self._parsers)))
-            parser = self._parsers[place] = Parser(self._signing, self.counts, self.wanted)
+    def _begun(self, place: Any) -> Parser:
+        """A parser for a sender that was not heard before."""
+        if len(self._parsers) >= MOST_SENDERS:
+            self._parsers.pop(next(iter(self._parsers)))
+        parser = self._parsers[place] = Parser(self._signing, self.counts, self.wanted)
         return parser
 
 
