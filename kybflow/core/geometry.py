@@ -88,6 +88,19 @@ def rotate(q: Quat, v: Vec3) -> Vec3:
     )
 
 
+def rotate_back(q: Quat, v: Vec3) -> Vec3:
+    """Rotate `v` from the world frame to the body frame."""
+    (w, x, y, z), (vx, vy, vz) = q, v
+    tx = 2.0 * (z * vy - y * vz)
+    ty = 2.0 * (x * vz - z * vx)
+    tz = 2.0 * (y * vx - x * vy)
+    return (
+        vx + w * tx - y * tz + z * ty,
+        vy + w * ty - z * tx + x * tz,
+        vz + w * tz - x * ty + y * tx,
+    )
+
+
 def body_z(q: Quat) -> Vec3:
     """Return the body's z axis, the direction of thrust, in the world frame."""
     w, x, y, z = q
@@ -138,36 +151,50 @@ def to_euler(q: Quat) -> Vec3:
 
 def from_thrust_direction(direction: Vec3, heading: float) -> Quat:
     """Return the attitude with body z along `direction` and body x as close as possible to
-    `heading`.
+    `heading`; `direction` is in the world frame, of any length, and not parallel to `heading`."""
+    return from_thrust_facing(direction, (cos(heading), sin(heading)))
+
+
+def from_thrust_facing(direction: Vec3, facing: tuple[float, float]) -> Quat:
+    """Return the attitude with body z along `direction` and body x as close as possible to
+    `facing`, the cosine and sine of the heading.
 
     Body y is normal to both and body x completes the frame (Mellinger and Kumar, ICRA 2011, eq.
-    6-8). `direction` is in the world frame, of any length, and not parallel to `heading`.
+    6-8).
     """
-    x, y, z = direction
+    (x, y, z), (cx, sx) = direction, facing
     n = sqrt(x * x + y * y + z * z)
     zx, zy, zz = x / n, y / n, z / n
-    cx, sx = cos(heading), sin(heading)
     yx, yy, yz = -sx * zz, cx * zz, sx * zx - cx * zy
-    yn = sqrt(yx * yx + yy * yy + yz * yz)
-    yx, yy, yz = yx / yn, yy / yn, yz / yn
+    n = sqrt(yx * yx + yy * yy + yz * yz)
+    yx, yy, yz = yx / n, yy / n, yz / n
     xx, xy, xz = yy * zz - yz * zy, yz * zx - yx * zz, yx * zy - yy * zx
-    return from_axes((xx, xy, xz), (yx, yy, yz), (zx, zy, zz))
+    return _from_matrix(xx, xy, xz, yx, yy, yz, zx, zy, zz)
 
 
 def from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat:
-    """Return the attitude with these orthonormal body axes in the world, by Shepperd's method."""
-    trace = x[0] + y[1] + z[2]
+    """Return the attitude with these orthonormal body axes in the world."""
+    return _from_matrix(*x, *y, *z)
+
+
+def _from_matrix(
+    xx: float, xy: float, xz: float,
+    yx: float, yy: float, yz: float,
+    zx: float, zy: float, zz: float,
+) -> Quat:  # fmt: skip
+    """Return the attitude whose body axes x, y, z have these coordinates, by Shepperd's method."""
+    trace = xx + yy + zz
     if trace > 0.0:
         s = 2.0 * sqrt(1.0 + trace)
-        return (0.25 * s, (y[2] - z[1]) / s, (z[0] - x[2]) / s, (x[1] - y[0]) / s)
-    if x[0] > y[1] and x[0] > z[2]:
-        s = 2.0 * sqrt(1.0 + x[0] - y[1] - z[2])
-        return ((y[2] - z[1]) / s, 0.25 * s, (y[0] + x[1]) / s, (z[0] + x[2]) / s)
-    if y[1] > z[2]:
-        s = 2.0 * sqrt(1.0 + y[1] - x[0] - z[2])
-        return ((z[0] - x[2]) / s, (y[0] + x[1]) / s, 0.25 * s, (z[1] + y[2]) / s)
-    s = 2.0 * sqrt(1.0 + z[2] - x[0] - y[1])
-    return ((x[1] - y[0]) / s, (z[0] + x[2]) / s, (z[1] + y[2]) / s, 0.25 * s)
+        return (0.25 * s, (yz - zy) / s, (zx - xz) / s, (xy - yx) / s)
+    if xx > yy and xx > zz:
+        s = 2.0 * sqrt(1.0 + xx - yy - zz)
+        return ((yz - zy) / s, 0.25 * s, (yx + xy) / s, (zx + xz) / s)
+    if yy > zz:
+        s = 2.0 * sqrt(1.0 + yy - xx - zz)
+        return ((zx - xz) / s, (yx + xy) / s, 0.25 * s, (yz + zy) / s)
+    s = 2.0 * sqrt(1.0 + zz - xx - yy)
+    return ((xy - yx) / s, (zx + xz) / s, (yz + zy) / s, 0.25 * s)
 
 
 def integrate(q: Quat, rate: Vec3, dt: float) -> Quat:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from math import cos, sin, sqrt
 
-from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, conjugate, heading_of, rotate
+from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, heading_of, rotate_back
 from kybflow.core.params import param, params
 from kybflow.core.signals import Command, Estimate, Setpoint, Tick
 from kybflow.core.units import Number
@@ -42,8 +42,7 @@ class GeometricLaw:
         steering.weigh(setpoint, estimate, p.lift_off, dt)
         up = body_z(estimate.attitude)
         wanted, turning = self._wanted(p, setpoint, estimate, up, dt)
-        force = steering.bounded(wanted, p.tilt)
-        attitude = steering.attitude(force, up, setpoint, p.trim, dt)
+        force, attitude = steering.attitude(wanted, up, setpoint, p, dt)
         still = steering.limited or not steering.flies
         rates = _rates(ZERO if still else turning, force, attitude, setpoint.heading_rate)
         return steering.command(force, attitude, rates, estimate, up)
@@ -54,38 +53,32 @@ class GeometricLaw:
         """(f, f'): the specific force that the law asks for and how it changes, world."""
         c = self._drag
         (ux, uy, uz), (vx, vy, vz) = up, estimate.velocity
-        (wx, wy, wz), (ax, ay, az) = setpoint.velocity or ZERO, setpoint.acceleration or ZERO
-        jx, jy, jz = setpoint.jerk or ZERO
+        _, position, velocity, acceleration, jerk, _, _ = setpoint
+        wx, wy, wz = velocity or ZERO
+        (ax, ay, az), (jx, jy, jz) = acceleration or ZERO, jerk or ZERO
         d, push = p.derivative, self._steering.force_along
         slip = vx * ux + vy * uy + vz * uz
         ex = push * ux - c * (vx - slip * ux) - ax
         ey = push * uy - c * (vy - slip * uy) - ay
         ez = push * uz - c * (vz - slip * uz) - GRAVITY - az
-        turning = (jx - d * ex + c * ax, jy - d * ey + c * ay, jz - d * ez)
+        tx, ty, tz = jx - d * ex + c * ax, jy - d * ey + c * ay, jz - d * ez
         along = wx * ux + wy * uy + wz * uz
         fx = ax + d * (wx - vx) + c * (wx - along * ux)
         fy = ay + d * (wy - vy) + c * (wy - along * uy)
         fz = az + d * (wz - vz) + c * (wz - along * uz) + GRAVITY
         ix, iy = self._integral
-        if setpoint.position is not None:
-            k = p.proportional
-            (sx, sy, sz), (px, py, pz) = setpoint.position, estimate.position
-            ix, iy = self._integrated(p, sx - px, sy - py, dt)
-            fx, fy, fz = fx + k * (sx - px), fy + k * (sy - py), fz + k * (sz - pz)
-            tx, ty, tz = turning
-            turning = (tx + k * (wx - vx), ty + k * (wy - vy), tz + k * (wz - vz))
-        return (fx + ix, fy + iy, fz), turning
-
-    def _integrated(
-        self, p: GeometricParams, ex: float, ey: float, dt: float
-    ) -> tuple[float, float]:
-        if self._steering.learns:
-            i, most, (ix, iy) = p.integral * dt, p.integral_limit, self._integral
-            self._integral = (
-                min(max(ix + i * ex, -most), most),
-                min(max(iy + i * ey, -most), most),
-            )
-        return self._integral
+        if position is not None:
+            k, (sx, sy, sz), (px, py, pz) = p.proportional, position, estimate.position
+            ex, ey = sx - px, sy - py
+            fx, fy, fz = fx + k * ex, fy + k * ey, fz + k * (sz - pz)
+            tx, ty, tz = tx + k * (wx - vx), ty + k * (wy - vy), tz + k * (wz - vz)
+            if self._steering.learns:
+                i, most = p.integral * dt, p.integral_limit
+                ix, iy = ix + i * ex, iy + i * ey
+                ix = most if ix > most else -most if ix < -most else ix
+                iy = most if iy > most else -most if iy < -most else iy
+                self._integral = (ix, iy)
+        return (fx + ix, fy + iy, fz), (tx, ty, tz)
 
 
 def _rates(turning: Vec3, force: Vec3, attitude: Quat, heading_rate: float) -> Vec3:
@@ -97,11 +90,10 @@ def _rates(turning: Vec3, force: Vec3, attitude: Quat, heading_rate: float) -> V
     """
     fx, fy, fz = force
     per_force = 1.0 / sqrt(fx * fx + fy * fy + fz * fz)
-    inverse = conjugate(attitude)
-    tx, ty, _ = rotate(inverse, turning)
+    tx, ty, _ = rotate_back(attitude, turning)
     wx, wy = -ty * per_force, tx * per_force
     heading = heading_of(attitude)
     c, s = cos(heading), sin(heading)
-    hx, _, hz = rotate(inverse, (c, s, 0.0))
-    _, ny, _ = rotate(inverse, (-s, c, 0.0))
+    hx, _, hz = rotate_back(attitude, (c, s, 0.0))
+    _, ny, _ = rotate_back(attitude, (-s, c, 0.0))
     return (wx, wy, (wx * hz + heading_rate * ny) / hx)

@@ -17,7 +17,7 @@ from __future__ import annotations
 from math import sqrt
 
 from kybflow.core.geometry import ZERO, Vec3, add, norm, scale, sub
-from kybflow.core.signals import Setpoint, SetpointKind, Tick, Time
+from kybflow.core.signals import NEVER, Setpoint, SetpointKind, Tick, Time
 from kybflow.flight.motion import Motion
 
 _GAIN = 4.0
@@ -37,24 +37,26 @@ class Follower:
     def __init__(self) -> None:
         self.position, self.velocity = ZERO, ZERO
         self.behind = False
-        self._time: Time | None = None
+        self._time: Time = -NEVER
         self._kind: SetpointKind | None = None
 
     def resume(self, asked: Setpoint, tick: Tick) -> None:
         """Restart the trajectory if necessary. Call it first in every tick."""
-        now, kind, before = tick.now, asked.kind, self._time
-        paused = before is None or (now - before) > 1.5e9 * tick.dt + 1.0
-        if paused or kind is not self._kind:
-            last, velocity = tick.setpoint, asked.velocity or ZERO
-            followed = last.velocity if last is not None else None
-            self.velocity = velocity if followed is None else followed
-            if last is not None and last.position is not None:
-                self.position = last.position
-            else:
-                mean = scale(add(velocity, self.velocity), 0.5 * tick.dt)
-                self.position = sub(asked.position or ZERO, mean)
-            self.behind = False
+        now, kind = tick.now, asked.kind
+        if now - self._time > 1.5e9 * tick.dt + 1.0 or kind is not self._kind:
+            self._restart(asked, tick)
         self._time, self._kind = now, kind
+
+    def _restart(self, asked: Setpoint, tick: Tick) -> None:
+        last, velocity = tick.setpoint, asked.velocity or ZERO
+        followed = last.velocity if last is not None else None
+        self.velocity = velocity if followed is None else followed
+        if last is not None and last.position is not None:
+            self.position = last.position
+        else:
+            mean = scale(add(velocity, self.velocity), 0.5 * tick.dt)
+            self.position = sub(asked.position or ZERO, mean)
+        self.behind = False
 
     def join(self, position: Vec3, velocity: Vec3) -> None:
         """Continue as the requested trajectory."""

@@ -33,17 +33,12 @@ class Motion(NamedTuple):
     jerk: Vec3 = ZERO
 
     def plus(self, other: Motion) -> Motion:
-        return Motion(
-            add(self.position, other.position),
-            add(self.velocity, other.velocity),
-            add(self.acceleration, other.acceleration),
-            add(self.jerk, other.jerk),
-        )
+        (p, v, a, j), (q, w, b, k) = self, other
+        return Motion(add(p, q), add(v, w), add(a, b), add(j, k))
 
     def setpoint(self, heading: float, heading_rate: float = 0.0) -> Setpoint:
-        position, velocity, acceleration, jerk = self
-        kind = SetpointKind.POSITION
-        return Setpoint(kind, position, velocity, acceleration, jerk, heading, heading_rate)
+        p, v, a, j = self
+        return Setpoint(SetpointKind.POSITION, p, v, a, j, heading, heading_rate)
 
     def setpoint_like(self, asked: Setpoint) -> Setpoint:
         """Return this motion as a setpoint with the heading of `asked`."""
@@ -54,30 +49,27 @@ class Motion(NamedTuple):
 class Straight:
     """A straight line from rest to rest, within `speed` and `acceleration`."""
 
-    __slots__ = ("_direction", "_goal", "_profile", "_start")
+    __slots__ = ("_direction", "_end", "_profile", "_start", "duration")
 
     def __init__(self, start: Vec3, goal: Vec3, speed: float, acceleration: float) -> None:
         way = sub(goal, start)
         length = norm(way)
-        self._start, self._goal = start, goal
+        self._start, self._end = start, Motion(goal)
         self._direction = scale(way, 1.0 / length) if length > 0.0 else ZERO
         self._profile = Profile.within(length, speed, acceleration)
-
-    @property
-    def duration(self) -> float:
-        return self._profile.duration
+        self.duration = self._profile.duration
 
     def at(self, time: float) -> Motion:
         """Return the motion `time` seconds after the start; after the end, exactly the goal."""
-        if time >= self._profile.duration:
-            return Motion(self._goal)
-        gone, speed, acceleration, jerk = self._profile.at(time)
-        way = self._direction
+        if time >= self.duration:
+            return self._end
+        gone, v, a, j = self._profile.at(time)
+        (px, py, pz), (x, y, z) = self._start, self._direction
         return Motion(
-            add(self._start, scale(way, gone)),
-            scale(way, speed),
-            scale(way, acceleration),
-            scale(way, jerk),
+            (px + x * gone, py + y * gone, pz + z * gone),
+            (x * v, y * v, z * v),
+            (x * a, y * a, z * a),
+            (x * j, y * j, z * j),
         )
 
 
@@ -128,22 +120,22 @@ class Turn:
     """A turn from one heading to another by the shorter way, rest to rest, at `rate` (rad/s) at
     most. Without a goal the heading stays."""
 
-    __slots__ = ("_angle", "_profile", "_start")
+    __slots__ = ("_angle", "_end", "_profile", "_start", "duration")
 
     def __init__(self, start: float, goal: float | None, rate: float) -> None:
         self._start = start
         self._angle = 0.0 if goal is None else wrap(goal - start)
         self._profile = Profile.within(abs(self._angle), rate, rate)
-
-    @property
-    def duration(self) -> float:
-        return self._profile.duration
+        self.duration = self._profile.duration
+        self._end = self._turned(self.duration)
 
     def at(self, time: float) -> tuple[float, float]:
         """Return the heading and its rate `time` seconds after the start."""
-        turned = self._profile.at(time)
-        heading = self._start + copysign(turned.distance, self._angle)
-        return heading, copysign(turned.speed, self._angle)
+        return self._end if time >= self.duration else self._turned(time)
+
+    def _turned(self, time: float) -> tuple[float, float]:
+        angle, rate, _, _ = self._profile.at(time)
+        return self._start + copysign(angle, self._angle), copysign(rate, self._angle)
 
     def off(self, estimate: Estimate, tolerance: float | None) -> str:
         """Return the heading error in words; empty within `tolerance` or if that is None."""

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import sqrt
-from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, scale
 
@@ -25,13 +24,8 @@ _SHORTEST = 0.5
 """Shortest ramp in seconds over a short distance."""
 
 
-class Progress(NamedTuple):
-    """The distance covered and its first three time derivatives."""
-
-    distance: float
-    speed: float
-    acceleration: float
-    jerk: float
+Progress = tuple[float, float, float, float]
+"""The distance covered and its first three time derivatives."""
 
 
 def smoothstep(s: float) -> tuple[float, float, float, float]:
@@ -80,21 +74,18 @@ class Profile:
     def at(self, time: float) -> Progress:
         """Return the progress at `time` (s): zero before the start, `distance` after the end."""
         if time >= self.duration:
-            return Progress(self.distance, 0.0, 0.0, 0.0)
+            return (self.distance, 0.0, 0.0, 0.0)
         if time <= 0.0:
-            return Progress(0.0, 0.0, 0.0, 0.0)
-        ramp, speed = self.ramp, self.speed
-        left = self.duration - time
+            return (0.0, 0.0, 0.0, 0.0)
+        ramp, speed, left = self.ramp, self.speed, self.duration - time
         if time < ramp:
-            area, value, slope, bend = smoothstep(time / ramp)
-            rate = speed / ramp
-            return Progress(speed * ramp * area, speed * value, rate * slope, rate / ramp * bend)
+            (area, value, slope, bend), rate = smoothstep(time / ramp), speed / ramp
+            return (speed * ramp * area, speed * value, rate * slope, rate / ramp * bend)
         if left < ramp:
-            area, value, slope, bend = smoothstep(left / ramp)
-            rate = speed / ramp
+            (area, value, slope, bend), rate = smoothstep(left / ramp), speed / ramp
             gone = self.distance - speed * ramp * area
-            return Progress(gone, speed * value, -rate * slope, rate / ramp * bend)
-        return Progress(speed * (time - 0.5 * ramp), speed, 0.0, 0.0)
+            return (gone, speed * value, -rate * slope, rate / ramp * bend)
+        return (speed * (time - 0.5 * ramp), speed, 0.0, 0.0)
 
 
 def rising(velocity: Vec3, rise: float) -> Callable[[float], Vec3]:

@@ -12,18 +12,20 @@ estimated body z trims the command against that error.
 
 from __future__ import annotations
 
-from math import sqrt, tan
+from math import cos, sin, sqrt, tan
 
 from kybflow.core.geometry import (
     GRAVITY,
     Quat,
     Vec3,
-    from_thrust_direction,
+    from_thrust_facing,
     heading_of,
+    rotate_back,
     wrap,
 )
 from kybflow.core.signals import Command, Estimate, Setpoint
 from kybflow.flight.mass import MassEstimator
+from kybflow.flight.steering_params import SteeringParams
 from kybflow.world.vehicle_context import VehicleContext
 
 LONGEST_STEP = 0.04
@@ -34,11 +36,11 @@ MOST_TRIM = 0.1
 """Largest slope by which body z is trimmed, about 6 degrees."""
 LEAST_LIFT, MOST_THRUST = 0.3, 0.95
 """Least vertical force as a share of the weight, and largest thrust as a share of the rotors'."""
+LEAST_FORCE = LEAST_LIFT * GRAVITY
 
 
 class Steering:
-    """Lives as long as its tracker, which calls `weigh`, `bounded`, `attitude` and `command` every
-    tick.
+    """Lives as long as its tracker, which calls `weigh`, `attitude` and `command` every tick.
 
     flies: above the ground. limited: the last force was limited. learns: integrals may be updated,
     which excludes the ground, a limited force and a long step. trim: the slope that corrects the
@@ -47,21 +49,20 @@ class Steering:
     """
 
     __slots__ = (
-        "_airframe_mass", "_carried", "_floor", "_heading", "_lift", "_mass", "_most_thrust",
-        "_slope", "_steepest", "_tilt", "_weighed", "_weight", "flies", "force_along", "learns",
-        "limited", "trim",
+        "_airframe", "_carried", "_facing", "_floor", "_heading", "_lift", "_mass", "_most_force",
+        "_most_thrust", "_slope", "_steepest", "_tilt", "_weighed", "flies", "force_along",
+        "learns", "limited", "trim",
     )  # fmt: skip
 
     def __init__(self, context: VehicleContext, mass_guess: float) -> None:
-        airframe = context.airframe
-        self._tilt = airframe.tilt
-        self._steepest = (airframe.tilt, tan(airframe.tilt))
-        self._weight, self._airframe_mass = airframe.hover_thrust, airframe.mass
+        self._airframe = airframe = context.airframe
+        self._tilt, self._steepest = airframe.tilt, tan(airframe.tilt)
         self._most_thrust = MOST_THRUST * airframe.max_thrust
         self._heading = context.heading
+        self._facing = (cos(context.heading), sin(context.heading))
         self._mass = MassEstimator(airframe.hover_thrust, mass_guess)
-        self._carried = airframe.mass * self._mass.carried
-        self._slope: tuple[float, float] | None = None
+        self._carry()
+        self._slope = (0.0, 0.0)
         self._floor: float | None = None
         self._lift = 0.0
         self._weighed = WEIGH_EVERY
@@ -72,7 +73,7 @@ class Steering:
     @property
     def hover_thrust(self) -> float:
         """The estimated hover thrust, N."""
-        return self._weight * self._mass.ratio
+        return self._airframe.hover_thrust * self._mass.ratio
 
     def weigh(self, setpoint: Setpoint, estimate: Estimate, lift_off: float, dt: float) -> None:
         """Estimate the mass. lift_off: height above the ground from which the vehicle flies, m."""
@@ -83,66 +84,81 @@ class Steering:
         self.flies = flies = height > above
         self.learns = flies and not self.limited and dt < LONGEST_STEP
         if flies:
-            self._weighed += dt
-            if self._weighed < WEIGH_EVERY:
+            self._weighed = weighed = self._weighed + dt
+            if weighed < WEIGH_EVERY:
                 return
-            self._mass.update(self._lift, estimate.velocity[2], self._weighed)
+            self._mass.update(self._lift, estimate.velocity[2], weighed)
             self._weighed = 0.0
         else:
             self._weighed = WEIGH_EVERY
             if _asks_up(setpoint, above):
                 self._mass.spool_up(dt)
-        self._carried = self._airframe_mass * self._mass.carried
+        self._carry()
 
-    def bounded(self, wanted: Vec3, tilt: float) -> Vec3:
-        """Return `wanted` limited to `tilt`, the airframe's tilt and its thrust."""
-        fx, fy, fz = wanted
-        self.limited = False
-        most = self._most_thrust / self._carried
-        if not LEAST_LIFT * GRAVITY <= fz <= most:
-            fz = max(LEAST_LIFT * GRAVITY, min(most, fz))
-            self.limited = True
-        level = sqrt(fx * fx + fy * fy)
-        if tilt != self._steepest[0]:
-            self._steepest = (tilt, tan(min(tilt, self._tilt)))
-        widest = fz * self._steepest[1]
-        if level > widest:
-            fx, fy = fx * widest / level, fy * widest / level
-            self.limited = True
-        return (fx, fy, fz)
+    def _carry(self) -> None:
+        """Take over the estimated mass."""
+        self._carried = self._airframe.mass * self._mass.carried
+        self._most_force = self._most_thrust / self._carried
 
     def attitude(
-        self, force: Vec3, up: Vec3, setpoint: Setpoint, trim_rate: float, dt: float
-    ) -> Quat:
-        """Return the attitude with body z along `force`, corrected by `trim`, which it updates. up:
-        the estimated body z."""
-        fx, fy, fz = force
+        self, wanted: Vec3, up: Vec3, setpoint: Setpoint, p: SteeringParams, dt: float
+    ) -> tuple[Vec3, Quat]:
+        """Return the force `wanted` within the limits, and the attitude with body z along it,
+        corrected by `trim`, which it updates. up: the estimated body z."""
+        fx, fy, fz = wanted
+        if p.tilt != self._tilt:
+            self._tilt, self._steepest = p.tilt, tan(min(p.tilt, self._airframe.tilt))
+        widest = fz * self._steepest
+        square = fx * fx + fy * fy
+        self.limited = not LEAST_FORCE <= fz <= self._most_force or square > widest * widest
+        if self.limited:
+            wanted = fx, fy, fz = self._bounded(wanted)
+            square = fx * fx + fy * fy
         tx, ty = self.trim
-        if self._slope is not None and self.flies and dt < LONGEST_STEP:
-            k, (sx, sy) = trim_rate * dt, self._slope
-            x, y = tx + k * (sx - up[0]), ty + k * (sy - up[1])
-            tx = MOST_TRIM if x > MOST_TRIM else -MOST_TRIM if x < -MOST_TRIM else x
-            ty = MOST_TRIM if y > MOST_TRIM else -MOST_TRIM if y < -MOST_TRIM else y
+        if self.flies and dt < LONGEST_STEP:
+            k, (sx, sy), (ux, uy, _) = p.trim * dt, self._slope, up
+            tx, ty = tx + k * (sx - ux), ty + k * (sy - uy)
+            tx = MOST_TRIM if tx > MOST_TRIM else -MOST_TRIM if tx < -MOST_TRIM else tx
+            ty = MOST_TRIM if ty > MOST_TRIM else -MOST_TRIM if ty < -MOST_TRIM else ty
             self.trim = (tx, ty)
-        length = sqrt(fx * fx + fy * fy + fz * fz)
+        length = sqrt(square + fz * fz)
         self._slope = (fx / length, fy / length)
         heading = setpoint.heading
         if heading is None:
             heading = wrap(self._heading + setpoint.heading_rate * dt)
-        self._heading = heading
-        return from_thrust_direction((fx + length * tx, fy + length * ty, fz), heading)
+        if heading != self._heading:
+            self._heading, self._facing = heading, (cos(heading), sin(heading))
+        leaned = (fx + length * tx, fy + length * ty, fz)
+        return wanted, from_thrust_facing(leaned, self._facing)
+
+    def _bounded(self, wanted: Vec3) -> Vec3:
+        """The force within the airframe's thrust, then within the tilt."""
+        fx, fy, fz = wanted
+        fz = max(LEAST_FORCE, min(self._most_force, fz))
+        level, widest = sqrt(fx * fx + fy * fy), fz * self._steepest
+        if level > widest:
+            fx, fy = fx * widest / level, fy * widest / level
+        return (fx, fy, fz)
 
     def command(
         self, force: Vec3, attitude: Quat, rates: Vec3, estimate: Estimate, up: Vec3
     ) -> Command:
         """Return the command of `attitude`, `rates` and the thrust of `force` along `up`."""
-        mass, most = self._carried, self._most_thrust
-        (fx, fy, fz), (ux, uy, uz) = force, up
+        mass, most, (fx, fy, fz), (ux, uy, uz) = self._carried, self._most_thrust, force, up
         thrust = mass * (fx * ux + fy * uy + fz * uz)
         thrust = most if thrust > most else 0.0 if thrust < 0.0 else thrust
         self._lift = thrust * uz
         self.force_along = thrust / mass
         return Command(attitude, thrust, rates, heading_of(estimate.attitude))
+
+
+def turning(force: Vec3, jerk: Vec3, heading_rate: float, attitude: Quat) -> Vec3:
+    """Return the body rates at which the jerk and the heading rate turn the attitude along `force`:
+    force x jerk / |force|^2, and the heading rate about world z."""
+    (fx, fy, fz), (jx, jy, jz) = force, jerk
+    k = 1.0 / (fx * fx + fy * fy + fz * fz)
+    x, y, z = k * (fy * jz - fz * jy), k * (fz * jx - fx * jz), k * (fx * jy - fy * jx)
+    return rotate_back(attitude, (x, y, z + heading_rate))
 
 
 def _asks_up(setpoint: Setpoint, above: float) -> bool:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from math import exp, pi, sqrt
 
-from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, add, integrate, scale, sub
+from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Estimate, Pose, Time
 from kybflow.core.units import Duration, Frequency
@@ -48,7 +48,8 @@ class TrackedParams:
 
 class TrackedPose:
     """The filter. stamp: the last pose's. count: poses since it began. position, velocity in the
-    world, attitude, rates in the body: at `stamp`."""
+    world, attitude, rates in the body: at `stamp`. spread: running standard deviation of the
+    innovation along an axis, metres."""
 
     def __init__(self, params: TrackedParams, drag: float) -> None:
         self.stamp: Time = 0
@@ -58,25 +59,25 @@ class TrackedPose:
         self.attitude: Quat = LEVEL
         self.rates = ZERO
         self._params, self._drag = params, drag
-        self._variance = 0.0
-        self._acceleration = ZERO
-
-    @property
-    def spread(self) -> float:
-        """Running standard deviation of the innovation along an axis, metres."""
-        return sqrt(self._variance)
+        self.spread = self._variance = 0.0
+        self._pull = (0.0, 0.0)
 
     def take(self, pose: Pose, velocity: Vec3 = ZERO) -> None:
         """Go on to a newer pose; where the filter begins, with this velocity."""
-        dt = (pose.time - self.stamp) / NS
+        time, position, attitude = pose
+        dt = (time - self.stamp) / NS
+        self.stamp = time
         if self.count == 0 or dt > self._params.gap:
-            self._start(pose, velocity)
+            self.count = 1
+            self.spread = self._variance = 0.0
+            self.position, self.velocity = position, velocity
+            self.attitude, self.rates = attitude, ZERO
+            self._pull = (0.0, 0.0)
         else:
             self.count += 1
-            self.stamp = pose.time
-            self._move(pose, dt)
-            self._turn(pose, dt)
-            self._acceleration = self._slope(self.attitude, self.velocity)
+            self._move(position, dt)
+            self._turn(attitude, dt)
+            self._pull = self._slope(self.attitude, self.velocity)
 
     def estimate(self, now: Time, source: str) -> Estimate | None:
         """The motion now, None before there are enough poses."""
@@ -85,14 +86,12 @@ class TrackedPose:
     def predicted(self, now: Time, source: str) -> Estimate:
         """The motion now, however few poses there are."""
         age = (now - self.stamp) / NS
-        px, py, pz = self.position
-        vx, vy, vz = self.velocity
-        ax, ay, az = self._acceleration
+        (px, py, pz), (vx, vy, vz), (ax, ay) = self.position, self.velocity, self._pull
         h = 0.5 * age
         return Estimate(
             now,
-            (px + age * (vx + h * ax), py + age * (vy + h * ay), pz + age * (vz + h * az)),
-            (vx + age * ax, vy + age * ay, vz + age * az),
+            (px + age * (vx + h * ax), py + age * (vy + h * ay), pz + age * vz),
+            (vx + age * ax, vy + age * ay, vz),
             integrate(self.attitude, self.rates, age),
             self.rates,
             source,
@@ -105,67 +104,52 @@ class TrackedPose:
         attitude told meanwhile. Over 50 ms and more a tracker sways without it."""
         if self.count < 2:
             return motion
-        told, age = self._slope(motion.attitude, motion.velocity), motion.age
-        change = sub(told, self._acceleration)
-        return motion._replace(
-            position=add(motion.position, scale(change, age * age / 6.0)),
-            velocity=add(motion.velocity, scale(change, 0.5 * age)),
-        )
+        now, (px, py, pz), (vx, vy, vz), attitude, rates, source, age, spread = motion
+        (tx, ty), (ax, ay) = self._slope(attitude, motion.velocity), self._pull
+        jx, jy, moved, gained = tx - ax, ty - ay, age * age / 6.0, 0.5 * age
+        position = (px + jx * moved, py + jy * moved, pz)
+        velocity = (vx + jx * gained, vy + jy * gained, vz)
+        return Estimate(now, position, velocity, attitude, rates, source, age, spread)
 
-    def _start(self, pose: Pose, velocity: Vec3) -> None:
-        self.count = 1
-        self.stamp = pose.time
-        self._variance = 0.0
-        self.position, self.attitude = pose.position, pose.attitude
-        self.velocity = velocity
-        self.rates = self._acceleration = ZERO
-
-    def _move(self, pose: Pose, dt: float) -> None:
-        mx, my, mz = pose.position
-        px, py, pz = self.position
-        vx, vy, vz = self.velocity
-        ax, ay, az = self._acceleration
-        h = 0.5 * dt
-        px, py, pz = px + dt * (vx + h * ax), py + dt * (vy + h * ay), pz + dt * (vz + h * az)
+    def _move(self, seen: Vec3, dt: float) -> None:
+        (mx, my, mz), (px, py, pz) = seen, self.position
+        (vx, vy, vz), (ax, ay), h = self.velocity, self._pull, 0.5 * dt
+        px, py, pz = px + dt * (vx + h * ax), py + dt * (vy + h * ay), pz + dt * vz
         ix, iy, iz = mx - px, my - py, mz - pz
-        calm = 1.0
+        calm, p = 1.0, self._params
         if self.count > WARM:
             calm = min(1.0 + (self._variance / (NOISY * NOISY)) ** 2, CALMEST)
-        wn = 2.0 * pi * self._params.velocity_bandwidth * dt
-        theta = exp(-wn / calm)
-        a, b = 1.0 - theta * theta, (1.0 - theta) ** 2 / dt
-        au, bu = a, b
-        if calm > CALMEST_UP:
-            theta = exp(-wn / CALMEST_UP)
-            au, bu = 1.0 - theta * theta, (1.0 - theta) ** 2 / dt
+        wn = 2.0 * pi * p.velocity_bandwidth * dt
+        a, b = _gains(wn / calm, dt)
+        au, bu = (a, b) if calm <= CALMEST_UP else _gains(wn / CALMEST_UP, dt)
         self.position = (px + a * ix, py + a * iy, pz + au * iz)
-        self.velocity = (vx + dt * ax + b * ix, vy + dt * ay + b * iy, vz + dt * az + bu * iz)
-        share = dt / (self._params.memory + dt)
+        self.velocity = (vx + dt * ax + b * ix, vy + dt * ay + b * iy, vz + bu * iz)
+        share = dt / (p.memory + dt)
         self._variance += share * ((ix * ix + iy * iy + iz * iz) / 3.0 - self._variance)
+        self.spread = sqrt(self._variance)
 
-    def _turn(self, pose: Pose, dt: float) -> None:
-        w, x, y, z = integrate(self.attitude, self.rates, dt)
-        mw, mx, my, mz = pose.attitude
+    def _turn(self, seen: Quat, dt: float) -> None:
+        (mw, mx, my, mz), (rx, ry, rz) = seen, self.rates
+        w, x, y, z = believed = integrate(self.attitude, self.rates, dt)
         two = 2.0 if w * mw + x * mx + y * my + z * mz >= 0.0 else -2.0
         ix = two * (w * mx - x * mw - y * mz + z * my)
         iy = two * (w * my + x * mz - y * mw - z * mx)
         iz = two * (w * mz - x * my + y * mx - z * mw)
-        theta = exp(-2.0 * pi * self._params.rate_bandwidth * dt)
-        a, b = 1.0 - theta * theta, (1.0 - theta) ** 2 / dt
-        rx, ry, rz = self.rates
-        self.attitude = integrate((w, x, y, z), (ix, iy, iz), a)
+        a, b = _gains(2.0 * pi * self._params.rate_bandwidth * dt, dt)
+        self.attitude = integrate(believed, (ix, iy, iz), a)
         self.rates = (rx + b * ix, ry + b * iy, rz + b * iz)
 
-    def _slope(self, attitude: Quat, velocity: Vec3) -> Vec3:
+    def _slope(self, attitude: Quat, velocity: Vec3) -> tuple[float, float]:
         """The horizontal acceleration that an attitude tells, thrust holding the weight."""
-        w, x, y, z = attitude
+        (w, x, y, z), (vx, vy, _), drag = attitude, velocity, self._drag
         up = 1.0 - 2.0 * (x * x + y * y)
         if up < STEEPEST:
-            return ZERO
+            return (0.0, 0.0)
         k = 2.0 * GRAVITY / up
-        vx, vy, _ = velocity
-        return (
-            k * (x * z + w * y) - self._drag * vx,
-            k * (y * z - w * x) - self._drag * vy,
-            0.0,
-        )
+        return (k * (x * z + w * y) - drag * vx, k * (y * z - w * x) - drag * vy)
+
+
+def _gains(wn: float, dt: float) -> tuple[float, float]:
+    """alpha, and beta over dt, of the filter whose poles are at exp(-wn)."""
+    theta = exp(-wn)
+    return 1.0 - theta * theta, (1.0 - theta) ** 2 / dt

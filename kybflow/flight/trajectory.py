@@ -220,16 +220,9 @@ class Trajectory:
         self._heading = _pieces(times, headings, turns, slopes(times, turns)) if turns else None
         self._last = Motion(positions[-1]), headings[-1] if headings else None
         self.duration = times[-1]
+        self.start, self.end = self.at(0.0)[0].position, positions[-1]
         if given:
             _check_velocities(rows, accelerations)
-
-    @property
-    def start(self) -> Vec3:
-        return self.at(0.0)[0].position
-
-    @property
-    def end(self) -> Vec3:
-        return self._last[0].position
 
     def at(self, time: float) -> tuple[Motion, float | None, float]:
         """(motion, heading, heading rate) `time` seconds after the first row; at rest at the last
@@ -239,8 +232,10 @@ class Trajectory:
         time = max(time, 0.0)
         piece = bisect_right(self._times, time) - 1
         s = time - self._times[piece]
-        x, y, z = (axis[piece].at(s) for axis in self._axes)
-        motion = Motion(*zip(x, y, z, strict=True))
+        x, y, z = self._axes
+        (px, vx, ax, jx), (py, vy, ay, jy) = x[piece].at(s), y[piece].at(s)
+        pz, vz, az, jz = z[piece].at(s)
+        motion = Motion((px, py, pz), (vx, vy, vz), (ax, ay, az), (jx, jy, jz))
         if self._heading is None:
             return motion, None, 0.0
         heading, rate, *_ = self._heading[piece].at(s)

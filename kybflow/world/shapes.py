@@ -16,11 +16,8 @@ class Box(NamedTuple):
 
     def contains(self, p: Vec3) -> bool:
         """Return whether `p` is inside or on the surface."""
-        return (
-            self.low[0] <= p[0] <= self.high[0]
-            and self.low[1] <= p[1] <= self.high[1]
-            and self.low[2] <= p[2] <= self.high[2]
-        )
+        (x, y, z), (x0, y0, z0), (x1, y1, z1) = p, self.low, self.high
+        return x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1
 
     def outside_by(self, p: Vec3) -> float:
         """Return how far `p` is beyond the box along the worst axis; negative inside."""

@@ -62,6 +62,7 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         self._begin = max(self._coast.duration, self._lead.duration)
         length = inf if params.laps is None else 2.0 * pi * params.radius * params.laps
         self._arc = Profile.within(length, speed, params.acceleration)
+        self._end = self._begin + self._arc.duration
 
     def _nearest_phase(self, position: Vec3) -> float:
         x, y, _ = self.params.center
@@ -80,18 +81,18 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
                 motion = motion.plus(self._coast.shift(time))
             return motion.setpoint(self._heading)
         setpoint = self._round(time - self._begin).setpoint(self._heading)
-        return Done(setpoint) if time >= self._begin + self._arc.duration else setpoint
+        return Done(setpoint) if time >= self._end else setpoint
 
     def _round(self, time: float) -> Motion:
-        r = self.params.radius
-        gone, *along = self._arc.at(time)
-        v, a, j = (self._turn * value for value in along)
-        phase = self._phase + self._turn * gone / r
+        (x, y, z), r, turn = self.params.center, self.params.radius, self._turn
+        gone, v, a, j = self._arc.at(time)
+        v, a, j = turn * v, turn * a, turn * j
+        phase = self._phase + turn * gone / r
         c, s = cos(phase), sin(phase)
         inward = v * v / r
         forward, aside = j - v * v * v / (r * r), 3.0 * v * a / r
         return Motion(
-            self._point(phase),
+            (x + r * c, y + r * s, z),
             (-v * s, v * c, 0.0),
             (-a * s - inward * c, a * c - inward * s, 0.0),
             (-forward * s - aside * c, forward * c - aside * s, 0.0),

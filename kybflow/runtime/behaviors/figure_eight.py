@@ -59,16 +59,17 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
         self._coast = Coast.after(entry.motion)
         rate = 2.0 * pi / params.lap
         self._phase = Profile(2.0 * pi * params.laps, rate, params.ramp)
+        self._end = max(self._phase.duration, self._coast.duration)
         self._long, self._short = params.width / 2.0, params.across / 2.0
         self._cos, self._sin = cos(params.rotation), sin(params.rotation)
 
     def update(self, tick: Tick) -> Setpoint | Done:
-        motion = self._eight(tick.elapsed)
-        if tick.elapsed < self._coast.duration:
-            motion = motion.plus(self._coast.shift(tick.elapsed))
+        time, coast = tick.elapsed, self._coast
+        motion = self._eight(time)
+        if time < coast.duration:
+            motion = motion.plus(coast.shift(time))
         setpoint = motion.setpoint(self._heading)
-        ended = tick.elapsed >= max(self._phase.duration, self._coast.duration)
-        return Done(setpoint) if ended else setpoint
+        return Done(setpoint) if time >= self._end else setpoint
 
     def _eight(self, time: float) -> Motion:
         phase, rate, pull, jolt = self._phase.at(time)
@@ -76,12 +77,11 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
         s, c = sin(phase), cos(phase)
         s2, c2 = 2.0 * s * c, c * c - s * s
         square, cross, cube = rate * rate, 3.0 * rate * pull, rate * rate * rate
-        px, dx, ddx = w * s, w * c, -w * s
-        py, dy, ddy = h * s2, 2.0 * h * c2, -4.0 * h * s2
+        px, dx, py, dy = w * s, w * c, h * s2, 2.0 * h * c2
+        ddx, ddy = -px, -4.0 * py
         vx, vy = dx * rate, dy * rate
         ax, ay = ddx * square + dx * pull, ddy * square + dy * pull
-        jx = dx * (jolt - cube) + ddx * cross
-        jy = dy * (jolt - 4.0 * cube) + ddy * cross
+        jx, jy = dx * (jolt - cube) + ddx * cross, dy * (jolt - 4.0 * cube) + ddy * cross
         x, y, z = self._coast.end
         return Motion(
             (x + px * turn_c - py * turn_s, y + px * turn_s + py * turn_c, z),

@@ -20,15 +20,12 @@ at the last row. Without a yaw the heading is kept. World frame.
 
 from __future__ import annotations
 
-from math import copysign
-
 from kybflow.core.errors import Refused
 from kybflow.core.files import File
 from kybflow.core.geometry import Vec3, distance, norm, wrap
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, AngularRate, Duration, Length, Speed
-from kybflow.flight.motion import Coast, Dwell, Straight
-from kybflow.flight.profiles import Profile
+from kybflow.flight.motion import Coast, Dwell, Straight, Turn
 from kybflow.flight.trajectory import read_trajectory
 from kybflow.parts import AIR, Behavior, Entry, Footprint, Origin, param, params
 
@@ -80,9 +77,8 @@ class FollowTrajectory(
         speed = entry.cruise_speed(params.approach)
         self._lead = Straight(self._coast.end, self._curve.start, speed, params.acceleration)
         self._heading = entry.heading
-        self._turn = 0.0 if heading is None else wrap(heading - entry.heading)
-        self._turning = Profile.within(abs(self._turn), params.turn_rate, params.turn_rate)
-        self._arrival = max(self._coast.duration, self._lead.duration, self._turning.duration)
+        self._turn = Turn(entry.heading, heading, params.turn_rate)
+        self._arrival = max(self._coast.duration, self._lead.duration, self._turn.duration)
         self._there = Dwell()
         self._begun: float | None = None
 
@@ -99,11 +95,7 @@ class FollowTrajectory(
         motion = self._lead.at(time)
         if time < self._coast.duration:
             motion = motion.plus(self._coast.shift(time))
-        turned = self._turning.at(time)
-        setpoint = motion.setpoint(
-            self._heading + copysign(turned.distance, self._turn),
-            copysign(turned.speed, self._turn),
-        )
+        setpoint = motion.setpoint(*self._turn.at(time))
         if time < self._arrival:
             return setpoint
         known = tick.known()

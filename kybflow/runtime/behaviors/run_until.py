@@ -114,14 +114,14 @@ class RunUntil(Behavior[RunUntilParams], flight=AIR >> AIR, emits=SetpointKind.V
         return self._peak * value, -rate * slope, rate / span * bend
 
     def _setpoint(self, time: float, speed: float, pull: float, jolt: float) -> Setpoint:
-        way = self._direction
-        _, velocity, acceleration, jerk = self._coast.at(time)
+        _, (vx, vy, vz), (ax, ay, az), (jx, jy, jz) = self._coast.at(time)
+        x, y, z = self._direction
         return Setpoint(
             SetpointKind.VELOCITY,
             None,
-            add(velocity, scale(way, speed)),
-            add(acceleration, scale(way, pull)),
-            add(jerk, scale(way, jolt)),
+            (vx + x * speed, vy + y * speed, vz + z * speed),
+            (ax + x * pull, ay + y * pull, az + z * pull),
+            (jx + x * jolt, jy + y * jolt, jz + z * jolt),
             self._heading,
         )
 

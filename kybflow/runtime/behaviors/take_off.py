@@ -12,7 +12,6 @@ tolerance 10 cm are TeleKyb's. `height` is in metres above the ground of the sta
 
 from __future__ import annotations
 
-from kybflow.core.geometry import ZERO
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Speed, Vec3
 from kybflow.flight.motion import Dwell, Motion
@@ -47,35 +46,35 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
         self._heading = entry.heading
         speed = entry.cruise_speed(min(params.speed, entry.context.airframe.climb))
         self._profile = Profile.within(params.height, speed, params.acceleration)
-        self._time = 0.0
+        self._reach(0.0)
         self._there = Dwell()
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
+        p, profile = self.params, self._profile
         climbed = tick.known().position[2] - self._ground[2]
-        while self._is_behind(climbed):
-            self._time += _LEAP
-        waits = self._profile.at(self._time).distance - climbed > _LEASH
+        while self._progress[0] < climbed - _AHEAD and self._time < profile.duration:
+            self._reach(self._time + _LEAP)
+        waits = self._progress[0] - climbed > _LEASH
         if not waits:
-            self._time = min(self._time + tick.dt, self._profile.duration)
+            self._reach(min(self._time + tick.dt, profile.duration))
         setpoint = self._setpoint(waits)
-        near = abs(climbed - self.params.height) <= self.params.tolerance
-        ended = self._time >= self._profile.duration
-        if self._there.reached(near and ended, self.params.dwell, tick.dt):
+        near = abs(climbed - p.height) <= p.tolerance
+        if self._there.reached(near and self._time >= profile.duration, p.dwell, tick.dt):
             return Done(setpoint)
-        if tick.elapsed > self._profile.duration + self.params.patience:
-            return Failed(setpoint, f"climbed {climbed:.2f} m of {self.params.height:g} m")
+        if tick.elapsed > profile.duration + p.patience:
+            return Failed(setpoint, f"climbed {climbed:.2f} m of {p.height:g} m")
         return setpoint
 
-    def _is_behind(self, climbed: float) -> bool:
-        profile, time = self._profile, self._time
-        return time < profile.duration and profile.at(time).distance < climbed - _AHEAD
+    def _reach(self, time: float) -> None:
+        """Go on to this time of the profile."""
+        self._time, self._progress = time, self._profile.at(time)
 
     def _setpoint(self, waits: bool) -> Setpoint:
-        height, speed, acceleration, jerk = self._profile.at(self._time)
+        height, speed, acceleration, jerk = self._progress
         x, y, z = self._ground
         position = (x, y, z + height)
         if waits:
-            return Motion(position, ZERO).setpoint(self._heading)
+            return Motion(position).setpoint(self._heading)
         motion = Motion(position, (0.0, 0.0, speed), (0.0, 0.0, acceleration), (0.0, 0.0, jerk))
         return motion.setpoint(self._heading)
 

@@ -70,11 +70,11 @@ class Mocap(Estimator[MocapParams]):
         self._gate.flown = estimate
 
     def _take(self, pose: Pose) -> None:
-        track = self._track
-        dt = (pose.time - track.stamp) / NS
+        track, time = self._track, pose.time
+        dt = (time - track.stamp) / NS
         if track.count > 0 and dt <= 0.0:
             return
-        flown = self._gate.current(pose.time)
+        flown = self._gate.current(time)
         if self._passes(pose, dt, flown):
             track.take(pose, ZERO if flown is None else flown.velocity)
 

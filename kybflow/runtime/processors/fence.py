@@ -67,14 +67,14 @@ class FenceProcessor(Processor[FenceProcessorParams]):
         if self.params.margin != self._margin:
             self._margin = self.params.margin
             self._room = _shrunk(self._fence, self._margin)
-        position, own = setpoint.position, tick.known().position
+        position = setpoint.position
         if position is not None and self._room.contains(position):
             return setpoint
-        x, y, floor = self._room.low
-        room = Box((x, y, min(floor, own[2] - _UNDER)), self._room.high)
+        known, (x, y, floor) = tick.known(), self._room.low
+        room = Box((x, y, min(floor, known.position[2] - _UNDER)), self._room.high)
         if position is not None:
             return setpoint if room.contains(position) else _clamped(setpoint, position, room)
-        return _stoppable(setpoint, tick.known(), room)
+        return _stoppable(setpoint, known, room)
 
 
 def _shrunk(fence: Box, margin: float) -> Box:

@@ -12,10 +12,10 @@ of change of setpoints of velocity is limited in the same way. World frame.
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import hypot, inf
 from typing import ClassVar
 
-from kybflow.core.geometry import ZERO, Vec3, add, norm, sub
+from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, sub
 from kybflow.core.signals import Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration
 from kybflow.flight.governor import Follower, motion_of, shortened
@@ -43,33 +43,32 @@ class LimitAcceleration(Processor[LimitAccelerationParams]):
         self._follower = Follower()
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
-        follower = self._follower
-        position, velocity = setpoint.position or ZERO, setpoint.velocity or ZERO
+        kind, position, velocity, acceleration, _, _, _ = setpoint
+        position, velocity = position or ZERO, velocity or ZERO
+        follower, limit, dt = self._follower, self.params.acceleration, tick.dt
         follower.resume(setpoint, tick)
-        if setpoint.kind is SetpointKind.VELOCITY:
-            return self._slew(setpoint, velocity, tick.dt)
-        if not follower.behind and self._is_legal(setpoint, position, velocity, tick.dt):
-            follower.join(position, velocity)
+        if kind is SetpointKind.VELOCITY:
+            return self._slew(setpoint, velocity, dt)
+        legal = hypot(*(acceleration or ZERO)) <= limit * _SLACK
+        if legal and not follower.behind and self._is_near(position, velocity, dt):
+            follower.position, follower.velocity = position, velocity
             return setpoint
-        limit, asked = self.params.acceleration, motion_of(setpoint)
-        motion = follower.follow(asked, inf, limit, tick.dt)
-        if norm(asked.acceleration) <= limit and follower.has_caught_up(asked, limit, tick.dt):
+        asked = motion_of(setpoint)
+        motion = follower.follow(asked, inf, limit, dt)
+        if norm(asked.acceleration) <= limit and follower.has_caught_up(asked, limit, dt):
             follower.join(position, velocity)
             return setpoint
         return motion.setpoint_like(setpoint)
 
-    def _is_legal(self, setpoint: Setpoint, position: Vec3, velocity: Vec3, dt: float) -> bool:
-        limit, before = self.params.acceleration * _SLACK, self._follower
-        if norm(setpoint.acceleration or ZERO) > limit:
+    def _is_near(self, position: Vec3, velocity: Vec3, dt: float) -> bool:
+        """Whether the limit lets the last tick's motion go on with this position and velocity."""
+        before, most = self._follower, self.params.acceleration * _SLACK * dt
+        if distance(velocity, before.velocity) > most + 1e-9:
             return False
-        vx, vy, vz = velocity
-        ux, uy, uz = before.velocity
-        change = sqrt((vx - ux) ** 2 + (vy - uy) ** 2 + (vz - uz) ** 2)
-        if change > limit * dt + 1e-9:
-            return False
-        (px, py, pz), (qx, qy, qz), half = position, before.position, 0.5 * dt
-        x, y, z = px - qx - half * (vx + ux), py - qy - half * (vy + uy), pz - qz - half * (vz + uz)
-        return sqrt(x * x + y * y + z * z) <= 0.25 * limit * dt * dt + 1e-9
+        (vx, vy, vz), (ux, uy, uz) = velocity, before.velocity
+        (qx, qy, qz), half = before.position, 0.5 * dt
+        mean = (qx + half * (vx + ux), qy + half * (vy + uy), qz + half * (vz + uz))
+        return distance(position, mean) <= 0.25 * most * dt + 1e-9
 
     def _slew(self, setpoint: Setpoint, asked: Vec3, dt: float) -> Setpoint:
         before = self._follower.velocity

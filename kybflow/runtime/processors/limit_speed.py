@@ -8,9 +8,10 @@ shortened to the limit, their direction kept. World frame.
 
 from __future__ import annotations
 
+from math import hypot
 from typing import ClassVar
 
-from kybflow.core.geometry import ZERO, Vec3, distance, norm
+from kybflow.core.geometry import ZERO, distance
 from kybflow.core.signals import Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Speed
 from kybflow.flight.governor import Follower, motion_of, shortened
@@ -39,23 +40,21 @@ class LimitSpeed(Processor[LimitSpeedParams]):
         self._follower = Follower()
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
-        velocity = setpoint.velocity or ZERO
-        legal = norm(velocity) <= self.params.speed * _SLACK
-        self._follower.resume(setpoint, tick)
-        if setpoint.kind is SetpointKind.VELOCITY:
+        kind, position, velocity, _, _, _, _ = setpoint
+        position, velocity = position or ZERO, velocity or ZERO
+        follower, most = self._follower, self.params.speed * _SLACK
+        legal = hypot(*velocity) <= most
+        follower.resume(setpoint, tick)
+        if kind is SetpointKind.VELOCITY:
             if legal:
                 return setpoint
             shorter = shortened(velocity, self.params.speed)
             return setpoint._replace(velocity=shorter, acceleration=ZERO, jerk=None)
-        follower, position = self._follower, setpoint.position or ZERO
-        if legal and not follower.behind and self._is_near(position, tick.dt):
-            follower.join(position, velocity)
+        near = distance(position, follower.position) <= most * tick.dt + 1e-9
+        if legal and near and not follower.behind:
+            follower.position, follower.velocity = position, velocity
             return setpoint
         return self._behind(setpoint, legal, tick.dt)
-
-    def _is_near(self, position: Vec3, dt: float) -> bool:
-        step = distance(position, self._follower.position)
-        return step <= self.params.speed * dt * _SLACK + 1e-9
 
     def _behind(self, setpoint: Setpoint, legal: bool, dt: float) -> Setpoint:
         p, follower, asked = self.params, self._follower, motion_of(setpoint)

@@ -8,13 +8,12 @@ vehicle was pushed meanwhile. World frame.
 
 from __future__ import annotations
 
-from math import copysign
 from typing import Literal
 
-from kybflow.core.geometry import ZERO, Vec3, add, norm, scale, sub, wrap
+from kybflow.core.geometry import ZERO, Vec3, add, norm, scale, sub
 from kybflow.core.signals import NS, Setpoint, SetpointKind, Time
-from kybflow.flight.motion import IDLE, Coast, Motion, Straight
-from kybflow.flight.profiles import STEEPEST, Profile, smoothstep
+from kybflow.flight.motion import IDLE, Coast, Motion, Straight, Turn
+from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import Entry
 
 Holder = Literal["brake", "pause", "pilot"]
@@ -66,14 +65,13 @@ class _WayBack:
     """The way from a motion to rest at the frozen setpoint, with its heading."""
 
     def __init__(self, now: Time, motion: Motion, heading: float, goal: Setpoint | None) -> None:
-        self._began, self._heading = now, heading
+        self._began = now
         self._coast = Coast(motion.position, motion.velocity, _DECELERATION)
         there = _meeting(goal) if goal is not None else None
         turned = goal.heading if goal is not None else None
         self._way = Straight(self._coast.end, there or self._coast.end, _SPEED, _ACCELERATION)
-        self._turn = 0.0 if turned is None else wrap(turned - heading)
-        self._turning = Profile.within(abs(self._turn), _TURN_RATE, _TURN_RATE)
-        self._end = max(self._coast.duration, self._way.duration, self._turning.duration)
+        self._turn = Turn(heading, turned, _TURN_RATE)
+        self._end = max(self._coast.duration, self._way.duration, self._turn.duration)
 
     def at(self, now: Time) -> Setpoint | None:
         time = (now - self._began) / NS
@@ -82,9 +80,7 @@ class _WayBack:
         motion = self._way.at(time)
         if time < self._coast.duration:
             motion = motion.plus(self._coast.shift(time))
-        turned = self._turning.at(time)
-        heading = self._heading + copysign(turned.distance, self._turn)
-        return motion.setpoint(heading, copysign(turned.speed, self._turn))
+        return motion.setpoint(*self._turn.at(time))
 
 
 class SetpointBlend:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from math import atan2
 
-from kybflow.core.geometry import Quat, Vec3, add, conjugate, multiply, norm, rotate
+from kybflow.core.geometry import Quat, Vec3, conjugate, multiply, norm, rotate
 from kybflow.core.signals import Command, CommandKind, Setpoint, SetpointKind, Tick
 from kybflow.core.units import AngularRate, Damping
 from kybflow.flight.geometric_law import GeometricLaw, GeometricParams
@@ -51,12 +51,12 @@ class BodyRates(Tracker[BodyRatesParams]):
 
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
         p = self.params
-        wanted = self._law.command(p, setpoint, tick)
-        off = multiply(conjugate(tick.known().attitude), wanted.attitude)
-        ex, ey, ez = _turn(off)
-        feed = rotate(off, wanted.rates)
-        rates = add((p.attitude * ex, p.attitude * ey, p.turn * ez), feed)
-        return wanted._replace(rates=shortened(rates, p.fastest), kind=CommandKind.RATES_THRUST)
+        attitude, thrust, rates, heading, *_ = self._law.command(p, setpoint, tick)
+        off = multiply(conjugate(tick.known().attitude), attitude)
+        (ex, ey, ez), (fx, fy, fz) = _turn(off), rotate(off, rates)
+        rates = (p.attitude * ex + fx, p.attitude * ey + fy, p.turn * ez + fz)
+        rates = shortened(rates, p.fastest)
+        return Command(attitude, thrust, rates, heading, kind=CommandKind.RATES_THRUST)
 
 
 def _turn(q: Quat) -> Vec3:

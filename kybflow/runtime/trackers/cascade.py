@@ -15,10 +15,10 @@ in steps longer than 40 ms, the integral stands still.
 
 from __future__ import annotations
 
-from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, rotate
+from kybflow.core.geometry import GRAVITY, ZERO, Vec3, body_z
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Number
-from kybflow.flight.steering import Steering
+from kybflow.flight.steering import Steering, turning
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.parts import Tracker, param, params
 from kybflow.world.vehicle_context import VehicleContext
@@ -50,15 +50,17 @@ class Cascade(Tracker[CascadeParams]):
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
         estimate, dt, steering, p = tick.known(), tick.dt, self._steering, self.params
         steering.weigh(setpoint, estimate, p.lift_off, dt)
-        force = steering.bounded(self._wanted(setpoint, estimate, dt), p.tilt)
-        up = body_z(estimate.attitude)
-        attitude = steering.attitude(force, up, setpoint, p.trim, dt)
-        return steering.command(force, attitude, _rates(setpoint, force, attitude), estimate, up)
+        wanted, up = self._wanted(setpoint, estimate, dt), body_z(estimate.attitude)
+        force, attitude = steering.attitude(wanted, up, setpoint, p, dt)
+        jerk, turn = setpoint.jerk, setpoint.heading_rate
+        rates = (0.0, 0.0, turn) if jerk is None else turning(force, jerk, turn, attitude)
+        return steering.command(force, attitude, rates, estimate, up)
 
     def _wanted(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
         """The specific force that the law asks for, world."""
-        p, position, velocity = self.params, setpoint.position, setpoint.velocity
-        ax, ay, az = setpoint.acceleration or ZERO
+        p = self.params
+        _, position, velocity, acceleration, _, _, _ = setpoint
+        ax, ay, az = acceleration or ZERO
         ix, iy = self._integral
         az += GRAVITY
         if velocity is not None:
@@ -82,16 +84,3 @@ class Cascade(Tracker[CascadeParams]):
                 iy = most if iy > most else -most if iy < -most else iy
                 self._integral = (ix, iy)
         return (ax + ix, ay + iy, az)
-
-
-def _rates(setpoint: Setpoint, force: Vec3, attitude: Quat) -> Vec3:
-    """Body rates at which the jerk and the heading rate turn the attitude."""
-    turn, jerk = setpoint.heading_rate, setpoint.jerk
-    if jerk is None:
-        return (0.0, 0.0, turn)
-    fx, fy, fz = force
-    jx, jy, jz = jerk
-    k = 1.0 / (fx * fx + fy * fy + fz * fz)
-    world = (k * (fy * jz - fz * jy), k * (fz * jx - fx * jz), k * (fx * jy - fy * jx) + turn)
-    w, x, y, z = attitude
-    return rotate((w, -x, -y, -z), world)

@@ -18,23 +18,11 @@ z x jerk / |a + g|.
 
 from __future__ import annotations
 
-from kybflow.core.geometry import (
-    GRAVITY,
-    ZERO,
-    Vec3,
-    add,
-    body_z,
-    conjugate,
-    cross,
-    dot,
-    rotate,
-    scale,
-    sub,
-)
+from kybflow.core.geometry import GRAVITY, ZERO, Vec3, body_z
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Damping, Number, Speed
 from kybflow.flight.governor import shortened
-from kybflow.flight.steering import Steering
+from kybflow.flight.steering import Steering, turning
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.parts import Tracker, param, params
 from kybflow.world.vehicle_context import VehicleContext
@@ -69,26 +57,28 @@ class Velocity(Tracker[VelocityParams]):
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
         estimate, dt, steering, p = tick.known(), tick.dt, self._steering, self.params
         steering.weigh(setpoint, estimate, p.lift_off, dt)
-        force = steering.bounded(self._wanted(setpoint, estimate, dt), p.tilt)
-        up = body_z(estimate.attitude)
-        attitude = steering.attitude(force, up, setpoint, p.trim, dt)
-        turn = scale(cross(force, setpoint.jerk or ZERO), 1.0 / dot(force, force))
-        rates = rotate(conjugate(attitude), add(turn, (0.0, 0.0, setpoint.heading_rate)))
+        wanted, up = self._wanted(setpoint, estimate, dt), body_z(estimate.attitude)
+        force, attitude = steering.attitude(wanted, up, setpoint, p, dt)
+        rates = turning(force, setpoint.jerk or ZERO, setpoint.heading_rate, attitude)
         return steering.command(force, attitude, rates, estimate, up)
 
     def _wanted(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
         """The specific force that the law asks for, world."""
-        p, asked = self.params, setpoint.velocity or ZERO
-        error = sub(asked, estimate.velocity)
-        if setpoint.position is not None:
-            gap = sub(setpoint.position, estimate.position)
-            error = add(error, shortened(scale(gap, p.proportional), p.correction))
+        p = self.params
+        _, position, velocity, acceleration, _, _, _ = setpoint
+        (wx, wy, wz), (vx, vy, vz) = velocity or ZERO, estimate.velocity
+        ex, ey, ez = wx - vx, wy - vy, wz - vz
+        if position is not None:
+            k, (sx, sy, sz), (px, py, pz) = p.proportional, position, estimate.position
+            gap = (k * (sx - px), k * (sy - py), k * (sz - pz))
+            cx, cy, cz = shortened(gap, p.correction)
+            ex, ey, ez = ex + cx, ey + cy, ez + cz
+        ix, iy = self._integral
         if self._steering.learns:
-            i, most, (ix, iy) = p.integral * dt, p.integral_limit, self._integral
-            self._integral = (
-                min(max(ix + i * error[0], -most), most),
-                min(max(iy + i * error[1], -most), most),
-            )
-        (ix, iy), drag = self._integral, self._drag
-        ax, ay, az = add(setpoint.acceleration or ZERO, scale(error, p.derivative))
-        return (ax + ix + drag * asked[0], ay + iy + drag * asked[1], az + GRAVITY)
+            i, most = p.integral * dt, p.integral_limit
+            ix, iy = ix + i * ex, iy + i * ey
+            ix = most if ix > most else -most if ix < -most else ix
+            iy = most if iy > most else -most if iy < -most else iy
+            self._integral = (ix, iy)
+        d, drag, (ax, ay, az) = p.derivative, self._drag, acceleration or ZERO
+        return (ax + d * ex + ix + drag * wx, ay + d * ey + iy + drag * wy, az + d * ez + GRAVITY)
