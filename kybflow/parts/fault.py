@@ -57,21 +57,28 @@ class Effect:
 
 class Rig:
     """The effects that are active on one simulated vehicle, oldest first, and their combination. An
-    effect that ends leaves no trace. `changed` is called after each change."""
+    effect that ends leaves no trace. `changed` is called after each change.
+
+    estimators: the names of the estimators that fail.
+    """
 
     def __init__(self, vehicle: str, changed: Callable[[], None] = lambda: None) -> None:
         self.vehicle = vehicle
+        self.estimators: frozenset[str] = frozenset()
         self._changed = changed
         self._effects: list[tuple[Effect, Time]] = []
 
     def begin(self, effect: Effect, now: Time) -> None:
         """Activate `effect`."""
-        self._effects.append((effect, now))
-        self._changed()
+        self._combine([*self._effects, (effect, now)])
 
     def end(self, effect: Effect) -> None:
         """Deactivate `effect`."""
-        self._effects = [entry for entry in self._effects if entry[0] is not effect]
+        self._combine([entry for entry in self._effects if entry[0] is not effect])
+
+    def _combine(self, effects: list[tuple[Effect, Time]]) -> None:
+        self._effects = effects
+        self.estimators = frozenset(e.estimator for e, _ in effects if e.estimator)
         self._changed()
 
     @property
@@ -147,11 +154,6 @@ class Rig:
     def view(self) -> str:
         """The vehicle that the newest effect names, else the vehicle itself."""
         return next((e.view for e, _ in reversed(self._effects) if e.view), self.vehicle)
-
-    @property
-    def estimators(self) -> frozenset[str]:
-        """The names of the estimators that fail."""
-        return frozenset(e.estimator for e, _ in self._effects if e.estimator)
 
     @property
     def deaf(self) -> bool:

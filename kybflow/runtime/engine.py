@@ -85,15 +85,17 @@ class Engine:
         if red:
             return "preflight: " + "; ".join(f"{x.vehicle}: {x.check}: {x.reason}" for x in red)
         self._begin()
+        limit = self.plan.time_limit
+        landed_by = limit + self._landing_timeout()
         while not self._over():
-            late = self.seconds() - self.plan.time_limit
+            seconds = self.seconds()
             if self.interrupts > 1:
                 return "interrupted twice: commands were stopped"
             if self.interrupts:
                 self._land("interrupted")
-            elif late >= 0.0:
-                self._land(f"not finished within the time limit of {self.plan.time_limit:g} s")
-            if late >= self._landing_timeout():
+            elif seconds >= limit:
+                self._land(f"not finished within the time limit of {limit:g} s")
+            if seconds >= landed_by:
                 break
             self.tick()
         self.collisions.step()

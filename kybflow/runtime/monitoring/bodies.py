@@ -60,7 +60,7 @@ class Bodies:
 
     def __init__(self, bounds: BodyBounds = BodyBounds()) -> None:  # noqa: B008 - immutable
         self._bounds = bounds
-        self._near = STEP**2
+        self._lost, self._unknown = round(bounds.lost * NS), round(bounds.unknown * NS)
         self._aligned = cos(0.5 * bounds.turn)
         self._bodies: dict[str, _Body] = {}
 
@@ -76,18 +76,17 @@ class Bodies:
         passed: list[Pose] = []
         findings: list[Finding] = []
         for pose in poses:
-            if not _is_sound(pose) or pose.time <= body.stamp:
+            if pose.time <= body.stamp or not _is_sound(pose):
                 continue
-            body.come(pose.time)
             if body.repeats(pose, in_air):
                 self._froze(name, body, findings)
             else:
                 passed.append(pose)
                 self._follow(name, body, pose, findings)
-        bound, newest = self._timeout(body), max(body.stamp, body.began)
-        body.due = newest + round(bound * NS)
-        age = (now - newest) / NS
-        if age > bound and not body.trouble.is_told(LOST):
+        newest = body.stamp if body.stamp > body.began else body.began
+        body.due = newest + self._timeout(body)
+        if now > body.due and not body.trouble.is_told(LOST):
+            age, bound = (now - newest) / NS, (body.due - newest) / NS
             body.trouble.good = 0
             findings.append(body.found(Finding("body_lost", name, age, bound, time=now)))
         return passed, findings
@@ -96,10 +95,11 @@ class Bodies:
         """When a body is lost should nothing come; to be asked once it was judged."""
         return self._bodies[name].due
 
-    def _timeout(self, body: _Body) -> float:
+    def _timeout(self, body: _Body) -> Time:
         if body.interval is None:
-            return self._bounds.unknown
-        return max(self._bounds.lost, 3.0 * body.interval)
+            return self._unknown
+        slow = 3 * body.interval
+        return slow if slow > self._lost else self._lost
 
     def _froze(self, name: str, body: _Body, findings: list[Finding]) -> None:
         since, bound = (body.stamp - body.changed) / NS, self._bounds.frozen
@@ -113,7 +113,9 @@ class Bodies:
             findings.append(Finding("body_recovered", name, time=pose.time))
         place, elsewhere = body.place, body.elsewhere
         if place is None or self._off(place, pose) is None:
-            body.place, elsewhere.seen = pose, []
+            body.place = pose
+            if elsewhere.seen:
+                elsewhere.seen = []
             return
         if elsewhere.seen and self._off(elsewhere.seen[-1], pose) is not None:
             elsewhere.seen = []
@@ -130,20 +132,17 @@ class Bodies:
 
     def _off(self, last: Pose, pose: Pose) -> tuple[float, float] | None:
         """By how much, and how much can be, where no flight explains how it came there."""
-        (x, y, z), (u, v, w) = pose.position, last.position
+        off = distance(pose.position, last.position)
         (a, b, c, d), (e, f, g, h) = pose.attitude, last.attitude
         product = abs(a * e + b * f + c * g + d * h)
-        if (x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2 <= self._near and product >= self._aligned:
+        if off <= STEP and product >= self._aligned:
             return None  # as nearly always
-        return self._how_far_off(last, pose, product)
-
-    def _how_far_off(self, last: Pose, pose: Pose, product: float) -> tuple[float, float] | None:
-        b = self._bounds
-        seconds = (pose.time - last.time) / NS
-        off, most = distance(pose.position, last.position), reach(seconds)
+        seconds, bounds = (pose.time - last.time) / NS, self._bounds
+        most = reach(seconds)
         if off > most:
             return off, most
-        turned, most = 2.0 * acos(min(1.0, product)), b.turn + b.rate * min(seconds, MEMORY)
+        turned = 2.0 * acos(min(1.0, product))
+        most = bounds.turn + bounds.rate * min(seconds, MEMORY)
         return (turned, most) if turned > most else None
 
     def _others(self, name: str, pose: Pose) -> Iterator[tuple[str, Vec3, float]]:
@@ -157,9 +156,9 @@ class Bodies:
 
 class _Body:
     """What is remembered of one. stamp: of its newest pose. interval: the shorter of the last two
-    between poses, seconds, None before. due: when it is lost should nothing come. changed: since
-    when, in the air, the pose is the same. place: where it is believed, left: where it was before
-    it jumped, elsewhere: poses that may become a jump."""
+    between poses, None before. due: when it is lost should nothing come. changed: since when, in
+    the air, the pose is the same. place: where it is believed, left: where it was before it jumped,
+    elsewhere: poses that may become a jump."""
 
     __slots__ = (
         "_before", "_last", "began", "changed", "due", "elsewhere", "interval", "left", "place",
@@ -174,8 +173,8 @@ class _Body:
         self.left: Pose | None = None
         self.elsewhere: Streak[Pose] = Streak()
         self.trouble = Trouble()
-        self.interval: float | None = None
-        self._before: float | None = None
+        self.interval: Time | None = None
+        self._before: Time | None = None
         self._last: Pose | None = None
 
     def found(self, finding: Finding) -> Finding:
@@ -183,22 +182,20 @@ class _Body:
         self.trouble.finding = finding
         return finding
 
-    def come(self, stamp: Time) -> None:
-        """A pose of this time is new."""
-        if self._last is not None:
-            passed = (stamp - self.stamp) / NS
-            if self._before is not None:
-                self.interval = min(passed, self._before)
+    def repeats(self, pose: Pose, in_air: bool) -> bool:
+        """Take note of a newer pose; whether it is the last one, bit by bit, and must not be."""
+        stamp, position, attitude = pose
+        last, self._last = self._last, pose
+        if last is not None:
+            passed, before = stamp - self.stamp, self._before
+            if before is not None:
+                self.interval = passed if passed < before else before
             self._before = passed
         self.stamp = stamp
-
-    def repeats(self, pose: Pose, in_air: bool) -> bool:
-        """Take note of a pose; whether it is the one before it, bit by bit, and must not be."""
-        last, self._last = self._last, pose
-        same = last is not None and last[1:] == pose[1:]
+        same = last is not None and last.position == position and last.attitude == attitude
         if same and (in_air or self.trouble.is_told(FROZE)):
             return True
-        self.changed = pose.time
+        self.changed = stamp
         return False
 
 

@@ -50,8 +50,8 @@ class RaisedAlarm(NamedTuple):
 
 
 class Failsafe:
-    """latched: the reaction that only a severer one can replace in the air, None without one.
-    lines: the mission lines of the parts, by label."""
+    """latched: the reaction that only a severer one can replace in the air, None without one. due:
+    when a supervisor must be called next. lines: the mission lines of the parts, by label."""
 
     def __init__(
         self,
@@ -61,6 +61,7 @@ class Failsafe:
         events: Events,
     ) -> None:
         self.latched: Reaction | None = None
+        self.due: Time = 0
         self._vehicle, self._events, self._lines = vehicle, events, lines
         self._checks: tuple[_Check, ...] = tuple((n, s.check) for n, s in supervisors.items())
         self._hurried = tuple(c for c in self._checks if not supervisors[c[0]].unhurried)
@@ -77,6 +78,7 @@ class Failsafe:
         asked = self._hurried
         if tick.now >= self._all_due:
             asked, self._all_due = self._checks, tick.now + _UNHURRIED
+        self.due = tick.now if self._hurried else self._all_due
         for label, check in asked:
             try:
                 alarm = check(tick, airborne)
@@ -109,6 +111,7 @@ class Failsafe:
     def report(self, failure: PartFailed) -> None:
         """Note the failure of a part that a landing doesn't need; `check` returns its alarm."""
         self._failed = self.failure(failure, Reaction.LAND)
+        self.due = 0
 
     def failure(self, failure: PartFailed, reaction: Reaction, at: str = "") -> RaisedAlarm:
         """Publish that a part failed; return the alarm for it."""

@@ -4,7 +4,8 @@ Alarm `too_close` in the air while the distance of the estimates of two vehicles
 than half of both diameters, `margin` and the way in which they come to rest, c (0.15 s + 15/16 c /
 (2 m/s^2)), c being the speed at which they close in; once raised it stays until they are 5 cm
 further apart. A vehicle without an estimate is not seen. As nothing closes in faster than 20 m/s,
-it looks again when the narrowest gap could be gone, after 0.1 s at the latest. World frame, metres.
+it looks again when the narrowest gap could be gone, after 0.1 s at the latest; at a vehicle that is
+more than 5 m away, when it could be nearer. World frame, metres.
 
 The default reaction is `brake`: both vehicles see each other, both hold, and each goes on when the
 other is gone; where neither is, they land after the mission's `hover_limit`.
@@ -13,7 +14,7 @@ other is gone; where neither is, they land after the mission's `hover_limit`.
 from __future__ import annotations
 
 from kybflow.core.geometry import distance, dot, sub
-from kybflow.core.signals import NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
+from kybflow.core.signals import NEVER, NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
 from kybflow.core.units import Length
 from kybflow.parts import Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
@@ -48,36 +49,43 @@ class Proximity(Supervisor[ProximityParams]):
         self._own = own
         self._close: frozenset[str] = frozenset()
         self._next: Time = 0
+        self._far: dict[str, Time] = {context.vehicle: NEVER}
 
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:
         if len(tick.fleet) < 2 or tick.estimate is None or not airborne:
-            self._close, self._next = frozenset(), 0
+            self._close, self._next, self._far = frozenset(), 0, {self._vehicle: NEVER}
             return None
-        if tick.now < self._next:
+        now, far = tick.now, self._far
+        if now < self._next:
             return None
         here, close, room = tick.estimate.position, [], _CLOSING * _LATEST
         for name, other in tick.fleet.items():
-            if other is None or name == self._vehicle:
+            if other is None or now < far.get(name, 0):
                 continue
             bound = self._touching.get(name, self._own) + self.params.margin
             apart = distance(here, other.position)
-            room = min(room, apart - bound)
-            if apart - bound < _FAR:
-                bound += _stopping(tick.estimate, other)
+            gap = apart - bound
+            if gap >= _FAR:
+                far[name] = now + round((gap - _FAR) / _CLOSING * NS)
+                continue
+            room = min(room, gap)
+            bound += _stopping(tick.estimate, other, apart)
             if apart < bound + (_APART if name in self._close else 0.0):
                 close.append((apart, bound, name))
         self._close = frozenset(name for *_, name in close)
         if not close:
-            self._next = tick.now + round(room / _CLOSING * NS)
+            self._next = now + round(room / _CLOSING * NS)
             return None
         apart, bound, name = min(close)
         reason = f"{apart:.2f} m from `{name}`, {bound:.2f} m needed"
         return Alarm("too_close", Reaction[self.params.reaction.upper()], reason, apart, bound)
 
 
-def _stopping(own: Estimate, other: Estimate) -> float:
-    """The way in which two vehicles that close in come to rest, as `safety.hold` brakes; metres."""
+def _stopping(own: Estimate, other: Estimate, apart: float) -> float:
+    """Return the distance (m) in which two vehicles that close in come to rest, as `safety.hold`
+    brakes. apart: metres between them."""
     away = sub(other.position, own.position)
-    apart = max(distance(other.position, own.position), 1e-6)
-    closing = max(dot(sub(own.velocity, other.velocity), away) / apart, 0.0)
+    closing = dot(sub(own.velocity, other.velocity), away) / max(apart, 1e-6)
+    if closing <= 0.0:
+        return 0.0
     return closing * (_ANSWER + 0.9375 * closing / _DECELERATION)

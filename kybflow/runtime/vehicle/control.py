@@ -25,6 +25,7 @@ Commanded = tuple[Command, Setpoint | None]
 """(the command of a tick, the setpoint before processing)."""
 
 _Process = Callable[[Setpoint, Tick], Setpoint | Alarm]
+_IDLE = SetpointKind.IDLE
 _LEAST_HOVER, _MOST_HOVER = 0.5, 2.0
 """Plausible range of a tracker's hover thrust, as a fraction of the airframe's weight."""
 
@@ -94,7 +95,7 @@ class Control:
         if isinstance(output, Command):
             self.followed = None
             return self._turning(checked_command(output)), None
-        if output.kind is SetpointKind.IDLE:
+        if output.kind is _IDLE:
             if activity.off_ground:
                 raise ValueError("the rotors can't rest in the air")
             self.followed = None
@@ -108,11 +109,13 @@ class Control:
         try:
             for part, process in self._active:
                 output = process(setpoint, tick)
+                if output is setpoint:
+                    continue  # as nearly always
                 if isinstance(output, Alarm):
                     processor, part = part, ""  # noqa: PLW2901 - what raises is not the processor
                     if self._reactions.alarm(processor, output, tick):
                         return None
-                elif output is not setpoint:
+                else:
                     setpoint = checked_setpoint(output)
             part = self._tracker_label
             command = checked_command(self._tracker.update(setpoint, tick))
@@ -123,7 +126,7 @@ class Control:
         return self._turning(command)
 
     def _turning(self, command: Command) -> Command:
-        if self._activity.off_ground and not command.armed:
+        if not command.armed and self._activity.off_ground:
             raise ValueError("the rotors can't rest in the air")
         return command
 

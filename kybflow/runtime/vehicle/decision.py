@@ -35,9 +35,10 @@ class Decision:
         activity = self._activity
         if activity.hold is not None:
             activity.wait(tick.dt)
-        heard = self._failsafe.check(tick, activity.off_ground)
-        if heard is not None:
-            self._reactions.react(heard, tick)
+        if tick.now >= self._failsafe.due:
+            heard = self._failsafe.check(tick, activity.off_ground)
+            if heard is not None:
+                self._reactions.react(heard, tick)
         if activity.changed:
             tick = self.settle(tick)
         if self._requests.waiting:

@@ -76,8 +76,9 @@ class Candidate:
             return False
         if self._healthy_since is None:
             self._healthy_since = now
-        recovered = not self._was_lost or now - self._healthy_since >= self._recover
-        return recovered and not self._is_spent
+        if self._was_lost and now - self._healthy_since < self._recover:
+            return False
+        return not self._is_spent
 
     @property
     def is_bounded(self) -> bool:
@@ -155,12 +156,10 @@ class Estimation:
         chosen: Candidate | None = None
         for candidate in self._candidates:
             try:
-                healthy = candidate.update(measurements, now)
+                if candidate.update(measurements, now) and chosen is None:
+                    chosen = candidate
             except Exception as error:  # a part may raise anything
                 self._fail(candidate, error)
-                continue
-            if healthy and chosen is None:
-                chosen = candidate
         if chosen is None:
             chosen = next((c for c in self._candidates if c.is_usable), None)
         estimate = chosen.estimate if chosen is not None else None
@@ -168,7 +167,7 @@ class Estimation:
             self._change(chosen, estimate, now)
         self._is_reordered = False
         self._flown = estimate if self._blend is None else self._blended(estimate, now)
-        if estimate is not None and len(self._candidates) > 1:
+        if len(self._candidates) > 1 and estimate is not None:
             self._anchor(estimate)
         return self._flown
 

@@ -54,7 +54,7 @@ class Knowledge:
     """The estimate and the latest measurements of each kind, None before the first.
 
     resting: the accelerometer's bias at rest. needs: the kinds of measurement that the estimators
-    use. `report` is called with the failure of a part.
+    use. `report` is called with the failure of a part. `in_air` returns whether the vehicle flies.
     """
 
     def __init__(
@@ -66,6 +66,7 @@ class Knowledge:
         observer: VehicleObserver,
         score: VehicleScore,
         report: Callable[[PartFailed], None],
+        in_air: Callable[[], bool],
         sensors: Sequence[OpenSensor] = (),
         bodies: Bodies | None = None,
         fleet: EstimateHistory | None = None,
@@ -80,6 +81,8 @@ class Knowledge:
         self.estimation = Estimation(plan, context, events, score, report, self._known)
         self.sensing = Sensing(plan, sensors, events)
         self._name, self._observer, self._score = plan.name, observer, score
+        self._in_air, self._rig = in_air, link.rig
+        self._listen, self._accept = link.listen, self._accepted
         self._fleet = fleet or EstimateHistory()
         self._body = BodyMonitor(plan, bodies or Bodies(), events)
         self.cameras = CameraMonitor(plan, self._fleet, events)
@@ -88,21 +91,20 @@ class Knowledge:
         self.needs: frozenset[MeasurementKind] = frozenset().union(*needs)
         link.subscribe(self.needs)
 
-    def update(self, now: Time, in_air: bool) -> None:
-        """Read the measurements and update the estimate. in_air: whether the vehicle flies."""
-        measurements = self.link_in.listen(now, self._accepted)
+    def update(self, now: Time) -> None:
+        """Read the measurements and update the estimate."""
+        measurements = self._listen(now, self._accept)
         if self.sensing.streams:
             measurements = self.sensing.joined(measurements, now, self._note)
         if measurements or now >= self._body.due:
-            measurements = self._body.measured(measurements, now, in_air)
+            measurements = self._body.measured(measurements, now, self._in_air())
         if self.cameras.is_asked:
-            measurements = self.cameras.measured(measurements, now, in_air)
-        rig = self.link_in.rig
-        if rig is not None and rig.estimators:
-            self.estimation.kill(rig.estimators)
+            measurements = self.cameras.measured(measurements, now, self._in_air())
+        if self._rig is not None and self._rig.estimators:
+            self.estimation.kill(self._rig.estimators)
         self.estimate = self.estimation.update(measurements, now)
         if self.cameras.is_asked:
-            self.cameras.see(self.estimation.candidates, in_air)
+            self.cameras.see(self.estimation.candidates, self._in_air())
         if self._fleet.is_asked and self.estimate is not None:
             self._fleet.note(self._name, self.estimate)
 

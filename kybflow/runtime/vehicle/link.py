@@ -118,7 +118,8 @@ class LinkIn:
             self.heard = now if self.heard is None else self.heard
             self._alive = now if self._alive is None else self._alive
             self._health.fail(error)
-        self._health.age = 0.0 if self._alive is None else (now - self._alive) / NS
+        if self._alive is not None:
+            self._health.age = (now - self._alive) / NS
         if self._texts is not None:
             tell = self._events.tell
             for severity, text in self._health.attempt(self._texts) or ():

@@ -76,8 +76,9 @@ class Vehicle:
         health = LinkHealth(plan.driver.label, failsafe.report)
         link_in, link_out = LinkIn(plan, link, health, events), LinkOut(plan, link, health)
         knowledge = Knowledge(
-            plan, context, link_in, events, observer, score, failsafe.report, sensors, bodies, fleet
-        )
+            plan, context, link_in, events, observer, score, failsafe.report,
+            lambda: self.airborne, sensors, bodies, fleet,
+        )  # fmt: skip
         activity = Activity(
             plan, params, events, score, self.entry, self._objection, failsafe.is_latched
         )
@@ -165,7 +166,7 @@ class Vehicle:
     def sense(self, now: Time) -> None:
         """Read the link and update the estimate."""
         self.now = now
-        self.knowledge.update(now, self._reactions.airborne)
+        self.knowledge.update(now)
         if self.link_out.tells_position:
             position = self._external_position.of(self.knowledge.estimate)
             if position is not None:
@@ -175,39 +176,39 @@ class Vehicle:
         """Decide, steer, send and record."""
         self._fleet = fleet
         tick = self._tick(now, dt, fleet)
-        command, wanted = HANDED_OVER, None
         override = self._override
         if override.away or self.link_out.override is not None:
             override.update(tick, self._decision.answer)
         if override.away:
+            command, wanted = HANDED_OVER, None
             self._output.sent = command
         else:
-            command, wanted = self._commanded(tick)
+            try:
+                tick = self._decision.decide(tick)
+                command, wanted = self._control.steer(tick) or self._resteered(tick)
+            except Exception as error:  # a part may raise anything; it fails this vehicle alone
+                command, wanted = self._commanded_after(error, tick)
             command = self._output.deliver(command, now)
         if self.activity.grip is not None:
             self._output.grip(self.activity.grip, now)
         self._record(now, wanted, command)
 
-    def _commanded(self, tick: Tick) -> Commanded:
-        """Return the command of this tick, whichever parts fail."""
-        try:
-            tick = self._decision.decide(tick)
-            return self._steered(tick)
-        except Exception as error:  # a part may raise anything; it fails this vehicle alone
-            failure = error
+    def _commanded_after(self, failure: Exception, tick: Tick) -> Commanded:
+        """Return the command of a tick in which a part failed, whichever parts fail then."""
         for _ in range(_ESCALATIONS + len(self.plan.processors)):
             try:
                 self._reactions.react_to_failure(*self._control.blame(failure), tick)
-                tick = self._decision.settle(tick)
-                return self._steered(tick)
+                return self._resteered(tick)
             except Exception as error:  # the next attempt does without the part that raised
                 failure = error
         return RESTING, None
 
-    def _steered(self, tick: Tick) -> Commanded:
-        """Steer, again after every change of state, until there is a command."""
-        while (commanded := self._control.steer(tick)) is None:
+    def _resteered(self, tick: Tick) -> Commanded:
+        """Steer after a change of state, and after every further one, until there is a command."""
+        commanded = None
+        while commanded is None:
             tick = self._decision.settle(tick)
+            commanded = self._control.steer(tick)
         return commanded
 
     def entry(self) -> Entry:
