@@ -12,7 +12,7 @@ from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.mavlink.control.requests import CommandRequest, CommandRequests
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
-from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
+from kybflow.drivers.mavlink.telemetry.truth import STREAMS, GroundTruth
 from kybflow.drivers.mavlink.transport import open_wire
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, Router
 from kybflow.world.vehicle_context import VehicleContext
@@ -75,8 +75,10 @@ class Watched:
                 self.truth.hear(message, now, on_ground=on_ground)
         if self.heard.heartbeat is not None and not self._asked:
             self._asked = True
-            rates = RATES if self.truth is None else RATES | dict(self.profile.simulator_streams)
+            rates = RATES if self.truth is None else {**RATES, **STREAMS}
             for name, rate in rates.items():
+                if name not in self.profile.streams:
+                    continue
                 number = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
                 self.ask(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, round(1e6 / rate), now=now)
         for message in self._requests.due(now):

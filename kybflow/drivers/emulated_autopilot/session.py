@@ -13,7 +13,7 @@ from kybflow.drivers.emulated_autopilot.firmware import SetupPlan, emulated_firm
 from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
 from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.emulation.fleet import EmulatedVehicle, Fleet
-from kybflow.drivers.mavlink.firmware import Latency, profile_of
+from kybflow.drivers.mavlink.firmware import FirmwareProfile, Latency, profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
 from kybflow.drivers.mavlink.transport.router import Port, Router
@@ -67,6 +67,9 @@ class EmulatedLink(AutopilotLink):
     @property
     def autopilot(self) -> OnboardAutopilot:
         return self._emulated.onboard.autopilot
+
+    def _ground_truth(self, seat: Seat, profile: FirmwareProfile) -> None:
+        """Its world tells the truth, not the autopilot."""
 
     def update(self, now: Time) -> None:
         rig = self._emulated.vehicle.rig

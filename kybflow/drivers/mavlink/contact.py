@@ -5,19 +5,22 @@ Upkeep means heartbeats, streams that are asked for, parameters that are read, c
 compared, commands that are sent again. All of it happens in the engine's tick and stops with it.
 Two heartbeats are sent: a ground station's, without which PX4 sends no texts, and an onboard
 computer's. What an autopilot may have forgotten, because it rebooted or was not heard for a while,
-is asked for again."""
+is asked for again. What it sends unasked, often, and nobody reads is switched off, unless somebody
+else listens on the same wire, and on again when the link is closed."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.core.signals import NS, Time
+from kybflow.core.signals import NS, MeasurementKind, Time
 from kybflow.drivers.mavlink.control.requests import CommandRequests
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
+from kybflow.drivers.mavlink.telemetry import received_status
+from kybflow.drivers.mavlink.telemetry import truth as ground_truth
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, TimeSync
 from kybflow.drivers.mavlink.telemetry.measurements import Telemetry
 from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
@@ -45,7 +48,6 @@ DISARM, REFUSALS = "disarm", ("denied", "not landed", "refused", "rejected")
 ALERT = mavlink.MAV_SEVERITY_ALERT
 """Texts as severe as this are reported at once, whatever they say."""
 SEVERITIES = ("critical", "critical", "critical", "error", "warning")
-TRUE = frozenset({"SIM_STATE", "HIL_STATE_QUATERNION"})
 ANSWERS = frozenset({"COMMAND_ACK", "PARAM_VALUE", "PARAM_ERROR", "TIMESYNC"})
 
 
@@ -54,7 +56,9 @@ class Contact:
     to it. `sync`: the comparison of its clock with ours. `silence`: the newest interval without a
     message. `truth`: the ground truth of its simulator, None on hardware."""
 
-    def __init__(self, seat: Seat, profile: FirmwareProfile, port: Port) -> None:
+    def __init__(
+        self, seat: Seat, profile: FirmwareProfile, port: Port, truth: GroundTruth | None
+    ) -> None:
         params, context = seat.params, seat.context
         self.port, self.profile, self.target = port, profile, (port.system, AUTOPILOT)
         self.is_outside = params.position == "outside"
@@ -67,18 +71,19 @@ class Contact:
             profile.integer_parameters_bytewise, target=self.target
         )
         self.telemetry = Telemetry(
-            context, profile.spread, profile.streams.keys(), self.status, self.clock,
+            context, profile.spread, profile.streams, self.status, self.clock,
             self.is_outside,
         )  # fmt: skip
-        self.truth = GroundTruth(context, profile.sphere) if params.simulator else None
+        self.truth = truth
         self.silence: Silence | None = None
         self._alive: Time | None = None
         self._text: ReceivedText | None = None
         self._told: dict[str, Time] = {}
         self._kept: list[ReceivedText] = []
-        port.want({*self.status.reads, *self.telemetry.reads, *profile.streams, *ANSWERS})
-        if self.truth is not None:
-            port.want(TRUE)
+        port.want((*received_status.STREAMS, "STATUSTEXT"))
+        port.want((*self.telemetry.reads, *ANSWERS))
+        if truth is not None:
+            port.want(ground_truth.STREAMS)
 
     @property
     def ignored_because(self) -> str:
@@ -86,6 +91,11 @@ class Contact:
         if self.port.counts.signed:
             return "; what it sends is signed: give the driver its `key`"
         return ""
+
+    def streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
+        """The messages that must come steadily, Hz. kinds: what the vehicle is flown by."""
+        true = {} if self.truth is None else ground_truth.STREAMS
+        return {**received_status.STREAMS, **self.telemetry.streams(kinds), **true}
 
     def age(self, now: Time) -> float:
         """Seconds since the last message; zero before the first."""
@@ -144,7 +154,7 @@ class Contact:
         elif sort == "TIMESYNC":
             for answer in self.sync.hear(message, now):
                 self.port.send(answer)
-        elif sort in TRUE:
+        elif sort in ground_truth.STREAMS:
             if self.truth is not None:
                 self.truth.hear(message, now, on_ground=self.status.landed is LandedState.GROUND)
         else:
@@ -156,12 +166,19 @@ def _refuses_to_disarm(text: ReceivedText) -> bool:
     return text.severity > ALERT and DISARM in words and any(word in words for word in REFUSALS)
 
 
+SET_MESSAGE_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 STATION = mavlink.MAV_COMP_ID_MISSIONPLANNER
 """Our component id as a ground station."""
 ROUND: Time = 5 * NS
 """Pause between two requests for streams that do not arrive."""
 ROUNDS = 3
 SILENT: Time = 3 * NS
+SETTLED: Time = 2 * NS
+"""How long after each request for streams the unread messages are counted."""
+OFTEN = 4
+"""Messages in that time: what comes more rarely and unread is left alone."""
+STOPPED, USUAL = -1.0, 0.0
+"""In place of an interval: never; as often as without a request."""
 
 
 class Upkeep:
@@ -172,12 +189,15 @@ class Upkeep:
 
     def __init__(self, contact: Contact, rates: Mapping[str, float], names: Sequence[str]) -> None:
         self._port, self._status, self._clock = contact.port, contact.status, contact.clock
+        self._target = contact.target
         self._requests, self._parameters = contact.requests, contact.parameters
         self._sync, self._rates, self._names = contact.sync, dict(rates), names
         self._heartbeat: Time = 0
         self._round: Time = 0
         self._rounds = 0
         self._reboots = 0
+        self._stopped: set[int] = set()
+        self._settled: Time | None = None
 
     def stream(self, name: str, rate: float, now: Time) -> None:
         """Request a stream at another rate, Hz."""
@@ -205,6 +225,8 @@ class Upkeep:
             self.begin_anew()
         if self._rounds < ROUNDS and now >= self._round:
             self._ask(now)
+        if self._settled is not None and now >= self._settled:
+            self._stop_unread(now)
         for due in (self._requests, self._parameters, self._sync):
             for message in due.due(now):
                 self._port.send(message)
@@ -214,6 +236,8 @@ class Upkeep:
             self._parameters.read(self._names, now)
         self._rounds += 1
         self._round = now + ROUND
+        self._settled = now + SETTLED
+        self._port.unread()
         for name in self._rates:
             if self._rounds == 1 or now - self._status.at.get(name, -SILENT) >= SILENT:
                 self._ask_for(name, now)
@@ -221,8 +245,21 @@ class Upkeep:
             number = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
             self._requests.ask(mavlink.MAV_CMD_REQUEST_MESSAGE, number, now=now, attempts=2)
 
+    def close(self) -> None:
+        """Let the autopilot send again what was switched off."""
+        for number in sorted(self._stopped):
+            params = (SET_MESSAGE_INTERVAL, 0, number, USUAL, 0.0, 0.0, 0.0, 0.0, 0.0)
+            self._port.send(mavlink.MAVLink_command_long_message(*self._target, *params))
+
+    def _stop_unread(self, now: Time) -> None:
+        """Switch off what came often since streams were requested, and nobody read."""
+        self._settled = None
+        often = (number for number, count in self._port.unread().items() if count >= OFTEN)
+        for number in sorted(often):
+            self._stopped.add(number)
+            self._requests.ask(SET_MESSAGE_INTERVAL, number, STOPPED, now=now, attempts=3)
+
     def _ask_for(self, name: str, now: Time) -> None:
         number = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
         interval = round(1e6 / self._rates[name])
-        command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-        self._requests.ask(command, number, interval, now=now, attempts=3)
+        self._requests.ask(SET_MESSAGE_INTERVAL, number, interval, now=now, attempts=3)

@@ -5,7 +5,7 @@ and `contact` keeps what it reported."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 from pymavlink.dialects.v20 import all as mavlink
 
@@ -16,7 +16,6 @@ from kybflow.core.signals import (
     Command,
     CommandKind,
     Estimate,
-    Imu,
     Measurement,
     MeasurementKind,
     Setpoint,
@@ -25,6 +24,7 @@ from kybflow.core.signals import (
     Truth,
 )
 from kybflow.drivers.mavlink.contact import Contact, Upkeep
+from kybflow.drivers.mavlink.control import payload, setpoints
 from kybflow.drivers.mavlink.control.offboard import OffboardControl, OffboardGoal
 from kybflow.drivers.mavlink.control.payload import PayloadGrip
 from kybflow.drivers.mavlink.control.setpoints import HoverThrottle, compensated
@@ -32,8 +32,8 @@ from kybflow.drivers.mavlink.firmware import FirmwareProfile, Latency
 from kybflow.drivers.mavlink.preflight.checks import LineCapacity, PreflightChecks
 from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.frames import Anchor
-from kybflow.drivers.mavlink.telemetry.measurements import INERTIAL
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
+from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.telemetry.vision import ExternalVision, FrameDrift
 from kybflow.drivers.mavlink.transport.router import Port
 from kybflow.parts import Check, Link, Seat, StatusText
@@ -45,9 +45,6 @@ OFTEN: Time = NS // 50
 FORGOTTEN: Time = NS // 2
 """Its own position counts as unknown when it is older than this."""
 MS: Time = NS // 1000
-IDLE = 25.0
-"""IMU samples a second while nobody flies by them: enough to learn the resting bias, and to begin a
-blind descent until more arrive."""
 
 
 class AutopilotLink(Link):
@@ -55,7 +52,7 @@ class AutopilotLink(Link):
 
     def __init__(self, seat: Seat, profile: FirmwareProfile, port: Port) -> None:
         context, params = seat.context, seat.params
-        contact = self.contact = Contact(seat, profile, port)
+        contact = self.contact = Contact(seat, profile, port, self._ground_truth(seat, profile))
         resumes = params.after_failsafe == "resume"
         self.offboard = OffboardControl(
             profile, contact.status, contact.requests, params.arming_time, params.rate, resumes,
@@ -69,19 +66,19 @@ class AutopilotLink(Link):
         self._hover = HoverThrottle(
             profile.hover_parameter, context.airframe.hover_thrust, profile.raises
         )
+        contact.port.want(setpoints.STREAMS)
         self._vision = ExternalVision(params.vision_rate, contact.target)
         names = [*self._checks.names(), profile.hover_parameter]
         self._grip: PayloadGrip | None = None
         if context.payload is not None:
             output = profile.output(context.payload.channel, params.simulator)
             names.append(output.parameter)
+            contact.port.want(payload.STREAMS)
             self._grip = PayloadGrip(
                 profile, contact.status, contact.requests, contact.parameters, output
             )
-        rates = {**profile.streams, **(profile.simulator_streams if params.simulator else {})}
-        self._capacity, self._rates = LineCapacity(params), rates
-        idle = {name: min(rates[name], IDLE) for name in INERTIAL if name in rates}
-        self._upkeep = Upkeep(contact, self._capacity.fitting(rates | idle), names)
+        self._capacity = LineCapacity(params)
+        self._upkeep = Upkeep(contact, self._streams(frozenset()), names)
         self._now: Time = 0
         self._due: Time = 0
         self._opened: Time | None = None
@@ -150,9 +147,8 @@ class AutopilotLink(Link):
         return self.contact.said(is_disarming=self.offboard.is_disarming)
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
-        if Imu in kinds:
-            for name, rate in self._capacity.fitting(self._rates).items():
-                self._upkeep.stream(name, rate, self._now)
+        for name, rate in self._streams(kinds).items():
+            self._upkeep.stream(name, rate, self._now)
 
     def reclaim(self, now: Time) -> None:
         self.offboard.reclaim(now)
@@ -184,8 +180,9 @@ class AutopilotLink(Link):
         return None if truth is None else truth.truth(self._now)
 
     def close(self) -> None:
-        """Put the mode of a disarmed vehicle back to what it was before us, unless somebody else
-        has it."""
+        """Put the streams back to what they were before us, and the mode of a disarmed vehicle,
+        unless somebody else has it."""
+        self._upkeep.close()
         contact, before = self.contact, self.offboard.modes.before
         is_ours = self.override is None and not contact.status.armed
         if not is_ours or before is None or before == contact.status.mode:
@@ -195,6 +192,18 @@ class AutopilotLink(Link):
         contact.port.send(
             mavlink.MAVLink_command_long_message(*contact.target, command, 0, *params)
         )
+
+    def _ground_truth(self, seat: Seat, profile: FirmwareProfile) -> GroundTruth | None:
+        """What tells the ground truth; None on hardware."""
+        return GroundTruth(seat.context, profile.sphere) if seat.params.simulator else None
+
+    def _streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
+        """The messages to request, Hz. kinds: what the vehicle is flown by."""
+        rates = {**self.contact.streams(kinds), **setpoints.STREAMS}
+        if self._grip is not None:
+            rates |= payload.STREAMS
+        sent = self.contact.profile.streams
+        return self._capacity.fitting({name: rates[name] for name in rates if name in sent})
 
     def _stream_setpoint(self, now: Time) -> None:
         """Send the setpoint that is due."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from scripted_autopilot import Bench
 
-from kybflow.core.signals import Imu
+from kybflow.core.signals import Imu, Odometry
 from kybflow.drivers.mavlink import MavlinkParams
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.preflight.checks import LineCapacity
@@ -25,7 +25,7 @@ def taken(rates: dict[str, float]) -> float:
 
 @pytest.mark.parametrize("address", [None, "udpin:127.0.0.1:14540", "tcp:10.0.0.1:5760", QUICK])
 def test_whatever_is_quick_enough_is_asked_for_all(address):
-    streams = profile_of("ardupilot").streams
+    streams = dict.fromkeys(profile_of("ardupilot").streams, 50.0)
     assert capacity(address).fitting(streams) == streams
 
 
@@ -72,11 +72,14 @@ def test_a_vehicle_on_a_radio_is_asked_for_what_fits_also_once_its_imu_is_flown_
     bench = Bench("ardupilot", address=SLOW)
     bench.run(2.0)
     assert bench.link.checks(bench.now)[-1].name == "serial line"
-    assert asked(bench) == pytest.approx(16.2, abs=0.1)
+    assert asked(bench) == pytest.approx(13.3, abs=0.1)
     bench.fake.sent.clear()
     bench.link.subscribe(frozenset({Imu}))
     bench.run(0.5)
-    assert asked(bench) == pytest.approx(12.0, abs=0.1)
+    assert asked(bench) == pytest.approx(8.5, abs=0.1)
+    bench.link.subscribe(frozenset({Imu, Odometry}))
+    bench.run(0.5)
+    assert asked(bench) == pytest.approx(13.1, abs=0.1)
 
 
 def asked(bench: Bench) -> float:

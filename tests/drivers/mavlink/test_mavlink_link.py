@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 
 import pytest
+from framing import Framing
 from scripted_autopilot import (
     AIR,
     ARM,
@@ -13,6 +14,7 @@ from scripted_autopilot import (
     REJECTED,
     RESTING,
     SET_MODE,
+    UNSUPPORTED,
     Bench,
     at,
     estimate,
@@ -26,6 +28,9 @@ from kybflow.parts import StatusText
 from kybflow.world.vehicle_context import Parcel
 
 UP = at((0.0, 0.0, 1.0))
+STEADY = frozenset({436.0, 1.0, 245.0, 31.0, 32.0, 105.0, 230.0, 147.0, 83.0, 65.0})
+"""The messages that every PX4 is asked for, beside its heartbeat: mode, status, landed state,
+attitude, position, IMU, estimator, battery, throttle, sticks."""
 STREAM = "SET_POSITION_TARGET_LOCAL_NED"
 
 
@@ -51,8 +56,8 @@ def test_heartbeats_of_a_ground_station_and_of_a_computer_come_with_the_tick():
 def test_streams_are_asked_for_and_what_does_not_come_again():
     bench = Bench()
     bench.run(8.0)
-    asked = [m.param1 for m in bench.fake.commands(511)]
-    assert len(set(asked)) == len(bench.fake.profile.streams)
+    asked = [m.param1 for m in bench.fake.commands(511) if m.param2 > 0.0]
+    assert set(asked) == {mavlink.MAVLINK_MSG_ID_HEARTBEAT, *STEADY}
     assert asked.count(31.0) == 1
     assert asked.count(105.0) == 2
 
@@ -65,8 +70,29 @@ def test_the_imu_is_asked_for_at_its_full_rate_once_somebody_flies_by_it():
     bench.fake.sent.clear()
     bench.link.subscribe(frozenset({Imu}))
     bench.link.subscribe(frozenset({Imu, Odometry}))
-    bench.run(0.04)
-    assert [(m.param1, m.param2) for m in bench.fake.commands(511)] == [(105.0, 10_000.0)]
+    bench.run(0.1)
+    assert [(m.param1, m.param2) for m in bench.fake.commands(511)] == [
+        (105.0, 10_000.0), (31.0, 20_000.0), (32.0, 20_000.0),
+    ]  # fmt: skip
+
+
+def test_its_own_estimate_comes_more_rarely_where_nobody_flies_by_it():
+    bench = Bench()
+    bench.run(8.0)
+    own = [m.param2 for m in bench.fake.commands(511) if m.param1 in (31.0, 32.0)]
+    assert set(own) == {40_000.0}
+
+
+def test_what_only_some_vehicles_need_is_asked_of_those_alone():
+    def asked(**params):
+        bench = Bench(**params)
+        bench.run(1.0)
+        return {m.param1 for m in bench.fake.commands(511)} - {0.0, *STEADY}
+
+    assert asked() == set()
+    assert asked(position="own") == {mavlink.MAVLINK_MSG_ID_GPS_RAW_INT}
+    assert asked(simulator=True) == {mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION}
+    assert asked(payload=Parcel(mass=0.2, size=0.1)) == {mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW}
 
 
 def test_an_imu_that_is_needed_from_the_beginning_is_never_slow():
@@ -74,6 +100,48 @@ def test_an_imu_that_is_needed_from_the_beginning_is_never_slow():
     bench.link.subscribe(frozenset({Imu}))
     bench.run(8.0)
     assert {m.param2 for m in bench.fake.commands(511) if m.param1 == 105.0} == {10_000.0}
+
+
+def unread(bench, seconds):
+    """Let time pass in which VFR_HUD comes in every tick and HOME_POSITION once a second, beside
+    SERVO_OUTPUT_RAW, which a vehicle without payload does not read either; what was switched off,
+    by number."""
+    for tick in range(round(seconds * 50)):
+        bench.fake._send(mavlink.MAVLink_vfr_hud_message(0.0, 0.0, 0, 0, 0.0, 0.0))
+        if tick % 50 == 0:
+            bench.fake._send(
+                mavlink.MAVLink_home_position_message(
+                    0, 0, 0, 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], *3 * [0.0]
+                )
+            )
+        bench.tick()
+    return [m.param1 for m in bench.fake.commands(511) if m.param2 == -1.0]
+
+
+def test_what_comes_often_and_unread_is_switched_off_and_on_again_at_the_end():
+    bench = Bench()
+    assert unread(bench, 1.5) == []
+    assert unread(bench, 1.0) == [36.0, 74.0]
+    bench.session.close()
+    bench.fake.step(bench.now + PERIOD)
+    back = [(m.param1, m.param2) for m in bench.fake.commands(511)[-2:]]
+    assert back == [(36.0, 0.0), (74.0, 0.0)]
+
+
+def test_an_autopilot_that_does_not_switch_off_is_flown_all_the_same():
+    bench = Bench()
+    bench.fake.refuses[511] = (UNSUPPORTED, "")
+    assert set(unread(bench, 20.0)) == {36.0, 74.0}
+    bench.fly()
+    assert bench.link.override is None
+
+
+@pytest.mark.parametrize("kind", [mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER])
+def test_nothing_is_switched_off_where_somebody_else_listens_too(kind):
+    bench = Bench()
+    beside = Framing(255, 190)
+    bench.fake.wire.send(beside.pack(mavlink.MAVLink_heartbeat_message(kind, 8, 0, 0, 4, 3)))
+    assert unread(bench, 12.0) == []
 
 
 def test_set_points_go_out_at_their_rate_in_its_own_frame():
@@ -437,4 +505,4 @@ def test_what_was_forgotten_after_a_start_is_asked_for_again():
     bench.run(4.0)
     bench.fake.is_quiet = False
     bench.run(1.0)
-    assert len(bench.fake.commands(511)) >= asked + len(bench.fake.profile.streams)
+    assert len(bench.fake.commands(511)) >= asked + 1 + len(STEADY)

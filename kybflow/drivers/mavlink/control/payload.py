@@ -7,6 +7,8 @@ in turn.
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 from kybflow.core.errors import Refused
 from kybflow.core.signals import NS, Payload, Time
 from kybflow.drivers.mavlink.control.requests import CommandRequest, CommandRequests, name_of
@@ -15,6 +17,8 @@ from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
+STREAMS = MappingProxyType({"SERVO_OUTPUT_RAW": 10.0})
+"""Where the output is seen to move, Hz."""
 SEEN = 2.0
 """Seconds within which an acknowledged output must have moved, and the largest age of a report of
 the outputs."""

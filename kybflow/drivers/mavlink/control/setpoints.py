@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import isfinite
+from types import MappingProxyType
 
 from kybflow.core.geometry import ZERO, add, norm, scale
 from kybflow.core.signals import NS, Command, CommandKind, Odometry, SetpointKind, Time
@@ -88,6 +89,8 @@ def compensated(command: Command, latency: Latency) -> Command:
     return command._replace(setpoint=ahead)
 
 
+STREAMS = MappingProxyType({"ATTITUDE_TARGET": 10.0})
+"""From which `HoverThrottle` learns, Hz."""
 USUAL = 0.5
 LEAST, MOST = 0.1, 0.9
 SLOW = 5.0

@@ -132,7 +132,7 @@ class FirmwareProfile:
     names: the firmware's names of its modes, by custom_mode.
     modes: custom_mode by those names and by ours: `offboard` (follows setpoints), `land`, `hold`.
     manual_modes: the names of the modes that a person flies.
-    streams, simulator_streams: the messages to request, Hz; those of its own simulator.
+    streams: the messages that can be requested from it; who reads them says how often.
     indoors: the parameters that flight without GPS needs.
     dangers: the parameters that can be dangerous.
     streams_first: whether setpoints must flow before it accepts `offboard`.
@@ -162,8 +162,7 @@ class FirmwareProfile:
     names: Mapping[int, str]
     modes: Mapping[str, int]
     manual_modes: frozenset[str]
-    streams: Mapping[str, float]
-    simulator_streams: Mapping[str, float]
+    streams: frozenset[str]
     indoors: tuple[Needed, ...]
     dangers: tuple[Danger, ...]
     streams_first: bool

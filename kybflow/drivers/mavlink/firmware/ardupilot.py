@@ -169,16 +169,14 @@ PROFILE = FirmwareProfile(
             "AUTOTUNE",
         }
     ),
-    streams=MappingProxyType(
+    streams=frozenset(
         {
-            "HEARTBEAT": 5.0, "SYS_STATUS": 5.0, "EXTENDED_SYS_STATE": 10.0,
-            "ATTITUDE_QUATERNION": 50.0, "LOCAL_POSITION_NED": 50.0, "RAW_IMU": 100.0,
-            "EKF_STATUS_REPORT": 5.0, "BATTERY_STATUS": 2.0, "SERVO_OUTPUT_RAW": 10.0,
-            "ATTITUDE_TARGET": 10.0, "RC_CHANNELS": 10.0, "GPS_RAW_INT": 5.0,
-            "GLOBAL_POSITION_INT": 5.0,
+            "HEARTBEAT", "SYS_STATUS", "EXTENDED_SYS_STATE", "ATTITUDE_QUATERNION",
+            "LOCAL_POSITION_NED", "RAW_IMU", "EKF_STATUS_REPORT", "BATTERY_STATUS",
+            "SERVO_OUTPUT_RAW", "ATTITUDE_TARGET", "RC_CHANNELS", "GPS_RAW_INT", "SIM_STATE",
         }
     ),
-    simulator_streams=MappingProxyType({"SIM_STATE": 50.0}), indoors=INDOORS, dangers=DANGERS,
+    indoors=INDOORS, dangers=DANGERS,
     streams_first=False, climbs=True, needs_origin=True, raises=True,
     integer_parameters_bytewise=False, hover_parameter="MOT_THST_HOVER", reaction="FS_GCS_ENABLE",
     feeds=("VISO_TYPE", "EK3_SRC1_POSXY", "EK3_SRC1_POSZ", "EK3_SRC1_YAW"),

@@ -158,16 +158,15 @@ PROFILE = FirmwareProfile(
     mav_autopilot=12, names=NAMES,
     modes=named(NAMES, offboard="OFFBOARD", land="LAND", hold="HOLD"),
     manual_modes=frozenset({"MANUAL", "ALTITUDE", "POSITION", "ACRO", "STABILIZED"}),
-    streams=MappingProxyType(
+    streams=frozenset(
         {
-            "HEARTBEAT": 5.0, "CURRENT_MODE": 5.0, "SYS_STATUS": 5.0, "EXTENDED_SYS_STATE": 10.0,
-            "ATTITUDE_QUATERNION": 50.0, "LOCAL_POSITION_NED": 50.0, "HIGHRES_IMU": 100.0,
-            "ESTIMATOR_STATUS": 5.0, "BATTERY_STATUS": 2.0, "SERVO_OUTPUT_RAW": 10.0,
-            "ATTITUDE_TARGET": 10.0, "RC_CHANNELS": 10.0, "GPS_RAW_INT": 5.0,
-            "GLOBAL_POSITION_INT": 5.0,
+            "HEARTBEAT", "CURRENT_MODE", "SYS_STATUS", "EXTENDED_SYS_STATE", "ATTITUDE_QUATERNION",
+            "LOCAL_POSITION_NED", "HIGHRES_IMU", "ESTIMATOR_STATUS", "BATTERY_STATUS",
+            "SERVO_OUTPUT_RAW", "ATTITUDE_TARGET", "RC_CHANNELS", "GPS_RAW_INT",
+            "HIL_STATE_QUATERNION",
         }
     ),
-    simulator_streams=MappingProxyType({"HIL_STATE_QUATERNION": 50.0}), indoors=INDOORS,
+    indoors=INDOORS,
     dangers=DANGERS, streams_first=True, climbs=False, needs_origin=False, raises=False,
     integer_parameters_bytewise=True, hover_parameter="MPC_THR_HOVER", reaction="COM_OBL_RC_ACT",
     feeds=("EKF2_EV_CTRL", "EKF2_HGT_REF"), feeds_own=("EKF2_GPS_CTRL",),

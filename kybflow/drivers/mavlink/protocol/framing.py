@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 import struct
+from collections import Counter
 from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
@@ -286,7 +287,7 @@ class Parser:
 
     wanted: the numbers of the messages to return; empty returns all. Other frames are dropped
     before their fields are read; without a key, those alone in a datagram are dropped even before
-    their checksum is compared.
+    their checksum is compared. unread: counts the dropped ones, by sender's system and number.
     `stale`: the senders, by system and component, whose signature was right but too old. The caller
     empties it.
     """
@@ -296,8 +297,10 @@ class Parser:
         signing: Signing | None = None,
         counts: Counts | None = None,
         wanted: Set[int] = frozenset(),
+        unread: Counter[tuple[int, int]] | None = None,
     ) -> None:
         self.counts = Counts() if counts is None else counts
+        self._unread = Counter() if unread is None else unread
         self.stale: set[tuple[int, int]] = set()
         self._signing, self._wanted = signing, wanted
         self._rest = b""
@@ -308,6 +311,7 @@ class Parser:
         if self._signing is None and not self._rest and _is_datagram(data):
             number = number_of(data)  # there is nothing to search for
             if self._wanted and number not in self._wanted:
+                self._unread[data[5], number] += 1
                 return []
             layout = LAYOUTS.get(number)
             message = None if layout is None else layout.checked(data)
@@ -361,6 +365,7 @@ class Parser:
             self.counts.refused += 1
             return _DROPPED
         if self._wanted and number not in self._wanted:
+            self._unread[system, number] += 1
             return _DROPPED
         return layout.message(frame)
 

@@ -12,7 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable, Set
 from typing import TYPE_CHECKING
 
-from kybflow.core.signals import NS, Imu, Measurement, Odometry, Payload, Time
+from kybflow.core.signals import (
+    NS,
+    Imu,
+    Measurement,
+    MeasurementKind,
+    Odometry,
+    Payload,
+    Time,
+)
 from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.frames import IDENTITY, Anchor, Tangent, from_ned
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, boot_time
@@ -22,10 +30,17 @@ from kybflow.world.vehicle_context import VehicleContext
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
+MOTION = ("ATTITUDE_QUATERNION", "LOCAL_POSITION_NED")
+"""The messages of its own estimate."""
 INERTIAL = ("RAW_IMU", "SCALED_IMU", "HIGHRES_IMU")
 """IMU messages, the best last: once a better one arrived, worse ones are dropped."""
 STATUS = frozenset({"ESTIMATOR_STATUS", "EKF_STATUS_REPORT"})
 """The messages in which autopilots report their estimator; each firmware sends one of them."""
+MOTION_RATE, INERTIAL_RATE = 50.0, 100.0
+"""Hz, where somebody flies by it."""
+IDLE = 25.0
+"""Hz, where nobody does: enough to learn the drift of its frame and the resting bias of its IMU, to
+hold still, and to begin a blind descent until more arrive."""
 OLDEST: Time = 2 * NS
 """The largest age of an attitude that is combined with a position."""
 SILENT: Time = 5 * NS
@@ -38,7 +53,7 @@ class Telemetry:
     `anchor`: where the autopilot's own frame lies in the world, None while unknown. `odometry`: its
     newest own estimate. `spread`: the standard deviation of its position, metres, None while it has
     no position. spread_of: reads `spread` from its estimator's status. streams: the messages that
-    are requested from it.
+    may be requested from it.
     """
 
     def __init__(
@@ -69,7 +84,7 @@ class Telemetry:
             "BATTERY_STATUS": self._battery,
             "SYS_STATUS": self._battery,
             "GPS_GLOBAL_ORIGIN": self._placed,
-            "GPS_RAW_INT": self._gps,
+            **({} if is_outside else {"GPS_RAW_INT": self._gps}),
             "RC_CHANNELS": codec.sticks,
             "MANUAL_CONTROL": codec.sticks,
             **dict.fromkeys(INERTIAL, self._felt),
@@ -86,6 +101,15 @@ class Telemetry:
     def reads(self) -> Set[str]:
         """The messages that it reads."""
         return self._hear.keys()
+
+    def streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
+        """The messages that must come steadily, Hz. kinds: what the vehicle is flown by."""
+        rates = {
+            **dict.fromkeys(MOTION, MOTION_RATE if Odometry in kinds else IDLE),
+            **dict.fromkeys(INERTIAL, INERTIAL_RATE if Imu in kinds else IDLE),
+            "BATTERY_STATUS": 2.0, "RC_CHANNELS": 10.0, "GPS_RAW_INT": 5.0,
+        }  # fmt: skip
+        return {name: rate for name, rate in rates.items() if name in self._hear}
 
     def hear(self, message: Message, now: Time) -> None:
         """Take in one message, after `ReceivedStatus` did."""
@@ -181,6 +205,6 @@ class Telemetry:
         self._origin = codec.tangent(message)
 
     def _gps(self, message: Message, now: Time) -> Measurement | None:
-        if self._is_outside or self._origin is None or self.anchor is None:
+        if self._origin is None or self.anchor is None:
             return None
         return codec.gps(message, now, origin=self._origin, anchor=self.anchor)

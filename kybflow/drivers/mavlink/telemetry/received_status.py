@@ -9,7 +9,7 @@ the sensors' health is all that it says."""
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Callable, Iterator
 from enum import Enum
 from math import isfinite
 from types import MappingProxyType
@@ -30,6 +30,13 @@ READY = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 CHUNK = 50
 CHUNK_PATIENCE: Time = NS // 5
 """How long a text waits for its missing chunks."""
+STREAMS = MappingProxyType(
+    {
+        "HEARTBEAT": 5.0, "CURRENT_MODE": 5.0, "SYS_STATUS": 5.0, "EXTENDED_SYS_STATE": 10.0,
+        "EKF_STATUS_REPORT": 5.0, "ESTIMATOR_STATUS": 5.0,
+    }
+)  # fmt: skip
+"""What must be told, Hz: a pilot's or a failsafe's mode, and a landing, count within 0.2 s."""
 MOST_TEXTS = 100
 MOST_CHUNKS = 20
 LOST = "…"
@@ -119,11 +126,6 @@ class ReceivedStatus:
             "ATTITUDE_TARGET": self._attitude_target,
             "STATUSTEXT": self._statustext,
         }
-
-    @property
-    def reads(self) -> Set[str]:
-        """The messages that it reads."""
-        return self._hear.keys()
 
     def hear(self, message: Message, now: Time) -> None:
         """Take in one message, in the order of arrival."""

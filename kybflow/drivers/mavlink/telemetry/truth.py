@@ -15,6 +15,7 @@ released it is a point that falls, with no drag and no bounce, and rests where i
 from __future__ import annotations
 
 from math import sqrt
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from kybflow.core.geometry import (
@@ -43,6 +44,8 @@ from kybflow.world.vehicle_context import Parcel, VehicleContext
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
+STREAMS = MappingProxyType({"SIM_STATE": 50.0, "HIL_STATE_QUATERNION": 50.0})
+"""Its messages, Hz; each firmware's simulator sends one of them."""
 STEP = 0.012
 """The largest error of a place by rounding, metres."""
 SHARE = 0.04

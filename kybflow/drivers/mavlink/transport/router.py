@@ -10,7 +10,7 @@ which a rebooted one takes our time.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -36,6 +36,7 @@ GONE: Time = 3 * NS
 AGAIN: Time = NS
 """Pause between two answers to an old time from one place."""
 MOST_SENDERS = 256
+LISTENERS = frozenset({mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER})
 
 
 def heartbeat(kind: int) -> Message:
@@ -72,6 +73,16 @@ class Port:
     def want(self, names: Iterable[str]) -> None:
         """Parse these messages from now on, besides those that any port of this wire wants."""
         self._line.wanted.update(NUMBERS[name] for name in names if name in NUMBERS)
+
+    def unread(self) -> dict[int, int]:
+        """How many messages that nobody wants came from the autopilot since the last call, by their
+        number; none where somebody else listens on this wire too, who may want them."""
+        found = {
+            n: count for (system, n), count in self._line.unread.items() if system == self.system
+        }
+        for number in found:
+            del self._line.unread[self.system, number]
+        return {} if self._line.is_shared else found
 
     def take(self) -> list[Message]:
         """The messages since the last call, oldest first."""
@@ -169,8 +180,13 @@ class Router:
             line.wire.close()
 
 
+def _is_listener(message: Message) -> bool:
+    """Whether it is the heartbeat of a ground station or of another companion computer."""
+    return message.get_type() == "HEARTBEAT" and message.type in LISTENERS
+
+
 class _Line:
-    """One wire with its ports."""
+    """One wire with its ports. `is_shared`: whether somebody else was heard to listen to it."""
 
     def __init__(self, wire: Wire, link: int, signing: Signing | None) -> None:
         self.wire, self.link = wire, link % 256
@@ -178,6 +194,8 @@ class _Line:
         self.counts = Counts()
         self.autopilots: set[int] = set()
         self.wanted: set[int] = set()
+        self.unread: Counter[tuple[int, int]] = Counter()
+        self.is_shared = False
         self.now: Time = 0
         self._signing = signing
         self._parsers: dict[Any, Parser] = {}
@@ -192,6 +210,7 @@ class _Line:
                 self._answer(parser.stale, place, now)
             for message in messages:
                 if message.get_srcComponent() != AUTOPILOT:
+                    self.is_shared = self.is_shared or _is_listener(message)
                     continue
                 system = message.get_srcSystem()
                 self.autopilots.add(system)
@@ -231,7 +250,9 @@ class _Line:
         """A parser for a sender that was not heard before."""
         if len(self._parsers) >= MOST_SENDERS:
             self._parsers.pop(next(iter(self._parsers)))
-        parser = self._parsers[place] = Parser(self._signing, self.counts, self.wanted)
+        parser = self._parsers[place] = Parser(
+            self._signing, self.counts, self.wanted, self.unread
+        )  # fmt: skip
         return parser
 
 
