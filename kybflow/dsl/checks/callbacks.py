@@ -11,7 +11,7 @@ from kybflow.core.signals import ReactionName
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.events import OPERATOR, KnownEvents, fields_of
+from kybflow.dsl.checks.events import OPERATOR, KnownEvents, fields_of, known_events
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry, CallbackEntry
@@ -33,7 +33,7 @@ def filters(case: Case) -> Iterator[Diagnostic]:
     The fields of each event are in the language's page. Names of states, of estimators and of
     reactions are judged; numbers are no names: compare them in a `when`.
     """
-    events = KnownEvents(case)
+    (events,) = case.cached(known_events)
     for callback in case.document.callbacks:
         sources = events.sources(callback.event.text)
         known = carried(callback, events)
@@ -73,7 +73,7 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
     called like an event of the engine or of a part, and may not begin with a vehicle's or a
     group's name, `any.` or `operator.`: whoever hears it would believe that they told it.
     """
-    events = KnownEvents(case)
+    (events,) = case.cached(known_events)
     taken = {event for own in events.of.values() for event in own} | EVENTS.keys()
     owners = {"any", "operator", *case.document.vehicles, *case.document.groups}
     owners.update(case.document.flows)
@@ -126,7 +126,7 @@ def logged_fields(case: Case) -> Iterator[Diagnostic]:
     Every event has `{event}` and `{time}`; one of a vehicle has `{vehicle}`, and each its own
     fields. Braces that are meant as such are written twice.
     """
-    events = KnownEvents(case)
+    (events,) = case.cached(known_events)
     for callback in case.document.callbacks:
         if not events.sources(callback.event.text):
             continue  # KYB208 says so
@@ -218,7 +218,7 @@ def cycles(case: Case) -> Iterator[Diagnostic]:
 
 
 def _ways(case: Case, callbacks: list[CallbackEntry]) -> dict[int, list[_Way]]:
-    events = KnownEvents(case)
+    (events,) = case.cached(known_events)
     hearing: dict[tuple[str, str], list[int]] = {}
     for index, callback in enumerate(callbacks):
         event = callback.event.text

@@ -31,7 +31,7 @@ def unknown_events(case: Case) -> Iterator[Diagnostic]:
     vehicle's and the run's as `NAME`; everybody hears `VEHICLE.NAME` and `any.NAME`; a callback
     also `GROUP.NAME`.
     """
-    known = KnownEvents(case)
+    (known,) = case.cached(known_events)
     for vehicle, state in case.states():
         yield from _unheard_by(state.transitions, known, vehicle.name.text)
     for flow in case.document.flows.values():
@@ -101,6 +101,7 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
 
 
 ANY = "any"
+_OF_VEHICLES = frozenset(EVENTS.keys() - OF_THE_RUN)
 OPERATOR = "operator."
 """How the name of an event begins that a person gives."""
 
@@ -147,6 +148,11 @@ class KnownEvents:
         }
 
 
+def known_events(case: Case) -> Iterator[KnownEvents]:
+    """The events of a mission, for `case.cached`."""
+    yield KnownEvents(case)
+
+
 def emitted(document: Document) -> frozenset[str]:
     """The custom events that the actions of a mission emit."""
     found: set[str] = set()
@@ -171,5 +177,4 @@ def _told_by(vehicle: VehicleEntry, case: Case) -> frozenset[str]:
     parts += [state.part for state in vehicle.states.values()]
     classes = [part.spec.cls for part in parts]
     classes += [case.catalog.get("behaviors", name).cls for name in BUILT_IN.values()]
-    declared = {event for cls in classes for event in cls.events}
-    return frozenset((EVENTS.keys() - OF_THE_RUN) | declared)
+    return _OF_VEHICLES.union(*(cls.events for cls in classes))

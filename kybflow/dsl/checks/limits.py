@@ -35,9 +35,9 @@ def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
 def _beyond(vehicle: VehicleEntry, part: PartUse) -> Iterator[Diagnostic]:
     for field in fields_of(Airframe):
         name, dimension = field.name, field.dimension
-        own = next((f for f in part.spec.fields if f.name == name), None)
-        if name not in _LIMITS or name not in part.spans or own is None or dimension is None:
+        if name not in _LIMITS or name not in part.spans or dimension is None:
             continue
+        own = next(f for f in part.spec.fields if f.name == name)
         value, limit = getattr(part.params, name), getattr(vehicle.airframe, name)
         if own.dimension is not dimension or value is None or value <= limit + _ROUNDING:
             continue

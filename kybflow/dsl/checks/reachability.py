@@ -48,6 +48,13 @@ class FlightGraph:
 def flight_graph(case: Case, vehicle: VehicleEntry) -> FlightGraph:
     """Walk every transition of the mission from the first state, and from those that may be asked
     for wherever they can start."""
+    if "flights" not in vehicle.known:
+        vehicle.known["flights"] = _flights(case, vehicle)
+    found: FlightGraph = vehicle.known["flights"]
+    return found
+
+
+def _flights(case: Case, vehicle: VehicleEntry) -> FlightGraph:
     requested = [
         FlightNode(s, leg.start) for s in sorted(vehicle.requested) for leg in case.legs(vehicle, s)
     ]

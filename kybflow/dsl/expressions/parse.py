@@ -49,9 +49,9 @@ _FUNCTIONS = frozenset(get_args(tree.Function))
 
 def parse(text: Text, scope: Scope) -> Collected[tree.Expression | None]:
     """The expression that `text` says, or None and what is wrong with it. Never raises."""
-    if text not in scope.read:
-        scope.read[text] = _parsed(text, scope)
-    found: Collected[tree.Expression | None] = scope.read[text]
+    found: Collected[tree.Expression | None] | None = scope.read.get(text)
+    if found is None:
+        found = scope.read[text] = _parsed(text, scope)
     return found
 
 
@@ -95,9 +95,12 @@ class _Parser:
             condition = self._condition()
             limit = self._limit() if self._tokens.skip("within") else None
             return tree.Eventually(condition, limit)
-        near = get_close_matches(first.text, EXPECTATIONS, n=1)
-        if near and self._tokens.peek(1).kind != "operator" and self._tokens.peek(1).text != "in":
-            raise errors.misspelt(self._text, first, near[0])
+        second = self._tokens.peek(1)
+        is_call = first.text in _FUNCTIONS and second.text == "("
+        if not is_call and second.kind != "operator" and second.text != "in":
+            near = get_close_matches(first.text, EXPECTATIONS, n=1)
+            if near:
+                raise errors.misspelt(self._text, first, near[0])
         return self._statistic(first)
 
     def _limit(self) -> float:
@@ -347,11 +350,12 @@ class _Cursor:
 
     def __init__(self, text: Text) -> None:
         self._text = text
-        self._tokens = tokens_of(text.text)
+        tokens = tokens_of(text.text)
+        self._tokens = [*tokens, tokens[-1]]  # so that there is always one ahead
         self._next = 0
 
     def peek(self, ahead: int = 0) -> Token:
-        return self._tokens[min(self._next + ahead, len(self._tokens) - 1)]
+        return self._tokens[self._next + ahead]
 
     def take(self) -> Token:
         token = self.peek()

@@ -11,6 +11,14 @@ import re
 from typing import Any
 
 import yaml
+from yaml.events import (
+    AliasEvent,
+    MappingEndEvent,
+    ScalarEvent,
+    SequenceEndEvent,
+    SequenceStartEvent,
+    StreamEndEvent,
+)
 
 from kybflow.dsl.diagnostics.diagnostic import Collected, Diagnostic
 from kybflow.dsl.diagnostics.spans import Span
@@ -74,52 +82,53 @@ class _Composer:
         self.total = 0
 
     def document(self, loader: Any) -> Node:
+        self._next_event = loader.get_event
         loader.get_event()
-        if loader.check_event(yaml.StreamEndEvent):
+        if loader.check_event(StreamEndEvent):
             raise self._stop("KYB005", f"`{self.file}` is empty", loader.get_event())
         loader.get_event()
-        root = self._node(loader, loader.get_event(), 0)
+        root = self._node(loader.get_event(), 0)
         loader.get_event()
-        if not loader.check_event(yaml.StreamEndEvent):
+        if not loader.check_event(StreamEndEvent):
             second = loader.get_event()
             raise self._stop("KYB006", "a second document begins here", second)
         return root
 
-    def _node(self, loader: Any, event: Any, depth: int) -> Node:
-        if isinstance(event, yaml.AliasEvent):
+    def _node(self, event: Any, depth: int) -> Node:
+        if isinstance(event, AliasEvent):
             return self._alias(event)
         self.total += 1
         if depth > MAX_DEPTH:
             hint = "close the brackets that were opened before"
             raise self._stop("KYB011", f"nested deeper than {MAX_DEPTH} levels", event, hint)
-        self._bound(event)
+        if self.total > MAX_NODES:
+            raise self._too_many(event)
         if event.tag is not None and event.tag != "!":
             self._refuse(
                 "KYB008", f"the tag `{event.tag}` is refused", event, "write the value without it"
             )
-        before, anchor = self.total, event.anchor
-        if anchor is not None:
-            self.anchors[anchor] = None
-        node = self._content(loader, event, depth)
-        if anchor is not None:
-            self.anchors[anchor] = node
-            self.sizes[anchor] = self.total - before + 1
+        anchor = event.anchor
+        if anchor is None:
+            return self._content(event, depth)
+        before, self.anchors[anchor] = self.total, None
+        node = self.anchors[anchor] = self._content(event, depth)
+        self.sizes[anchor] = self.total - before + 1
         return node
 
-    def _content(self, loader: Any, event: Any, depth: int) -> Node:
-        if isinstance(event, yaml.ScalarEvent):
-            return Scalar(event.value, self._span(event), event.style not in (None, ""))
-        if isinstance(event, yaml.SequenceStartEvent):
+    def _content(self, event: Any, depth: int) -> Node:
+        if isinstance(event, ScalarEvent):
+            return Scalar(event.value, self._span(event, event), event.style not in (None, ""))
+        if isinstance(event, SequenceStartEvent):
             items: list[Node] = []
-            while not isinstance(inner := loader.get_event(), yaml.SequenceEndEvent):
-                items.append(self._node(loader, inner, depth + 1))
+            while not isinstance(inner := self._next_event(), SequenceEndEvent):
+                items.append(self._node(inner, depth + 1))
             return Sequence(tuple(items), self._span(event, inner))
         entries: dict[str, MappingEntry] = {}
-        while not isinstance(inner := loader.get_event(), yaml.MappingEndEvent):
-            key = self._node(loader, inner, depth + 1)
+        while not isinstance(inner := self._next_event(), MappingEndEvent):
+            key = self._node(inner, depth + 1)
             if entries and not isinstance(key, Scalar):
                 self._cut(next(reversed(entries.values())), key)
-            value = self._node(loader, loader.get_event(), depth + 1)
+            value = self._node(self._next_event(), depth + 1)
             self._enter(entries, key, value)
         return Mapping(entries, self._span(event, inner))
 
@@ -168,21 +177,21 @@ class _Composer:
         if node is None:
             raise self._stop("KYB013", f"`*{name}` is inside of `&{name}`", event)
         self.total += self.sizes[name]
-        self._bound(event)
+        if self.total > MAX_NODES:
+            raise self._too_many(event)
         return node
 
-    def _bound(self, event: Any) -> None:
-        if self.total > MAX_NODES:
-            raise self._stop("KYB012", f"more than {MAX_NODES} values", event, LONG)
+    def _too_many(self, event: Any) -> _Unreadable:
+        return self._stop("KYB012", f"more than {MAX_NODES} values", event, LONG)
 
     def _refuse(self, code: str, message: str, event: Any, help: str) -> None:
-        self.found.append(Diagnostic(code, message, self._span(event), help=help))
+        self.found.append(Diagnostic(code, message, self._span(event, event), help=help))
 
     def _stop(self, code: str, message: str, event: Any, help: str = "") -> _Unreadable:
-        return _Unreadable(Diagnostic(code, message, self._span(event), help=help))
+        return _Unreadable(Diagnostic(code, message, self._span(event, event), help=help))
 
-    def _span(self, event: Any, last: Any = None) -> Span:
-        start, end = event.start_mark, (last or event).end_mark
+    def _span(self, first: Any, last: Any) -> Span:
+        start, end = first.start_mark, last.end_mark
         return Span(self.file, start.line + 1, start.column + 1, end.line + 1, end.column + 1)
 
 

@@ -3,6 +3,7 @@ file is what that file holds, read once and judged by the part that reads it."""
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import re
@@ -51,6 +52,7 @@ TYPES = (*QUANTITIES, "position", "integer", "text", "boolean")
 """The types of a mission's parameters."""
 
 
+@functools.lru_cache(maxsize=256)
 def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bounds: Any) -> Field:
     """A required field of `dimension` that no part declares: a key of the language, a mission's
     parameter."""
