@@ -95,13 +95,3 @@ def shortened(vector: Vec3, longest: float) -> Vec3:
     """Return `vector` limited to the length `longest`; the same object if it is no longer."""
     length = norm(vector)
     return vector if length <= longest else scale(vector, longest / length)
-
-
-def motion_of(setpoint: Setpoint) -> Motion:
-    """Return the motion of a setpoint; fields that it omits are zero."""
-    return Motion(
-        setpoint.position or ZERO,
-        setpoint.velocity or ZERO,
-        setpoint.acceleration or ZERO,
-        setpoint.jerk or ZERO,
-    )

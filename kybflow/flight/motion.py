@@ -46,6 +46,16 @@ class Motion(NamedTuple):
         return Setpoint(SetpointKind.POSITION, *self, heading, asked.heading_rate)
 
 
+def motion_of(setpoint: Setpoint) -> Motion:
+    """Return the motion of a setpoint; fields that it omits are zero."""
+    return Motion(
+        setpoint.position or ZERO,
+        setpoint.velocity or ZERO,
+        setpoint.acceleration or ZERO,
+        setpoint.jerk or ZERO,
+    )
+
+
 class Straight:
     """A straight line from rest to rest, within `speed` and `acceleration`."""
 
@@ -114,6 +124,10 @@ class Coast:
         """Return the motion relative to `end`, to be added to a motion that starts there."""
         position, *rest = self.at(time)
         return Motion(sub(position, self.end), *rest)
+
+    def added(self, setpoint: Setpoint, time: float) -> Setpoint:
+        """Return a setpoint of position, which starts at `end`, plus what is left of the coast."""
+        return motion_of(setpoint).plus(self.shift(time)).setpoint_like(setpoint)
 
 
 class Turn:

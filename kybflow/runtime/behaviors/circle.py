@@ -19,7 +19,7 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Length, Number, Position, Speed, Vec3
-from kybflow.flight.motion import Coast, Motion, Straight
+from kybflow.flight.motion import Coast, Straight
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
@@ -80,10 +80,10 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
             if time < self._coast.duration:
                 motion = motion.plus(self._coast.shift(time))
             return motion.setpoint(self._heading)
-        setpoint = self._round(time - self._begin).setpoint(self._heading)
+        setpoint = self._round(time - self._begin)
         return Done(setpoint) if time >= self._end else setpoint
 
-    def _round(self, time: float) -> Motion:
+    def _round(self, time: float) -> Setpoint:
         (x, y, z), r, turn = self.params.center, self.params.radius, self._turn
         gone, v, a, j = self._arc.at(time)
         v, a, j = turn * v, turn * a, turn * j
@@ -91,11 +91,13 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         c, s = cos(phase), sin(phase)
         inward = v * v / r
         forward, aside = j - v * v * v / (r * r), 3.0 * v * a / r
-        return Motion(
+        return Setpoint(
+            SetpointKind.POSITION,
             (x + r * c, y + r * s, z),
             (-v * s, v * c, 0.0),
             (-a * s - inward * c, a * c - inward * s, 0.0),
             (-forward * s - aside * c, forward * c - aside * s, 0.0),
+            self._heading,
         )
 
     @classmethod

@@ -18,7 +18,7 @@ from math import cos, hypot, pi, sin, sqrt
 
 from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Angle, Duration, Length, Number, Vec3
-from kybflow.flight.motion import Coast, Motion
+from kybflow.flight.motion import Coast
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
@@ -65,13 +65,12 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
 
     def update(self, tick: Tick) -> Setpoint | Done:
         time, coast = tick.elapsed, self._coast
-        motion = self._eight(time)
+        setpoint = self._eight(time)
         if time < coast.duration:
-            motion = motion.plus(coast.shift(time))
-        setpoint = motion.setpoint(self._heading)
+            setpoint = coast.added(setpoint, time)
         return Done(setpoint) if time >= self._end else setpoint
 
-    def _eight(self, time: float) -> Motion:
+    def _eight(self, time: float) -> Setpoint:
         phase, rate, pull, jolt = self._phase.at(time)
         w, h, turn_c, turn_s = self._long, self._short, self._cos, self._sin
         s, c = sin(phase), cos(phase)
@@ -83,11 +82,13 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
         ax, ay = ddx * square + dx * pull, ddy * square + dy * pull
         jx, jy = dx * (jolt - cube) + ddx * cross, dy * (jolt - 4.0 * cube) + ddy * cross
         x, y, z = self._coast.end
-        return Motion(
+        return Setpoint(
+            SetpointKind.POSITION,
             (x + px * turn_c - py * turn_s, y + px * turn_s + py * turn_c, z),
             (vx * turn_c - vy * turn_s, vx * turn_s + vy * turn_c, 0.0),
             (ax * turn_c - ay * turn_s, ax * turn_s + ay * turn_c, 0.0),
             (jx * turn_c - jy * turn_s, jx * turn_s + jy * turn_c, 0.0),
+            self._heading,
         )
 
     @classmethod

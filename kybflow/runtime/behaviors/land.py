@@ -32,7 +32,6 @@ from kybflow.flight.motion import (
     IDLE,
     Coast,
     Dwell,
-    Motion,
     Straight,
 )
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param, params
@@ -153,9 +152,15 @@ class Land(
         level = self._way.at(time)
         if time < self._coast.duration:
             level = level.plus(self._coast.shift(time))
-        (x, y, _), (vx, vy, _), (ax, ay, _) = level.position, level.velocity, level.acceleration
-        motion = Motion((x, y, self._height), (vx, vy, self._climb), (ax, ay, pull), level.jerk)
-        return motion.setpoint(self._heading)
+        (x, y, _), (vx, vy, _), (ax, ay, _), jerk = level
+        return Setpoint(
+            SetpointKind.POSITION,
+            (x, y, self._height),
+            (vx, vy, self._climb),
+            (ax, ay, pull),
+            jerk,
+            self._heading,
+        )
 
     def _has_stopped(self, own: float, dt: float) -> bool:
         stays = abs(own - self._resting) <= _STILL and own - self._height >= _DEPTH

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Speed, Vec3
-from kybflow.flight.motion import Dwell, Motion
+from kybflow.flight.motion import Dwell
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, GROUND, Behavior, Entry, Footprint, param, params
 
@@ -72,11 +72,16 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
     def _setpoint(self, waits: bool) -> Setpoint:
         height, speed, acceleration, jerk = self._progress
         x, y, z = self._ground
-        position = (x, y, z + height)
         if waits:
-            return Motion(position).setpoint(self._heading)
-        motion = Motion(position, (0.0, 0.0, speed), (0.0, 0.0, acceleration), (0.0, 0.0, jerk))
-        return motion.setpoint(self._heading)
+            speed = acceleration = jerk = 0.0
+        return Setpoint(
+            SetpointKind.POSITION,
+            (x, y, z + height),
+            (0.0, 0.0, speed),
+            (0.0, 0.0, acceleration),
+            (0.0, 0.0, jerk),
+            self._heading,
+        )
 
     @classmethod
     def footprint(cls, params: TakeOffParams, entry: Vec3 | None) -> Footprint | None:

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from kybflow.core.geometry import add, integrate, scale
+from kybflow.core.geometry import integrate
 from kybflow.core.signals import NS, Estimate, Measurement, Odometry, Time
 from kybflow.core.units import Duration
 from kybflow.parts import Estimator, param, params
@@ -46,12 +46,12 @@ class AutopilotEstimator(Estimator[AutopilotEstimatorParams]):
         newest = self._newest
         if newest is None:
             return None
-        age = max(0.0, (now - newest.time) / NS)
-        dt = min(age, self.params.ahead)
-        velocity, rates = newest.velocity, newest.angular_velocity
-        position = add(newest.position, scale(velocity, dt))
-        attitude = integrate(newest.attitude, rates, dt)
-        return Estimate(now, position, velocity, attitude, rates, "autopilot", age, newest.spread)
+        time, (px, py, pz), velocity, attitude, rates, spread = newest
+        age = max(0.0, (now - time) / NS)
+        dt, (vx, vy, vz) = min(age, self.params.ahead), velocity
+        position = (px + dt * vx, py + dt * vy, pz + dt * vz)
+        attitude = integrate(attitude, rates, dt)
+        return Estimate(now, position, velocity, attitude, rates, "autopilot", age, spread)
 
     def _is_newer(self, one: Odometry) -> bool:
         return self._newest is None or one.time > self._newest.time

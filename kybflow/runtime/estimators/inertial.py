@@ -30,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import pi, sqrt
 
-from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate, rotate
+from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate, rotate, rotate_back
 from kybflow.core.signals import IMU_TIMEOUT, NS, Estimate, Imu, Measurement, Time
 from kybflow.core.units import Acceleration, Duration, Frequency, Speed
 from kybflow.parts import Estimator, param, params
@@ -118,18 +118,17 @@ class Inertial(Estimator[InertialParams]):
 
     def _move(self, imu: Imu) -> None:
         """Go on to the IMU's time."""
-        last, self._time = self._time, imu.time
+        time, _, (fx, fy, fz), (wx, wy, wz) = imu
+        last, self._time = self._time, time
         bx, by, bz = self._gyro_bias
-        wx, wy, wz = imu.angular_velocity
         self._rates = rates = (wx - bx, wy - by, wz - bz)
-        if last is None or self._anchored is None or imu.time <= last:
+        if last is None or self._anchored is None or time <= last:
             return
-        if imu.time - last > IMU_TIMEOUT:
+        if time - last > IMU_TIMEOUT:
             self._anchored = None
             return
-        dt = (imu.time - last) / NS
+        dt = (time - last) / NS
         bx, by, bz = self._accelerometer_bias
-        fx, fy, fz = imu.specific_force
         ax, ay, az = rotate(self._attitude, (fx - bx, fy - by, fz - bz))
         az -= GRAVITY
         (px, py, pz), (vx, vy, vz) = self._position, self._velocity
@@ -151,7 +150,7 @@ class Inertial(Estimator[InertialParams]):
         self._velocity = (vx + s * ex, vy + s * ey, vz + s * ez)
         s *= -k / 3.0
         w, x, y, z = self._attitude
-        learnt = rotate((w, -x, -y, -z), (s * ex, s * ey, s * ez))
+        learnt = rotate_back((w, x, y, z), (s * ex, s * ey, s * ez))
         self._accelerometer_bias = _within(self._accelerometer_bias, learnt, MOST_ACCELERATION)
         mw, mx, my, mz = estimate.attitude
         two = 2.0 if w * mw + x * mx + y * my + z * mz >= 0.0 else -2.0
@@ -171,7 +170,10 @@ class Inertial(Estimator[InertialParams]):
 
 
 def _within(bias: Vec3, change: Vec3, most: float) -> Vec3:
-    x, y, z = bias[0] + change[0], bias[1] + change[1], bias[2] + change[2]
+    (bx, by, bz), (cx, cy, cz) = bias, change
+    x, y, z = bx + cx, by + cy, bz + cz
     return (
-        max(-most, min(most, x)), max(-most, min(most, y)), max(-most, min(most, z)),
-    )  # fmt: skip
+        most if x > most else -most if x < -most else x,
+        most if y > most else -most if y < -most else y,
+        most if z > most else -most if z < -most else z,
+    )

@@ -18,7 +18,8 @@ from typing import ClassVar
 from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, sub
 from kybflow.core.signals import Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration
-from kybflow.flight.governor import Follower, motion_of, shortened
+from kybflow.flight.governor import Follower, shortened
+from kybflow.flight.motion import motion_of
 from kybflow.parts import Processor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 

@@ -25,11 +25,11 @@ class ModeCheckParams:
     )
 
     def lets_pass(self, kind: SetpointKind) -> bool:
-        return {
-            SetpointKind.POSITION: self.position,
-            SetpointKind.VELOCITY: self.velocity,
-            SetpointKind.ACCELERATION: self.acceleration,
-        }.get(kind, True)
+        if kind is SetpointKind.POSITION:
+            return self.position
+        if kind is SetpointKind.VELOCITY:
+            return self.velocity
+        return self.acceleration or kind is not SetpointKind.ACCELERATION
 
 
 class ModeCheck(Processor[ModeCheckParams]):

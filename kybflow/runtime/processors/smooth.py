@@ -18,10 +18,10 @@ below 1 mm, 1 cm/s and 0.1 m/s^2 pass. World frame.
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, hypot
 from typing import ClassVar, NamedTuple
 
-from kybflow.core.geometry import ZERO, Vec3, add, norm, scale, sub
+from kybflow.core.geometry import ZERO, Vec3, add, scale, sub
 from kybflow.core.signals import NS, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Duration
 from kybflow.parts import Processor, param, params
@@ -41,19 +41,26 @@ class _Course(NamedTuple):
     bend: Vec3
 
     def minus(self, other: _Course) -> _Course:
-        return _Course(*(sub(a, b) for a, b in zip(self, other, strict=True)))
+        (p, v, a), (q, w, b) = self, other
+        return _Course(sub(p, q), sub(v, w), sub(a, b))
 
     def plus(self, other: _Course) -> _Course:
-        return _Course(*(add(a, b) for a, b in zip(self, other, strict=True)))
+        (p, v, a), (q, w, b) = self, other
+        return _Course(add(p, q), add(v, w), add(a, b))
 
     def ahead(self, jolt: Vec3, dt: float) -> _Course:
         """Where it is `dt` later with the third derivative `jolt`."""
-        value, slope, bend = self
-        half = 0.5 * dt * dt
+        (px, py, pz), (vx, vy, vz), (ax, ay, az) = self
+        (jx, jy, jz), half = jolt, 0.5 * dt * dt
+        rest = half * dt / 3.0
         return _Course(
-            add(add(value, scale(slope, dt)), add(scale(bend, half), scale(jolt, half * dt / 3.0))),
-            add(add(slope, scale(bend, dt)), scale(jolt, half)),
-            add(bend, scale(jolt, dt)),
+            (
+                px + vx * dt + (ax * half + jx * rest),
+                py + vy * dt + (ay * half + jy * rest),
+                pz + vz * dt + (az * half + jz * rest),
+            ),
+            (vx + ax * dt + jx * half, vy + ay * dt + jy * half, vz + az * dt + jz * half),
+            (ax + jx * dt, ay + jy * dt, az + jz * dt),
         )
 
 
@@ -100,7 +107,7 @@ class Smooth(Processor[SmoothParams]):
             if _exceeds(step, kind, 1.0):
                 self._error = self._error.plus(step)
         self._last, self._time = setpoint, tick.now
-        if not _exceeds(self._error, kind, _SPENT):
+        if self._error is _NOTHING or not _exceeds(self._error, kind, _SPENT):
             self._error = _NOTHING
             return setpoint
         return self._bent(setpoint, course, jolt)
@@ -117,11 +124,10 @@ class Smooth(Processor[SmoothParams]):
 
 def _course(setpoint: Setpoint, kind: SetpointKind) -> tuple[_Course, Vec3]:
     """What is followed where the kind is `kind`, with two derivatives, and the third."""
-    velocity, acceleration = setpoint.velocity or ZERO, setpoint.acceleration or ZERO
-    jerk = setpoint.jerk or ZERO
+    _, position, velocity, acceleration, jerk, _, _ = setpoint
     if kind is SetpointKind.VELOCITY:
-        return _Course(velocity, acceleration, jerk), ZERO
-    return _Course(setpoint.position or ZERO, velocity, acceleration), jerk
+        return _Course(velocity or ZERO, acceleration or ZERO, jerk or ZERO), ZERO
+    return _Course(position or ZERO, velocity or ZERO, acceleration or ZERO), jerk or ZERO
 
 
 def _followed(tick: Tick, kind: SetpointKind) -> Setpoint | None:
@@ -133,7 +139,8 @@ def _followed(tick: Tick, kind: SetpointKind) -> Setpoint | None:
 
 
 def _exceeds(course: _Course, kind: SetpointKind, share: float) -> bool:
-    return any(norm(a) > share * most for a, most in zip(course, _STEPS[kind], strict=True))
+    (value, slope, bend), (x, y, z) = course, _STEPS[kind]
+    return hypot(*value) > share * x or hypot(*slope) > share * y or hypot(*bend) > share * z
 
 
 def _decayed(error: _Course, k: float, dt: float) -> _Course:

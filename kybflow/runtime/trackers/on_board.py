@@ -106,7 +106,9 @@ class OnBoard(Tracker[OnBoardParams]):
 
     def __init__(self, params: OnBoardParams, context: VehicleContext) -> None:
         super().__init__(params, context)
-        self._airframe = context.airframe
+        self._airframe = airframe = context.airframe
+        self._most_climb = MOST_THRUST * airframe.max_thrust / airframe.mass - GRAVITY
+        self._steepest = tan(airframe.tilt)
         self._integral = ZERO
         self._floor: float | None = None
 
@@ -127,19 +129,14 @@ class OnBoard(Tracker[OnBoardParams]):
 
     def _followed(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Setpoint:
         """What the on-board controller is to follow."""
-        by, kind = self.params.by, setpoint.kind
+        by, (kind, _, _, _, jerk, heading, rate) = self.params.by, setpoint
         if by == "velocity" and kind is SetpointKind.POSITION:
             velocity = self._velocity(setpoint, estimate)
             return setpoint._replace(kind=SetpointKind.VELOCITY, position=None, velocity=velocity)
         if by == "acceleration" and kind is not SetpointKind.ACCELERATION:
             acceleration, is_free = self._acceleration(setpoint, estimate, dt)
-            return setpoint._replace(
-                kind=SetpointKind.ACCELERATION,
-                position=None,
-                velocity=None,
-                acceleration=acceleration,
-                jerk=setpoint.jerk if is_free else None,
-            )
+            jerk, kind = jerk if is_free else None, SetpointKind.ACCELERATION
+            return Setpoint(kind, None, None, acceleration, jerk, heading, rate)
         return setpoint
 
     def _velocity(self, setpoint: Setpoint, estimate: Estimate) -> Vec3:
@@ -149,20 +146,24 @@ class OnBoard(Tracker[OnBoardParams]):
 
     def _acceleration(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> tuple[Vec3, bool]:
         """What is asked for, and whether it is within the airframe's limits without being cut."""
-        p, asked = self.params, setpoint.velocity or ZERO
-        drag = self._airframe.drag
-        wanted = add(setpoint.acceleration or ZERO, (drag * asked[0], drag * asked[1], 0.0))
-        wanted = add(wanted, scale(sub(asked, estimate.velocity), p.damping))
-        goal = setpoint.position
-        gap = ZERO if goal is None else sub(goal, estimate.position)
-        total = add(add(wanted, scale(gap, p.stiffness)), self._integral)
+        p, drag = self.params, self._airframe.drag
+        _, goal, velocity, acceleration, _, _, _ = setpoint
+        position = px, py, pz = estimate.position
+        (wx, wy, wz), (vx, vy, vz) = velocity or ZERO, estimate.velocity
+        (ax, ay, az), (ix, iy, iz) = acceleration or ZERO, self._integral
+        gx, gy, gz = goal or position
+        ex, ey, ez, k, d = gx - px, gy - py, gz - pz, p.stiffness, p.damping
+        total = (
+            ax + drag * wx + d * (wx - vx) + k * ex + ix,
+            ay + drag * wy + d * (wy - vy) + k * ey + iy,
+            az + d * (wz - vz) + k * ez + iz,
+        )
         bounded = self._bounded(total)
-        if not self._flies(estimate.position[2]):
+        if not self._flies(pz):
             return bounded, bounded == total
         if bounded == total and dt < LONGEST_STEP:
-            x, y, z = scale(gap, p.integral * dt)
-            ix, iy, iz = add(self._integral, (x, y, LIFT * z))
-            most = p.integral_limit
+            i, most = p.integral * dt, p.integral_limit
+            ix, iy, iz = ix + i * ex, iy + i * ey, iz + LIFT * (i * ez)
             self._integral = (_within(ix, most), _within(iy, most), _within(iz, most))
         tilted = self._tilted(bounded, estimate.attitude)
         sent = self._bounded(tilted)
@@ -186,10 +187,8 @@ class OnBoard(Tracker[OnBoardParams]):
     def _bounded(self, acceleration: Vec3) -> Vec3:
         """The acceleration within the airframe's thrust and tilt."""
         x, y, z = acceleration
-        frame = self._airframe
-        most = MOST_THRUST * frame.max_thrust / frame.mass - GRAVITY
-        z = max((LEAST_LIFT - 1.0) * GRAVITY, min(most, z))
-        widest, level = (GRAVITY + z) * tan(frame.tilt), hypot(x, y)
+        z = max((LEAST_LIFT - 1.0) * GRAVITY, min(self._most_climb, z))
+        widest, level = (GRAVITY + z) * self._steepest, hypot(x, y)
         if level > widest:
             x, y = x * widest / level, y * widest / level
         return (x, y, z)
