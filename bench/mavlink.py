@@ -8,8 +8,11 @@ process and in simulated time, so that a busy machine delays nobody; what the em
 its physics, is told apart. Every twentieth of a simulated second pymavlink's own parser reads once
 more what came, so that whatever else the machine does slows both. A setpoint is late by how much
 longer than its period it left after the one before: by ticks, and by the processor's time of all
-that is done earlier in the same tick. What the machine takes for a million additions is told too: a
-share is one of a core that is as fast as that.
+that is done earlier in the same tick. `ours` is the whole program but the emulator: driver, engine,
+estimators, trackers, recorder. Then the driver alone is given the same flight once more, and
+measured against pymavlink's parser too (`mavlink_driver`): on the frames that came, of which there
+are fewer the less is asked for, and on a telemetry that stays. What the machine takes for a million
+additions is told too: a share is one of a core that is as fast as that.
 """
 
 from __future__ import annotations
@@ -19,17 +22,15 @@ import cProfile
 import dataclasses
 import pstats
 import random
-import socket
 import statistics
 import tempfile
-from collections import defaultdict
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from time import process_time
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
+from mavlink_driver import CALLED, Tapped, Traffic, frozen_frames, noting, show_driver
 from pymavlink.dialects.v20 import all as dialect
 
 from kybflow.api.flight import RunRequest, fly
@@ -39,9 +40,7 @@ from kybflow.drivers.emulated_autopilot.session import open_fleet
 from kybflow.drivers.emulation.fleet import Fleet
 from kybflow.drivers.mavlink.session import MavlinkSession, open_session
 from kybflow.drivers.mavlink.transport import open_wire
-from kybflow.drivers.mavlink.transport.address import read_address
-from kybflow.drivers.mavlink.transport.sockets import UdpIn
-from kybflow.drivers.mavlink.transport.wire import MemoryWire, Received, Wire
+from kybflow.drivers.mavlink.transport.wire import MemoryWire, Wire
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Seat, Session
@@ -49,77 +48,9 @@ from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
 
 MISSION = Path(__file__).parent.parent / "missions" / "figure_eight.yaml"
-SENDER = 5
-"""Where in a frame the sender's system id is."""
-SET_POINT, SYSTEM = dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED, 60
-"""Its number, and where in its frame the system id is."""
 PERIOD, SPACING, GOAL = 20.0, 2.0, 0.5
 """Milliseconds between setpoints; metres between vehicles; the share that is allowed."""
 ADDITIONS = 5000
-CALLED = (
-    "read", "status_texts", "truth", "checks", "subscribe", "send", "arm", "land", "tell_position",
-)  # fmt: skip
-"""The methods of a link that the engine and simulated sensors call in such a flight."""
-SLICE = 5
-"""Ticks in a slice."""
-
-
-Call = tuple[str, str, tuple[Any, ...]]
-"""A vehicle, the method of its link that the engine called, and the arguments."""
-
-
-class Step(NamedTuple):
-    """What the driver was given in one tick: the frames that came, and the engine's calls. now:
-    None before the first tick."""
-
-    now: int | None
-    frames: list[bytes]
-    calls: list[Call]
-
-
-class Traffic:
-    """What is noted while a flight goes on. `came`: frames since the last slice; `left`: when each
-    vehicle's setpoints did, in ms; `fleet`: processor time of the emulator; `steps`: what the
-    driver was given from the start, the first `ground` of them before all were in the air; `went`:
-    the frames that it sent."""
-
-    def __init__(self) -> None:
-        self.steps: list[Step] = [Step(None, [], [])]
-        self.ground = 0
-        self.seats: Sequence[Seat] = ()
-        self.came: list[bytes] = []
-        self.went: list[bytes] = []
-        self.left: dict[int, list[float]] = defaultdict(list)
-        self.fleet = 0.0
-        self._now, self._began = 0.0, 0.0
-
-    def tick(self, now: int, fleet: float) -> None:
-        """The emulator has done its part of a tick."""
-        self.fleet += fleet
-        self._now, self._began = now / 1e6, process_time()
-
-    def sent(self, data: bytes) -> None:
-        self.went.append(data)
-        if data[7] == SET_POINT and not data[8]:
-            into = process_time() - self._began
-            self.left[data[SYSTEM]].append(self._now + 1e3 * into)
-
-
-class Tapped(UdpIn):
-    def __init__(self, traffic: Traffic) -> None:
-        super().__init__(read_address("udpin:127.0.0.1:1")._replace(number=0))
-        self._traffic = traffic
-
-    def _receive(self, now: int) -> Received:
-        received = super()._receive(now)
-        frames = [data for data, _ in received]
-        self._traffic.came += frames
-        self._traffic.steps.append(Step(now, frames, []))
-        return received
-
-    def _send(self, data: bytes, to: Any) -> None:
-        super()._send(data, to)
-        self._traffic.sent(data)
 
 
 class Lockstep(Session):
@@ -135,6 +66,7 @@ class Lockstep(Session):
         for member in self._fleet.members:
             self._far.append(open_wire(f"udpout:127.0.0.1:{wire.port}"))
             member.onboard.connect(self._far[-1])
+        self._traffic = traffic
         self._near: MavlinkSession = open_session(seats, lambda _: wire)
         self.links = self._near.links
         traffic.seats = seats
@@ -147,18 +79,9 @@ class Lockstep(Session):
         self._near.advance(now)
 
     def close(self) -> None:
+        self._traffic.frozen = frozen_frames(self._fleet.members[0].onboard.autopilot)
         for closes in (self._near, self._fleet, *self._far):
             closes.close()
-
-
-def noting(traffic: Traffic, name: str, method: str, call: Callable[..., Any]) -> Any:
-    """The method, whose calls are noted."""
-
-    def noted(*args: Any) -> Any:
-        traffic.steps[-1].calls.append((name, method, args))
-        return call(*args)
-
-    return noted
 
 
 class Datagrams(EmulatedAutopilot):
@@ -222,65 +145,6 @@ class Costs:
             self.ratios.append((total - fleet) / parsed)
 
 
-class Replay:
-    """The same flight's frames and calls once more, given to the driver alone over datagrams.
-
-    `driver`: per slice, the processor time in which the driver receives and parses what came, acts,
-    sends, and answers the engine's calls; `parser`: that in which pymavlink's parser reads the same
-    frames. Raises SystemExit where the driver does not send what it sent in the flight."""
-
-    def __init__(self, traffic: Traffic) -> None:
-        self.driver: list[float] = []
-        self.parser: list[float] = []
-        self._steps, self._ground = traffic.steps, traffic.ground
-        self._flight, self._again = traffic, Traffic()
-        self._wire = Tapped(self._again)
-        self._session: MavlinkSession = open_session(traffic.seats, lambda _: self._wire)
-        self._far = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in traffic.seats]
-        for far in self._far:
-            far.setblocking(False)
-            far.connect(("127.0.0.1", self._wire.port))
-        self._parser = dialect.MAVLink(None)
-        self._parser.robust_parsing = True
-
-    def run(self) -> None:
-        for step in self._steps[: self._ground]:
-            self._step(step)
-        air = self._steps[self._ground :]
-        for at in range(0, len(air) - SLICE, SLICE):
-            took = parsed = 0.0
-            for step in air[at : at + SLICE]:
-                took += self._step(step)
-                began = process_time()
-                for frame in step.frames:
-                    self._parser.parse_buffer(frame)
-                parsed += process_time() - began
-            self.driver.append(took)
-            self.parser.append(parsed)
-        if self._again.went != self._flight.went[: len(self._again.went)]:
-            raise SystemExit("the driver did not send what it sent in the flight")
-        for closes in (self._session, *self._far):
-            closes.close()
-
-    def _step(self, step: Step) -> float:
-        """One tick; what the driver took."""
-        for frame in step.frames:
-            self._far[frame[SENDER] - 1].send(frame)
-        links = self._session.links
-        calls = [(getattr(links[name], method), args) for name, method, args in step.calls]
-        began = process_time()
-        if step.now is not None:
-            self._session.advance(step.now)
-        for call, args in calls:
-            call(*args)
-        took = process_time() - began
-        for far in self._far:
-            with suppress(BlockingIOError):
-                while far.recv(1024):
-                    pass
-        return took
-
-
 def plan_of(count: int, cls: type, address: str | None = "udpin:127.0.0.1:1") -> Plan:
     """`count` vehicles side by side, all on the figure eight."""
     target = "emulated_px4" if cls is EmulatedAutopilot else "px4"
@@ -339,18 +203,6 @@ def measure(name: str, count: int, seconds: float, cls: type, lines: int) -> Non
         show_driver(traffic, costs.flown)
     if costs.profile is not None:
         pstats.Stats(costs.profile).sort_stats("tottime").print_stats(lines)
-
-
-def show_driver(traffic: Traffic, flown: float) -> None:
-    """The driver's part alone."""
-    replay = Replay(traffic)
-    replay.run()
-    ratios = [one / other for one, other in zip(replay.driver, replay.parser, strict=True)]
-    driver, parser = sum(replay.driver) / flown, sum(replay.parser) / flown
-    print(
-        f"  of it the driver alone: {driver:.1%} of a core; pymavlink's parser: {parser:.1%};"
-        f" ratio {statistics.median(ratios):.2f}"
-    )
 
 
 def lateness(left: dict[int, list[float]]) -> list[float]:

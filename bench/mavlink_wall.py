@@ -23,7 +23,8 @@ from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any, ClassVar
 
-from mavlink import GOAL, PERIOD, SET_POINT, SYSTEM, lateness, plan_of
+from mavlink import GOAL, PERIOD, lateness, plan_of
+from mavlink_driver import SET_POINT, SYSTEM
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.drivers.mavlink import Mavlink

@@ -10,7 +10,7 @@ else listens on the same wire, and on again when the link is closed."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
@@ -75,6 +75,14 @@ class Contact:
             self.is_outside,
         )  # fmt: skip
         self.truth = truth
+        self._hears: dict[str, Callable[[Message, Time], None]] = {
+            "COMMAND_ACK": self.requests.hear,
+            "PARAM_VALUE": self.parameters.hear,
+            "PARAM_ERROR": self.parameters.hear,
+            "TIMESYNC": self._compare_clocks,
+            **dict.fromkeys(ground_truth.STREAMS, self._see_truth),
+        }
+        """Who takes in a message besides `status`; the rest is for `telemetry`."""
         self.silence: Silence | None = None
         self._alive: Time | None = None
         self._text: ReceivedText | None = None
@@ -145,20 +153,16 @@ class Contact:
         return fresh[::-1]
 
     def _hear(self, message: Message, now: Time) -> None:
-        sort = message.get_type()
         self.status.hear(message, now)
-        if sort == "COMMAND_ACK":
-            self.requests.hear(message, now)
-        elif sort in {"PARAM_VALUE", "PARAM_ERROR"}:
-            self.parameters.hear(message, now)
-        elif sort == "TIMESYNC":
-            for answer in self.sync.hear(message, now):
-                self.port.send(answer)
-        elif sort in ground_truth.STREAMS:
-            if self.truth is not None:
-                self.truth.hear(message, now, on_ground=self.status.landed is LandedState.GROUND)
-        else:
-            self.telemetry.hear(message, now)
+        self._hears.get(message.get_type(), self.telemetry.hear)(message, now)
+
+    def _compare_clocks(self, message: Message, now: Time) -> None:
+        for answer in self.sync.hear(message, now):
+            self.port.send(answer)
+
+    def _see_truth(self, message: Message, now: Time) -> None:
+        if self.truth is not None:
+            self.truth.hear(message, now, on_ground=self.status.landed is LandedState.GROUND)
 
 
 def _refuses_to_disarm(text: ReceivedText) -> bool:

@@ -128,13 +128,14 @@ class AutopilotLink(Link):
 
     def tell_position(self, estimate: Estimate, now: Time) -> None:
         contact = self.contact
-        stamp = contact.clock.to_boot(estimate.time) if contact.is_outside else None
-        if stamp is None:
+        if not contact.is_outside:
+            return
+        self._drift.learn(estimate, contact.telemetry.odometry, now)
+        if not self._vision.is_due(now) or (stamp := contact.clock.to_boot(estimate.time)) is None:
             return
         status = contact.status
         placed = status.armed or "GPS_GLOBAL_ORIGIN" in status.at
         is_lost = contact.profile.needs_origin and not placed
-        self._drift.learn(estimate, contact.telemetry.odometry, now)
         for message in self._vision.of(estimate, stamp // 1000, is_lost, now):
             contact.port.send(message)
 

@@ -41,7 +41,8 @@ def to_frd(v: Vec3) -> Vec3:
 
 def attitude_to_ned(q: Quat) -> Quat:
     """An attitude FLU to ENU as one FRD to NED: (0, h, h, 0) q (0, -1, 0, 0), h the root of 1/2."""
-    w, x, y, z = (_HALF * part for part in q)
+    w, x, y, z = q
+    w, x, y, z = _HALF * w, _HALF * x, _HALF * y, _HALF * z
     return (w + z, x + y, x - y, w - z)
 
 

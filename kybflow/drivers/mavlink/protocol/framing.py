@@ -64,11 +64,15 @@ def size_of(data: bytes, at: int, end: int) -> int:
     return size if size <= end - at else -1
 
 
-def _head(frame: bytes) -> tuple[int, int, int, int]:
-    """Where the payload begins; the sequence number, the sender's system and component."""
+Sender = tuple[int, int, int]
+"""A frame's system, component and sequence number."""
+
+
+def _head(frame: bytes) -> tuple[int, Sender]:
+    """Where the payload begins, and the sender."""
     if frame[0] == FIRST:
-        return _FIRST_HEAD, frame[2], frame[3], frame[4]
-    return _SECOND_HEAD, frame[4], frame[5], frame[6]
+        return _FIRST_HEAD, (frame[3], frame[4], frame[2])
+    return _SECOND_HEAD, (frame[5], frame[6], frame[4])
 
 
 def _body(frame: bytes) -> int:
@@ -82,8 +86,7 @@ def _is_datagram(data: bytes) -> bool:
     """Whether the bytes are one whole frame of version 2 without a signature, as most datagrams
     are."""
     size = len(data)
-    head = size >= _SHORTEST and data[0] == SECOND and not data[2]
-    return head and size == data[1] + _SHORTEST
+    return size >= _SHORTEST and data[0] == SECOND and not data[2] and size == data[1] + _SHORTEST
 
 
 def is_signed(frame: bytes) -> bool:
@@ -121,10 +124,12 @@ class FieldTuple(tuple[Any, ...]):
         return list(self._made.fieldnames)
 
     def get_srcSystem(self) -> int:  # noqa: N802
-        return int(self[_SENDER])
+        system: int = self[_SENDER]
+        return system
 
     def get_srcComponent(self) -> int:  # noqa: N802
-        return int(self[-2])
+        component: int = self[-2]
+        return component
 
     def get_seq(self) -> int:
         return int(self[-1])
@@ -161,32 +166,25 @@ class MessageLayout:
         self._arrays = dict(zip(made.ordered_fieldnames, made.array_lengths, strict=True))
         self._fields: Callable[[Message], Sequence[Any]] | None = None
 
-    def fits(self, frame: bytes) -> bool:
-        """Whether the checksum is right."""
-        body = _body(frame)
+    def fits(self, frame: bytes, body: int) -> bool:
+        """Whether the checksum is right. body: where the payload ends."""
         return _checksum(frame[1:body] + self.extra) == frame[body] | frame[body + 1] << 8
 
-    def checked(self, frame: bytes) -> Message | None:
-        """The message in a frame, None where the checksum is wrong or `message` finds none."""
-        return self.message(frame) if self.fits(frame) else None
-
-    def message(self, frame: bytes) -> Message | None:
+    def message(self, frame: bytes, head: int, body: int, sender: Sender) -> Message | None:
         """The message in a frame; None where a field has an impossible value, such as a text that
-        is none."""
-        head, sequence, system, component = _head(frame)
-        body = _body(frame)
+        is none. head, body: where the payload begins and ends."""
         if body - head < self.size:  # zeros at the end are not sent
             values = self._unpack_from(frame[head:body].ljust(self.size, b"\0"))
         else:
             values = self._unpack_from(frame, head)
         if not self._has_texts:
-            return tuple.__new__(self._kind, (*values, system, component, sequence))
+            return tuple.__new__(self._kind, values + sender)
         try:
             message = self.made(*[_value(values, start, count) for start, count in self._spans])
         except Exception:  # a foreign class made from foreign bytes
             return None
         header = message.get_header()
-        header.srcSystem, header.srcComponent, header.seq = system, component, sequence
+        header.srcSystem, header.srcComponent, header.seq = sender
         return message
 
     def of(self, *values: float) -> FieldTuple:
@@ -309,15 +307,17 @@ class Parser:
         """The messages that are complete now, oldest first. After a bad byte the search goes on
         with the next one: no good frame is lost to a bad one before it."""
         if self._signing is None and not self._rest and _is_datagram(data):
-            number = number_of(data)  # there is nothing to search for
+            number = int.from_bytes(data[7:10], "little")  # there is nothing to search for
             if self._wanted and number not in self._wanted:
                 self._unread[data[5], number] += 1
                 return []
-            layout = LAYOUTS.get(number)
-            message = None if layout is None else layout.checked(data)
-            if message is not None:
-                self.counts.messages += 1
-                return [message]
+            layout, body = LAYOUTS.get(number), len(data) - _CHECKSUM
+            if layout is not None and layout.fits(data, body):
+                sender = (data[5], data[6], data[4])
+                message = layout.message(data, _SECOND_HEAD, body, sender)
+                if message is not None:
+                    self.counts.messages += 1
+                    return [message]
         messages: list[Message] = []
         while self._rest and _is_whole(data):  # then the rest of the one before won't come:
             rest = self._rest  # it was a datagram cut short, or bytes were lost
@@ -358,16 +358,18 @@ class Parser:
                 return None
             self.counts.unknown += 1
             return _DROPPED
-        if not layout.fits(frame):
+        body = _body(frame)
+        if not layout.fits(frame, body):
             return None
-        _, _, system, component = _head(frame)
+        head, sender = _head(frame)
+        system, component, _ = sender
         if not self._is_believed(frame, system, component):
             self.counts.refused += 1
             return _DROPPED
         if self._wanted and number not in self._wanted:
             self._unread[system, number] += 1
             return _DROPPED
-        return layout.message(frame)
+        return layout.message(frame, head, body, sender)
 
     def _is_believed(self, frame: bytes, system: int, component: int) -> bool:
         """Whether the frame's signature is acceptable."""
@@ -388,7 +390,7 @@ def _is_whole(data: bytes) -> bool:
     """Whether the bytes begin with a valid frame."""
     size = size_of(data, 0, len(data)) if data else 0
     layout = LAYOUTS.get(number_of(data[:size])) if size > 0 else None
-    return layout is not None and layout.fits(data[:size])
+    return layout is not None and layout.fits(data[:size], _body(data[:size]))
 
 
 class Packer:

@@ -125,11 +125,8 @@ class GroundTruth:
         if self._newest is None:
             return None
         if self._now is None or self._now[0] != now:
-            position, velocity, attitude, turn, payload = self._newest
             gone = min(max((now - self._heard) / NS, 0.0), LONGEST)
-            position = add(position, scale(velocity, gone))
-            attitude = integrate(attitude, turn, gone)
-            self._now = now, Truth(position, velocity, attitude, turn, payload)
+            self._now = now, _moved_on(self._newest, gone) if gone else self._newest
         return self._now[1]
 
     def _followed(self, place: Vec3, velocity: Vec3, now: Time) -> Vec3:
@@ -139,13 +136,19 @@ class GroundTruth:
             return place
         mean = scale(add(last.velocity, velocity), 0.5)
         ahead = add(last.position, scale(mean, gone))
-        x, y, z = (_corrected(a, b) for a, b in zip(ahead, place, strict=True))
-        return (x, y, z)
+        (x, y, z), (a, b, c) = ahead, place
+        return (_corrected(x, a), _corrected(y, b), _corrected(z, c))
 
     def _touching(self, latitude: float, longitude: float, height: float) -> Tangent:
         if self._sphere is None:
             return Tangent.on_ellipsoid(latitude, longitude, height)
         return Tangent.on_sphere(latitude, longitude, height, self._sphere)
+
+
+def _moved_on(truth: Truth, seconds: float) -> Truth:
+    position, velocity, attitude, turn, payload = truth
+    position = add(position, scale(velocity, seconds))
+    return Truth(position, velocity, integrate(attitude, turn, seconds), turn, payload)
 
 
 def _corrected(ahead: float, told: float) -> float:

@@ -46,10 +46,14 @@ class ExternalVision:
         self._resets = 0
         self._last: Estimate | None = None
 
+    def is_due(self, now: Time) -> bool:
+        """Whether a pose may be sent."""
+        return now >= self._due
+
     def of(self, estimate: Estimate, stamp_us: int, is_lost: bool, now: Time) -> list[Message]:
-        """The messages to send for an estimate, once a tick. stamp_us: its time on the vehicle's
-        clock. is_lost: whether the autopilot must be sent a place on earth."""
-        if now < self._due or estimate.age > OLDEST:
+        """The messages to send for an estimate where one is due. stamp_us: its time on the
+        vehicle's clock. is_lost: whether the autopilot must be sent a place on earth."""
+        if not self.is_due(now) or estimate.age > OLDEST:
             return []
         last, self._last = self._last, estimate
         if last is not None and _jumped(last, estimate):
