@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
@@ -65,6 +66,17 @@ def echo(text: str, err: bool = False) -> None:
     """Print `text`, in colour on a terminal."""
     stream = sys.stderr if err else sys.stdout
     stream.write(f"{coloured(text) if stream.isatty() else text}\n")
+
+
+def teller(stream: IO[str]) -> Callable[[str], None]:
+    """What prints a line in a flight: no error of the stream reaches the writer."""
+    guarded = GuardedStream(stream)
+
+    def tell(line: str) -> None:
+        guarded.write(f"{line}\n")
+        guarded.flush()
+
+    return tell
 
 
 def console(stream: IO[str]) -> Console:

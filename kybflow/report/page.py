@@ -35,6 +35,9 @@ def write_report(folder: Path) -> Path:
         path.write_text(page, encoding="utf-8")
     except OSError as error:
         raise RunFolderError(f"`{path}` can't be written: {error.strerror or error}") from error
+    except KeyboardInterrupt:
+        path.unlink(missing_ok=True)  # half a page would pass for the whole
+        raise
     return path
 
 

@@ -90,23 +90,6 @@ def test_schema_prints_writes_and_checks(tmp_path: Path) -> None:
     assert f"kybflow schema --write {path}" in result.output
 
 
-def test_the_plainest_call_loads_nothing_heavy() -> None:
-    heavy = (
-        "numpy", "mujoco", "rich", "transitions", "plotly", "jinja2", "pydantic", "foxglove",
-        "asyncio",
-    )  # fmt: skip
-    code = (
-        "import sys; from kybflow.cli.app import main\n"
-        "sys.argv = ['kybflow', 'validate', sys.argv[1]]\n"
-        "try: main()\nexcept SystemExit as end: code = end.code\n"
-        f"print([m for m in {heavy} if m in sys.modules], code)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, GOOD], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.splitlines()[1] == "[] 0"
-
-
 def test_parts_ends_where_its_reader_does() -> None:
     """A closed pipe (`kybflow parts | head -1`) is no error worth a traceback."""
     done = subprocess.run(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,12 +23,14 @@ from kybflow.cli.arguments import (
     set_option,
     target_option,
 )
-from kybflow.cli.output import console
+from kybflow.cli.output import console, teller
 from kybflow.core.errors import KybflowError, UnitError
 from kybflow.core.units import DURATION, parse_quantity
 
 if TYPE_CHECKING:
-    from kybflow.api.flight import RunRequest
+    from kybflow.api.flight import Flown, RunRequest
+    from kybflow.cli.printing.live import LivePanel
+    from kybflow.cli.printing.run import PlainPanel
     from kybflow.dsl.plan import Plan
 
 EXAMPLES = examples(
@@ -105,29 +108,47 @@ def fly_plan(
     """Fly a plan, show it and write its report; the exit code. live: in the drivers' own window.
     plain: events as lines also on a terminal."""
     from kybflow.api.flight import fly
-    from kybflow.cli.printing.run import LivePanel, PlainPanel, outcome
-    from kybflow.recording.outcome import EXIT_CODES
+    from kybflow.cli.printing.run import outcome
 
-    screen, errors = (console(stream) for stream in (sys.stdout, sys.stderr))
+    tell, complain = teller(sys.stdout), teller(sys.stderr)
     try:
         plan = _with_window(plan) if live else plan
-        panel = PlainPanel if plain or not screen.is_terminal else LivePanel
-        with panel(screen) as shown:
+        with _panel(tell, plain=plain) as shown:
             flown = fly(plan, request, (shown.hear,), (shown.look,))
     except KybflowError as error:
-        errors.print(f"error: {error}", markup=False, soft_wrap=True)
+        complain(f"error: {error}")
         return INVALID
     for line in outcome(flown, has_pace=plan.simulated):
-        screen.print(line, markup=False, soft_wrap=True)
-    if report:
-        from kybflow.report.page import write_report  # after the flight: plotly takes its time
+        tell(line)
+    return _reported(flown, tell, complain) if report else flown.exit_code
 
-        try:
-            page = write_report(flown.folder)
-        except KybflowError as error:
-            errors.print(f"error: {error}", markup=False, soft_wrap=True)
-            return flown.exit_code or EXIT_CODES["failed"]
-        screen.print(f"report: {page}", markup=False, soft_wrap=True)
+
+def _panel(tell: Callable[[str], None], *, plain: bool) -> PlainPanel | LivePanel:
+    """Where the flight is shown; only a table needs rich."""
+    if plain or not sys.stdout.isatty():
+        from kybflow.cli.printing.run import PlainPanel
+
+        return PlainPanel(tell)
+    from kybflow.cli.printing.live import LivePanel
+
+    return LivePanel(console(sys.stdout))
+
+
+def _reported(flown: Flown, tell: Callable[[str], None], complain: Callable[[str], None]) -> int:
+    """Write the report, now that the verdict can be read: plotly takes its time. The exit code."""
+    from kybflow.recording.outcome import EXIT_CODES
+
+    try:
+        from kybflow.report.page import write_report
+
+        page = write_report(flown.folder)
+    except KybflowError as error:
+        complain(f"error: {error}")
+        return flown.exit_code or EXIT_CODES["failed"]
+    except KeyboardInterrupt:
+        complain(f"interrupted: there is no report, all else is in {flown.folder}")
+        return EXIT_CODES["interrupted"]
+    tell(f"report: {page}")
     return flown.exit_code
 
 

@@ -15,9 +15,9 @@ sensor values: gyroscope and accelerometer.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from html import escape
 from math import cos, sin, sqrt
 from typing import NamedTuple
-from xml.sax.saxutils import quoteattr
 
 from kybflow.core.geometry import Vec3
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
@@ -105,7 +105,7 @@ def _obstacle(name: str, shape: Shape) -> str:
             place = _geom("sphere", at, (radius,))
         case Plane(at, facing):
             place = f'{_geom("plane", at, (0.0, 0.0, 1.0))} zaxis="{_numbers(facing)}"'
-    return f'<geom name={quoteattr(OBSTACLE + name)} {place} rgba="0.6 0.45 0.35 0.8"/>\n'
+    return f'<geom name="{escape(OBSTACLE + name)}" {place} rgba="0.6 0.45 0.35 0.8"/>\n'
 
 
 def _geom(kind: str, at: Iterable[float], size: Iterable[float]) -> str:
@@ -123,9 +123,9 @@ def _vehicle(index: int, context: VehicleContext, body: BuiltAirframe) -> str:
     )
     stand = _stand(context) if z > 0.0 else ""
     turn = f"{cos(context.heading / 2)!r} 0 0 {sin(context.heading / 2)!r}"
-    name = quoteattr(f"vehicle {context.vehicle}")
+    name = escape(f"vehicle {context.vehicle}")
     mass, inertia, height = loaded(body.mass, body.inertia, context.payload)
-    return f"""{stand}<body name={name} pos="{x!r} {y!r} {z!r}" quat="{turn}">
+    return f"""{stand}<body name="{name}" pos="{x!r} {y!r} {z!r}" quat="{turn}">
 <freejoint/>
 <inertial pos="0 0 {height!r}" mass="{mass!r}" diaginertia="{_numbers(inertia)}"/>
 <geom type="box" size="{half:.9g} {half:.9g} {LEGS / 2}" pos="0 0 {-LEGS / 2}" rgba="{hue} 1"
@@ -156,10 +156,10 @@ def parcel_text(context: VehicleContext) -> str:
     """A vehicle's parcel as MJCF, where it is on board."""
     assert context.payload is not None
     (x, y, z), half = context.start, 0.5 * context.payload.size
-    name = quoteattr(PARCEL + context.vehicle)
-    return f"""<body name={name} pos="{x!r} {y!r} {z + mount(context.payload)!r}" gravcomp="1">
+    name = escape(PARCEL + context.vehicle)
+    return f"""<body name="{name}" pos="{x!r} {y!r} {z + mount(context.payload)!r}" gravcomp="1">
 <freejoint/>
-<geom name={name} type="box" size="{half!r} {half!r} {half!r}" mass="{context.payload.mass!r}"
+<geom name="{name}" type="box" size="{half!r} {half!r} {half!r}" mass="{context.payload.mass!r}"
  contype="0" conaffinity="0" rgba="0.75 0.6 0.4 1"/>
 </body>
 """

@@ -1,0 +1,80 @@
+"""What `kybflow run` shows on a terminal while it flies: a table that is redrawn in place."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from kybflow.cli.printing.run import sentence
+from kybflow.core.geometry import distance
+from kybflow.core.signals import Event
+from kybflow.runtime.engine import Engine
+from kybflow.runtime.vehicle.vehicle import Vehicle
+
+_LAST_EVENTS = 6
+_REDRAW = 0.1
+
+
+class LivePanel:
+    """A table that is redrawn in place, with the last events below it."""
+
+    def __init__(self, console: Console) -> None:
+        self._events: deque[str] = deque(maxlen=_LAST_EVENTS)
+        self._live = Live(console=console, auto_refresh=False)
+        self._drawn = 0.0
+        self._began = time.monotonic()
+        self._engine: Engine | None = None
+
+    def __enter__(self) -> LivePanel:
+        self._live.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._draw()
+        self._live.__exit__(None, None, None)
+
+    def hear(self, event: Event) -> None:
+        self._events.append(sentence(event))
+
+    def look(self, engine: Engine) -> None:
+        """Redraw, at most ten times a second."""
+        self._engine = engine
+        if time.monotonic() - self._drawn >= _REDRAW:
+            self._draw()
+
+    def _draw(self) -> None:
+        if self._engine is not None:
+            self._drawn = time.monotonic()
+            drawing = self._drawing(self._engine, self._drawn - self._began)
+            self._live.update(drawing, refresh=True)
+
+    def _drawing(self, engine: Engine, wall: float) -> Group:
+        seconds = engine.seconds()
+        table = Table(title=f"{engine.plan.mission}   {seconds:.1f} s   {seconds / wall:.1f} x")
+        for heading in ("vehicle", "behavior", "estimator", "battery", "position error", "height"):
+            table.add_column(
+                heading, justify="left" if heading in ("vehicle", "behavior") else "right"
+            )
+        for vehicle in engine.vehicles:
+            table.add_row(*_row(vehicle, engine.flying))
+        return Group(
+            table, *(Text(line, no_wrap=True, overflow="ellipsis") for line in self._events)
+        )
+
+
+def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:
+    estimate, battery, setpoint = vehicle.estimate, vehicle.battery, vehicle.followed
+    wanted = setpoint.position if setpoint is not None else None
+    return (
+        vehicle.name,
+        vehicle.activity.machine.state if flying else "preflight",
+        vehicle.estimator or "none",
+        f"{battery.remaining:.0%}" if battery else "-",
+        f"{distance(wanted, estimate.position) * 1000:.0f} mm" if wanted and estimate else "-",
+        f"{estimate.position[2]:.2f} m" if estimate else "-",
+    )
