@@ -65,11 +65,18 @@ _COMMANDS = ", ".join(f"{number} {kind.value}" for kind, number in COMMAND_KINDS
 # Each message: (type, name, comment) of its fields. Frames and units: `kybflow.core.signals`.
 _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
     "Vector": (("float64", "x", ""), ("float64", "y", ""), ("float64", "z", "")),
+    "Vector32": (("float32", "x", ""), ("float32", "y", ""), ("float32", "z", "")),
     "Quaternion": (
         ("float64", "w", "body to world"),
         ("float64", "x", ""),
         ("float64", "y", ""),
         ("float64", "z", ""),
+    ),
+    "Quaternion32": (
+        ("float32", "w", "body to world"),
+        ("float32", "x", ""),
+        ("float32", "y", ""),
+        ("float32", "z", ""),
     ),
     "Estimate": (
         ("bool", "present", "false: no estimator had an estimate, and the rest is zero"),
@@ -88,20 +95,20 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
             "sum of 1 position, 2 velocity, 4 acceleration, 8 jerk, 16 heading; the rest is zero",
         ),
         ("Vector", "position", "m, world"),
-        ("Vector", "velocity", "m/s, world"),
-        ("Vector", "acceleration", "m/s^2, world"),
-        ("Vector", "jerk", "m/s^3, world"),
-        ("float64", "heading", "rad from east"),
-        ("float64", "heading_rate", "rad/s"),
+        ("Vector32", "velocity", "m/s, world"),
+        ("Vector32", "acceleration", "m/s^2, world"),
+        ("Vector32", "jerk", "m/s^3, world"),
+        ("float32", "heading", "rad from east"),
+        ("float32", "heading_rate", "rad/s"),
     ),
     "Command": (
         ("bool", "armed", "false: rotors stopped"),
         ("uint8", "kind", f"what of it counts: {_COMMANDS}; of the first three /NAME/command"),
         ("bool", "heading_present", "false: nobody knows the heading, and it is zero"),
-        ("Quaternion", "attitude", ""),
-        ("float64", "thrust", "N along body z"),
-        ("Vector", "rates", "rad/s, body, fed forward"),
-        ("float64", "heading", "rad from east"),
+        ("Quaternion32", "attitude", ""),
+        ("float32", "thrust", "N along body z"),
+        ("Vector32", "rates", "rad/s, body, fed forward"),
+        ("float32", "heading", "rad from east"),
     ),
     "Truth": (
         ("bool", "present", "false: not simulated, and the rest is zero"),
@@ -112,8 +119,7 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
     "Tick": (
         ("Estimate", "estimate", "what the vehicle believed"),
-        ("Setpoint", "wanted", "what the behavior asked for"),
-        ("Setpoint", "setpoint", "what was left of it after the processors"),
+        ("Setpoint", "setpoint", "what was followed; if not what was asked for, see /NAME/wanted"),
         ("Command", "command", "what the driver was given"),
         ("Truth", "truth", "what the simulator knows"),
     ),
@@ -130,10 +136,18 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
 
 _PLAIN = {
     "float64": ("d", "<f8"),
+    "float32": ("f", "<f4"),
     "int64": ("q", "<i8"),
     "uint8": ("B", "u1"),
     "bool": ("B", "?"),
     f"float64[{SWITCHES}]": (f"{SWITCHES}d", f"({SWITCHES},)<f8"),
+}
+
+_ARRAYS = {
+    "Vector": ("<f8", (3,)),
+    "Vector32": ("<f4", (3,)),
+    "Quaternion": ("<f8", (4,)),
+    "Quaternion32": ("<f4", (4,)),
 }
 
 
@@ -199,7 +213,7 @@ class MeasurementLayout:
                 fields, piece = _recorded(name, plain, said[-1] if said else "", index)
                 self.fields += fields
                 pieces.append(piece)
-        self.packed = _packed(Struct("<" + _codes(self.fields)), pieces)
+        self.packed = _packed(Struct("<" + _codes(self.fields)), pieces, index + 1)
 
     def topic(self, measurement: Any) -> str:
         """The topic below the vehicle's; one for each camera."""
@@ -219,11 +233,15 @@ _SCALARS = {int: "int64", float: "float64", bool: "bool"}
 _TUPLES = {Vec3: "Vector", Quat: "Quaternion"}
 
 
-def _packed(struct: Struct, pieces: list[_Piece]) -> Callable[[Any], bytes]:
-    """What packs a measurement: fast where all that is recorded can be taken from it at once."""
+def _packed(struct: Struct, pieces: list[_Piece], width: int) -> Callable[[Any], bytes]:
+    """What packs a measurement of `width` fields: fast where all that is recorded can be taken from
+    it at once, and fastest where that is all of it, the vectors last."""
     pack = struct.pack
     if any(map(callable, pieces)):
         return lambda m: pack(*_flat(p(m) if callable(p) else m[p] for p in pieces))
+    scalars = sum(isinstance(p, slice) for p in pieces)
+    if pieces[scalars:] == [*range(scalars, width)]:
+        return lambda m: pack(*m[:scalars], *_flat(m[scalars:]))
     items = itemgetter(*(p for p in pieces if not callable(p)), slice(0, 0))
     return lambda m: pack(*_flat(items(m)))
 
@@ -289,8 +307,8 @@ def dtype_spec(message: str | MeasurementKind) -> list[Any]:
     for kind, name, _ in _fields_of(message):
         if kind in _PLAIN:
             spec.append((name, _PLAIN[kind][1]))
-        elif kind in ("Vector", "Quaternion"):
-            spec.append((name, "<f8", (len(_MESSAGES[kind]),)))
+        elif kind in _ARRAYS:
+            spec.append((name, *_ARRAYS[kind]))
         else:
             spec.append((name, dtype_spec(kind)))
     return spec

@@ -3,7 +3,8 @@
 Each vehicle has `/NAME/tick` (one message a control tick, `kybflow.recording.layout`) and
 `/NAME/KIND` for each kind of measurement: each measurement as it arrived, but of a frame, in
 `/NAME/frame/CAMERA`, only when it was taken. `pose`, `battery` and `imu` are always there, the
-others once one arrived. `/NAME/command` has the setpoint of each command that has one, and
+others once one arrived. `/NAME/wanted` has what the behavior asked for in each tick in which
+something else was followed, `/NAME/command` the setpoint of each command that has one, and
 `/NAME/estimator/ESTIMATOR` what each of its estimators says, flown on or not, fifty times a second
 at most. `/events` holds every event as JSON. A message's log and publish time are the tick's time,
 so the file holds no other clock: two runs with the same seed give the same bytes. Why the messages
@@ -19,7 +20,7 @@ from pathlib import Path
 from struct import Struct
 
 from foxglove import Channel, Context, Schema, open_mcap
-from foxglove.mcap import MCAPWriteOptions
+from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import (
@@ -61,11 +62,11 @@ from kybflow.recording.layout import (
 from kybflow.runtime.observer import EstimationState, VehicleObserver
 
 CHUNK_SECONDS = 0.5
-"""The flight time in a chunk, which is lost when the program is killed."""
+"""The most flight time in a chunk, which is lost when the program is killed."""
 
 _TICK = Struct(struct_format("Tick"))
-_SETPOINT = Struct(struct_format("Setpoint"))
 _pack_tick = _TICK.pack
+_pack_setpoint = Struct(struct_format("Setpoint")).pack
 _pack_candidate = Struct(struct_format("Candidate")).pack
 
 _Message = str | MeasurementKind
@@ -75,6 +76,8 @@ _Measured = tuple[Callable[[Measurement], bytes], _Log | None]
 _Marked = tuple[tuple[int, int], Vec3, Vec3, Vec3, Vec3, float, float]
 """(kind, present) of a setpoint, then its fields, zero where absent."""
 
+_LARGEST = (2.0 - 2.0**-23) * 2.0**127
+"""The largest number of type float32."""
 _ZERO = (0.0, 0.0, 0.0)
 _ZERO_4 = (0.0, 0.0, 0.0, 0.0)
 _NO_ESTIMATE = Estimate(0, _ZERO, _ZERO, _ZERO_4, _ZERO, "", 0.0, 0.0)
@@ -101,7 +104,7 @@ class Recorder:
             self._sink,  # type: ignore[arg-type]  # the SDK asks for write, seek and flush only
             context=self._context,
             writer_options=MCAPWriteOptions(
-                compression=None,
+                compression=MCAPCompression.Lz4,
                 chunk_size=int(per_second * CHUNK_SECONDS),
                 disable_seeking=True,
                 calculate_data_section_crc=False,
@@ -190,47 +193,53 @@ class VehicleChannel(VehicleObserver):
         setpoint: Setpoint | None,
         command: Command,
         truth: Truth | None,
+        estimation: EstimationState,
     ) -> None:
         """One control tick: the estimate, the setpoint before and after the processors, the command
-        that was sent, and the simulator's truth where there is one."""
+        that was sent, the simulator's truth where there is one, and the estimators."""
         _, p, v, q, w, _, age, spread = estimate or _NO_ESTIMATE
-        marks, p0, v0, a0, j0, heading0, rate0 = before = _marked(wanted)
-        if setpoint is wanted:
-            marks1, p1, v1, a1, j1, heading1, rate1 = before
-        else:
-            marks1, p1, v1, a1, j1, heading1, rate1 = _marked(setpoint)
+        marks, p0, v0, a0, j0, heading0, rate0 = _marked(setpoint)
         attitude, thrust, rates, heading, armed, kind, sent = command
         number = _ATTITUDE_THRUST_NUMBER if kind is _ATTITUDE_THRUST else COMMAND_KINDS[kind]
         pt, vt, qt, wt, _ = truth or _NO_TRUTH
-        message = _pack_tick(
+        values = (
             estimate is not None, *p, *v, *q, *w, age, spread,
             *marks, *p0, *v0, *a0, *j0, heading0, rate0,
-            *marks1, *p1, *v1, *a1, *j1, heading1, rate1,
             armed, number, heading is not None, *attitude, thrust, *rates, heading or 0.0,
             truth is not None, *pt, *vt, *qt, *wt,
         )  # fmt: skip
-        self._tick(message, now)
+        try:
+            self._tick(_pack_tick(*values), now)
+        except OverflowError:
+            self._tick(_pack_tick(*map(_within_float32, values)), now)
+        if wanted is not setpoint:
+            self._setpoint("wanted", wanted, now)
         if sent is not None:
-            marks, p0, v0, a0, j0, heading0, rate0 = _marked(sent)
-            data = _SETPOINT.pack(*marks, *p0, *v0, *a0, *j0, heading0, rate0)
-            self._log_optional("command", "Setpoint", data, now)
-
-    def estimators(self, now: Time, estimation: EstimationState) -> None:
-        """What each estimator says in this tick."""
+            self._setpoint("command", sent, now)
+        if self._ticks % self._every == 0:
+            self._candidates(now, estimation)
         self._ticks += 1
-        if (self._ticks - 1) % self._every:
-            return
+
+    def _setpoint(self, topic: str, setpoint: Setpoint | None, now: Time) -> None:
+        marks, position, velocity, acceleration, jerk, heading, rate = _marked(setpoint)
+        values = (*marks, *position, *velocity, *acceleration, *jerk, heading, rate)
+        try:
+            data = _pack_setpoint(*values)
+        except OverflowError:
+            data = _pack_setpoint(*map(_within_float32, values))
+        self._log_optional(topic, "Setpoint", data, now)
+
+    def _candidates(self, now: Time, estimation: EstimationState) -> None:
+        """What each estimator says in this tick."""
         source, logs = estimation.source, self._estimators
         for candidate in estimation.candidates:
             name, estimate = candidate.name, candidate.estimate
             if name not in logs:
                 logs[name] = _log(self._context, f"/{self._name}/estimator/{name}", "Candidate")
-            _, (x, y, z), _, (a, b, c, d), _, _, age, spread = estimate or _NO_ESTIMATE
-            known, usable = estimate is not None, candidate.is_usable
-            logs[name](
-                _pack_candidate(known, usable, name == source, x, y, z, a, b, c, d, age, spread),
-                now,
-            )
+            _, position, _, attitude, _, _, age, spread = estimate or _NO_ESTIMATE
+            known, usable, used = estimate is not None, candidate.is_usable, name == source
+            data = _pack_candidate(known, usable, used, *position, *attitude, age, spread)
+            logs[name](data, now)
 
     def measurement(self, now: Time, measurement: Measurement) -> None:
         """A measurement that arrived at `now`."""
@@ -281,6 +290,11 @@ def _marked(setpoint: Setpoint | None) -> _Marked:
         heading or 0.0,
         rate,
     )
+
+
+def _within_float32(value: float) -> float:
+    """The number, or the nearest one that fits: a setpoint or a command of a part may be absurd."""
+    return max(-_LARGEST, min(value, _LARGEST))
 
 
 def _log(context: Context, topic: str, message: _Message) -> _Log:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import yaml
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Channel, Message, Metadata
+from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
@@ -28,6 +28,8 @@ from kybflow.recording.layout import (
     HAS_POSITION,
     HAS_VELOCITY,
     METADATA,
+    PACKAGE,
+    definition,
     dtype_spec,
     kept_every,
 )
@@ -40,7 +42,8 @@ MOST_TICKS = 6000
 MOST_PICTURES = 96
 """The most pictures in one report; a fleet's others are in its folder."""
 
-_TICK, _BATTERY = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec(Battery))
+_TICK, _SETPOINT = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Setpoint"))
+_BATTERY = np.dtype(dtype_spec(Battery))
 _PICTURE_NAME = re.compile(r"(\d+\.\d+)s-(?:(\d+)-used-(\d+)-rejected|no-pose)\.jpg")
 
 
@@ -177,11 +180,13 @@ def _track(
     messages = log.messages.get(f"/{name}/tick", [])
     kept = messages[:: max(1, math.ceil(len(messages) / MOST_TICKS))]
     ticks = np.frombuffer(b"".join(m.data for m in kept), _TICK)
-    time = np.array([m.log_time for m in kept], np.float64) / NS
+    stamps = np.array([m.log_time for m in kept], np.int64)
+    time = stamps / NS
     reports = log.messages.get(f"/{name}/battery", [])
     battery = np.frombuffer(b"".join(m.data for m in reports), _BATTERY)
     position, velocity = _state(ticks, "position"), _state(ticks, "velocity")
     reference = _field(ticks["setpoint"], "position", HAS_POSITION)
+    wanted = _wanted(ticks["setpoint"], stamps, log.messages.get(f"/{name}/wanted", []))
     return Track(
         name=name,
         start=list(facts["start"]),
@@ -190,13 +195,24 @@ def _track(
         reference=reference,
         position_error=norm(position - reference),
         velocity_error=norm(velocity - _field(ticks["setpoint"], "velocity", HAS_VELOCITY)),
-        to_target=_to_target(
-            time, position, _field(ticks["wanted"], "position", HAS_POSITION), visits
-        ),
+        to_target=_to_target(time, position, _field(wanted, "position", HAS_POSITION), visits),
         battery_time=np.array([m.log_time for m in reports], np.float64) / NS,
         battery=battery["remaining"],
         visits=visits,
     )
+
+
+def _wanted(
+    followed: NDArray[Any], stamps: NDArray[np.int64], others: list[Message]
+) -> NDArray[Any]:
+    """The behavior's setpoint in each tick: the one that was followed, but where there is another
+    for this time."""
+    wanted, said = followed.copy(), np.frombuffer(b"".join(m.data for m in others), _SETPOINT)
+    _, index, of = np.intersect1d(
+        stamps, np.array([m.log_time for m in others], np.int64), return_indices=True
+    )
+    wanted[index] = said[of]
+    return wanted
 
 
 def _state(ticks: NDArray[Any], name: str) -> Array:
@@ -238,7 +254,7 @@ class Recording:
 
 def read_log(path: Path) -> Recording:
     """The recording at `path`, as far as it goes. Raises OSError, ValueError or McapError for a
-    file that is no recording of a run."""
+    file that is no recording of a run, or one of another version's."""
     mission: dict[str, Any] = {}
     topics: dict[int, str] = {}
     log = Recording(mission)
@@ -249,6 +265,8 @@ def read_log(path: Path) -> Recording:
                     _keep(log, topics[record.channel_id], record)
                 elif isinstance(record, Channel):
                     topics[record.id] = record.topic
+                elif isinstance(record, Schema):
+                    _check_layout(path, record)
                 elif isinstance(record, Metadata) and record.name == METADATA:
                     mission.update(json.loads(record.metadata["plan"]))
         except EndOfFile:
@@ -256,6 +274,15 @@ def read_log(path: Path) -> Recording:
     if not mission:
         raise ValueError(f"`{path.name}` says nothing of a mission")
     return log
+
+
+def _check_layout(path: Path, schema: Schema) -> None:
+    """Raises ValueError for ticks that hold other fields than today's."""
+    if schema.name == f"{PACKAGE}/Tick" and schema.data != definition("Tick"):
+        raise ValueError(
+            f"`{path.name}` was recorded by another version of kybflow, whose ticks have another"
+            " layout; tools that decode ROS 1 messages by their schema can read it"
+        )
 
 
 def _keep(log: Recording, topic: str, message: Message) -> None:
@@ -266,6 +293,10 @@ def _keep(log: Recording, topic: str, message: Message) -> None:
     elif topic.endswith("/tick"):
         seen = log.seen[topic] = log.seen.get(topic, 0) + 1
         if (seen - 1) % kept_every(log.mission["control_rate"]) == 0:
+            log.messages.setdefault(topic, []).append(message)
+    elif topic.endswith("/wanted"):
+        ticks = log.messages.get(topic.removesuffix("wanted") + "tick")
+        if ticks and ticks[-1].log_time == message.log_time:
             log.messages.setdefault(topic, []).append(message)
 
 

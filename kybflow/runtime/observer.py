@@ -43,9 +43,8 @@ class VehicleObserver:
         setpoint: Setpoint | None,
         command: Command,
         truth: Truth | None,
+        estimation: EstimationState,
     ) -> None:
         """Called once a tick with the estimate, the setpoint before (`wanted`) and after the
-        processors, the command that was sent, and a simulator's ground truth."""
-
-    def estimators(self, now: Time, estimation: EstimationState) -> None:
-        """Called once a tick with the state of every estimator."""
+        processors, the command that was sent, a simulator's ground truth, and the state of every
+        estimator."""

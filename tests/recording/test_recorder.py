@@ -8,14 +8,15 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
-from mcap.records import Message
+from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader
-from recorded_run import LEVEL, REST, make_plan, write_run
+from recorded_run import LEVEL, NO_ESTIMATORS, REST, make_plan, write_run
 
 from kybflow.core.signals import (
     NS,
@@ -60,6 +61,10 @@ COMMAND = Command((1.0, 0.0, 0.0, 0.0), 10.25, (0.5, 0.25, 0.125), 0.75)
 TRUTH = Truth((1.1, 2.1, 3.1), (4.1, 5.1, 6.1), (1.0, 0.0, 0.0, 0.0), (7.1, 8.1, 9.1))
 
 
+def fly(channel, now: Time) -> None:
+    channel.tick(now, ESTIMATE, WANTED, WANTED, COMMAND, TRUTH, NO_ESTIMATORS)
+
+
 def messages(path: Path, topic: str) -> list[Message]:
     with path.open("rb") as file:
         return [m for _, _, m in make_reader(file).iter_messages(topics=[topic])]
@@ -70,15 +75,28 @@ def one_tick(
 ):
     """The tick that was recorded, as it is read back."""
     recorder = Recorder(path, make_plan("mk"))
-    recorder.vehicle("mk").tick(4_000_000, estimate, wanted, setpoint, command, truth)
+    recorder.vehicle("mk").tick(
+        4_000_000, estimate, wanted, setpoint, command, truth, NO_ESTIMATORS
+    )
     recorder.close()
     (message,) = messages(path, "/mk/tick")
     assert (message.log_time, message.publish_time) == (4_000_000, 4_000_000)
     return np.frombuffer(message.data, np.dtype(dtype_spec("Tick")))[0]
 
 
+def one_setpoint(path: Path, topic: str):
+    """The only setpoint of a topic, as it is read back."""
+    (message,) = messages(path, topic)
+    assert message.log_time == 4_000_000
+    return np.frombuffer(message.data, np.dtype(dtype_spec("Setpoint")))[0]
+
+
+def float32(values) -> tuple[float, ...]:
+    return tuple(np.array(values, np.float32).tolist())
+
+
 def test_a_tick_holds_every_value(tmp_path):
-    setpoint = WANTED._replace(position=(9.5, 2.5, 3.5))
+    setpoint = WANTED._replace(position=(9.1, 2.1, 3.1))
     tick = one_tick(tmp_path / "log.mcap", setpoint=setpoint)
 
     estimate = tick["estimate"]
@@ -88,10 +106,12 @@ def test_a_tick_holds_every_value(tmp_path):
     assert tuple(estimate["attitude"]) == ESTIMATE.attitude
     assert tuple(estimate["angular_velocity"]) == ESTIMATE.angular_velocity
     assert (estimate["age"], estimate["spread"]) == (0.01, 0.002)
-    for recorded, meant in ((tick["wanted"], WANTED), (tick["setpoint"], setpoint)):
+    wanted = one_setpoint(tmp_path / "log.mcap", "/mk/wanted")
+    for recorded, meant in ((wanted, WANTED), (tick["setpoint"], setpoint)):
         assert (recorded["kind"], recorded["present"]) == (2, 31)
-        for name in ("position", "velocity", "acceleration", "jerk"):
-            assert tuple(recorded[name]) == getattr(meant, name)
+        assert tuple(recorded["position"]) == meant.position
+        for name in ("velocity", "acceleration", "jerk"):
+            assert tuple(recorded[name]) == float32(getattr(meant, name))
         assert (recorded["heading"], recorded["heading_rate"]) == (0.25, -0.125)
     command = tick["command"]
     assert command["armed"]
@@ -118,7 +138,8 @@ def test_what_is_not_there_has_a_flag_and_zeros(tmp_path):
 
     assert not tick["estimate"]["present"]
     assert not tick["truth"]["present"]
-    assert (tick["wanted"]["kind"], tick["setpoint"]["kind"]) == (0, 0)
+    assert tick["setpoint"]["kind"] == 0
+    assert messages(tmp_path / "log.mcap", "/mk/wanted") == []
     assert not tick["command"]["armed"]
     assert not tick["command"]["heading_present"]
     assert tuple(tick["estimate"]["position"]) == REST
@@ -136,8 +157,25 @@ def test_what_is_not_there_has_a_flag_and_zeros(tmp_path):
     ],
 )
 def test_a_setpoint_says_what_it_has(tmp_path, setpoint, kind, present):
-    recorded = one_tick(tmp_path / "log.mcap", wanted=setpoint, setpoint=None)["wanted"]
-    assert (recorded["kind"], recorded["present"]) == (kind, present)
+    followed = one_tick(tmp_path / "log.mcap", wanted=setpoint, setpoint=None)["setpoint"]
+    assert (followed["kind"], followed["present"]) == (0, 0)
+    wanted = one_setpoint(tmp_path / "log.mcap", "/mk/wanted")
+    assert (wanted["kind"], wanted["present"]) == (kind, present)
+    followed = one_tick(tmp_path / "log.mcap", wanted=None, setpoint=setpoint)["setpoint"]
+    assert (followed["kind"], followed["present"]) == (kind, present)
+    assert one_setpoint(tmp_path / "log.mcap", "/mk/wanted")["kind"] == 0
+
+
+def test_what_a_part_asks_for_may_be_absurd(tmp_path):
+    path = tmp_path / "log.mcap"
+    far = WANTED._replace(velocity=(1e300, -1e300, 0.5))
+    command = COMMAND._replace(thrust=1e39, setpoint=far)
+    tick = one_tick(path, wanted=far, setpoint=WANTED, command=command)
+    largest = float(np.finfo(np.float32).max)
+    assert tick["command"]["thrust"] == largest
+    assert tuple(tick["estimate"]["position"]) == ESTIMATE.position
+    for topic in ("/mk/wanted", "/mk/command"):
+        assert tuple(one_setpoint(path, topic)["velocity"]) == (largest, -largest, 0.5)
 
 
 def test_a_command_that_is_a_setpoint_is_recorded_with_it(tmp_path):
@@ -145,10 +183,9 @@ def test_a_command_that_is_a_setpoint_is_recorded_with_it(tmp_path):
     sent = WANTED._replace(kind=SetpointKind.VELOCITY, position=None)
     command = COMMAND._replace(kind=CommandKind.VELOCITY, setpoint=sent)
     assert one_tick(path, command=command)["command"]["kind"] == 2
-    (message,) = messages(path, "/mk/command")
-    decoded = np.frombuffer(message.data, np.dtype(dtype_spec("Setpoint")))[0]
-    assert (message.log_time, decoded["kind"], decoded["present"]) == (4_000_000, 3, 2 + 4 + 8 + 16)
-    assert tuple(decoded["velocity"]) == WANTED.velocity
+    decoded = one_setpoint(path, "/mk/command")
+    assert (decoded["kind"], decoded["present"]) == (3, 2 + 4 + 8 + 16)
+    assert tuple(decoded["velocity"]) == float32(WANTED.velocity)
     assert decoded["heading"] == 0.25
     assert one_tick(tmp_path / "plain.mcap")["command"]["kind"] == 4
     assert messages(tmp_path / "plain.mcap", "/mk/command") == []
@@ -235,7 +272,9 @@ def test_each_estimator_is_recorded_fifty_times_a_second(tmp_path):
     estimation = SimpleNamespace(candidates=[flown, blind], source="mocap")
     recorder = Recorder(tmp_path / "log.mcap", make_plan("mk", rate=250))
     for tick in range(11):
-        recorder.vehicle("mk").estimators(tick * 4_000_000, estimation)
+        recorder.vehicle("mk").tick(
+            tick * 4_000_000, ESTIMATE, WANTED, WANTED, COMMAND, TRUTH, estimation
+        )
     recorder.close()
 
     first, *others = messages(tmp_path / "log.mcap", "/mk/estimator/mocap")
@@ -257,19 +296,57 @@ def test_the_definition_in_the_file_is_the_layout():
         "float64 remaining",
         "float64 voltage",
     ]
-    assert definition("Tick").count(b"MSG: kybflow/") == 6
+    assert definition("Tick").count(b"MSG: kybflow/") == 8
     assert struct_format(Battery) == "<qdd"
 
 
-def test_a_ros_1_reader_decodes_the_ticks(tmp_path):
+def numbers(value: Any) -> list[float]:
+    """The numbers of a decoded message in their order, whichever tool decoded it."""
+    if isinstance(value, np.ndarray | list | tuple):
+        return [number for part in value for number in numbers(part)]
+    if isinstance(value, np.void):
+        return [number for part in value.item() for number in numbers(part)]
+    if hasattr(value, "__slots__"):
+        return [number for name in value.__slots__ for number in numbers(getattr(value, name))]
+    return [float(value)]
+
+
+def test_a_ros_1_reader_decodes_every_message_by_the_schema_in_the_file(tmp_path):
     decoder = pytest.importorskip("mcap_ros1.decoder")
     path = tmp_path / "log.mcap"
-    one_tick(path)
+    recorder = Recorder(path, make_plan("mk"))
+    channel = recorder.vehicle("mk")
+    known = SimpleNamespace(name="mocap", estimate=ESTIMATE, is_usable=True)
+    estimation = SimpleNamespace(candidates=[known], source="mocap")
+    kinds = [Pose, Battery, Imu, Odometry, Payload, Sticks]
+    heard = [
+        Pose(10, (1.0, 2.0, 3.0), LEVEL),
+        Battery(25, 0.75, 11.5),
+        Imu(28, 0.004, (0.1, 0.2, 9.8), (0.5, 0.25, 0.125)),
+        Odometry(25, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), LEVEL, (7.0, 8.0, 9.0), 0.5),
+        Payload(25, True, None),
+        Sticks(25, 0.1, -0.2, 0.3, 0.4, (1.0, -1.0)),
+    ]
+    for now in range(0, 2 * NS, 4_000_000):
+        for measurement in heard:
+            channel.measurement(now, measurement)
+        command = COMMAND._replace(thrust=10.25 + now / NS, setpoint=WANTED)
+        channel.tick(now, ESTIMATE, WANTED, None, command, TRUTH, estimation)
+    recorder.close()
+    messages_of = {kind.__name__: kind for kind in kinds}
+    seen: dict[str, int] = {}
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
-        ((_, _, _, tick),) = reader.iter_decoded_messages(topics=["/mk/tick"])
-    assert (tick.estimate.position.z, tick.wanted.heading_rate) == (3.0, -0.125)
-    assert (tick.command.thrust, tick.truth.attitude.w) == (10.25, 1.0)
+        for schema, found, message, said in reader.iter_decoded_messages():
+            name = schema.name.removeprefix("kybflow/")
+            ours = np.frombuffer(message.data, np.dtype(dtype_spec(messages_of.get(name, name))))
+            assert numbers(said) == numbers(ours[0])
+            seen[found.topic] = seen.get(found.topic, 0) + 1
+    assert seen == {
+        **dict.fromkeys(("/mk/tick", "/mk/wanted", "/mk/command"), 500),
+        **{f"/mk/{kind.__name__.lower()}": 500 for kind in kinds},
+        "/mk/estimator/mocap": 100,
+    }
 
 
 def test_the_same_run_gives_the_same_bytes(tmp_path):
@@ -295,7 +372,7 @@ def test_a_full_disk_stops_the_recording_and_nothing_else(capfd):
     recorder = Recorder(FULL, make_plan("mk"))
     channel = recorder.vehicle("mk")
     for tick in range(1000):
-        channel.tick(tick * 4_000_000, ESTIMATE, WANTED, WANTED, COMMAND, TRUTH)
+        fly(channel, tick * 4_000_000)
     recorder.event(Event(0, "landed", "mk", {}))
     recorder.close()
     assert recorder.failed == "the recording stopped: No space left on device"
@@ -312,7 +389,7 @@ import sys
 from pathlib import Path
 sys.path.insert(0, str(Path.cwd().parent / "support"))
 from recorded_run import make_plan
-from test_recorder import COMMAND, ESTIMATE, TRUTH, WANTED
+from test_recorder import fly
 from kybflow.recording.recorder import Recorder
 
 plan = make_plan(*sys.argv[2:])
@@ -320,7 +397,7 @@ recorder = Recorder(Path(sys.argv[1]), plan)
 now = 0
 while True:
     for name in sys.argv[2:]:
-        recorder.vehicle(name).tick(now, ESTIMATE, WANTED, WANTED, COMMAND, TRUTH)
+        fly(recorder.vehicle(name), now)
     if now % 100_000_000 == 0:
         print(now, flush=True)
     now += 4_000_000
@@ -338,6 +415,18 @@ def last_tick(path: Path) -> Time:
         except EndOfFile:
             return newest
     raise AssertionError("the file has an end")
+
+
+def test_chunks_are_compressed_and_no_longer_than_half_a_second(tmp_path):
+    """Compressed they are of any size, so that it can't be their size that limits their time."""
+    folder, chunks = write_run(tmp_path / "run", 6.0), []
+    with (folder / "log.mcap").open("rb") as file:
+        for record in StreamReader(file, emit_chunks=True).records:
+            if isinstance(record, Chunk):
+                chunks.append(record)
+    assert {chunk.compression for chunk in chunks} == {"lz4"}
+    assert all(c.message_end_time - c.message_start_time <= NS // 2 for c in chunks)
+    assert sum(len(c.data) for c in chunks) < 0.8 * sum(c.uncompressed_size for c in chunks)
 
 
 @pytest.mark.parametrize(
@@ -369,7 +458,7 @@ def test_memory_is_flat_over_ten_minutes_of_four_vehicles(tmp_path):
     early = 0
     for tick in range(600 * 250):
         for channel in channels:
-            channel.tick(tick * 4_000_000, ESTIMATE, WANTED, WANTED, COMMAND, TRUTH)
+            fly(channel, tick * 4_000_000)
         if tick == 30 * 250:
             early = resident()
     grown = resident() - early

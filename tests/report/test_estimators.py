@@ -49,12 +49,12 @@ def write(path, truth=TRUTH, names=("tags", "mocap"), attitude=LEVEL):
             why = {"reason": "`tags` has no <estimate>", "offset": 0.08, "blended": True}
             fields = {"estimator": source, "previous": "tags", **why}
             run.event(Event(now, "estimator_changed", "mk", fields, ""))
-        channel.tick(now, found[source], None, None, COMMAND, truth)
         candidates = [
             SimpleNamespace(name=name, estimate=e, is_usable=e is not None)
             for name, e in found.items()
         ]
-        channel.estimators(now, SimpleNamespace(candidates=candidates, source=source))
+        estimation = SimpleNamespace(candidates=candidates, source=source)
+        channel.tick(now, found[source], None, None, COMMAND, truth, estimation)
     recorder.close()
     run.finish({"kybflow": 1})
     return path

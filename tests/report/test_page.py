@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from recorded_run import write_run
 
+from kybflow.recording.recorder import VehicleChannel
 from kybflow.recording.run_folder import RunFolderError
 from kybflow.report.data import StateVisit, read_run
 from kybflow.report.figures import figures
@@ -59,6 +60,20 @@ def test_the_distance_to_target_is_to_where_each_behavior_ends(folder):
     start, end = mk.to_target[mk.time >= 9.0][[0, -1]]
     assert start == pytest.approx(1.0, abs=0.05)
     assert end < 0.05
+
+
+def test_the_target_is_what_was_asked_for_where_something_else_was_followed(tmp_path, monkeypatch):
+    """Processors keep the vehicle where it is; its behaviors ask for a place 5 m away."""
+    recorded, far = VehicleChannel.tick, (5.0, 0.0, 0.0)
+
+    def tick(self, now, estimate, wanted, *more):
+        recorded(self, now, estimate, wanted._replace(position=far), *more)
+
+    plain, _ = read_run(write_run(tmp_path / "plain", 12.0)).tracks
+    monkeypatch.setattr(VehicleChannel, "tick", tick)
+    held, _ = read_run(write_run(tmp_path / "held", 12.0)).tracks
+    assert np.array_equal(held.reference, plain.reference)
+    assert held.to_target == pytest.approx(np.linalg.norm(held.position - far, axis=1))
 
 
 def test_the_summary_agrees_with_the_recording(folder):
@@ -133,7 +148,8 @@ def test_a_killed_run_still_has_a_report(tmp_path):
     folder = write_run(tmp_path, 12.0)
     (folder / "summary.json").unlink()
     log, events = folder / "log.mcap", folder / "events.jsonl"
-    log.write_bytes(log.read_bytes()[:1_500_000])
+    recorded = log.read_bytes()
+    log.write_bytes(recorded[: len(recorded) * 45 // 100])
     events.write_text(events.read_text(encoding="utf-8")[:900], encoding="utf-8")
 
     run = read_run(folder)
@@ -149,6 +165,12 @@ def test_a_run_that_never_ticked_has_a_report_without_figures(tmp_path):
     text = without_scripts(write_report(write_run(tmp_path, 0.0)).read_text(encoding="utf-8"))
     assert "figure_eight" in text
     assert 'class="figure"' not in text
+
+
+def test_ticks_of_another_layout_are_an_error_that_says_so(folder, monkeypatch):
+    monkeypatch.setattr("kybflow.report.data.definition", lambda _: b"bool armed\n")
+    with pytest.raises(RunFolderError, match=r"`log\.mcap` was recorded by another version"):
+        read_run(folder)
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no recording at all, but long enough to read"])

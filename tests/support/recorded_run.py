@@ -6,6 +6,7 @@ import math
 import random
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 from kybflow.api.flight import RunRequest
 from kybflow.core.geometry import Vec3, distance, from_heading
@@ -32,6 +33,7 @@ from kybflow.world.vehicle_context import Airframe
 
 STARTED = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 LEVEL = from_heading(0.0)
+NO_ESTIMATORS = SimpleNamespace(candidates=(), source=None)
 REST = (0.0, 0.0, 0.0)
 STATES = (("up", "take_off"), ("steady", "hover"), ("eight", "figure_eight"), ("down", "land"))
 LEGS = (GROUND >> AIR, AIR >> AIR, AIR >> AIR, AIR >> GROUND)
@@ -167,7 +169,8 @@ def _fly(recorder, score, vehicle, t, now, starts, chance):
     estimate = Estimate(now, true, speed, LEVEL, REST, "mocap", 0.012, 0.001)
     setpoint = Setpoint(SetpointKind.POSITION, place, velocity, REST, None, 0.0)
     command = Command(LEVEL, 10.3, REST, 0.0)
-    channel.tick(now, estimate, setpoint, setpoint, command, Truth(true, speed, LEVEL, REST))
+    truth = Truth(true, speed, LEVEL, REST)
+    channel.tick(now, estimate, setpoint, setpoint, command, truth, NO_ESTIMATORS)
     counted.sample(distance(place, true), distance(velocity, speed))
     if now % (NS // 125) == 0:
         channel.measurement(now, Pose(now - 10_000_000, true, LEVEL))

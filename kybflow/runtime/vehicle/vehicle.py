@@ -270,8 +270,8 @@ class Vehicle:
         estimate on hardware."""
         knowledge, setpoint = self.knowledge, self._control.followed
         estimate, truth = knowledge.estimate, knowledge.link_in.truth
-        self._observer.tick(now, estimate, wanted, setpoint, command, truth)
-        self._observer.estimators(now, knowledge.estimation)
+        estimation = knowledge.estimation
+        self._observer.tick(now, estimate, wanted, setpoint, command, truth, estimation)
         state = truth or estimate
         if setpoint is None or state is None:
             return

@@ -370,4 +370,6 @@ def test_who_has_none_of_them_has_no_channel_for_them(run) -> None:
         summary = make_reader(file).get_summary()
     assert summary is not None
     topics = {channel.topic for channel in summary.channels.values()}
-    assert topics == {"/events", "/a/tick", "/a/estimator/mocap", "/a/pose", "/a/battery"}
+    assert topics == {
+        "/events", "/a/tick", "/a/wanted", "/a/estimator/mocap", "/a/pose", "/a/battery",
+    }  # fmt: skip
