@@ -66,7 +66,6 @@ def _methods(plan: Plan) -> list[tuple[str, type, str]]:
         ("link: measurements, truth, command", SimulatedVehicle, "truth"): None,
         ("link: measurements, truth, command", SimulatedVehicle, "send"): None,
         ("recorder", VehicleChannel, "tick"): None,
-        ("recorder", VehicleChannel, "estimators"): None,
         ("recorder", VehicleChannel, "measurement"): None,
         ("score and expectations", VehicleScore, "sample"): None,
         ("score and expectations", Judge, "sample"): None,
