@@ -113,12 +113,13 @@ class FieldTuple(tuple[Any, ...]):
     _made: ClassVar[Any]
     """The message's class in pymavlink."""
     _name: ClassVar[str]
+    _number: ClassVar[int]
 
     def get_type(self) -> str:
         return self._name
 
     def get_msgId(self) -> int:  # noqa: N802 - pymavlink's name
-        return int(self._made.id)
+        return self._number
 
     def get_fieldnames(self) -> list[str]:
         return list(self._made.fieldnames)
@@ -137,7 +138,8 @@ class FieldTuple(tuple[Any, ...]):
 
 def _tuple_of(made: Any) -> type[FieldTuple]:
     """The tuple for a message's class in pymavlink."""
-    members: dict[str, Any] = {"__slots__": (), "_made": made, "_name": made.msgname}
+    members: dict[str, Any] = {"__slots__": (), "_made": made}
+    members |= {"_name": made.msgname, "_number": made.id}
     start = 0
     for name, length, count in zip(
         made.ordered_fieldnames, made.lengths, made.array_lengths, strict=True
