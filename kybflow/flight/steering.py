@@ -16,6 +16,7 @@ from math import cos, sin, sqrt, tan
 
 from kybflow.core.geometry import (
     GRAVITY,
+    ZERO,
     Quat,
     Vec3,
     from_thrust_facing,
@@ -155,6 +156,8 @@ class Steering:
 def turning(force: Vec3, jerk: Vec3, heading_rate: float, attitude: Quat) -> Vec3:
     """Return the body rates at which the jerk and the heading rate turn the attitude along `force`:
     force x jerk / |force|^2, and the heading rate about world z."""
+    if jerk == ZERO and heading_rate == 0.0:
+        return ZERO
     (fx, fy, fz), (jx, jy, jz) = force, jerk
     k = 1.0 / (fx * fx + fy * fy + fz * fz)
     x, y, z = k * (fy * jz - fz * jy), k * (fz * jx - fx * jz), k * (fx * jy - fy * jx)
