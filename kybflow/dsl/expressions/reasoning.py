@@ -142,8 +142,10 @@ def _fact(
 
 def _contradicts(group: _Group, bounds: Bounds) -> bool:
     """Whether the facts leave no value to one of the things that they speak of."""
-    values = dict.fromkeys(fact.value for fact in group)
-    return any(_is_empty([f for f in group if f.value == v], bounds(v)) for v in values)
+    facts: dict[object, list[_Fact]] = {}
+    for fact in group:
+        facts.setdefault(fact.value, []).append(fact)
+    return any(_is_empty(of_one, bounds(value)) for value, of_one in facts.items())
 
 
 def _is_empty(facts: list[_Fact], bounds: tuple[float, float]) -> bool:

@@ -9,13 +9,15 @@ KEYWORDS = frozenset({"and", "or", "not", "in", "to", "within", "always", "event
 """Words of the language; no vehicle or state may be called so."""
 
 _TOKEN = re.compile(
-    r"(?P<quantity>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
+    r"\s*(?:(?P<quantity>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
     r"|(?P<name>[^\W\d][\w-]*(?:\.[\w-]+)*)"
     r"|(?P<operator><=|>=|==|!=|<|>)"
     r"|(?P<bracket>[()\[\]])"
+    r"|(?P<unreadable>.)"
+    r"|(?P<end>\Z))",
+    re.DOTALL,
 )
 _UNIT = re.compile(r"\s*((?:kg|g) m\^2|1/s|[°%]|[^\W\d_][\w/^]*)")
-_SPACE = re.compile(r"\s*")
 
 
 class Token(NamedTuple):
@@ -34,25 +36,16 @@ class Token(NamedTuple):
 def tokens_of(text: str) -> list[Token]:
     """The tokens of `text`, closed by one of the kind `end`; an unreadable one ends the list."""
     found: list[Token] = []
-    position = _skip(text, 0)
-    while position < len(text):
-        match = _TOKEN.match(text, position)
-        if match is None:
-            found.append(Token("unreadable", text[position], position, position + 1))
-            return found
+    end = 0
+    while match := _TOKEN.match(text, end):
         kind = match.lastgroup or ""
-        end = match.end()
+        start, end = match.span(kind)
         if kind == "quantity":
             end = _with_unit(text, end)
-        found.append(Token(kind, text[position:end], position, end))
-        position = _skip(text, end)
-    found.append(Token("end", "", len(text), len(text)))
+        found.append(Token(kind, text[start:end], start, end))
+        if kind in ("unreadable", "end"):
+            break
     return found
-
-
-def _skip(text: str, position: int) -> int:
-    match = _SPACE.match(text, position)
-    return match.end() if match else position
 
 
 def _with_unit(text: str, end: int) -> int:

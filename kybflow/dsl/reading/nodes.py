@@ -18,6 +18,8 @@ _TRUE = frozenset({"true", "True", "TRUE"})
 _FALSE = frozenset({"false", "False", "FALSE"})
 _INTEGER = re.compile(r"[+-]?\d{1,300}\Z", re.ASCII)
 _FLOAT = re.compile(r"[+-]?(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?\Z", re.ASCII)
+_NUMERIC = frozenset("+-.0123456789")
+"""What a number begins with."""
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z", re.ASCII)
 
 
@@ -111,15 +113,15 @@ def _scalar_to_json(node: Scalar) -> str | int | float | bool | None:
     text = node.text
     if node.quoted:
         return text
-    if _INTEGER.match(text):
-        return int(text)
-    if _FLOAT.match(text):
-        return float(text)
     if text in _NULL:
         return None
     if text in _TRUE or text in _FALSE:
         return text in _TRUE
-    return text
+    if text[0] not in _NUMERIC:
+        return text
+    if _INTEGER.match(text):
+        return int(text)
+    return float(text) if _FLOAT.match(text) else text
 
 
 def describe(node: Node) -> str:
@@ -171,8 +173,7 @@ def texts_in(nodes: Iterable[Node]) -> Iterator[str]:
             yield top.text
         elif id(top) not in seen:
             seen.add(id(top))
-            values = [entry.value for entry in entries_of(top).values()]
-            waiting.extend((*values, *items_of(top)))
+            waiting += [entry.value for entry in entries_of(top).values()] or items_of(top)
 
 
 def count(node: Node, limit: int) -> int:
@@ -182,7 +183,7 @@ def count(node: Node, limit: int) -> int:
         total += 1
         top = waiting.pop()
         if isinstance(top, Mapping):
-            waiting.extend(entry.value for entry in top.entries.values())
+            waiting += [entry.value for entry in top.entries.values()]
         elif isinstance(top, Sequence):
-            waiting.extend(top.items)
+            waiting += top.items
     return total

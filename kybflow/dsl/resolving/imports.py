@@ -110,8 +110,8 @@ def _outside(text: Scalar) -> Diagnostic:
 
 
 def _within(path: Path, roots: tuple[Path, ...]) -> bool:
-    real = path.resolve()
-    return any(real.is_relative_to(root.resolve()) for root in roots)
+    real, homes = os.path.realpath(path), map(os.path.realpath, roots)
+    return any(os.path.commonpath((real, home)) == home for home in homes)
 
 
 def _home_of(path: Path) -> tuple[Path, ...]:

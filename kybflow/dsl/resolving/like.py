@@ -24,7 +24,7 @@ def merge(base: Mapping, own: Mapping, used: Places = ()) -> Mapping:
     """`own` over `base`. What comes from `base` alone is marked inherited, and `used` there; the
     order is that of `base`, then what `own` adds."""
     entries = {
-        key: entry._replace(inherited=True, used=(*used, *entry.used), depth=entry.depth + 1)
+        key: MappingEntry(entry.key, entry.value, True, (*used, *entry.used), entry.depth + 1)
         for key, entry in base.entries.items()
     }
     for key, entry in own.entries.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
@@ -36,7 +37,7 @@ class Files:
         self.via: dict[str, tuple[Span, ...]] = {mission.file: ()}
         readable = mission.root is not None
         first = Span(mission.file, 1, 1, 1, 1)
-        self.open: dict[Path, Span] = {path.resolve(): first} if readable else {}
+        self.open: dict[str, Span] = {os.path.realpath(path): first} if readable else {}
         self.mission = LibraryPath(path, mission.file)
         self.imports = 0
 
@@ -111,7 +112,7 @@ class _Loader:
     def _library(
         self, target: LibraryPath, at: Span, settings: dict[str, Setting], importer: LibraryPath
     ) -> Diagnosed[Exports | None]:
-        files, real = self._files, target.path.resolve()
+        files, real = self._files, os.path.realpath(target.path)
         if not (yield from self._may_open(target, real, at)):
             return None
         library = read_library(target)
@@ -125,7 +126,7 @@ class _Loader:
         del files.open[real]
         return exports
 
-    def _may_open(self, target: LibraryPath, real: Path, at: Span) -> Diagnosed[bool]:
+    def _may_open(self, target: LibraryPath, real: str, at: Span) -> Diagnosed[bool]:
         files = self._files
         files.imports += 1
         if files.imports > MAX_IMPORTS:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity, every
 from kybflow.dsl.diagnostics.spans import Inset, Span
-from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence
 from kybflow.dsl.resolving.parameters import BoundParameter, ParameterTable
 
 CODES = {
@@ -49,12 +49,14 @@ class Substitution:
             items = yield from every(self.apply(item, expression) for item in node.items)
             same = all(a is b for a, b in zip(items, node.items, strict=True))
             return node if same else Sequence(tuple(items), node.span)
-        entries = {}
+        changed: dict[str, MappingEntry] = {}
         for key, entry in node.entries.items():
+            if isinstance(entry.value, Scalar) and "$" not in entry.value.text:
+                continue
             value = yield from self.apply(entry.value, key in _EXPRESSIONS)
-            entries[key] = entry._replace(value=value)
-        same = all(entries[key].value is entry.value for key, entry in node.entries.items())
-        return node if same else Mapping(entries, node.span)
+            if value is not entry.value:
+                changed[key] = entry._replace(value=value)
+        return Mapping({**node.entries, **changed}, node.span) if changed else node
 
     def _scalar(self, node: Scalar, expression: bool) -> Diagnosed[Node]:
         if expression:

@@ -181,8 +181,9 @@ def with_sensors(
         named = {k: v for k, v in decoded.get("all", {}).items() if k in labels}
         lists = {**named, **decoded.get(name, {})}.values()
         sensors = tuple(use for several in lists for use in several)
-        brought = yield from _brought(replace(vehicle, sensors=sensors), target, uses)
-        whole[name] = replace(vehicle, sensors=(*sensors, *brought))
+        equipped = replace(vehicle, sensors=sensors) if sensors else vehicle
+        brought = yield from _brought(equipped, target, uses)
+        whole[name] = replace(equipped, sensors=(*sensors, *brought)) if brought else equipped
     return whole
 
 

@@ -24,6 +24,9 @@ from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 _CHORDS = 96
 """Straight lines that stand for the eight in its footprint."""
+_PHASES = tuple(2.0 * pi * i / _CHORDS for i in range(_CHORDS + 1))
+_UNIT = tuple((sin(phase), sin(2.0 * phase)) for phase in _PHASES)
+"""The ends of those lines in an eight of the half sides 1 and 1."""
 
 
 @params
@@ -103,10 +106,9 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
             for x, y in ((a, b), (a, -b), (-a, b), (-a, -b), (a * sin(end), b * sin(2.0 * end)))
         )
         speed = 2.0 * pi / params.lap * hypot(a, 2.0 * b)
-        phases = [2.0 * pi * i / _CHORDS for i in range(_CHORDS + 1)]
         path = tuple(
-            (entry[0] + x * c - y * s, entry[1] + x * s + y * c, entry[2])
-            for x, y in ((a * sin(p), b * sin(2.0 * p)) for p in phases)
+            (entry[0] + a * u * c - b * v * s, entry[1] + a * u * s + b * v * c, entry[2])
+            for u, v in _UNIT
         )
         sharpest = _sharpest(a, b, params.lap)
         return Footprint((entry, *points), speed, last, acceleration=sharpest, path=path)
