@@ -124,7 +124,7 @@ def _located(diagnostic: Diagnostic, files: Files) -> Diagnostic:
     file was reached."""
     moved = _at_value(diagnostic, files)
     via = files.via.get(moved.span.file, ())
-    return replace(moved, span=replace(moved.span, via=via)) if via else moved
+    return replace(moved, span=moved.span._replace(via=via)) if via else moved
 
 
 def _at_value(diagnostic: Diagnostic, files: Files) -> Diagnostic:

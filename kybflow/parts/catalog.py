@@ -62,7 +62,9 @@ class Catalog:
 
     def __init__(self, modules: dict[str, dict[str, str]]) -> None:
         self._modules = modules
+        self._names = {kind: tuple(sorted(names)) for kind, names in modules.items()}
         self._specs: dict[tuple[str, str], PartSpec] = {}
+        self._always: dict[str, tuple[PartSpec, ...]] = {}
 
     def kinds(self) -> tuple[str, ...]:
         """Return every kind of part, in plural: `behaviors`, `estimators`, ..."""
@@ -70,7 +72,7 @@ class Catalog:
 
     def names(self, kind: str) -> tuple[str, ...]:
         """Return the sorted names of the parts of a kind."""
-        return tuple(sorted(self._modules.get(kind, {})))
+        return self._names.get(kind, ())
 
     def get(self, kind: str, name: str) -> PartSpec:
         """Import a part's module and return its specification. Raises KeyError for an unknown name,
@@ -82,8 +84,10 @@ class Catalog:
 
     def always(self, kind: str) -> tuple[PartSpec, ...]:
         """Return the parts of a kind that every vehicle has, named in the mission or not."""
-        found = (self.get(kind, name) for name in self.names(kind))
-        return tuple(spec for spec in found if getattr(spec.cls, "always", False))
+        if kind not in self._always:
+            found = (self.get(kind, name) for name in self.names(kind))
+            self._always[kind] = tuple(s for s in found if getattr(s.cls, "always", False))
+        return self._always[kind]
 
 
 def own_catalog() -> Catalog:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from kybflow.core.errors import PartError
 from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind, kind_name
@@ -17,7 +17,6 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import EstimatorEntry, PartUse, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.shaping.targets import divides, provided
-from kybflow.parts import Leg
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import PartSpec
@@ -42,34 +41,46 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
                 label = f"`{driver.name.text}` {gap.label}"
                 gap = replace(gap, span=tracker.name.span, label=label)
             yield replace(gap, help=_fitting_tracker(case, vehicle, takes))
+        walked: dict[tuple[SetpointKind | CommandKind, bool], _Refusal | None] = {}
         for name in (*vehicle.states, *BUILT_IN):
-            yield from _chain(case, vehicle, name)
+            behavior = case.behavior(vehicle, name)
+            kind = behavior.emits if behavior is not None else SetpointKind.IDLE
+            key = kind, any(leg.start is leg.end for leg in case.legs(vehicle, name))
+            if key not in walked:
+                walked[key] = _refusal(vehicle, *key)
+            if (refusal := walked[key]) is not None:
+                origin = f"{name}` ({part_of(vehicle, name)})"
+                yield _gap(refusal.part, refusal.what, origin, refusal.takes)
 
 
-def _chain(case: Case, vehicle: VehicleEntry, state: str) -> Iterator[Diagnostic]:
-    behavior = case.behavior(vehicle, state)
-    kind = behavior.emits if behavior is not None else SetpointKind.IDLE
-    origin = f"{state}` ({part_of(vehicle, state)})"
+class _Refusal(NamedTuple):
+    """The part of a chain that can't take what comes to it, and what it takes."""
+
+    part: PartUse
+    what: str
+    takes: Collection[Enum]
+
+
+def _refusal(
+    vehicle: VehicleEntry, kind: SetpointKind | CommandKind, stays: bool
+) -> _Refusal | None:
+    """The first part on the way of `kind` that can't take it. `stays`: the behavior is neither a
+    take-off nor a landing, so that every processor applies."""
     if isinstance(kind, CommandKind):
         driver = vehicle.driver
         accepted = driver.spec.cls.takes(driver.params)
-        if kind not in accepted:
-            yield _gap(driver, f"{kind.value} commands", origin, accepted)
-        return
+        return None if kind in accepted else _Refusal(driver, f"{kind.value} commands", accepted)
     if kind is SetpointKind.IDLE:
-        return
+        return None
     for processor in vehicle.processors:
-        if not _applies(processor, case.legs(vehicle, state)):
+        if not (stays or processor.spec.cls.safety):
             continue
         takes = processor.spec.cls.takes(processor.params)
         if kind not in takes:
-            yield _gap(processor, f"{kind.value} setpoints", origin, takes)
-            return
+            return _Refusal(processor, f"{kind.value} setpoints", takes)
         kind = takes[kind]
-    if kind not in vehicle.tracker.spec.cls.accepts:
-        yield _gap(
-            vehicle.tracker, f"{kind.value} setpoints", origin, vehicle.tracker.spec.cls.accepts
-        )
+    takes = vehicle.tracker.spec.cls.accepts
+    return None if kind in takes else _Refusal(vehicle.tracker, f"{kind.value} setpoints", takes)
 
 
 def _fitting_tracker(case: Case, vehicle: VehicleEntry, takes: frozenset[CommandKind]) -> str:
@@ -82,10 +93,6 @@ def _fitting_tracker(case: Case, vehicle: VehicleEntry, takes: frozenset[Command
             own = f"{vehicle.name.text}: {{tracker: {name}}}"
             return f"write `targets: {{{case.document.target.text}: {{{own}}}}}`"
     return ""
-
-
-def _applies(processor: PartUse, legs: tuple[Leg, ...]) -> bool:
-    return processor.spec.cls.safety or any(leg.start is leg.end for leg in legs)
 
 
 def _gap(part: PartUse, what: str, origin: str, takes: Collection[Enum]) -> Diagnostic:

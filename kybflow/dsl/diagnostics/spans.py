@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 PREFIX = "world.points."
@@ -11,14 +10,13 @@ SET = "--set"
 """The name of the file that spans of settings point into; each setting is one of its lines."""
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(NamedTuple):
     """A piece of a file. Lines and columns count from 1; `end` is just behind the last character.
 
     `via` says how the file was reached: the spans of the imports, outermost first; `used` how the
     chain was that the text stands in: the spans of the uses, outermost first; `given` where the
     value was written that took the place of a `$name` there, `is_set` whether in a file: not as
-    the default, nor by `--set`.
+    the default, nor by `--set`. Neither counts when spans are compared.
     """
 
     file: str
@@ -28,8 +26,17 @@ class Span:
     end_column: int
     via: tuple[Span, ...] = ()
     used: tuple[Span, ...] = ()
-    given: Span | None = field(default=None, compare=False, repr=False)
-    is_set: bool = field(default=False, compare=False, repr=False)
+    given: Span | None = None
+    is_set: bool = False
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Span) and self[:_COMPARED] == other[:_COMPARED]
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    def __hash__(self) -> int:
+        return hash(self[:_COMPARED])
 
     @property
     def value(self) -> Span | None:
@@ -50,6 +57,9 @@ class Span:
         return f"line {self.line}" if self.file == other.file else self.at
 
 
+_COMPARED = Span._fields.index("given")
+
+
 class Inset(NamedTuple):
     """A value in the place of a parameter: the characters `start` to `end` of the text stand for
     `written_start` to `written_end` of what was written."""
@@ -60,8 +70,7 @@ class Inset(NamedTuple):
     written_end: int
 
 
-@dataclass(frozen=True, slots=True)
-class Text:
+class Text(NamedTuple):
     """A scalar, and where. `verbatim` is true when column arithmetic inside it holds (plain, one
     line). `written` is what the author wrote where parameters stood in it, `insets` their values.
     """

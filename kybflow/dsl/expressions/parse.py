@@ -84,17 +84,8 @@ class _Parser:
 
     def _expectation(self) -> tree.Expression:
         first = self._tokens.peek()
-        if self._tokens.skip("finished"):
-            self._tokens.expect("within")
-            return tree.Finished(self._limit())
-        if self._tokens.skip("always"):
-            return tree.Always(self._condition())
-        if self._tokens.skip("finally"):
-            return tree.Finally(self._condition())
-        if self._tokens.skip("eventually"):
-            condition = self._condition()
-            limit = self._limit() if self._tokens.skip("within") else None
-            return tree.Eventually(condition, limit)
+        if first.text in EXPECTATIONS:
+            return self._timed(self._tokens.take())
         second = self._tokens.peek(1)
         is_call = first.text in _FUNCTIONS and second.text == "("
         if not is_call and second.kind != "operator" and second.text != "in":
@@ -102,6 +93,17 @@ class _Parser:
             if near:
                 raise errors.misspelt(self._text, first, near[0])
         return self._statistic(first)
+
+    def _timed(self, word: Token) -> tree.Expression:
+        if word.text == "finished":
+            self._tokens.expect("within")
+            return tree.Finished(self._limit())
+        condition = self._condition()
+        if word.text == "always":
+            return tree.Always(condition)
+        if word.text == "finally":
+            return tree.Finally(condition)
+        return tree.Eventually(condition, self._limit() if self._tokens.skip("within") else None)
 
     def _limit(self) -> float:
         """Seconds after the start, more than none."""
@@ -143,15 +145,18 @@ class _Parser:
         if self._depth > MAX_DEPTH:
             raise errors.too_deep(self._text, self._tokens.peek(), MAX_DEPTH)
         try:
-            if self._tokens.skip("not"):
+            first, second = self._tokens.peek(), self._tokens.peek(1)
+            if first.text == "not":
+                self._tokens.take()
                 return tree.Not(self._single())
-            if self._tokens.skip("("):
+            if first.text == "(":
+                self._tokens.take()
                 inner = self._condition()
                 self._tokens.expect(")")
                 return inner
-            if self._tokens.peek(1).text == "in":
+            if second.text == "in":
                 return self._in_state()
-            if self._tokens.peek().text in _QUANTIFIERS and self._tokens.peek(1).kind == "name":
+            if first.text in _QUANTIFIERS and second.kind == "name":
                 return self._group_in_state()
             return self._comparison()
         finally:

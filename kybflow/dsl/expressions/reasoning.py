@@ -105,7 +105,11 @@ def implies(narrow: Condition, wide: Condition) -> bool:
 
 def _groups(condition: Condition, truth: bool) -> list[_Group]:
     """The groups of which one holds when `condition` is as `truth` says."""
-    match condition:
+    match condition:  # comparisons first: nearly every condition is one
+        case Compare(operator, Quantity(bound, _), value):
+            return [(_fact(value, FLIPPED[operator], bound, truth),)]
+        case Compare(operator, value, Quantity(bound, _) | Word(bound)):
+            return [(_fact(value, operator, bound, truth),)]
         case Not(part):
             return _groups(part, not truth)
         case GroupInState(quantifier, _, vehicles, state):
@@ -115,10 +119,6 @@ def _groups(condition: Condition, truth: bool) -> list[_Group]:
             return _joined([_groups(p, truth) for p in parts], isinstance(condition, And) is truth)
         case InState(vehicle, state):
             return [(_Fact(Read(vehicle, "behavior"), "==" if truth else "!=", state, truth),)]
-        case Compare(operator, Quantity(bound, _), value):
-            return [(_fact(value, FLIPPED[operator], bound, truth),)]
-        case Compare(operator, value, Quantity(bound, _) | Word(bound)):
-            return [(_fact(value, operator, bound, truth),)]
     return [(_Fact(condition, "==" if truth else "!=", "true", truth),)]
 
 

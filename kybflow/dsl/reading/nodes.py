@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 from kybflow.dsl.diagnostics.spans import Inset, Span, Text
@@ -60,7 +59,7 @@ class Scalar(NamedTuple):
             return Text(self.text, s, verbatim=False, written=self.written)
         excess = s.end_column - s.column - len(self.written or self.text)
         if self.quoted and excess == 2:
-            s = replace(s, column=s.column + 1, end_column=s.end_column - 1)
+            s = s._replace(column=s.column + 1, end_column=s.end_column - 1)
         verbatim = excess == (2 if self.quoted else 0)
         return Text(self.text, s, verbatim, self.written, self.insets)
 

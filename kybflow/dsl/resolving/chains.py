@@ -10,7 +10,6 @@ hold for the states that name none.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import replace
 from typing import NamedTuple
 
 from kybflow.core.params import RESERVED
@@ -164,7 +163,7 @@ class Chains:
             body = _flown_on(transitions, use.body)
             do = chain_of(body)
             if do is None:
-                span = replace(key.span, used=use.places)
+                span = key.span._replace(used=use.places)
                 states.append((full, MappingEntry(Scalar(full, span), body, use.inherited)))
             else:
                 around = (*use.around, use)
@@ -251,19 +250,19 @@ def _unknown(name: Scalar, behaviors: Collection[str]) -> Diagnostic:
     """KYB158 for a name that no behavior of the chain has."""
     message = f"the chain has no behavior `{name.text}`"
     hint = did_you_mean(name.text, [*behaviors, END])
-    return Diagnostic("KYB158", message, replace(name.span, used=()), help=hint)
+    return Diagnostic("KYB158", message, name.span._replace(used=()), help=hint)
 
 
 def _used_at(node: Node, places: tuple[Span, ...]) -> Node:
     """Copy the nodes of a chain, so that their spans say where the chain is used."""
-    span = replace(node.span, used=places)
+    span = node.span._replace(used=places)
     if isinstance(node, Scalar):
         return node._replace(span=span)
     if isinstance(node, Sequence):
         return Sequence(tuple(_used_at(item, places) for item in node.items), span)
     entries = {
         key: entry._replace(
-            key=entry.key._replace(span=replace(entry.key.span, used=places)),
+            key=entry.key._replace(span=entry.key.span._replace(used=places)),
             value=_used_at(entry.value, places),
         )
         for key, entry in node.entries.items()

@@ -3,8 +3,6 @@ whole rule."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence
 
@@ -92,4 +90,4 @@ def _scalar(node: Scalar, used: Places) -> Scalar:
 
 
 def _span(span: Span, used: Places) -> Span:
-    return replace(span, used=used) if used else span
+    return span._replace(used=used) if used else span

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity, every
@@ -67,7 +66,7 @@ class Substitution:
             return node
         written = declared.node.span
         is_set = written.is_set if written.given else declared.is_set
-        span = replace(node.span, given=written.given or written, is_set=is_set)
+        span = node.span._replace(given=written.given or written, is_set=is_set)
         return _placed(declared.node, span, node.text[1:])
 
     def _between(self, node: Scalar) -> Diagnosed[Scalar]:

@@ -3,6 +3,7 @@ and decoded into its parameters."""
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from kybflow.core.errors import KybflowError
@@ -144,9 +145,9 @@ def params_of(
     """The parameters of `part` as `cls`; None when they have errors. `head` is the place for what
     is missing, `beside` are keys that could be meant too."""
     declaration: Any = cls
-    fields = fields_of(declaration)
-    if not body.entries and not any(field.required for field in fields):
+    if not body.entries and not _needs_values(declaration):
         return cls()
+    fields = fields_of(declaration)
     values: dict[str, Any] = {}
     findings: list[Diagnostic] = []
     for field in fields:
@@ -159,6 +160,11 @@ def params_of(
     findings += [finding for finding in judged if finding.span not in said]
     yield from findings
     return None if findings else cls(**values)
+
+
+@functools.cache
+def _needs_values(declaration: Any) -> bool:
+    return any(field.required for field in fields_of(declaration))
 
 
 def _parameters(node: Mapping, own: frozenset[str]) -> Mapping:

@@ -137,7 +137,7 @@ def _joined(
                 transitions.append(replace(transition, target=failed.target, enters=failed.enters))
             elif transition.cause == "within":
                 transitions.append(
-                    replace(transition, target=replace(transition.target, text=implied))
+                    replace(transition, target=transition.target._replace(text=implied))
                 )
     return tuple(transitions)
 

@@ -106,10 +106,8 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
             for x, y in ((a, b), (a, -b), (-a, b), (-a, -b), (a * sin(end), b * sin(2.0 * end)))
         )
         speed = 2.0 * pi / params.lap * hypot(a, 2.0 * b)
-        path = tuple(
-            (entry[0] + a * u * c - b * v * s, entry[1] + a * u * s + b * v * c, entry[2])
-            for u, v in _UNIT
-        )
+        x0, y0, z0 = entry
+        path = tuple((x0 + a * u * c - b * v * s, y0 + a * u * s + b * v * c, z0) for u, v in _UNIT)
         sharpest = _sharpest(a, b, params.lap)
         return Footprint((entry, *points), speed, last, acceleration=sharpest, path=path)
 
