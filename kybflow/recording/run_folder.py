@@ -12,10 +12,11 @@ import hashlib
 import json
 import os
 import platform
+import re
 from codecs import BOM_UTF8
 from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, distribution
 from io import FileIO
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
@@ -36,6 +37,7 @@ FRAMES = "frames"
 FILES = frozenset({SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES})
 FLOWN_FROM = "files"
 """The key of `provenance.json` for the mission's files that are in the run folder."""
+_VERSION = re.compile(r"^Version: *(.*)$", re.MULTILINE)
 _PACKAGES = ("kybflow", "mujoco", "numpy", "foxglove-sdk", "transitions", "PyYAML", "jsonschema")
 
 
@@ -194,7 +196,7 @@ def provenance(
         FLOWN_FROM: [*files],
         "versions": {"python": platform.python_version(), **_versions(_packages(plan))},
         "machine": {
-            "system": platform.platform(),
+            "system": _system(),
             "processor": platform.machine(),
             "cores": os.cpu_count(),
         },
@@ -211,14 +213,24 @@ def _packages(plan: Plan) -> Iterator[str]:
 
 
 def _versions(packages: Iterable[str]) -> dict[str, str]:
-    """The versions of the packages that are installed."""
+    """The versions of the packages that are installed, read from the head of what they say of
+    themselves; `importlib.metadata.version` parses the whole of it as an e-mail."""
     found = {}
     for package in dict.fromkeys(packages):
         try:
-            found[package] = version(package)
+            files = distribution(package)
         except PackageNotFoundError:
             continue
+        said = files.read_text("METADATA") or files.read_text("PKG-INFO") or ""
+        if version := _VERSION.search(said):
+            found[package] = version[1]
     return found
+
+
+def _system() -> str:
+    """Kernel, processor and C library, as `platform.platform` has them, which starts `uname -p`."""
+    libc = "".join(platform.libc_ver()) or "unknown"
+    return f"{platform.system()}-{platform.release()}-{platform.machine()}-{libc}"
 
 
 def _json(value: dict[str, Any]) -> str:
