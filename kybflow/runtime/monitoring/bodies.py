@@ -21,10 +21,10 @@ is for the estimators to say (`kybflow.flight.pose_gate`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import acos, cos, isfinite
+from math import acos, inf, sin
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, distance
+from kybflow.core.geometry import ZERO, Quat, Vec3, distance
 from kybflow.core.signals import NEVER, NS, Measurement, Pose, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.runtime.events import Events
@@ -40,6 +40,7 @@ from kybflow.runtime.monitoring.findings import (
 )
 
 LOST, FROZE = "body_lost", "body_froze"
+_NO_ATTITUDE: Quat = (0.0, 0.0, 0.0, 0.0)
 
 
 class BodyBounds(NamedTuple):
@@ -61,7 +62,7 @@ class Bodies:
     def __init__(self, bounds: BodyBounds = BodyBounds()) -> None:  # noqa: B008 - immutable
         self._bounds = bounds
         self._lost, self._unknown = round(bounds.lost * NS), round(bounds.unknown * NS)
-        self._aligned = cos(0.5 * bounds.turn)
+        self._aligned = 2.0 * sin(0.25 * bounds.turn)
         self._bodies: dict[str, _Body] = {}
 
     def judge(
@@ -133,15 +134,14 @@ class Bodies:
     def _off(self, last: Pose, pose: Pose) -> tuple[float, float] | None:
         """By how much, and how much can be, where no flight explains how it came there."""
         off = distance(pose.position, last.position)
-        (a, b, c, d), (e, f, g, h) = pose.attitude, last.attitude
-        product = abs(a * e + b * f + c * g + d * h)
-        if off <= STEP and product >= self._aligned:
+        if off <= STEP and distance(pose.attitude, last.attitude) <= self._aligned:
             return None  # as nearly always
         seconds, bounds = (pose.time - last.time) / NS, self._bounds
         most = reach(seconds)
         if off > most:
             return off, most
-        turned = 2.0 * acos(min(1.0, product))
+        (a, b, c, d), (e, f, g, h) = pose.attitude, last.attitude
+        turned = 2.0 * acos(min(1.0, abs(a * e + b * f + c * g + d * h)))
         most = bounds.turn + bounds.rate * min(seconds, MEMORY)
         return (turned, most) if turned > most else None
 
@@ -200,8 +200,8 @@ class _Body:
 
 
 def _is_sound(pose: Pose) -> bool:
-    (x, y, z), (a, b, c, d) = pose.position, pose.attitude
-    return 0.8 < a * a + b * b + c * c + d * d < 1.25 and isfinite(x + y + z)
+    norm = distance(pose.attitude, _NO_ATTITUDE)
+    return 0.8 < norm * norm < 1.25 and distance(pose.position, ZERO) < inf
 
 
 class BodyMonitor:

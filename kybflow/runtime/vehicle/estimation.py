@@ -138,6 +138,7 @@ class Estimation:
     ) -> None:
         self._listed = [Candidate(estimator, context) for estimator in plan.estimators]
         self._candidates = self._listed
+        self._anchored = [candidate for candidate in self._listed if candidate.anchors]
         self._preferred: tuple[str, ...] = ()
         self._is_reordered = False
         self._bounded = [candidate for candidate in self._candidates if candidate.is_bounded]
@@ -167,7 +168,7 @@ class Estimation:
             self._change(chosen, estimate, now)
         self._is_reordered = False
         self._flown = estimate if self._blend is None else self._blended(estimate, now)
-        if len(self._candidates) > 1 and estimate is not None:
+        if self._anchored and estimate is not None:
             self._anchor(estimate)
         return self._flown
 
@@ -210,8 +211,8 @@ class Estimation:
 
     def _anchor(self, estimate: Estimate) -> None:
         """Pass the estimate in use, without a blend's offset, to the other estimators."""
-        for candidate in self._candidates:
-            if candidate.anchors and candidate is not self._in_use:
+        for candidate in self._anchored:
+            if candidate is not self._in_use:
                 try:
                     candidate.part.anchor(estimate)
                 except Exception as error:  # a part may raise anything
@@ -221,6 +222,7 @@ class Estimation:
         failed.has_failed = True
         self._candidates = [c for c in self._candidates if c is not failed]
         self._bounded = [c for c in self._bounded if c is not failed]
+        self._anchored = [c for c in self._anchored if c is not failed]
         self._report(PartFailed(failed.label, error))
 
     def _gain(self, name: str) -> str:
