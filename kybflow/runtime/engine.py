@@ -123,13 +123,15 @@ class Engine:
         self.events.turn(now)
         self.options.apply()
         self.operator.step(now)
-        self.injection.step(now)
+        if self.plan.faults:
+            self.injection.step(now)
         for vehicle in self.vehicles:
             vehicle.sense(now)
         fleet = {vehicle.name: vehicle.knowledge.estimate for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)
-        self.flows.step(now, dt)
+        if self.plan.flows:
+            self.flows.step(now, dt)
         self.callbacks.step()
         self.judge.sample()
         self._advance()

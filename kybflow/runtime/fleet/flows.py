@@ -117,8 +117,6 @@ class Flows:
 
     def step(self, now: Time, dt: float) -> None:
         """One period of every flow."""
-        if not self._flows:
-            return
         if not self._begun:
             self._begin()
             return

@@ -49,7 +49,7 @@ class Injection:
             self._working = [fault for fault in self._working if fault not in over]
             for fault in over:
                 self._mend(fault)
-        for waiting in tuple(self._waiting) if self._waiting else ():
+        for waiting in tuple(self._waiting):
             try:
                 if waiting.due(now):
                     self._waiting.remove(waiting)

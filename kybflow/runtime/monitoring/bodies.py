@@ -21,7 +21,7 @@ is for the estimators to say (`kybflow.flight.pose_gate`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import acos, inf, sin
+from math import acos, dist, inf, sin
 from typing import NamedTuple
 
 from kybflow.core.geometry import ZERO, Quat, Vec3, distance
@@ -134,7 +134,7 @@ class Bodies:
     def _off(self, last: Pose, pose: Pose) -> tuple[float, float] | None:
         """By how much, and how much can be, where no flight explains how it came there."""
         off = distance(pose.position, last.position)
-        if off <= STEP and distance(pose.attitude, last.attitude) <= self._aligned:
+        if off <= STEP and dist(pose.attitude, last.attitude) <= self._aligned:
             return None  # as nearly always
         seconds, bounds = (pose.time - last.time) / NS, self._bounds
         most = reach(seconds)
@@ -200,7 +200,7 @@ class _Body:
 
 
 def _is_sound(pose: Pose) -> bool:
-    norm = distance(pose.attitude, _NO_ATTITUDE)
+    norm = dist(pose.attitude, _NO_ATTITUDE)
     return 0.8 < norm * norm < 1.25 and distance(pose.position, ZERO) < inf
 
 
