@@ -20,6 +20,7 @@ from __future__ import annotations
 import argparse
 import cProfile
 import dataclasses
+import gc
 import pstats
 import random
 import statistics
@@ -121,6 +122,7 @@ class Costs:
         else:
             self._slice(arrived - self._last[0], traffic.fleet - self._last[1], now - self._last[2])
         traffic.came.clear()
+        gc.freeze()  # what was noted need not be searched for garbage
         if self.flown >= self._seconds:
             engine.interrupts = 2  # ends it at once
         elif self.profile is not None:
@@ -200,7 +202,7 @@ def measure(name: str, count: int, seconds: float, cls: type, lines: int) -> Non
         raise SystemExit(f"it did not fly: {flown.summary['reason']}")
     show(name, count, costs, traffic)
     if traffic.seats:
-        show_driver(traffic, costs.flown)
+        show_driver(traffic, costs.flown, costs.total - costs.fleet)
     if costs.profile is not None:
         pstats.Stats(costs.profile).sort_stats("tottime").print_stats(lines)
 

@@ -193,8 +193,9 @@ class Replay:
         return took
 
 
-def show_driver(traffic: Traffic, flown: float) -> None:
-    """The driver's part alone, and what it is measured against."""
+def show_driver(traffic: Traffic, flown: float, ours: float) -> None:
+    """The driver's part alone, and what it is measured against. ours: the processor time of the
+    whole program but the emulator."""
     replay = Replay(traffic)
     replay.run()
     driver = sum(replay.driver) / flown
@@ -204,4 +205,7 @@ def show_driver(traffic: Traffic, flown: float) -> None:
         (f"{sum(FROZEN.values())} messages a second, as once", replay.frozen),
     ):
         ratio = statistics.median(a / b for a, b in zip(replay.driver, times, strict=True))
-        print(f"    {ratio:.2f} x pymavlink's parser on {words} ({sum(times) / flown:.1%})")
+        print(
+            f"    {ratio:.2f} x pymavlink's parser on {words} ({sum(times) / flown:.1%});"
+            f" the whole program {ours / sum(times):.2f} x"
+        )
