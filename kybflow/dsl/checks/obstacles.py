@@ -148,17 +148,20 @@ def nearest(path: tuple[Vec3, ...], shape: Shape, enough: float) -> tuple[float,
     for a, b in pairwise(path):
         middle = _between(a, b, 0.5)
         if shape.distance(middle) - distance(a, b) / 2 < min(enough, found[0]):
-            found = min(found, _on_line(a, b, shape))
+            found = min(found, _on_line(a, b, shape, enough))
     return found
 
 
-def _on_line(a: Vec3, b: Vec3, shape: Shape) -> tuple[float, Vec3]:
+def _on_line(a: Vec3, b: Vec3, shape: Shape, enough: float) -> tuple[float, Vec3]:
     """The least distance of a line from a shape, by golden section: that of a convex solid has one
-    minimum along a line."""
-    low, high = 0.0, 1.0
+    minimum along a line. Ends as soon as it is sure that the line keeps `enough` away."""
+    low, high, length = 0.0, 1.0, distance(a, b)
     for _ in range(_STEPS):
         left, right = high - _RATIO * (high - low), low + _RATIO * (high - low)
-        if shape.distance(_between(a, b, left)) <= shape.distance(_between(a, b, right)):
+        near, far = shape.distance(_between(a, b, left)), shape.distance(_between(a, b, right))
+        if min(near, far) - (high - low) * length >= enough:
+            break
+        if near <= far:
             high = right
         else:
             low = left
@@ -167,8 +170,8 @@ def _on_line(a: Vec3, b: Vec3, shape: Shape) -> tuple[float, Vec3]:
 
 
 def _between(a: Vec3, b: Vec3, part: float) -> Vec3:
-    x, y, z = (p + part * (q - p) for p, q in zip(a, b, strict=True))
-    return x, y, z
+    (ax, ay, az), (bx, by, bz) = a, b
+    return ax + part * (bx - ax), ay + part * (by - ay), az + part * (bz - az)
 
 
 def _is_vertical(state: StateEntry) -> bool:

@@ -1,0 +1,60 @@
+"""What validating one mission after others may cost, in bytecodes, pass by pass.
+
+A change that adds more than 3 % to a pass raises the budget below in the same commit and says why.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from kybflow.api.validation import validate_paths
+from tests.support.bytecodes import Bytecodes, needs_repeatable_counts, over_budget
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+PASSES = (
+    ("dsl/reading/composer", "read"),
+    ("dsl/schema/", "judge"),
+    ("dsl/resolving/", "resolve"),
+    ("dsl/shaping/", "shape"),
+    ("dsl/expressions/", "expressions"),
+    ("dsl/checks/", "check"),
+    ("dsl/compiler", "compiler"),
+)
+BUDGET = {
+    "figure_eight": {
+        "check": 57143,
+        "shape": 41030,
+        "expressions": 32435,
+        "resolve": 32407,
+        "read": 25851,
+        "judge": 13271,
+        "compiler": 1291,
+    },
+    "survey": {
+        "check": 100031,
+        "resolve": 96395,
+        "shape": 76040,
+        "expressions": 32105,
+        "read": 29525,
+        "judge": 15789,
+        "compiler": 1315,
+    },
+}
+"""Bytecodes, by mission: two vehicles that fly alike; chains, a stack and obstacles."""
+
+
+@needs_repeatable_counts
+@pytest.mark.parametrize("mission", BUDGET)
+def test_validating_stays_within_its_budget(mission: str) -> None:
+    paths, bytecodes = [MISSIONS / f"{mission}.yaml"], Bytecodes(PASSES, "compiler")
+    list(validate_paths(paths, None, ()))  # imports the parts, reads the libraries
+
+    bytecodes.start()
+    result = list(validate_paths(paths, None, ()))
+    bytecodes.stop()
+    assert [file.valid for file in result] == [True]
+
+    lines = over_budget(bytecodes.counts, BUDGET[mission])
+    assert not lines, "\n".join(["", *lines])
