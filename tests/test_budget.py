@@ -33,23 +33,23 @@ STAGES = (
 BUDGET = {
     1: {
         "simulator": 2151,
-        "engine and vehicle": 1679,
+        "engine and vehicle": 1502,
         "tracker": 979,
         "estimator": 724,
         "processors": 326,
         "behavior": 372,
         "recorder": 246,
-        "supervisors": 80,
+        "supervisors": 81,
     },
     8: {
         "simulator": 1979,
-        "engine and vehicle": 1475,
+        "engine and vehicle": 1333,
         "tracker": 979,
         "estimator": 724,
         "processors": 326,
         "behavior": 372,
         "recorder": 245,
-        "supervisors": 107,
+        "supervisors": 103,
     },
 }
 """Bytecodes a vehicle and tick, by the number of vehicles."""
