@@ -130,6 +130,19 @@ def test_only_the_autopilot_is_passed_on() -> None:
     assert port.counts.messages == 6
 
 
+def test_what_nobody_wants_is_counted_by_the_autopilot_that_sent_it() -> None:
+    wire = Datagrams()
+    hub, (one, other) = opened(wire, 1, 2)
+    one.want(["HEARTBEAT"])
+    speed = mavlink.MAVLink_vfr_hud_message(0.0, 0.0, 0, 0, 0.0, 0.0)
+    strange = bytearray(Packer(1).pack(speed, 1))
+    strange[7:10] = (410).to_bytes(3, "little")
+    wire.coming += [(Packer(1).pack(speed, 1), ONE)] * 3 + [(bytes(strange), ONE), (frame(), ONE)]
+    hub.poll(0)
+    assert (one.unread(), other.unread()) == ({speed.id: 3}, {})
+    assert one.unread() == {}
+
+
 def test_the_wrong_system_is_named() -> None:
     wire = Datagrams()
     hub, (port,) = opened(wire, 3)

@@ -73,10 +73,8 @@ def compensated(command: Command, latency: Latency) -> Command:
     position, velocity = setpoint.position, setpoint.velocity
     jerk, time = setpoint.jerk or ZERO, latency.position
     if setpoint.kind is SetpointKind.ACCELERATION:
-        pushed = setpoint._replace(
-            acceleration=add(acceleration, scale(jerk, latency.acceleration))
-        )
-        return command._replace(setpoint=pushed)
+        acceleration = add(acceleration, scale(jerk, latency.acceleration))
+        return command._replace(setpoint=setpoint._replace(acceleration=acceleration))
     if velocity is None:
         return command
     if position is not None:

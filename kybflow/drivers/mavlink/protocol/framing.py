@@ -287,7 +287,8 @@ class Parser:
 
     wanted: the numbers of the messages to return; empty returns all. Other frames are dropped
     before their fields are read; without a key, those alone in a datagram are dropped even before
-    their checksum is compared. unread: counts the dropped ones, by sender's system and number.
+    their checksum is compared. unread: counts the dropped ones of known kinds, by
+    sender's system and number.
     `stale`: the senders, by system and component, whose signature was right but too old. The caller
     empties it.
     """
@@ -311,7 +312,8 @@ class Parser:
         if self._signing is None and not self._rest and _is_datagram(data):
             number = int.from_bytes(data[7:10], "little")  # there is nothing to search for
             if self._wanted and number not in self._wanted:
-                self._unread[data[5], number] += 1
+                if number in LAYOUTS:
+                    self._unread[data[5], number] += 1
                 return []
             layout, body = LAYOUTS.get(number), len(data) - _CHECKSUM
             if layout is not None and layout.fits(data, body):
