@@ -52,6 +52,9 @@ from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
 FAULT = "fault"
+YOUNG = (700, 10, 10)
+"""How many new objects are searched for garbage at a time in flight, as Python has it by default;
+a program that only starts and ends may search more."""
 _REST_SPEED, _HEIGHT_ERROR = 0.3, 0.3
 """Bounds for a simulated vehicle that has landed: its true speed (m/s), and how far (m) it is above
 its start and its own estimate."""
@@ -172,11 +175,14 @@ def in_the_air(vehicle: Vehicle) -> bool:
 @contextmanager
 def _frozen_garbage() -> Iterator[None]:
     """Exclude everything made so far from garbage collection, so that no tick waits for a search
-    through every module (0.1 s on a slow machine)."""
+    through every module (0.1 s on a slow machine), nor for one through many new objects."""
+    before = gc.get_threshold()
     gc.freeze()
+    gc.set_threshold(*YOUNG)
     try:
         yield
     finally:
+        gc.set_threshold(*before)
         gc.unfreeze()
 
 

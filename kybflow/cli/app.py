@@ -18,9 +18,9 @@ from kybflow.cli.output import UNWRITTEN, GuardedStream, Unwritable, echo
 from kybflow.core.errors import KybflowError
 
 INTERRUPTED = 130
-YOUNG = 20_000
+YOUNG = 200_000
 """New objects between two collections of garbage. A command makes many and drops few; at Python's
-700 a tenth of its start goes into looking for garbage."""
+700 a tenth of its start goes into looking for garbage. A flight has its own figure."""
 UNUSED = {"OPENBLAS_NUM_THREADS": "1", "MUJOCO_GL": "off"}
 """What libraries need not start, because a flight multiplies no large matrices and MuJoCo's window
 brings its own OpenGL. Who sets these variables is obeyed."""

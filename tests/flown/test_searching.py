@@ -9,6 +9,7 @@ import pytest
 from plans import vehicle, wrapped
 from short_flights import down, up
 
+from kybflow.api.flight import YOUNG
 from kybflow.core.errors import DriverError
 
 SPARSELY = 50
@@ -64,3 +65,15 @@ def test_an_engine_that_breaks_leaves_nothing_unsearched(run, frozen, monkeypatc
         run(vehicle("a", [up("down"), down()]))
     assert min(frozen) > 0
     assert gc.get_freeze_count() == 0
+
+
+def test_a_tick_searches_few_new_objects_where_the_program_lets_many_gather(run, frozen):
+    before, found = gc.get_threshold(), []
+    gc.set_threshold(200_000)
+    try:
+        observers = (lambda _: found.append(gc.get_threshold()),)
+        run(vehicle("a", [up("down"), down()]), observers=observers)
+        assert gc.get_threshold()[0] == 200_000
+    finally:
+        gc.set_threshold(*before)
+    assert set(found) == {YOUNG}
