@@ -38,7 +38,7 @@ BUDGET = {
         "estimator": 724,
         "processors": 326,
         "behavior": 372,
-        "recorder": 246,
+        "recorder": 225,
         "supervisors": 81,
     },
     8: {
@@ -48,7 +48,7 @@ BUDGET = {
         "estimator": 724,
         "processors": 326,
         "behavior": 372,
-        "recorder": 245,
+        "recorder": 224,
         "supervisors": 103,
     },
 }

@@ -1,0 +1,30 @@
+"""How many bytes a recording takes, a vehicle and tick."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from kybflow.api.flight import RunRequest, fly
+from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
+
+MISSIONS = Path(__file__).parent.parent.parent / "missions"
+SECONDS = 8.0
+"""Then every vehicle lands, which is recorded too."""
+
+
+@pytest.mark.parametrize(("mission", "budget"), [("figure_eight", 340), ("courier", 472)])
+def test_a_recording_takes_no_more_than_its_budget(
+    mission: str, budget: float, tmp_path: Path
+) -> None:
+    plan = compile_mission(MISSIONS / f"{mission}.yaml", catalog=load_catalog()).plan
+    assert plan is not None
+    plan = dataclasses.replace(plan, time_limit=SECONDS, expectations=())
+    flown = fly(plan, RunRequest(out=tmp_path / "run"))
+    seconds = flown.summary["sim_time_s"]
+    size = (flown.folder / "log.mcap").stat().st_size
+    assert seconds >= SECONDS
+    assert size / (seconds * plan.control_rate * len(plan.vehicles)) <= budget
