@@ -18,6 +18,7 @@ from collections.abc import Callable
 from io import FileIO
 from pathlib import Path
 from struct import Struct
+from typing import Any
 
 from foxglove import Channel, Context, Schema, open_mcap
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions
@@ -292,8 +293,9 @@ def _marked(setpoint: Setpoint | None) -> _Marked:
     )
 
 
-def _within_float32(value: float) -> float:
-    """The number, or the nearest one that fits: a setpoint or a command of a part may be absurd."""
+def _within_float32(value: Any) -> Any:
+    """The number, or the nearest one that fits: a setpoint or a command of a part may be absurd. A
+    whole number stays one, when compiled too."""
     return max(-_LARGEST, min(value, _LARGEST))
 
 
