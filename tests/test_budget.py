@@ -6,6 +6,7 @@ A change that adds more than 3 % to a stage raises the budget below in the same 
 from __future__ import annotations
 
 import dataclasses
+import sys
 from pathlib import Path
 
 import pytest
@@ -32,7 +33,7 @@ STAGES = (
 )
 BUDGET = {
     1: {
-        "simulator": 2151,
+        "simulator": 3248,
         "engine and vehicle": 1502,
         "tracker": 979,
         "estimator": 724,
@@ -42,7 +43,7 @@ BUDGET = {
         "supervisors": 81,
     },
     8: {
-        "simulator": 1979,
+        "simulator": 2890,
         "engine and vehicle": 1333,
         "tracker": 979,
         "estimator": 724,
@@ -52,7 +53,8 @@ BUDGET = {
         "supervisors": 103,
     },
 }
-"""Bytecodes a vehicle and tick, by the number of vehicles."""
+"""Bytecodes a vehicle and tick, by the number of vehicles, in a plain install. The simulator's are
+a third rotors and IMU, which MuJoCo no longer computes."""
 
 
 def fleet(count: int) -> Plan:
@@ -89,7 +91,10 @@ class Counted:
 
 @needs_repeatable_counts
 @pytest.mark.parametrize("count", BUDGET)
-def test_a_tick_stays_within_its_budget(count: int, tmp_path: Path) -> None:
+def test_a_tick_stays_within_its_budget(
+    count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "kybflow.drivers.sim.compiled", None)
     counted = Counted()
     fly(fleet(count), RunRequest(out=tmp_path / "run"), observers=(counted,))
     found = {

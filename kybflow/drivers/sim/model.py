@@ -6,10 +6,8 @@ z = 0, so the floor lies `LEGS` below. Rotors are an X: front left, rear left, r
 right; the first and the third turn clockwise seen from above and so push the body counter-
 clockwise.
 
-Each vehicle has six actuators: four rotors, control 0 to 1 of the largest thrust, first-order lag
-integrated exactly by MuJoCo, drag torque through the gear; and two for the rotor drag in the rotor
-plane, force = drag m (wind - velocity) along body x and y, whose control is the wind. Each has six
-sensor values: gyroscope and accelerometer.
+MuJoCo knows bodies and what they touch, and neither actuators nor sensors: their cost grows with
+actuators times degrees of freedom. `rotors` and `sensors` compute what rotors do and IMUs feel.
 """
 
 from __future__ import annotations
@@ -22,11 +20,6 @@ from kybflow.core.geometry import Vec3
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
-ROTORS = ((1.0, 1.0, 1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0), (1.0, -1.0, -1.0))
-"""Each rotor's side along body x and y, and the sign of its drag torque about body z."""
-
-ACTUATORS = 6
-SENSORS = 6
 FIRST_BODY = 1
 """The number of the first vehicle's body; all that does not move belongs to body 0."""
 OBSTACLE = "obstacle "
@@ -57,12 +50,8 @@ def world_text(
     contexts: Sequence[VehicleContext], bodies: Sequence[BuiltAirframe], timestep: float
 ) -> str:
     """The whole world as MJCF; `timestep` in seconds."""
-    every = tuple(enumerate(zip(contexts, bodies, strict=True)))
+    every = enumerate(zip(contexts, bodies, strict=True))
     vehicles = "".join(_vehicle(index, context, body) for index, (context, body) in every)
-    actuators = "".join(_actuators(index, context, body) for index, (context, body) in every)
-    sensors = "".join(
-        f'<gyro site="v{i}"/><accelerometer site="v{i}"/>' for i in range(len(contexts))
-    )
     fences = {context.fence: None for context in contexts if context.fence is not None}
     obstacles = {name: shape for context in contexts for name, shape in context.obstacles.items()}
     carrying = [context for context in contexts if context.payload is not None]
@@ -81,8 +70,6 @@ def world_text(
 {"".join(_obstacle(name, shape) for name, shape in obstacles.items())}
 {vehicles}{"".join(parcel_text(context) for context in carrying)}
 </worldbody>
-<actuator>{actuators}</actuator>
-<sensor>{sensors}</sensor>
 </mujoco>"""
 
 
@@ -120,9 +107,9 @@ def _vehicle(index: int, context: VehicleContext, body: BuiltAirframe) -> str:
     half = context.airframe.arm / sqrt(2.0)
     hue = ("0.9 0.4 0.1", "0.1 0.5 0.8", "0.2 0.7 0.3", "0.7 0.2 0.6")[index % 4]
     rotors = "".join(
-        f'<site name="v{index}r{n}" pos="{sx * half:.9g} {sy * half:.9g} 0" type="cylinder"'
+        f'<site pos="{sx * half:.9g} {sy * half:.9g} 0" type="cylinder"'
         f' size="{half * 0.6:.6g} 0.003" rgba="{hue} 0.5"/>'
-        for n, (sx, sy, _) in enumerate(ROTORS)
+        for sx, sy in ((1, 1), (-1, 1), (-1, -1), (1, -1))
     )
     stand = _stand(context) if z > 0.0 else ""
     turn = f"{cos(context.heading / 2)!r} 0 0 {sin(context.heading / 2)!r}"
@@ -133,7 +120,7 @@ def _vehicle(index: int, context: VehicleContext, body: BuiltAirframe) -> str:
 <inertial pos="0 0 {height!r}" mass="{mass!r}" diaginertia="{_numbers(inertia)}"/>
 <geom type="box" size="{half:.9g} {half:.9g} {LEGS / 2}" pos="0 0 {-LEGS / 2}" rgba="{hue} 1"
  conaffinity="1"/>
-<site name="v{index}" size="0.005"/>{rotors}
+{rotors}
 </body>
 """
 
@@ -176,22 +163,6 @@ def _stand(context: VehicleContext) -> str:
         f'<geom type="box" pos="{x!r} {y!r} {z / 2 - LEGS!r}" size="{half!r} {half!r} {z / 2!r}"'
         ' rgba="0.5 0.5 0.5 1"/>\n'
     )
-
-
-def _actuators(index: int, context: VehicleContext, body: BuiltAirframe) -> str:
-    rotors = "".join(
-        f'<general site="v{index}r{n}" gear="0 0 1 0 0 {sign * context.airframe.torque_ratio!r}"'
-        f' dyntype="filterexact" dynprm="{body.rotor_time!r}" gainprm="{thrust!r}"'
-        ' ctrllimited="true" ctrlrange="0 1"/>'
-        for n, ((_, _, sign), thrust) in enumerate(zip(ROTORS, body.thrust, strict=True))
-    )
-    drag = body.drag * body.mass
-    planes = "".join(
-        f'<general site="v{index}" gear="{gear}" gainprm="{drag!r}" biastype="affine"'
-        f' biasprm="0 0 {-drag!r}"/>'
-        for gear in ("1 0 0 0 0 0", "0 1 0 0 0 0")
-    )
-    return f"{rotors}{planes}\n"
 
 
 def _numbers(values: Iterable[float]) -> str:

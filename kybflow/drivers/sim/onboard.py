@@ -13,7 +13,6 @@ all give way, so that attitude comes before height.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import sqrt
 from typing import NamedTuple
 
@@ -28,6 +27,7 @@ from kybflow.core.geometry import (
     wrap,
 )
 from kybflow.core.signals import Command
+from kybflow.drivers.sim.aboard import Aboard, Numbers
 from kybflow.world.vehicle_context import Airframe
 
 LEVELLING = 0.10
@@ -52,142 +52,145 @@ CALIBRATION = 0.1
 MOST_YAW = 0.1
 """The part of a rotor's largest thrust that yaw may take."""
 
-Rotors = tuple[float, float, float, float]
-STOPPED: Rotors = (0.0, 0.0, 0.0, 0.0)
+STOPPED: Numbers = (0.0, 0.0, 0.0, 0.0)
+AT_REST: Numbers = (0.0, 0.0, 0.0, *STOPPED)
 
 
 class AttitudeController:
-    """One vehicle's on-board controller; `update` once a physics step, `receive` once a command.
-    `noise` are the errors of its IMU, in the order of what is felt. `rest`: the upward specific
-    force that it felt before it was armed, m/s^2; gravity where that was not long enough."""
+    """Hands the commands of one vehicle to its on-board law, `estimate` and `control`. `rest`: the
+    upward specific force that was felt before it was armed, m/s^2; gravity where that was not long
+    enough."""
 
     def __init__(
-        self, airframe: Airframe, heading: float, dt: float, noise: Iterator[list[float]]
+        self, airframe: Airframe, heading: float, dt: float, aboard: Aboard, index: int
     ) -> None:
-        self.noise = noise
-        self._dt = dt
-        self._shares = (0.25 * LEVELLING * dt, 0.25 * AIMING * dt, 0.5 * dt)
-        self._attitude: Quat = from_heading(heading)
-        self._bias = ZERO
-        self._turn = 0.0
+        self._dt, self._aboard, self._index = dt, aboard, index
         self._held: float | None = None
-        self._wanted: Quat = LEVEL
-        self._rates = ZERO
-        self._thrust = 0.0
-        self.armed = False
-        self._law = tuple(_law(airframe, dt))
-        self._integral = ZERO
-        self._lead = (dt / (airframe.rotor_time / LEAD + dt), LEAD - 1.0)
-        self._slow = STOPPED
         self._share = 0.25 / airframe.thrust
+        self.armed = False
         self.rest, self._lifted, self._steps = GRAVITY, 0.0, 0
+        aboard.setpoints[index] = (0.0, *LEVEL, *ZERO, 0.0, 0.0)
+        aboard.filters[index] = (*from_heading(heading), *ZERO, 0.0)
+        aboard.gains[index] = tuple(_gains(airframe, dt))
 
     @property
     def climb(self) -> float:
         """Vertical speed, upward, m/s: the IMU's upward specific force since it was armed, less
         what it felt before, at rest."""
-        return self._dt * (self._lifted - self._steps * self.rest)
+        lifted, steps = self._since()
+        return self._dt * (lifted - steps * self.rest)
+
+    def _since(self) -> tuple[float, int]:
+        """The sum of the upward specific force since it was armed or disarmed, and its steps."""
+        aboard = self._aboard
+        return aboard.filters[self._index][-1] - self._lifted, aboard.steps - self._steps
 
     def receive(self, command: Command) -> None:
         """Hold `command` until the next one."""
-        attitude, self._thrust, self._rates, heading, armed, _, _ = command
+        attitude, thrust, rates, heading, armed, _, _ = command
+        turn = 0.0
         if heading is not None:
-            self._wanted, self._held = attitude, None
-            self._turn = AIMING * wrap(heading - heading_of(self._attitude))
+            self._held = None
+            turn = AIMING * wrap(heading - heading_of(self._attitude()))
         else:
-            self._wanted = self._holding(attitude)
-            self._turn = 0.0
-        if not armed:
-            self._integral = ZERO
-            self._slow = STOPPED
+            attitude = self._holding(attitude)
         if armed is not self.armed:
-            rested = armed and self._steps * self._dt >= CALIBRATION
-            self.rest = self._lifted / self._steps if rested else GRAVITY
-            self._lifted, self._steps = 0.0, 0
-        self.armed = armed
+            lifted, steps = self._since()
+            rested = armed and steps * self._dt >= CALIBRATION
+            self.rest = lifted / steps if rested else GRAVITY
+            self._lifted, self._steps = self._lifted + lifted, self._steps + steps
+            self.armed = armed
+        lift = self._share * thrust
+        self._aboard.setpoints[self._index] = (float(armed), *attitude, *rates, lift, turn)
+
+    def _attitude(self) -> Quat:
+        w, x, y, z, *_ = self._aboard.filters[self._index]
+        return (w, x, y, z)
 
     def _holding(self, attitude: Quat) -> Quat:
         """The tilt of `attitude`, at the heading of the moment when nobody knew one any more."""
         if self._held is None:
-            self._held = heading_of(self._attitude)
+            self._held = heading_of(self._attitude())
         return multiply(from_heading(self._held - heading_of(attitude)), attitude)
 
-    def update(self, felt: list[float]) -> Rotors:
-        """The rotors' controls, 0 to 1, from what is felt where the IMU is: turn rate, rad/s, and
-        specific force, m/s^2, along body x, y, z."""
-        gx, gy, gz, ax, ay, az = felt
-        nx, ny, nz, mx, my, mz = next(self.noise)
-        bx, by, bz = self._bias
-        w, x, y, z = self._attitude
-        turn, (slow, aim, half) = self._turn, self._shares
-        gx, gy, gz = gx + nx - bx, gy + ny - by, gz + nz - bz
-        ax, ay, az = ax + mx, ay + my, az + mz
-        # up in the body, as the attitude has it; the accelerometer's up is off by the cross product
-        ux, uy, uz = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
-        size = sqrt(ax * ax + ay * ay + az * az)
-        self._lifted += ax * ux + ay * uy + az * uz
-        self._steps += 1
-        k = LEVELLING / size if LIGHTEST < size < HEAVIEST else 0.0
-        ex, ey, ez = k * (ay * uz - az * uy), k * (az * ux - ax * uz), k * (ax * uy - ay * ux)
-        aim *= turn
-        self._bias = (
-            bx - slow * ex - aim * ux, by - slow * ey - aim * uy, bz - slow * ez - aim * uz,
-        )  # fmt: skip
-        hx = half * (gx + ex + turn * ux)
-        hy = half * (gy + ey + turn * uy)
-        hz = half * (gz + ez + turn * uz)
-        nw = w - x * hx - y * hy - z * hz
-        nx = x + w * hx + y * hz - z * hy
-        ny = y + w * hy + z * hx - x * hz
-        nz = z + w * hz + x * hy - y * hx
-        n = 1.0 / sqrt(nw * nw + nx * nx + ny * ny + nz * nz)
-        self._attitude = (nw * n, nx * n, ny * n, nz * n)
-        return self._control(gx, gy, gz) if self.armed else STOPPED
 
-    def _control(self, gx: float, gy: float, gz: float) -> Rotors:
-        w, x, y, z = self._attitude
-        dw, dx, dy, dz = self._wanted
-        two = 2.0 if w * dw + x * dx + y * dy + z * dz >= 0.0 else -2.0
-        ex = two * (w * dx - x * dw - y * dz + z * dy)
-        ey = two * (w * dy + x * dz - y * dw - z * dx)
-        ez = two * (w * dz - x * dy + y * dx - z * dw)
-        rx, ry, rz = self._rates
-        ix, iy, iz = self._integral
-        p, py, d, dy, i, iyaw, bound, kx, ky, kz = self._law
-        ix += i * ex
-        iy += i * ey
-        iz += iyaw * ez
-        ix = bound if ix > bound else -bound if ix < -bound else ix
-        iy = bound if iy > bound else -bound if iy < -bound else iy
-        iz = bound if iz > bound else -bound if iz < -bound else iz
-        self._integral = (ix, iy, iz)
-        roll = kx * (p * ex + d * (rx - gx) + ix)
-        pitch = ky * (p * ey + d * (ry - gy) + iy)
-        yaw = kz * (py * ez + dy * (rz - gz) + iz)
-        return self._mixed(self._share * self._thrust, roll, pitch, yaw)
-
-    def _mixed(self, lift: float, roll: float, pitch: float, yaw: float) -> Rotors:
-        st, sr, sp, sy = self._slow
-        blend, lead = self._lead
-        dl, dr, dp, dy = lift - st, roll - sr, pitch - sp, yaw - sy
-        self._slow = (st + blend * dl, sr + blend * dr, sp + blend * dp, sy + blend * dy)
-        lift += lead * dl
-        roll += lead * dr
-        pitch += lead * dp
-        yaw += lead * dy
-        yaw = -MOST_YAW if yaw < -MOST_YAW else MOST_YAW if yaw > MOST_YAW else yaw
-        a, b = lift + roll - pitch + yaw, lift + roll + pitch - yaw
-        c, d = lift - roll + pitch + yaw, lift - roll - pitch - yaw
-        if a > 1.0 or b > 1.0 or c > 1.0 or d > 1.0:
-            excess = max(a, b, c, d) - 1.0
-            return (a - excess, b - excess, c - excess, d - excess)
-        return (a, b, c, d)
+def shares(dt: float) -> Numbers:
+    """The parts of turn rate, levelling and aiming that a step of `dt` seconds takes."""
+    return (0.5 * dt, 0.25 * LEVELLING * dt, 0.25 * AIMING * dt)
 
 
-class _Law(NamedTuple):
-    """The gains of roll and pitch and of yaw: proportional, 1/s^2; derivative, 1/s; integral over
-    one step, 1/s^2. bound: of an integral, rad/s^2. roll, pitch, yaw: a rotor's share of its
-    largest thrust per rad/s^2."""
+def estimate(
+    filtered: Numbers, setpoint: Numbers, felt: Numbers, shares: Numbers
+) -> tuple[Numbers, Numbers]:
+    """The attitude filter's next state, and the turn rate. filtered: its state: attitude, the bias
+    of the gyroscope, and the sum of the upward specific force. felt: turn rate and specific force
+    along body x, y, z. shares: those of one step."""
+    w, x, y, z, bx, by, bz, lifted = filtered
+    gx, gy, gz, ax, ay, az = felt
+    gx, gy, gz = gx - bx, gy - by, gz - bz
+    # up in the body, as the attitude has it; the accelerometer's up is off by the cross product
+    ux, uy, uz = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+    size = sqrt(ax * ax + ay * ay + az * az)
+    lifted += ax * ux + ay * uy + az * uz
+    k = LEVELLING / size if LIGHTEST < size < HEAVIEST else 0.0
+    ex, ey, ez = k * (ay * uz - az * uy), k * (az * ux - ax * uz), k * (ax * uy - ay * ux)
+    turn = setpoint[-1]
+    tx, ty, tz = turn * ux, turn * uy, turn * uz
+    half, slow, aim = shares
+    bx, by, bz = bx - slow * ex - aim * tx, by - slow * ey - aim * ty, bz - slow * ez - aim * tz
+    hx, hy, hz = half * (gx + ex + tx), half * (gy + ey + ty), half * (gz + ez + tz)
+    nw = w - x * hx - y * hy - z * hz
+    nx = x + w * hx + y * hz - z * hy
+    ny = y + w * hy + z * hx - x * hz
+    nz = z + w * hz + x * hy - y * hx
+    n = 1.0 / sqrt(nw * nw + nx * nx + ny * ny + nz * nz)
+    return (nw * n, nx * n, ny * n, nz * n, bx, by, bz, lifted), (gx, gy, gz)
+
+
+def control(
+    loop: Numbers, filtered: Numbers, rates: Numbers, setpoint: Numbers, gains: Numbers
+) -> tuple[Numbers, Numbers]:
+    """The control loop's next state, and the rotors' controls. loop: its state: the integrals; and
+    what was asked of the rotors, slowly: thrust, roll, pitch, yaw."""
+    w, x, y, z, _, _, _, _ = filtered
+    gx, gy, gz = rates
+    ix, iy, iz, st, sr, sp, sy = loop
+    armed, dw, dx, dy, dz, rx, ry, rz, lift, _ = setpoint
+    p, py, d, dyaw, i, iyaw, bound, kx, ky, kz, blend = gains
+    if armed == 0.0:
+        return AT_REST, STOPPED
+    two = 2.0 if w * dw + x * dx + y * dy + z * dz >= 0.0 else -2.0
+    ex = two * (w * dx - x * dw - y * dz + z * dy)
+    ey = two * (w * dy + x * dz - y * dw - z * dx)
+    ez = two * (w * dz - x * dy + y * dx - z * dw)
+    ix += i * ex
+    iy += i * ey
+    iz += iyaw * ez
+    ix = bound if ix > bound else -bound if ix < -bound else ix
+    iy = bound if iy > bound else -bound if iy < -bound else iy
+    iz = bound if iz > bound else -bound if iz < -bound else iz
+    # what is asked of the rotors now, less what is asked slowly; a rotor is led by the difference
+    dt = lift - st
+    dr = kx * (p * ex + d * (rx - gx) + ix) - sr
+    dp = ky * (p * ey + d * (ry - gy) + iy) - sp
+    dy = kz * (py * ez + dyaw * (rz - gz) + iz) - sy
+    loop = (ix, iy, iz, st + blend * dt, sr + blend * dr, sp + blend * dp, sy + blend * dy)
+    lift, roll, pitch, yaw = st + LEAD * dt, sr + LEAD * dr, sp + LEAD * dp, sy + LEAD * dy
+    yaw = -MOST_YAW if yaw < -MOST_YAW else MOST_YAW if yaw > MOST_YAW else yaw
+    a, b = lift + roll - pitch + yaw, lift + roll + pitch - yaw
+    c, d = lift - roll + pitch + yaw, lift - roll - pitch - yaw
+    most = max(a, b, c, d)
+    if most > 1.0:
+        a, b, c, d = a - most + 1.0, b - most + 1.0, c - most + 1.0, d - most + 1.0
+    if a < 0.0 or b < 0.0 or c < 0.0 or d < 0.0:
+        a, b, c, d = max(a, 0.0), max(b, 0.0), max(c, 0.0), max(d, 0.0)
+    return loop, (a, b, c, d)
+
+
+class Gains(NamedTuple):
+    """Of roll and pitch and of yaw: proportional, 1/s^2; derivative, 1/s; integral over one step,
+    1/s^2. bound: of an integral, rad/s^2. roll, pitch, yaw: a rotor's share of its largest thrust
+    per rad/s^2. blend: the part of a change that is asked slowly of the rotors in a step."""
 
     proportional: float
     proportional_yaw: float
@@ -199,13 +202,14 @@ class _Law(NamedTuple):
     roll: float
     pitch: float
     yaw: float
+    blend: float
 
 
-def _law(airframe: Airframe, dt: float) -> _Law:
+def _gains(airframe: Airframe, dt: float) -> Gains:
     frequency = STIFFNESS / airframe.rotor_time
     half = airframe.arm / sqrt(2.0)
     jx, jy, jz = airframe.inertia
-    return _Law(
+    return Gains(
         frequency**2,
         YAW_FREQUENCY**2,
         2.0 * DAMPING * frequency,
@@ -216,4 +220,5 @@ def _law(airframe: Airframe, dt: float) -> _Law:
         jx / (4.0 * half * airframe.thrust),
         jy / (4.0 * half * airframe.thrust),
         jz / (4.0 * airframe.torque_ratio * airframe.thrust),
+        dt / (airframe.rotor_time / LEAD + dt),
     )

@@ -7,18 +7,19 @@ in blocks.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 from math import exp, sqrt
-from typing import TYPE_CHECKING
+from typing import Any
 
-from kybflow.core.geometry import Vec3, integrate
+import numpy
+
+from kybflow.core.geometry import GRAVITY, Vec3, integrate
 from kybflow.core.signals import NS, Battery, Imu, Pose, Position, Time, Truth
-from kybflow.drivers.sim.model import SENSORS
+from kybflow.drivers.sim.aboard import Numbers
 from kybflow.world.vehicle_context import Airframe
 
-if TYPE_CHECKING:
-    import numpy
+Array = numpy.ndarray[Any, numpy.dtype[numpy.float64]]
 
 BLOCK = 500
 WANDERS, LASTS = 0.5, 30.0
@@ -30,47 +31,76 @@ def draw(
     generator: numpy.random.Generator, offsets: list[float], deviations: list[float]
 ) -> Iterator[list[float]]:
     """Rows of normally distributed numbers with the given means and deviations, without end."""
-    return chain.from_iterable(_blocks(generator, offsets, deviations))
+    blocks = draw_blocks(generator, offsets, deviations)
+    return chain.from_iterable(block.tolist() for block in blocks)
 
 
-def _blocks(
+def draw_blocks(
     generator: numpy.random.Generator, offsets: list[float], deviations: list[float]
-) -> Iterator[list[list[float]]]:
+) -> Iterator[Array]:
+    """Blocks of such rows."""
     while True:
         block = generator.standard_normal((BLOCK, len(offsets)))
         block *= deviations
         block += offsets
-        yield block.tolist()
+        yield block
+
+
+def feel(rotation: Numbers, velocity: Numbers, acceleration: Numbers, errors: Numbers) -> Numbers:
+    """What an IMU at the body's origin measures of a physics step: turn rate and specific force
+    along body x, y, z, with its errors. rotation: body to world, row by row. velocity,
+    acceleration: a free joint's. All of them before the step."""
+    _, _, _, gx, gy, gz = velocity
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
+    ax, ay, az = acceleration
+    ex, ey, ez, fx, fy, fz = errors
+    az += GRAVITY
+    return (
+        gx + ex,
+        gy + ey,
+        gz + ez,
+        r00 * ax + r10 * ay + r20 * az + fx,
+        r01 * ax + r11 * ay + r21 * az + fy,
+        r02 * ax + r12 * ay + r22 * az + fz,
+    )
+
+
+class ImuErrors:
+    """The errors of all IMUs, step by step. sources: each vehicle's, in blocks. form: makes what
+    `take` gives from an array of steps, vehicles and values."""
+
+    def __init__(self, sources: Sequence[Iterator[Array]], form: Callable[[Array], Any]) -> None:
+        self._sources, self._form = sources, form
+        self._biases = numpy.zeros((len(sources), 6))
+        self._drawn = numpy.zeros((0, len(sources), 6))
+        self._block, self._next = form(self._drawn), 0
+
+    def bias(self, vehicle: int, more: Sequence[float]) -> None:
+        """From now on a vehicle's are so much more than what is drawn."""
+        self._biases[vehicle] = more
+        self._block = self._form(self._drawn + self._biases)
+
+    def take(self, steps: int) -> Any:
+        """Those of the next steps."""
+        while self._next + steps > len(self._block):
+            new = numpy.stack([next(source) for source in self._sources], axis=1)
+            self._drawn = numpy.concatenate((self._drawn[self._next :], new))
+            self._block, self._next = self._form(self._drawn + self._biases), 0
+        first, self._next = self._next, self._next + steps
+        return self._block[first : self._next]
 
 
 class Averages:
-    """What the on-board controller's IMU felt on average since it was last asked. As `noise` it
-    hands the controller its rows of `noise`, off by `bias`, and keeps the last. `lift` is the last
-    specific force along body z."""
+    """What a vehicle's IMU measured on average since it was last asked."""
 
-    def __init__(self, noise: Iterator[list[float]]) -> None:
-        self.lift = 0.0
-        self.bias: list[float] | None = None
-        self._noise = noise
-        self._row: list[float] = []
-        self._sums = [0.0] * SENSORS
+    def __init__(self) -> None:
+        self._sums = [0.0] * 6
         self._count = 0
 
-    def __iter__(self) -> Iterator[list[float]]:
-        return self
-
-    def __next__(self) -> list[float]:
-        row = next(self._noise)
-        if self.bias is not None:
-            row = [error + more for error, more in zip(row, self.bias, strict=True)]
-        self._row = row
-        return row
-
-    def add(self, felt: list[float]) -> None:
-        """Another sample, turn rate and specific force, to which the last row is its error."""
-        self._sums = [s + f + n for s, f, n in zip(self._sums, felt, self._row, strict=True)]
+    def add(self, felt: Numbers) -> None:
+        """Another sample: turn rate and specific force."""
+        self._sums = [s + f for s, f in zip(self._sums, felt, strict=True)]
         self._count += 1
-        self.lift = felt[-1] + self._row[-1]
 
     def measure(self, now: Time, dt: float) -> Imu | None:
         """The average of the samples, `dt` seconds each, the last of them taken at `now`; None
@@ -79,7 +109,7 @@ class Averages:
         if not count:
             return None
         gx, gy, gz, ax, ay, az = (total / count for total in self._sums)
-        self._sums, self._count = [0.0] * SENSORS, 0
+        self._sums, self._count = [0.0] * 6, 0
         return Imu(now, count * dt, (ax, ay, az), (gx, gy, gz))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from math import exp, sqrt
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Protocol
@@ -22,9 +22,11 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
+from kybflow.drivers.sim.aboard import Aboard, Numbers
 from kybflow.drivers.sim.model import BuiltAirframe
-from kybflow.drivers.sim.onboard import AttitudeController, Rotors
+from kybflow.drivers.sim.onboard import AttitudeController
 from kybflow.drivers.sim.receiver import Receiver
+from kybflow.drivers.sim.rotors import constants
 from kybflow.drivers.sim.sensors import (
     Averages,
     PoseSampler,
@@ -32,6 +34,7 @@ from kybflow.drivers.sim.sensors import (
     SimulatedBattery,
     bias,
     draw,
+    draw_blocks,
 )
 from kybflow.parts import Link, Rig, Seat
 from kybflow.world.vehicle_context import Airframe
@@ -45,21 +48,18 @@ ROTOR_SPREAD = 0.2
 """How much the rotors differ from each other, as a part of `model_error`."""
 
 
-Update = Callable[[list[float]], Rotors]
-"""Called once a physics step with what the IMU measures; returns the rotors' controls."""
-
-
 class Surroundings(Protocol):
     """What a vehicle asks of the world that it is in (`kybflow.drivers.sim.world`). index: the
     vehicle's place there."""
 
+    aboard: Aboard
+
     @property
     def now(self) -> Time: ...
-    def wire(self) -> None: ...
+    def find_listeners(self) -> None: ...
     def truth(self, index: int) -> Truth: ...
     def index(self, name: str) -> int: ...
     def hurry(self, due: Time) -> None: ...
-    def load(self, index: int, now: Time) -> None: ...
     def refit(self, index: int) -> None: ...
     def grip(self, index: int, is_open: bool, armed: bool) -> bool: ...
     def collisions(self, index: int) -> Sequence[str]: ...
@@ -105,9 +105,13 @@ class SimulatedVehicle(Link):
         imu = streams[1]
         offsets = [*bias(imu, p.gyro_bias), *bias(imu, p.accelerometer_bias)]
         noises = [p.gyro_noise] * 3 + [p.accelerometer_noise] * 3
+        self.imu_errors = draw_blocks(imu, offsets, noises)
+        self.imu_bias: Numbers = (*ZERO, *ZERO)
+        self._dt = 1.0 / p.physics
         self.controller = AttitudeController(
-            context.airframe, context.heading, 1.0 / p.physics, draw(imu, offsets, noises)
+            context.airframe, context.heading, self._dt, world.aboard, index
         )
+        world.aboard.constants[index] = constants(context.airframe, self.body, self._dt)
         self.capture = PoseSampler(
             p.mocap_rate, p.mocap_latency, p.mocap_position_noise, p.mocap_attitude_noise,
             streams[2],
@@ -117,14 +121,12 @@ class SimulatedVehicle(Link):
         self.battery = SimulatedBattery(context.airframe, p.battery, p.battery_rate)
         self.wind = GustyWind(p.wind, p.gust, draw(streams[3], [0.0] * 3, [1.0] * 3))
         self.due: Time = 0
-        self.thrust = list(self.body.thrust)
         self.rig = Rig(context.vehicle, self._rigged)
-        self._dt = 1.0 / p.physics
         self._arriving: deque[tuple[Time, Measurement]] = deque()
         self._filters = self.rig.filters
         self._deaf = self._mute = False
         self._seen_as = self._sees_as = index
-        self._imu = Averages(self.controller.noise)
+        self._imu = Averages()
         self._subscribed = False
         self._receiver = Receiver(self.controller, context.airframe, p.watchdog)
         self._minded: Time = 0
@@ -143,35 +145,51 @@ class SimulatedVehicle(Link):
                 capture.schedule.move_on()
         if battery.schedule.due <= now:
             self._arriving.append((now, battery.measure(now)))
-            self._world.load(self._index, now)
+            self._load(now)
             battery.schedule.move_on()
         if self._minded <= now:
             falling, self._minded = self._receiver.descent, self._receiver.mind(now)
             if self._receiver.descent is not falling:
-                self._rewire()
+                self._world.find_listeners()
         self.due = min(capture.schedule.due, battery.schedule.due, self._minded)
         if self._positions.is_wanted:
             if self._positions.schedule.due <= now:
                 self._positions.measure(self.truth(), now)
             self.due = min(self.due, self._positions.schedule.due)
 
-    @property
-    def update(self) -> Update:
-        """The on-board controller, as much of it as is needed now."""
-        taps = self._subscribed or self._imu.bias is not None or self._receiver.descent is not None
-        return self._update if taps else self.controller.update
+    def _load(self, now: Time) -> None:
+        """Drain the battery by what the rotors give, and let their thrust sag with it."""
+        aboard, index, battery = self._world.aboard, self._index, self.battery
+        rotors, thrusts = aboard.rotors[index], self._thrusts()
+        given = sum(a * f for a, f in zip(rotors, thrusts, strict=True))
+        battery.drain(given, 1.0 / battery.schedule.rate if now else 0.0)
+        aboard.thrusts[index] = self._thrusts()
 
-    def _update(self, felt: list[float]) -> Rotors:
-        rotors = self.controller.update(felt)
+    def _thrusts(self) -> Numbers:
+        """The largest thrust of each rotor, on the battery as it is."""
+        sag, weak = self.battery.level**2, self.rig.rotors
+        return tuple(sag * f * left for f, left in zip(self.body.thrust, weak, strict=True))
+
+    @property
+    def listens(self) -> bool:
+        """Whether it wants what its IMU measures in each step."""
+        return self._subscribed or self.falls
+
+    @property
+    def falls(self) -> bool:
+        """Whether its watchdog brings it down, step by step."""
+        return self._receiver.descent is not None
+
+    def feel(self, felt: Numbers) -> None:
+        """Take what its IMU measured in a step."""
         self._imu.add(felt)
-        self._receiver.come_down(self._imu.lift, self._dt)
-        return rotors
+        self._receiver.come_down(felt[-1], self._dt)
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
         if Imu in kinds and not self._subscribed:
             self._subscribed = True
             self._imu.measure(self._world.now, self._dt)  # what was felt before is nobody's
-            self._rewire()
+            self._world.find_listeners()
         if Position in kinds and not self._positions.is_wanted:
             self._positions.begin(self._world.now)
             self.due = min(self.due, self._positions.schedule.due)
@@ -220,10 +238,6 @@ class SimulatedVehicle(Link):
         aboard = self._world.grip(self._index, is_open, self.controller.armed)
         self._arriving.append((now, Payload(now, is_open, aboard)))
 
-    def _rewire(self) -> None:
-        self.controller.noise = self._imu
-        self._world.wire()
-
     def _rigged(self) -> None:
         """Obey the rig."""
         rig = self.rig
@@ -233,10 +247,7 @@ class SimulatedVehicle(Link):
         self._seen_as = self._world.index(rig.body)
         self._sees_as = self._world.index(rig.view)
         self.battery.sag = rig.sag
-        self.thrust = [t * left for t, left in zip(self.body.thrust, rig.rotors, strict=True)]
-        off = [*rig.gyro_bias, *rig.accelerometer_bias]
-        self._imu.bias = off if any(off) else None
-        self._rewire()
+        self.imu_bias = (*rig.gyro_bias, *rig.accelerometer_bias)
         self._world.refit(self._index)
 
     def truth(self) -> Truth:

@@ -11,24 +11,18 @@ import mujoco
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import add, conjugate, rotate
 from kybflow.core.signals import NS, Time, Truth
+from kybflow.drivers.sim.aboard import Aboard
 from kybflow.drivers.sim.contacts import Contacts
-from kybflow.drivers.sim.model import (
-    ACTUATORS,
-    FIRST_BODY,
-    SENSORS,
-    BuiltAirframe,
-    loaded,
-    world_text,
-)
+from kybflow.drivers.sim.model import FIRST_BODY, BuiltAirframe, loaded, world_text
 from kybflow.drivers.sim.parcels import FallingParcel
-from kybflow.drivers.sim.vehicle import SimulatedVehicle, Update
+from kybflow.drivers.sim.stepping import rows, stepper
+from kybflow.drivers.sim.vehicle import SimulatedVehicle
 from kybflow.drivers.sim.viewer import Viewer
 from kybflow.parts import Link, Seat, Session
 
 if TYPE_CHECKING:
     import random
 
-ROTORS = 4
 _POSITION, _POSITION_SIZE = struct.Struct("7d").unpack_from, 7 * 8
 _VELOCITY, _VELOCITY_SIZE = struct.Struct("6d").unpack_from, 6 * 8
 
@@ -42,6 +36,7 @@ class SimulatedWorld(Session):
         if len(rates) != 1:
             raise DriverError(f"vehicles in one world need one physics rate, found {sorted(rates)}")
         self._rate: int = round(rates.pop())
+        self.aboard = Aboard(len(seats), rows())
         self._vehicles = [
             SimulatedVehicle(self, i, seat, generator) for i, seat in enumerate(seats)
         ]
@@ -53,19 +48,15 @@ class SimulatedWorld(Session):
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
         self._parcels = _parcels(self.model, self.data, seats)
-        self._felt = self.data.sensordata.reshape(len(seats), SENSORS)
-        self._rotors = self.data.ctrl
+        errors = [vehicle.imu_errors for vehicle in self._vehicles]
+        self._stepper = stepper(self.model, self.data, self.aboard, errors)
         self._positions, self._velocities = self.data.qpos, self.data.qvel
-        self._control = [0.0] * (ACTUATORS * len(seats))
-        self._pack = struct.Struct(f"{len(self._control)}d").pack_into
-        self._pilots: list[tuple[Update, int]] = []
-        self.wire()
+        self._truths: dict[int, Truth] = {}
+        self._listeners: list[tuple[int, SimulatedVehicle]] = []
         self._winds = self._blowing()
         for index in self._parcels:
             self.refit(index)
         self._solid = Contacts(self.model, [seat.context.vehicle for seat in seats])
-        self._steps = 0
-        self._next: Time = NS // self._rate
         self._blown: Time = 0
         self._due: Time = 0
         self._measure(0)
@@ -74,38 +65,44 @@ class SimulatedWorld(Session):
     @property
     def now(self) -> Time:
         """The time of the last physics step."""
-        return self._steps * NS // self._rate
+        return self.aboard.steps * NS // self._rate
 
-    def wire(self) -> None:
-        """Connect every vehicle's on-board controller to its rotors."""
-        self._pilots[:] = [(v.update, ACTUATORS * i) for i, v in enumerate(self._vehicles)]
+    def find_listeners(self) -> None:
+        """Find out which vehicles want what their IMU measures in each step."""
+        self._listeners = [(i, v) for i, v in enumerate(self._vehicles) if v.listens]
 
     def advance(self, now: Time) -> None:
-        if self._next > now:
+        last = ((now + 1) * self._rate - 1) // NS
+        if self.aboard.steps >= last:
             return
         if self._winds:
             self._blow()
-        model, data, step, felt = self.model, self.data, mujoco.mj_step, self._felt
-        rotors, control, pack, pilots = self._rotors, self._control, self._pack, self._pilots
-        steps, rate, time = self._steps, self._rate, self._next
-        while time <= now:
-            pack(rotors, 0, *control)
-            step(model, data)
-            for (update, first), row in zip(pilots, felt.tolist(), strict=True):
-                control[first : first + 4] = update(row)
-            if self._due <= time:
-                self._measure(time)
-            steps += 1
-            time = (steps + 1) * NS // rate
-        self._steps, self._next = steps, time
+        while self.aboard.steps < last:
+            self._step(last)
         for parcel in self._parcels.values():
             parcel.follow()
+        self._truths, data = {}, self.data
         if data.ncon:
             self._solid.look(data, now)
-        if abs(data.time * rate - steps) > 0.5:
+        if abs(data.time * self._rate - self.aboard.steps) > 0.5:
             raise DriverError("the simulation diverged and MuJoCo started it again")
         if self._viewer is not None:
             self._viewer.show(now)
+
+    def _step(self, last: int) -> None:
+        """Step on until something is to be measured, `last` at the latest; one step where a
+        vehicle's watchdog flies by what is felt in each."""
+        due, aboard = -(-self._due * self._rate // NS), self.aboard
+        steps = min(last, max(due, aboard.steps + 1)) - aboard.steps
+        if any(vehicle.falls for _, vehicle in self._listeners):
+            steps = 1
+        self._stepper.advance(steps)
+        self._truths = {}
+        for index, vehicle in self._listeners:
+            for sample in self._stepper.felt(index):
+                vehicle.feel(sample)
+        if self._due <= self.now:
+            self._measure(self.now)
 
     def close(self) -> None:
         if self._viewer is not None:
@@ -114,11 +111,15 @@ class SimulatedWorld(Session):
 
     def truth(self, index: int) -> Truth:
         """The state of a vehicle now."""
-        px, py, pz, w, x, y, z = _POSITION(self._positions, _POSITION_SIZE * index)
-        vx, vy, vz, ox, oy, oz = _VELOCITY(self._velocities, _VELOCITY_SIZE * index)
-        parcel = self._parcels.get(index) if self._parcels else None
-        place = None if parcel is None else parcel.position
-        return Truth((px, py, pz), (vx, vy, vz), (w, x, y, z), (ox, oy, oz), place)
+        truth = self._truths.get(index)
+        if truth is None:
+            px, py, pz, w, x, y, z = _POSITION(self._positions, _POSITION_SIZE * index)
+            vx, vy, vz, ox, oy, oz = _VELOCITY(self._velocities, _VELOCITY_SIZE * index)
+            parcel = self._parcels.get(index) if self._parcels else None
+            place = None if parcel is None else parcel.position
+            truth = Truth((px, py, pz), (vx, vy, vz), (w, x, y, z), (ox, oy, oz), place)
+            self._truths[index] = truth
+        return truth
 
     def grip(self, index: int, is_open: bool, armed: bool) -> bool:
         """Open or close a vehicle's servo; whether its parcel is on board then. Raises Refused."""
@@ -144,17 +145,6 @@ class SimulatedWorld(Session):
         """What a vehicle ran into since the last call."""
         return self._solid.told(index)
 
-    def load(self, index: int, now: Time) -> None:
-        """Drain a vehicle's battery by what its rotors give, and let their thrust sag with it."""
-        vehicle = self._vehicles[index]
-        rotors = self.data.act[ROTORS * index : ROTORS * (index + 1)].tolist()
-        sag = vehicle.battery.level**2
-        thrust = sag * sum(a * b for a, b in zip(rotors, vehicle.thrust, strict=True))
-        vehicle.battery.drain(thrust, 1.0 / vehicle.battery.schedule.rate if now else 0.0)
-        sag = vehicle.battery.level**2
-        first = ACTUATORS * index
-        self.model.actuator_gainprm[first : first + ROTORS, 0] = [sag * f for f in vehicle.thrust]
-
     def refit(self, index: int) -> None:
         """Obey a vehicle's rig and its parcel: its mass and inertia, its wind. The thrust of its
         rotors follows with the next report of its battery."""
@@ -168,9 +158,10 @@ class SimulatedWorld(Session):
         model.body_inertia[place] = (jx, jy, jz)
         model.body_mass[place] = mass
         mujoco.mj_setConst(model, mujoco.MjData(model))
-        first = ACTUATORS * index + ROTORS
-        self._control[first : first + 2] = (0.0, 0.0)
+        self._stepper.bias(index, vehicle.imu_bias)
+        self.aboard.winds[index] = (0.0, 0.0)
         self._winds = self._blowing()
+        self._truths = {}
 
     def _blowing(self) -> list[tuple[int, SimulatedVehicle]]:
         return [(i, v) for i, v in enumerate(self._vehicles) if v.wind.blows or v.rig.blows]
@@ -183,14 +174,13 @@ class SimulatedWorld(Session):
 
     def _blow(self) -> None:
         """Give each rotor drag its wind along body x and y."""
-        elapsed = (self._next - self._blown) / NS
-        self._blown = self._next
+        now = (self.aboard.steps + 1) * NS // self._rate
+        elapsed, self._blown = (now - self._blown) / NS, now
         for index, vehicle in self._winds:
             to_body = conjugate(self.truth(index).attitude)
-            wind = add(vehicle.wind.after(elapsed), vehicle.rig.wind(self._next))
+            wind = add(vehicle.wind.after(elapsed), vehicle.rig.wind(now))
             x, y, _ = rotate(to_body, wind)
-            first = ACTUATORS * index + ROTORS
-            self._control[first : first + 2] = (x, y)
+            self.aboard.winds[index] = (x, y)
 
 
 def _parcels(

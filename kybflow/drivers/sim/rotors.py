@@ -1,0 +1,75 @@
+"""What four rotors do to the body that they carry, one physics step at a time.
+
+Each rotor has a control u and a state a, parts 0 to 1 of its largest thrust F, which goes with the
+battery. Its speed follows the control with first-order lag, solved exactly over a step of dt:
+
+    a' = a + (1 - exp(-dt / T)) (u - a);  thrust f = F a along body z
+
+Its drag torque is `torque_ratio` f about body z, counterclockwise for the first and third rotor.
+Air that moves in the rotors' plane drags: the force is d m (wind - velocity) along body x and y.
+"""
+
+from __future__ import annotations
+
+from math import exp, sqrt
+
+from kybflow.drivers.sim.aboard import Numbers
+from kybflow.drivers.sim.model import BuiltAirframe
+from kybflow.world.vehicle_context import Airframe
+
+
+def constants(airframe: Airframe, body: BuiltAirframe, dt: float) -> Numbers:
+    """What `push` must know of a vehicle for good: each rotor's distance from the body's x and y
+    axis; torque over thrust; force over wind; the part of its lag that a rotor makes up in a
+    step."""
+    return (
+        airframe.arm / sqrt(2.0),
+        airframe.torque_ratio,
+        body.drag * body.mass,
+        1.0 - exp(-dt / body.rotor_time),
+    )
+
+
+def push(
+    position: Numbers,
+    velocity: Numbers,
+    rotors: Numbers,
+    controls: Numbers,
+    thrust: Numbers,
+    wind: Numbers,
+    constants: Numbers,
+) -> tuple[Numbers, Numbers, Numbers]:
+    """The force on the body, world frame, and the torque about its origin, body frame, as MuJoCo
+    takes them at a free joint; the rotation from body to world, row by row; and the rotors' states
+    after the step. position, velocity: a free joint's. thrust: the rotors' largest, N. wind: along
+    body x and y."""
+    _, _, _, w, x, y, z = position
+    vx, vy, vz, _, _, _ = velocity
+    a, b, c, d = rotors
+    i, j, k, m = controls
+    fa, fb, fc, fd = thrust
+    windx, windy = wind
+    half, ratio, drag, gain = constants
+    x2, y2, z2 = x + x, y + y, z + z
+    wx, wy, wz = w * x2, w * y2, w * z2
+    xx, xy, xz = x * x2, x * y2, x * z2
+    yy, yz, zz = y * y2, y * z2, z * z2
+    r00, r01, r02 = 1.0 - yy - zz, xy - wz, xz + wy
+    r10, r11, r12 = xy + wz, 1.0 - xx - zz, yz - wx
+    r20, r21, r22 = xz - wy, yz + wx, 1.0 - xx - yy
+    fx = drag * (windx - r00 * vx - r10 * vy - r20 * vz)
+    fy = drag * (windy - r01 * vx - r11 * vy - r21 * vz)
+    fa, fb, fc, fd = fa * a, fb * b, fc * c, fd * d
+    fz = fa + fb + fc + fd
+    return (
+        (
+            r00 * fx + r01 * fy + r02 * fz,
+            r10 * fx + r11 * fy + r12 * fz,
+            r20 * fx + r21 * fy + r22 * fz,
+            half * (fa + fb - fc - fd),
+            half * (fb + fc - fa - fd),
+            ratio * (fa - fb + fc - fd),
+        ),
+        (r00, r01, r02, r10, r11, r12, r20, r21, r22),
+        (a + gain * (i - a), b + gain * (j - b), c + gain * (k - c), d + gain * (m - d)),
+    )

@@ -1,0 +1,87 @@
+"""Physics steps of all vehicles: rotors push, MuJoCo moves, IMUs feel, the on-board laws answer."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import mujoco
+import numpy
+
+from kybflow.drivers.sim.aboard import Aboard, Numbers
+from kybflow.drivers.sim.onboard import control, estimate, shares
+from kybflow.drivers.sim.rotors import push
+from kybflow.drivers.sim.sensors import Array, ImuErrors, feel
+
+_PACK, _SIZE = struct.Struct("6d").pack_into, 6 * 8
+
+
+class Stepper:
+    """Makes the physics steps, in Python around MuJoCo's. sources: the errors of each vehicle's
+    IMU."""
+
+    def __init__(
+        self, model: Any, data: Any, aboard: Aboard, sources: Sequence[Iterator[Array]]
+    ) -> None:
+        self._model, self._data, self._aboard = model, data, aboard
+        self._errors = ImuErrors(sources, numpy.ndarray.tolist)
+        self._felt: list[list[Numbers]] = []
+        count = aboard.count
+        self._positions = data.qpos[: 7 * count].reshape(count, 7)
+        self._velocities = data.qvel[: 6 * count].reshape(count, 6)
+        self._accelerations = data.qacc[: 6 * count].reshape(count, 6)[:, :3]
+        self._forces = data.qfrc_applied
+        self._shares = shares(model.opt.timestep)
+
+    def bias(self, vehicle: int, more: Numbers) -> None:
+        """Add to the errors of a vehicle's IMU from now on."""
+        self._errors.bias(vehicle, more)
+
+    def felt(self, vehicle: int) -> list[Numbers]:
+        """What a vehicle's IMU measured in each step of the last `advance`."""
+        return [samples[vehicle] for samples in self._felt]
+
+    def advance(self, count: int) -> None:
+        """Make `count` steps."""
+        on, model, data, part = self._aboard, self._model, self._data, self._shares
+        rotors, controls, filters, loops = on.rotors, on.controls, on.filters, on.loops
+        setpoints, gains, self._felt = on.setpoints, on.gains, []
+        for errors in self._errors.take(count):
+            rotations, velocities = [], self._velocities.tolist()
+            for i, position in enumerate(self._positions.tolist()):
+                force, rotation, rotors[i] = push(
+                    position, velocities[i], rotors[i], controls[i],
+                    on.thrusts[i], on.winds[i], on.constants[i],
+                )  # fmt: skip
+                _PACK(self._forces, _SIZE * i, *force)
+                rotations.append(rotation)
+            mujoco.mj_step(model, data)
+            felt = list(map(feel, rotations, velocities, self._accelerations.tolist(), errors))
+            for i, sample in enumerate(felt):
+                filters[i], rates = estimate(filters[i], setpoints[i], sample, part)
+                loops[i], controls[i] = control(loops[i], filters[i], rates, setpoints[i], gains[i])
+            self._felt.append(felt)
+        on.steps += count
+
+
+def rows() -> Callable[[int, int], Any]:
+    """Makes empty rows, for so many vehicles and of such a width, as the fastest stepper likes
+    them; every stepper takes either kind."""
+    try:
+        from kybflow.drivers.sim.compiled import ArrayRows
+    except ImportError:
+        return lambda count, width: [(0.0,) * width] * count
+    return ArrayRows
+
+
+def stepper(model: Any, data: Any, aboard: Aboard, sources: Sequence[Iterator[Array]]) -> Any:
+    """The fastest stepper that there is: the compiled one where Numba is and can do it."""
+    try:
+        from kybflow.drivers.sim.compiled import FAILURES, CompiledStepper
+    except ImportError:
+        return Stepper(model, data, aboard, sources)
+    try:
+        return CompiledStepper(model, data, aboard, sources)
+    except FAILURES:
+        return Stepper(model, data, aboard, sources)
