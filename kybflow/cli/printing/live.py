@@ -35,8 +35,8 @@ class LivePanel:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._draw()
-        self._live.__exit__(None, None, None)
+        self._draw(refresh=False)
+        self._live.__exit__(None, None, None)  # which draws it
 
     def hear(self, event: Event) -> None:
         self._events.append(sentence(event))
@@ -47,11 +47,11 @@ class LivePanel:
         if time.monotonic() - self._drawn >= _REDRAW:
             self._draw()
 
-    def _draw(self) -> None:
+    def _draw(self, refresh: bool = True) -> None:
         if self._engine is not None:
             self._drawn = time.monotonic()
             drawing = self._drawing(self._engine, self._drawn - self._began)
-            self._live.update(drawing, refresh=True)
+            self._live.update(drawing, refresh=refresh)
 
     def _drawing(self, engine: Engine, wall: float) -> Group:
         seconds = engine.seconds()
