@@ -29,6 +29,7 @@ print(*sys.modules)
 """
 UNTIL_THE_FIRST_TICK = """
 import os, sys
+sys.modules["numba"] = None  # as in a plain install: it brings SciPy and more of its own
 from kybflow.runtime.engine import Engine
 def tick(engine):
     print(*sys.modules, flush=True)
