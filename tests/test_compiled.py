@@ -39,7 +39,7 @@ def flown(package: Path, out: Path) -> list[str]:
     return told.stdout.splitlines()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 def test_the_compiled_wheel_gives_the_same_events(tmp_path: Path) -> None:
     source, target = tmp_path / "source", tmp_path / "compiled"

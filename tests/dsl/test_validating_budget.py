@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from kybflow.api.validation import validate_paths
-from tests.support.bytecodes import Bytecodes, needs_repeatable_counts, over_budget
+from tests.support.bytecodes import Bytecodes, needs_repeatable_counts, off_budget
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 PASSES = (
@@ -56,5 +56,5 @@ def test_validating_stays_within_its_budget(mission: str) -> None:
     bytecodes.stop()
     assert [file.valid for file in result] == [True]
 
-    lines = over_budget(bytecodes.counts, BUDGET[mission])
+    lines = off_budget(bytecodes.counts, BUDGET[mission])
     assert not lines, "\n".join(["", *lines])

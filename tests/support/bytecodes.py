@@ -71,10 +71,15 @@ class Bytecodes:
         return self._stage_of[file]
 
 
-def over_budget(counted: Mapping[str, float], budget: Mapping[str, float]) -> list[str]:
-    """Return a line for each stage that costs more than its budget and the tolerance."""
-    return [
-        f"{stage}: {found:.0f} bytecodes, {budget.get(stage, 0.0):.0f} are budgeted"
-        for stage, found in sorted(counted.items())
-        if found > budget.get(stage, 0.0) * (1.0 + TOLERANCE) + SLACK
-    ]
+def off_budget(counted: Mapping[str, float], budget: Mapping[str, float]) -> list[str]:
+    """Return a line for each stage that costs more than its budget and the tolerance, or so much
+    less that the budget should be lowered before somebody spends what was saved."""
+    lines = []
+    for stage in sorted(counted.keys() | budget.keys()):
+        found, allowed = counted.get(stage, 0.0), budget.get(stage, 0.0)
+        slack = allowed * TOLERANCE + SLACK
+        if found > allowed + slack:
+            lines.append(f"{stage}: {found:.0f} bytecodes, {allowed:.0f} are budgeted")
+        elif found < allowed - 2.0 * slack:
+            lines.append(f"{stage}: only {found:.0f} bytecodes; lower its budget of {allowed:.0f}")
+    return lines

@@ -17,7 +17,7 @@ from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
-from tests.support.bytecodes import Bytecodes, needs_repeatable_counts, over_budget
+from tests.support.bytecodes import Bytecodes, needs_repeatable_counts, off_budget
 
 MISSION = Path(__file__).parents[3] / "missions" / "figure_eight.yaml"
 FROM, FOR = 12.0, 1.0
@@ -76,5 +76,5 @@ def test_the_driver_stays_within_its_budget(firmware: str, count: int, tmp_path:
     fly(plan, RunRequest(out=tmp_path / "run"), observers=(watch,))
     ticks = round((span[1] - span[0]) * plan.control_rate)
     found = {DRIVER: bytecodes.counts[DRIVER] / ticks / count}
-    lines = over_budget(found, {DRIVER: BUDGET[firmware, count]})
+    lines = off_budget(found, {DRIVER: BUDGET[firmware, count]})
     assert not lines, "\n".join(["", *lines])
