@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import struct
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import mujoco
 import numpy
 
+from kybflow.core.errors import described
 from kybflow.drivers.sim.aboard import Aboard, Numbers
 from kybflow.drivers.sim.onboard import control, estimate, shares
 from kybflow.drivers.sim.rotors import push
@@ -76,12 +78,17 @@ def rows() -> Callable[[int, int], Any]:
 
 
 def stepper(model: Any, data: Any, aboard: Aboard, sources: Sequence[Iterator[Array]]) -> Any:
-    """The fastest stepper that there is: the compiled one where Numba is and can do it."""
+    """The fastest stepper that there is: the compiled one where Numba is installed. Warns where it
+    can't be compiled; a flight is the same without, only slower."""
     try:
         from kybflow.drivers.sim.compiled import FAILURES, CompiledStepper
     except ImportError:
         return Stepper(model, data, aboard, sources)
     try:
         return CompiledStepper(model, data, aboard, sources)
-    except FAILURES:
+    except FAILURES as error:
+        reason = described(error)
+        warnings.warn(
+            f"Numba can't compile the physics steps: {reason}; Python makes them", stacklevel=2
+        )
         return Stepper(model, data, aboard, sources)

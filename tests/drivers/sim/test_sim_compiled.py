@@ -68,7 +68,8 @@ def test_a_kernel_that_does_not_compile_is_done_without(plain, monkeypatch):
         raise RuntimeError("no place to keep what is compiled")
 
     monkeypatch.setattr(compiled, "_kernel", refuses)
-    session = world(seat(params=replace(QUIET, gust=0.3)))
+    with pytest.warns(UserWarning, match="no place to keep what is compiled; Python makes them"):
+        session = world(seat(params=replace(QUIET, gust=0.3)))
     assert isinstance(session._stepper, Stepper)
     lift(session, session.links["a"], seconds=1.0)
     other = plain(seat(params=replace(QUIET, gust=0.3)))
