@@ -8,9 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from bytecodes import Bytecodes, needs_repeatable_counts, off_budget
 
 from kybflow.api.validation import validate_paths
-from tests.support.bytecodes import Bytecodes, needs_repeatable_counts, off_budget
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 PASSES = (

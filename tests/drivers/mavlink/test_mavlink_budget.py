@@ -12,12 +12,13 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
+from bytecodes import Bytecodes, needs_repeatable_counts, off_budget
+
 from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
-from tests.support.bytecodes import Bytecodes, needs_repeatable_counts, off_budget
 
 MISSION = Path(__file__).parents[3] / "missions" / "figure_eight.yaml"
 FROM, FOR = 12.0, 1.0
