@@ -52,7 +52,7 @@ from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
 FAULT = "fault"
-YOUNG = (700, 10, 10)
+COLLECTED_IN_FLIGHT = (700, 10, 10)
 """How many new objects are searched for garbage at a time in flight, as Python has it by default;
 a program that only starts and ends may search more."""
 _REST_SPEED, _HEIGHT_ERROR = 0.3, 0.3
@@ -178,7 +178,7 @@ def _frozen_garbage() -> Iterator[None]:
     through every module (0.1 s on a slow machine), nor for one through many new objects."""
     before = gc.get_threshold()
     gc.freeze()
-    gc.set_threshold(*YOUNG)
+    gc.set_threshold(*COLLECTED_IN_FLIGHT)
     try:
         yield
     finally:

@@ -9,7 +9,7 @@ import pytest
 from plans import vehicle, wrapped
 from short_flights import down, up
 
-from kybflow.api.flight import YOUNG
+from kybflow.api.flight import COLLECTED_IN_FLIGHT
 from kybflow.core.errors import DriverError
 
 SPARSELY = 50
@@ -76,4 +76,4 @@ def test_a_tick_searches_few_new_objects_where_the_program_lets_many_gather(run,
         assert gc.get_threshold()[0] == 200_000
     finally:
         gc.set_threshold(*before)
-    assert set(found) == {YOUNG}
+    assert set(found) == {COLLECTED_IN_FLIGHT}

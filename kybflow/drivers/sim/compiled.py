@@ -57,14 +57,12 @@ class ArrayRows:
 class CompiledStepper:
     """Makes the physics steps, compiled. Raises one of `FAILURES` where that can't be done."""
 
-    rows = ArrayRows
-
     def __init__(self, model: Any, data: Any, aboard: Aboard, sources: Sequence[Any]) -> None:
         library = ctypes.CDLL(mujoco._functions.__file__)
         address = ctypes.cast(library.mj_step, ctypes.c_void_p).value
         binding.add_symbol("mj_step", address)
         count = aboard.count
-        self._aboard, self._errors = aboard, ImuErrors(sources, numpy.ascontiguousarray)
+        self._aboard, self.errors = aboard, ImuErrors(sources, numpy.ascontiguousarray)
         self._felt = numpy.empty((0, count, 6))
         self._arguments = (
             model._address, data._address,
@@ -77,14 +75,10 @@ class CompiledStepper:
         self._kernel = _kernel(_fingerprint((push, feel, estimate, control)))
         self.advance(0)
 
-    def bias(self, vehicle: int, more: Numbers) -> None:
-        """Add to the errors of a vehicle's IMU from now on."""
-        self._errors.bias(vehicle, more)
-
     def advance(self, count: int) -> None:
         """Make `count` steps."""
         self._felt = numpy.empty((count, self._aboard.count, 6))
-        self._kernel(self._errors.take(count), self._felt, *self._arguments)
+        self._kernel(self.errors.take(count), self._felt, *self._arguments)
         self._aboard.steps += count
 
     def felt(self, vehicle: int) -> list[Numbers]:

@@ -13,6 +13,7 @@ actuators times degrees of freedom. `rotors` and `sensors` compute what rotors d
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from html import escape
 from math import cos, sin, sqrt
 from typing import NamedTuple
 
@@ -26,8 +27,6 @@ OBSTACLE = "obstacle "
 """What the name of an obstacle's geom begins with."""
 PARCEL = "payload "
 """What the name of a parcel's geom begins with."""
-ESCAPED = str.maketrans({"&": "&amp;", "<": "&lt;", '"': "&quot;"})
-"""What a name may not have in an attribute of XML."""
 SOLID = '<default><geom conaffinity="3"/></default>\n'
 """Where there are parcels: everything but vehicles meets them all, a vehicle those that are
 clear of the one that carried them."""
@@ -93,9 +92,7 @@ def _obstacle(name: str, shape: Shape) -> str:
             place = _geom("sphere", at, (radius,))
         case Plane(at, facing):
             place = f'{_geom("plane", at, (0.0, 0.0, 1.0))} zaxis="{_numbers(facing)}"'
-    return (
-        f'<geom name="{(OBSTACLE + name).translate(ESCAPED)}" {place} rgba="0.6 0.45 0.35 0.8"/>\n'
-    )
+    return f'<geom name="{escape(OBSTACLE + name)}" {place} rgba="0.6 0.45 0.35 0.8"/>\n'
 
 
 def _geom(kind: str, at: Iterable[float], size: Iterable[float]) -> str:
@@ -113,7 +110,7 @@ def _vehicle(index: int, context: VehicleContext, body: BuiltAirframe) -> str:
     )
     stand = _stand(context) if z > 0.0 else ""
     turn = f"{cos(context.heading / 2)!r} 0 0 {sin(context.heading / 2)!r}"
-    name = f"vehicle {context.vehicle}".translate(ESCAPED)
+    name = escape(f"vehicle {context.vehicle}")
     mass, inertia, height = loaded(body.mass, body.inertia, context.payload)
     return f"""{stand}<body name="{name}" pos="{x!r} {y!r} {z!r}" quat="{turn}">
 <freejoint/>
@@ -146,7 +143,7 @@ def parcel_text(context: VehicleContext) -> str:
     """A vehicle's parcel as MJCF, where it is on board."""
     assert context.payload is not None
     (x, y, z), half = context.start, 0.5 * context.payload.size
-    name = (PARCEL + context.vehicle).translate(ESCAPED)
+    name = escape(PARCEL + context.vehicle)
     return f"""<body name="{name}" pos="{x!r} {y!r} {z + mount(context.payload)!r}" gravcomp="1">
 <freejoint/>
 <geom name="{name}" type="box" size="{half!r} {half!r} {half!r}" mass="{context.payload.mass!r}"

@@ -21,13 +21,13 @@ _PACK, _SIZE = struct.Struct("6d").pack_into, 6 * 8
 
 class Stepper:
     """Makes the physics steps, in Python around MuJoCo's. sources: the errors of each vehicle's
-    IMU."""
+    IMU, which become `errors`."""
 
     def __init__(
         self, model: Any, data: Any, aboard: Aboard, sources: Sequence[Iterator[Array]]
     ) -> None:
         self._model, self._data, self._aboard = model, data, aboard
-        self._errors = ImuErrors(sources, numpy.ndarray.tolist)
+        self.errors = ImuErrors(sources, numpy.ndarray.tolist)
         self._felt: list[list[Numbers]] = []
         count = aboard.count
         self._positions = data.qpos[: 7 * count].reshape(count, 7)
@@ -35,10 +35,6 @@ class Stepper:
         self._accelerations = data.qacc[: 6 * count].reshape(count, 6)[:, :3]
         self._forces = data.qfrc_applied
         self._shares = shares(model.opt.timestep)
-
-    def bias(self, vehicle: int, more: Numbers) -> None:
-        """Add to the errors of a vehicle's IMU from now on."""
-        self._errors.bias(vehicle, more)
 
     def felt(self, vehicle: int) -> list[Numbers]:
         """What a vehicle's IMU measured in each step of the last `advance`."""
@@ -49,7 +45,7 @@ class Stepper:
         on, model, data, part = self._aboard, self._model, self._data, self._shares
         rotors, controls, filters, loops = on.rotors, on.controls, on.filters, on.loops
         setpoints, gains, self._felt = on.setpoints, on.gains, []
-        for errors in self._errors.take(count):
+        for errors in self.errors.take(count):
             rotations, velocities = [], self._velocities.tolist()
             for i, position in enumerate(self._positions.tolist()):
                 force, rotation, rotors[i] = push(

@@ -158,7 +158,7 @@ class SimulatedWorld(Session):
         model.body_inertia[place] = (jx, jy, jz)
         model.body_mass[place] = mass
         mujoco.mj_setConst(model, mujoco.MjData(model))
-        self._stepper.bias(index, vehicle.imu_bias)
+        self._stepper.errors.bias(index, vehicle.imu_bias)
         self.aboard.winds[index] = (0.0, 0.0)
         self._winds = self._blowing()
         self._truths = {}
