@@ -1,9 +1,11 @@
 """Motion capture of a simulated vehicle: poses at their own rate, with noise, some time late.
 
 It watches the truth of whatever simulates the vehicle, such as a firmware's own simulator. That may
-be renewed more slowly than poses are taken: between two of its states the vehicle is where constant
-velocities, linear and angular, bring it, for 100 ms at most; then it stands. Nothing comes as long
-as no truth is known. position_noise, attitude_noise: white, along and about each axis.
+be renewed more slowly than poses are taken: up to 100 ms before and after one of its states the
+vehicle is where constant velocities, linear and angular, bring it. Further from a state nobody
+knows where it is, and nothing comes, unless it stands still; nor does anything while no truth is
+known. Poses that were not taken are not made up for. position_noise, attitude_noise: white, along
+and about each axis.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from collections.abc import Sequence
 from math import ceil
 from typing import TYPE_CHECKING
 
-from kybflow.core.geometry import Vec3, add, integrate, scale
+from kybflow.core.geometry import ZERO, Vec3, add, integrate, scale
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Measurement, Pose, Time, Truth
 from kybflow.core.units import DEG, Angle, Duration, Frequency, Length
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     import random
 
 _AHEAD = 0.1
-"""Seconds for which a state of the vehicle is moved on."""
+"""Seconds from a state of the vehicle within which it is moved on."""
 
 
 @params
@@ -98,10 +100,12 @@ class SimulatedPoses(Stream):
             self._count = ceil(now / NS * rate)
         while (at := round(self._count * NS / rate)) <= now:
             self._count += 1
-            self._arriving.append(self._pose(at, min((at - since) / NS, _AHEAD), body))
+            t = (at - since) / NS
+            if abs(t) <= _AHEAD or _stands(body):
+                self._arriving.append(self._pose(at, t, body))
 
     def _pose(self, at: Time, t: float, body: Truth) -> Pose:
-        """The pose at `at`, `t` seconds after `body` was true."""
+        """The pose at `at`, `t` seconds from when `body` was true."""
         p = self._params
         place = add(body.position, scale(body.velocity, t))
         attitude = integrate(body.attitude, body.angular_velocity, t)
@@ -117,3 +121,7 @@ class SimulatedPoses(Stream):
         for change in filters:
             poses = [kept for pose in poses if (kept := change(pose)) is not None]
         return poses
+
+
+def _stands(body: Truth) -> bool:
+    return body.velocity == ZERO and body.angular_velocity == ZERO

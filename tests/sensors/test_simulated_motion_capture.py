@@ -86,7 +86,21 @@ def test_between_two_states_the_vehicle_moves_on(step: int) -> None:
 
 def test_a_truth_that_is_not_renewed_ends_where_nobody_knows_more() -> None:
     last = poses(Passing(step=10 * NS))[-1][1]
+    assert last.time == NS // 10
     assert last.position == pytest.approx((SPEED * 0.1, 0.0, 1.0))
+
+
+def test_what_was_missed_while_nobody_read_is_not_made_up_for() -> None:
+    """The program hung for a second: where the vehicle was meanwhile, nobody knows."""
+    link = Passing()
+    stream = SimulatedMotionCapture.open(QUIET, SITE, link, random.Random(1))
+    arrived = []
+    for now in (*range(0, NS, TICK), *range(2 * NS, 3 * NS, TICK)):
+        link.now = now
+        arrived += stream.read(now)
+    assert [p.time for p in arrived if NS <= p.time < 19 * NS // 10] == []
+    for pose in arrived:
+        assert pose.position[0] == pytest.approx(SPEED * pose.time / NS, abs=1e-9)
 
 
 def test_nothing_comes_while_no_truth_is_known_nor_is_it_made_up_for() -> None:

@@ -146,13 +146,16 @@ def test_there_is_no_truth_before_it_was_seen_on_the_ground():
     assert truth.truth(0) is None
 
 
-def test_between_messages_it_goes_on_as_it_moved_but_not_for_long():
+def test_between_messages_it_goes_on_as_it_moved_and_after_them_there_is_none():
     truth = standing(context())
     truth.hear(sim_state(velocity=(1.0, 0.0, 0.0), rates=(0.0, 0.0, 1.0)), NS, on_ground=False)
     known = truth.truth(NS + NS // 20)
     assert pytest.approx((0.05, 0.0, 0.0)) == known.position
     assert pytest.approx(0.05, abs=1e-4) == g.heading_of(known.attitude)
-    assert pytest.approx((0.2, 0.0, 0.0)) == truth.truth(9 * NS).position
+    assert pytest.approx((0.2, 0.0, 0.0)) == truth.truth(NS + NS // 5).position
+    assert truth.truth(NS + NS // 5 + 1) is None
+    truth.hear(sim_state((3.0, 0.0, 0.0)), 9 * NS, on_ground=False)
+    assert pytest.approx((3.0, 0.0, 0.0), abs=0.012) == truth.truth(9 * NS).position
 
 
 def test_on_board_the_parcel_hangs_level_with_the_legs():
@@ -169,15 +172,19 @@ def test_released_it_falls_with_the_velocity_it_had_and_rests_on_the_floor():
     height = EARTH.local(*EARTH.place((0.0, 0.0, 2.0)))[2]
     assert pytest.approx((0.1, 0.0), abs=0.012) == (x, y)
     assert pytest.approx(height - 0.02 + 0.1 * 0.2 - 0.5 * 9.81 * 0.2**2, abs=1e-6) == z
+    truth.hear(sim_state((0.0, 0.0, 2.0)), 9 * NS, on_ground=False)
     falls = (0.1 + sqrt(0.01 + 2 * 9.81 * height)) / 9.81
     assert pytest.approx((0.5 * falls, 0.0, -0.02), abs=0.012) == truth.truth(9 * NS).payload
-    assert truth.truth(9 * NS).payload == truth.truth(11 * NS).payload
+    rests = truth.truth(9 * NS).payload
+    truth.hear(sim_state((1.0, 0.0, 2.0)), 11 * NS, on_ground=False)
+    assert truth.truth(11 * NS).payload == rests
 
 
 def test_a_turning_vehicle_lends_its_parcel_the_speed_of_its_place():
     truth = standing(context(payload=PARCEL))
     truth.hear(sim_state((0, 0, 2.0), rates=(0.0, 2.0, 0.0)), NS, on_ground=False)
     truth.release(NS)
+    truth.hear(sim_state((0, 0, 2.0)), NS + NS // 2, on_ground=False)
     assert pytest.approx(-0.02 * 2.0 * 0.5, abs=0.012) == truth.truth(NS + NS // 2).payload[0]
 
 
@@ -186,6 +193,7 @@ def test_it_is_let_go_once_and_may_be_put_on_board_again():
     truth.hear(sim_state((0, 0, 2.0)), NS, on_ground=False)
     truth.release(NS)
     truth.release(2 * NS)
+    truth.hear(sim_state((0, 0, 2.0)), 2 * NS, on_ground=False)
     assert pytest.approx(-0.02) == truth.truth(2 * NS).payload[2]
     truth.load()
     assert pytest.approx(1.98, abs=1e-3) == truth.truth(2 * NS).payload[2]

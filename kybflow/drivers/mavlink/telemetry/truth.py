@@ -3,6 +3,7 @@
 The simulator has a place on earth of its own. What it first tells of a vehicle that stands on the
 ground is taken for the mission's start and its heading, so from then on its world is the mission's,
 moved and turned. A message is true when it arrives; between two the vehicle goes on as it moved.
+While nothing arrives nobody knows where it is, and there is no truth.
 
 A place comes in steps of 1e-7 degrees, 1.1 cm, of which a tracker would make 1 m/s. The velocity is
 finer, so the place is followed by its integral, which is put right by `SHARE` of what it is off,
@@ -50,7 +51,7 @@ STEP = 0.012
 """The largest error of a place by rounding, metres."""
 SHARE = 0.04
 LONGEST = 0.2
-"""Seconds for which the motion is extrapolated without a message."""
+"""Seconds after a message for which the motion is extrapolated; later there is no truth."""
 
 
 class GroundTruth:
@@ -104,15 +105,16 @@ class GroundTruth:
         self._heard, self._now = now, None
 
     def truth(self, now: Time) -> Truth | None:
-        """The true state of the vehicle and its parcel; None until it was seen on the ground."""
+        """The true state of the vehicle and its parcel; None until it was seen on the ground, and
+        where no message came for `LONGEST`."""
         vehicle = self._vehicle(now)
         if vehicle is None or self._parcel is None:
             return vehicle
         return vehicle._replace(payload=self._parcel.position(vehicle, now))
 
     def release(self, now: Time) -> None:
-        """Release the parcel with the velocity that it has."""
-        vehicle = self._vehicle(now)
+        """Release the parcel with the velocity that it has, or that was last known."""
+        vehicle = self._vehicle(now) or self._newest
         if self._parcel is not None and vehicle is not None:
             self._parcel.release(vehicle, now)
 
@@ -122,10 +124,10 @@ class GroundTruth:
             self._parcel.load()
 
     def _vehicle(self, now: Time) -> Truth | None:
-        if self._newest is None:
+        gone = max((now - self._heard) / NS, 0.0)
+        if self._newest is None or gone > LONGEST:
             return None
         if self._now is None or self._now[0] != now:
-            gone = min(max((now - self._heard) / NS, 0.0), LONGEST)
             self._now = now, _moved_on(self._newest, gone) if gone else self._newest
         return self._now[1]
 
