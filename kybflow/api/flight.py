@@ -22,7 +22,7 @@ from kybflow.api.opening import (
 )
 from kybflow.core.errors import DriverError, PartFailed
 from kybflow.core.geometry import norm
-from kybflow.core.signals import Event
+from kybflow.core.signals import NS, Event, Time
 from kybflow.dsl.expressions import (
     And,
     Compare,
@@ -108,28 +108,65 @@ def fly(
     observers: Sequence[Observer] = (),
 ) -> Flown:
     """Fly `plan`. listeners hear every event, observers look at the engine between ticks. Raises
-    RunFolderError when the folder can't be used, OptionRefused for an option that can't be changed,
-    EventRefused for an event that nothing waits for; whatever happens later is in the summary."""
+    RunFolderError when the folder can't be used, RunUnwritten when it can't be written,
+    OptionRefused for an option that can't be changed, EventRefused for an event that nothing waits
+    for; whatever happens later is in the summary."""
     began, started = time.monotonic(), datetime.now().astimezone()
     check_options(plan, request.options)
     check_emitted(plan, (name for _, name in request.emitted))
-    folder = create_run_folder(plan, request.out, started)
-    recorder = Recorder(folder.log, plan)
+    record = _record(plan, request, started)
+    recorder, folder = record.recorder, record.folder
     try:
-        folder.describe(plan, request.record(), started)
         events = Events((recorder.event, folder.event, *listeners))
         run = _Run(plan, request, events, recorder)
-        run.fly((*observers, *_pictures(plan, folder)))
-        recorder.close()
-        folder.close()
-        wall_time_s = time.monotonic() - began
-        summary = run.summary(wall_time_s, recorder.failed or folder.failed)
-        if not folder.finish(summary):
-            summary = run.summary(wall_time_s, recorder.failed or folder.failed)
+        with Interrupts(run):
+            run.fly((record, *observers, *_pictures(plan, folder)))
+            record.close()
+            wall_time_s = time.monotonic() - began
+            summary = run.summary(wall_time_s, record.failed)
+            if not folder.finish(summary):
+                summary = run.summary(wall_time_s, record.failed)
     finally:
-        recorder.close()
-        folder.close()
+        record.close()
     return Flown(folder.path, summary, run.never_given)
+
+
+class _Record:
+    """The record of a run under way: recording and folder. As an observer of the engine it looks
+    once a second whether both are still in their place, and tells the first loss as an event."""
+
+    def __init__(self, recorder: Recorder, folder: RunFolder) -> None:
+        self.recorder, self.folder = recorder, folder
+        self._due: Time | None = 0
+
+    @property
+    def failed(self) -> str | None:
+        return self.recorder.failed or self.folder.failed
+
+    def __call__(self, engine: Engine) -> None:
+        if self._due is None or engine.clock.now < self._due:
+            return
+        self._due = engine.clock.now + NS
+        self.recorder.look()
+        self.folder.look()
+        if self.failed:
+            self._due = None
+            engine.events.tell("recording_stopped", reason=self.failed)
+
+    def close(self) -> None:
+        """Close both; may be called again."""
+        self.recorder.close()
+        self.folder.close()
+
+
+def _record(plan: Plan, request: RunRequest, started: datetime) -> _Record:
+    folder = create_run_folder(plan, request.out, started)
+    try:
+        folder.describe(plan, request.record(), started)
+        return _Record(Recorder(folder.log, plan), folder)
+    except BaseException:
+        folder.close()
+        raise
 
 
 class Inspected(NamedTuple):
@@ -187,12 +224,14 @@ def _frozen_garbage() -> Iterator[None]:
 
 
 class _Run:
-    """A run under way: what is open, and how it ended."""
+    """A run under way: what is open, and how it ended. `interrupts` counts signals while the engine
+    doesn't fly."""
 
     def __init__(self, plan: Plan, request: RunRequest, events: Events, recorder: Recorder) -> None:
         self._plan, self._request = plan, request
         self._events, self._recorder = events, recorder
         self._score = Score(plan)
+        self.interrupts = 0
         self._engine: Engine | None = None
         self._reason: str | None = None
         self._driver_failed: str | None = None
@@ -231,6 +270,7 @@ class _Run:
             request.seed,
             request.emitted,
         )
+        engine.interrupts = self.interrupts
         for name, value in request.options:
             engine.options.set(name, value, "command line")
         with Interrupts(engine), _frozen_garbage():

@@ -5,19 +5,22 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
+import warnings
 from importlib import import_module
+from types import FrameType
 from typing import Any, TextIO, cast
 
 import click
 from click.exceptions import Exit
 
 from kybflow import __version__
+from kybflow.cli import INTERRUPTED
 from kybflow.cli.arguments import INVALID
 from kybflow.cli.output import UNWRITTEN, GuardedStream, Unwritable, echo
 from kybflow.core.errors import KybflowError
 
-INTERRUPTED = 130
 YOUNG = 200_000
 """New objects between two collections of garbage. A command makes many and drops few; at Python's
 700 a tenth of its start goes into looking for garbage. A flight has its own figure."""
@@ -76,6 +79,8 @@ def app() -> None:
 def main() -> None:
     """The console's entry."""
     gc.set_threshold(YOUNG)
+    interrupts = _heard()
+    warnings.showwarning = _warn
     os.environ.update(UNUSED | os.environ)
     # a reader that went away (`| head`) has seen enough: the command goes on and ends as usual
     sys.stdout = cast(TextIO, GuardedStream(_open(sys.stdout), BrokenPipeError))
@@ -88,9 +93,32 @@ def main() -> None:
     except Unwritable as error:
         echo(f"kybflow: the output can't be written: {error.strerror}", err=True)
         sys.exit(UNWRITTEN)
-    except KybflowError as error:
+    except (Exception, KeyboardInterrupt) as error:
+        if interrupts:  # which whoever was called may have taken for a failure of his own
+            sys.exit(INTERRUPTED)
+        if not isinstance(error, KybflowError):
+            raise
         echo(f"kybflow: {error}", err=True)
         sys.exit(INVALID)
+
+
+def _heard() -> list[int]:
+    """Make SIGTERM and a closed terminal what Ctrl-C is, KeyboardInterrupt; the signals so far."""
+    numbers: list[int] = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001  # as handlers are
+        numbers.append(number)
+        raise KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` and `&` have it
+            signal.signal(number, interrupt)
+    return numbers
+
+
+def _warn(message: Warning | str, *_: object, **__: object) -> None:
+    """Show a warning as a person reads it, without the line of code that gave it."""
+    echo(f"warning: {message}", err=True)
 
 
 def _open(stream: TextIO | None) -> TextIO:

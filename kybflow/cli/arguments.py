@@ -10,6 +10,7 @@ import click
 from click.exceptions import Exit
 
 from kybflow.cli.output import echo
+from kybflow.core.files import write_whole
 
 if TYPE_CHECKING:
     from kybflow.dsl.compiler import Result
@@ -82,7 +83,7 @@ def compiled(
 def write(path: Path, text: str, option: str) -> None:
     """Write the file that `option` names."""
     try:
-        path.write_text(text, encoding="utf-8")
+        write_whole(path, text.encode())
     except OSError as error:
         message = f"`{path}` can't be written: {error.strerror}"
         raise click.BadParameter(message, param_hint=option) from None

@@ -1,8 +1,10 @@
-"""Types of parameters that name a file."""
+"""Types of parameters that name a file, and how a whole file is written."""
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,3 +29,16 @@ class FilePath(str):
     to the YAML file that names it; the compiler checks that it exists."""
 
     __slots__ = ()
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file, or leave none, for half of it would pass for the whole: where the disk is full,
+    or somebody interrupts. A file that can't be opened stays as it is. Raises OSError."""
+    stream = path.open("wb")
+    try:
+        with stream:
+            stream.write(data)
+    except BaseException:
+        with suppress(OSError):
+            path.unlink()
+        raise

@@ -197,6 +197,7 @@ EVENTS: dict[str, str] = {
     "run_started": "The run begins.",
     "run_ended": "The run is over.",
     "observer_failed": "Something that looks on was left out, because it raised.",
+    "recording_stopped": "Something of the run is no longer recorded: the flight goes on.",
     "preflight_passed": "A check before take-off is green.",
     "preflight_failed": "A check before take-off stayed red.",
     "behavior_started": "A behavior was entered.",
@@ -264,7 +265,8 @@ EVENTS: dict[str, str] = {
 """The events that the engine emits and their help; parts declare the events of their alarms."""
 OF_THE_RUN = frozenset(
     {
-        "run_started", "run_ended", "run_stopped", "observer_failed", "logged", "action_failed",
+        "run_started", "run_ended", "run_stopped", "observer_failed", "recording_stopped", "logged",
+        "action_failed",
         "phase_started", "phase_ended", "phase_refused", "flow_ended",
         "flow_failed",
     }
@@ -281,6 +283,7 @@ EVENT_FIELDS: dict[str, tuple[str, ...]] = {
     "run_started": (),
     "run_ended": ("reason",),
     "observer_failed": ("reason",),
+    "recording_stopped": ("reason",),
     "run_stopped": ("reason",),
     "logged": ("text",),
     "action_failed": ("action", "reason"),

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from io import FileIO
 from pathlib import Path
 from struct import Struct
 from typing import Any
@@ -41,6 +40,7 @@ from kybflow.core.signals import (
     kind_name,
 )
 from kybflow.dsl.plan import Plan
+from kybflow.recording.growing_file import GrowingFile
 from kybflow.recording.layout import (
     COMMAND_KINDS,
     EVENT_SCHEMA,
@@ -60,6 +60,7 @@ from kybflow.recording.layout import (
     layout_of,
     struct_format,
 )
+from kybflow.recording.run_folder import RunUnwritten
 from kybflow.runtime.observer import EstimationState, VehicleObserver
 
 CHUNK_SECONDS = 0.5
@@ -95,14 +96,17 @@ _MARKS_WITHOUT_JERK = (SETPOINT_KINDS[_POSITION], _ALL - HAS_JERK)
 
 class Recorder:
     """A recording of one run. `failed` is None, or the reason why the recording stopped: no method
-    raises for it. Raises OSError when the file can't be opened."""
+    raises for it. Raises RunUnwritten when the file can't be opened."""
 
     def __init__(self, path: Path, plan: Plan) -> None:
-        self._sink = Sink(path)
+        try:
+            self._file = GrowingFile(path, "recording")
+        except OSError as error:
+            raise RunUnwritten(f"`{path}` can't be written: {error.strerror}") from error
         self._context = Context()
         per_second = plan.control_rate * max(1, len(plan.vehicles)) * _TICK.size
         self._writer = open_mcap(
-            self._sink,  # type: ignore[arg-type]  # the SDK asks for write, seek and flush only
+            self._file,  # type: ignore[arg-type]  # the SDK asks for write, seek and flush only
             context=self._context,
             writer_options=MCAPWriteOptions(
                 compression=MCAPCompression.Lz4,
@@ -121,7 +125,11 @@ class Recorder:
 
     @property
     def failed(self) -> str | None:
-        return self._sink.failed
+        return self._file.failed
+
+    def look(self) -> None:
+        """Look whether the recording is still in its place."""
+        self._file.look()
 
     def vehicle(self, name: str) -> VehicleChannel:
         return self._vehicles[name]
@@ -134,43 +142,7 @@ class Recorder:
         if not self._closed:
             self._closed = True
             self._writer.close()
-            self._sink.close()
-
-
-class Sink:
-    """The file that a recording goes to, unbuffered, so that what is written survives this program.
-
-    An error is kept in `failed` and ends the recording: what comes later is dropped. The SDK's
-    writer never sees it, because it would print it. Raises OSError when the file can't be opened.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._file = FileIO(path, "w")
-        self._size = 0
-        self.failed: str | None = None
-
-    def write(self, data: bytes) -> int:
-        left = memoryview(data)
-        try:
-            while left and self.failed is None:
-                left = left[self._file.write(left) :]
-        except OSError as error:
-            self.failed = f"the recording stopped: {error.strerror or error}"
-        self._size += len(data)
-        return len(data)
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        """Where the file ends; with seeking disabled the SDK only asks for that."""
-        return self._size
-
-    def flush(self) -> None:
-        """There is nothing to flush: the file is unbuffered."""
-
-    def close(self) -> None:
-        try:
             self._file.close()
-        except OSError as error:
-            self.failed = self.failed or f"the recording stopped: {error.strerror or error}"
 
 
 class VehicleChannel(VehicleObserver):

@@ -15,17 +15,16 @@ import platform
 import re
 from codecs import BOM_UTF8
 from collections.abc import Container, Iterable, Iterator, Mapping
-from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution
-from io import FileIO
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.errors import KybflowError
-from kybflow.core.files import File
+from kybflow.core.files import File, write_whole
 from kybflow.core.signals import Event
 from kybflow.dsl.plan import EstimatorPlan, Plan, SensorPlan
 from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
+from kybflow.recording.growing_file import GrowingFile
 from kybflow.recording.layout import event_record
 
 if TYPE_CHECKING:
@@ -45,13 +44,21 @@ class RunFolderError(KybflowError):
     """A folder can't be used for a run; the message says what to do."""
 
 
+class RunUnwritten(RunFolderError):
+    """A file of a run can't be written: the disk is full, or nobody may write there."""
+
+
 class RunFolder:
     """The folder of one run. `failed` is None, or why something of it could not be written."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.failed: str | None = None
-        self._events = FileIO(path / EVENTS, "w")
+        self._events = GrowingFile(path / EVENTS, "list of events")
+        self._unwritten: str | None = None
+
+    @property
+    def failed(self) -> str | None:
+        return self._events.failed or self._unwritten
 
     @property
     def log(self) -> Path:
@@ -60,17 +67,16 @@ class RunFolder:
 
     def event(self, event: Event) -> None:
         """Append one event. Raises nothing: an error is kept in `failed` and ends the file."""
-        if self.failed is not None:
-            return
         line = json.dumps(event_record(event), ensure_ascii=False) + "\n"
-        try:
-            self._events.write(line.encode())
-        except OSError as error:
-            self.failed = f"the events stopped: {error.strerror or error}"
+        self._events.write(line.encode())
+
+    def look(self) -> None:
+        """Look whether the events are still in their place."""
+        self._events.look()
 
     def describe(self, plan: Plan, request: Mapping[str, Any], started: datetime) -> None:
         """Write the resolved mission, the files that it names, and `provenance.json`. Raises
-        RunFolderError."""
+        RunUnwritten."""
         files = copies(plan.files, FILES)
         _write(self.path / RESOLVED, plan.resolved)
         _write(self.path / PROVENANCE, _json(provenance(plan, request, started, files)))
@@ -79,43 +85,32 @@ class RunFolder:
 
     def add(self, name: str, data: bytes) -> Path:
         """Write one more file, `name` being its path within the folder; its whole path. Raises
-        RunFolderError, and leaves no half of the file then."""
+        RunUnwritten, and leaves no half of the file then."""
         path = self.path / name
-        try:
-            _write(path, data)
-        except RunFolderError:
-            with suppress(OSError):
-                path.unlink()
-            raise
+        _write(path, data)
         return path
 
     def finish(self, summary: dict[str, Any]) -> bool:
         """Close the folder and write the summary. Raises nothing; returns False when the summary
         can't be written, and leaves none then."""
         self.close()
-        path = self.path / SUMMARY
         try:
-            _write(path, _json(summary))
-        except RunFolderError as error:
-            self.failed = self.failed or str(error)
-            with suppress(OSError):
-                path.unlink()
+            _write(self.path / SUMMARY, _json(summary))
+        except RunUnwritten as error:
+            self._unwritten = str(error)
             return False
         return True
 
     def close(self) -> None:
         """Close the file of events; may be called again."""
-        try:
-            self._events.close()
-        except OSError as error:
-            self.failed = self.failed or f"the events stopped: {error.strerror or error}"
+        self._events.close()
 
 
 def create_run_folder(plan: Plan, out: Path | None, started: datetime) -> RunFolder:
     """`out`, or `runs/<mission>-<time>` in the present folder, with a number behind it if taken.
 
     `out` may be new or empty. Raises RunFolderError for any other folder, an earlier run's too, and
-    where none can be made.
+    RunUnwritten where none can be made.
     """
     path = (
         out if out is not None else _free(Path("runs"), f"{plan.mission}-{started:%Y%m%d-%H%M%S}")
@@ -125,7 +120,7 @@ def create_run_folder(plan: Plan, out: Path | None, started: datetime) -> RunFol
         _check_empty(path)
         return RunFolder(path)
     except OSError as error:
-        raise RunFolderError(f"`{path}` can't be written: {error.strerror or error}") from error
+        raise RunUnwritten(f"`{path}` can't be written: {error.strerror or error}") from error
 
 
 def _free(parent: Path, name: str) -> Path:
@@ -240,6 +235,6 @@ def _json(value: dict[str, Any]) -> str:
 def _write(path: Path, what: str | bytes) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(what if isinstance(what, bytes) else what.encode())
+        write_whole(path, what if isinstance(what, bytes) else what.encode())
     except OSError as error:
-        raise RunFolderError(f"`{path}` can't be written: {error.strerror or error}") from error
+        raise RunUnwritten(f"`{path}` can't be written: {error.strerror or error}") from error

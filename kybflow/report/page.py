@@ -14,8 +14,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
+from kybflow.core.files import write_whole
 from kybflow.core.units import DEG, format_measured
-from kybflow.recording.run_folder import REPORT, RunFolderError
+from kybflow.recording.run_folder import REPORT, RunUnwritten
 from kybflow.report.data import Picture, Run, read_run
 from kybflow.report.estimator_pages import estimator_pages, statistics
 from kybflow.report.estimators import CHI_95
@@ -28,16 +29,13 @@ _DASH = "\N{EN DASH}"
 def write_report(folder: Path) -> Path:
     """Make the report of the run in `folder`; returns its path.
 
-    Raises RunFolderError where the run can't be read or the page can't be written.
+    Raises RunFolderError where the run can't be read, RunUnwritten where the page can't be written.
     """
     page, path = render(read_run(folder)), folder / REPORT
     try:
-        path.write_text(page, encoding="utf-8")
+        write_whole(path, page.encode())
     except OSError as error:
-        raise RunFolderError(f"`{path}` can't be written: {error.strerror or error}") from error
-    except KeyboardInterrupt:
-        path.unlink(missing_ok=True)  # half a page would pass for the whole
-        raise
+        raise RunUnwritten(f"`{path}` can't be written: {error.strerror or error}") from error
     return path
 
 

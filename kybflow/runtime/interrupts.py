@@ -13,15 +13,16 @@ DEAF = 1.0
 
 
 class Counting(Protocol):
-    """An object that counts interrupts: the engine, or a session of tests."""
+    """An object that counts interrupts: the engine, a run, or a session of tests."""
 
     interrupts: int
 
 
 class Interrupts:
     """A context manager that counts signals for the engine. The engine lands every vehicle on the
-    first and stops sending commands on the second. The signals in `IGNORED`, which would end the
-    process by default, have no effect. It works only in the main thread, as signal handlers do."""
+    first and stops sending commands on the second; the third raises KeyboardInterrupt, which ends
+    whatever hangs. The signals in `IGNORED`, which would end the process by default, have no
+    effect. It works only in the main thread, as signal handlers do."""
 
     SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     IGNORED = (signal.SIGUSR1, signal.SIGUSR2)
@@ -47,3 +48,5 @@ class Interrupts:
         if self._last is None or now - self._last >= DEAF:
             self._last = now
             self._engine.interrupts += 1
+            if self._engine.interrupts > 2:
+                raise KeyboardInterrupt

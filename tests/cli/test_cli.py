@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import subprocess
 import sys
@@ -302,7 +303,7 @@ def test_a_disk_that_is_full_at_the_end_is_told(
 
     def full(path: Path, text: str) -> None:
         if path.name == run_folder.SUMMARY:
-            raise run_folder.RunFolderError(f"`{path}` can't be written: No space left on device")
+            raise run_folder.RunUnwritten(f"`{path}` can't be written: No space left on device")
         write(path, text)
 
     monkeypatch.setattr(run_folder, "_write", full)
@@ -311,6 +312,18 @@ def test_a_disk_that_is_full_at_the_end_is_told(
     assert "first_flight failed: `" in result.output
     assert "can't be written: No space left on device" in result.output
     assert "run_ended" in (tmp_path / "events.jsonl").read_text()
+
+
+def test_a_disk_that_is_full_before_take_off_is_no_mistake_of_the_mission(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, data: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(run_folder, "write_whole", full)
+    result = run("run", FIRST, "--out", str(tmp_path))
+    assert result.exit_code == 1
+    assert result.output.endswith("can't be written: No space left on device\n")
 
 
 def test_show_tells_groups_flows_callbacks_faults_and_world() -> None:

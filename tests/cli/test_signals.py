@@ -212,3 +212,55 @@ def read_as_documented(folder: Path, monkeypatch: pytest.MonkeyPatch) -> float:
     monkeypatch.chdir(folder)
     exec(code, found)
     return max(time for time, _, _ in found["messages"]) / NS
+
+
+INTERRUPTED_AT = """
+import os, signal, sys
+
+# what a class body of a library may do: __set_name__ turns whatever it raises into RuntimeError
+class Named:
+    def __set_name__(self, owner, name):
+        os.kill(os.getpid(), number)
+
+module, number = sys.argv.pop(1), int(sys.argv.pop(1))
+
+class Sends:
+    def find_spec(self, name, *_):
+        if name == module == "kybflow.report.page":
+            os.kill(os.getpid(), number)
+        elif name == module:
+            class Owner:
+                field = Named()
+
+sys.meta_path.insert(0, Sends())
+from kybflow.__main__ import main
+main()
+"""
+"""A command that is sent a signal when it imports a module."""
+
+
+@pytest.mark.parametrize(
+    ("module", "number"),
+    [
+        ("click", signal.SIGINT),
+        ("kybflow.cli.app", signal.SIGINT),
+        ("kybflow.dsl.compiler", signal.SIGINT),
+        ("kybflow.dsl.compiler", signal.SIGTERM),
+        ("mujoco", signal.SIGINT),
+        ("kybflow.report.page", signal.SIGTERM),
+        ("kybflow.report.page", signal.SIGHUP),
+    ],
+)
+def test_an_interrupt_while_a_command_loads_is_no_traceback(
+    tmp_path: Path, module: str, number: int
+):
+    mission = str(Path(__file__).parents[2] / "missions" / "first_flight.yaml")
+    words = ["run", mission, "--plain", "--out", str(tmp_path)]
+    command = [sys.executable, "-c", INTERRUPTED_AT, module, str(int(number)), *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 130
+    assert "Traceback" not in done.stderr
+    if module == "kybflow.report.page":
+        assert not (tmp_path / "report.html").exists()
+        assert json.loads((tmp_path / "summary.json").read_text())["outcome"] == "succeeded"
+        assert done.stderr == f"interrupted: there is no report, all else is in {tmp_path}\n"

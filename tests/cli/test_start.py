@@ -90,15 +90,10 @@ def test_the_verdict_is_on_the_screen_before_the_report_is_begun(
 def test_an_interrupt_while_the_report_is_written_loses_the_report_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    write = Path.write_text
-
-    def interrupted(path: Path, text: str, **rest: str) -> int:
-        if path.name != "report.html":
-            return write(path, text, **rest)
-        write(path, text[:1000], **rest)
+    def interrupted(path: Path, data: bytes) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Path, "write_text", interrupted)
+    monkeypatch.setattr(page, "write_whole", interrupted)
     assert fly(tmp_path) == 130
     told = capfd.readouterr()
     assert "first_flight succeeded\n" in told.out

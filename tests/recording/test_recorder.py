@@ -37,6 +37,7 @@ from kybflow.core.signals import (
 )
 from kybflow.recording.layout import definition, dtype_spec, struct_format
 from kybflow.recording.recorder import Recorder
+from kybflow.recording.run_folder import RunUnwritten
 
 ESTIMATE = Estimate(
     7,
@@ -380,7 +381,7 @@ def test_a_full_disk_stops_the_recording_and_nothing_else(capfd):
 
 
 def test_a_file_that_cannot_be_opened_is_an_error_before_the_flight(tmp_path):
-    with pytest.raises(OSError, match="No such file"):
+    with pytest.raises(RunUnwritten, match="No such file"):
         Recorder(tmp_path / "missing" / "log.mcap", make_plan("mk"))
 
 

@@ -91,7 +91,7 @@ def test_a_full_disk_stops_the_events_and_nothing_else(tmp_path, monkeypatch):
     for _ in range(2):
         run.event(Event(0, "landed", "mk", {}))
     run.finish({})
-    assert run.failed == "the events stopped: No space left on device"
+    assert run.failed == "the list of events stopped: No space left on device"
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")

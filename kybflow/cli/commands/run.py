@@ -109,12 +109,17 @@ def fly_plan(
     plain: events as lines also on a terminal."""
     from kybflow.api.flight import fly
     from kybflow.cli.printing.run import outcome
+    from kybflow.recording.outcome import EXIT_CODES
+    from kybflow.recording.run_folder import RunUnwritten
 
     tell, complain = teller(sys.stdout), teller(sys.stderr)
     try:
         plan = _with_window(plan) if live else plan
         with _panel(tell, plain=plain) as shown:
             flown = fly(plan, request, (shown.hear,), (shown.look,))
+    except RunUnwritten as error:
+        complain(f"error: {error}")
+        return EXIT_CODES["failed"]
     except KybflowError as error:
         complain(f"error: {error}")
         return INVALID

@@ -166,7 +166,16 @@ def test_counts_add_up(kinds: list[str]) -> None:
 )
 def test_a_key_is_written_like_this(tmp_path: Path, data: bytes, key: bytes) -> None:
     (tmp_path / "key").write_bytes(data)
+    (tmp_path / "key").chmod(0o600)
     assert key == read_key(tmp_path / "key")
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o604])
+def test_a_key_that_others_may_read_is_warned_of(tmp_path: Path, mode: int) -> None:
+    (tmp_path / "key").write_bytes(KEY)
+    (tmp_path / "key").chmod(mode)
+    with pytest.warns(UserWarning, match="others on this machine can read the key in .*chmod 600"):
+        assert read_key(tmp_path / "key") == KEY
 
 
 @pytest.mark.parametrize(
@@ -181,6 +190,7 @@ def test_a_key_is_written_like_this(tmp_path: Path, data: bytes, key: bytes) -> 
 def test_what_is_no_key_is_refused(tmp_path: Path, data: bytes | None, words: str) -> None:
     if data is not None:
         (tmp_path / "key").write_bytes(data)
+        (tmp_path / "key").chmod(0o600)
     with pytest.raises(DriverError, match=words):
         read_key(tmp_path / "key")
 

@@ -11,7 +11,9 @@ signature: one forged frame would silence a vehicle.
 
 from __future__ import annotations
 
+import stat
 import time
+import warnings
 from collections.abc import Callable
 from hashlib import sha256
 from hmac import compare_digest
@@ -70,12 +72,16 @@ class Signing:
 
 def read_key(path: Path) -> bytes:
     """The secret in a file: 32 bytes, 64 hexadecimal digits, or a passphrase, whose SHA-256 it then
-    is, as for QGroundControl and MAVProxy. Space around a text is no part of it. Raises
-    DriverError."""
+    is, as for QGroundControl and MAVProxy. Space around a text is no part of it. Warns where others
+    may read the file. Raises DriverError."""
     try:
-        data = path.read_bytes()
+        data, mode = path.read_bytes(), path.stat().st_mode
     except OSError as error:
         raise DriverError(f"no key can be read from `{path}`: {error.strerror}") from error
+    if mode & (stat.S_IRGRP | stat.S_IROTH):
+        warnings.warn(
+            f"others on this machine can read the key in `{path}`: `chmod 600 {path}`", stacklevel=2
+        )
     text = _text(data)
     if text is None:
         if len(data) != KEY:

@@ -1,0 +1,98 @@
+"""What becomes of a run whose record is lost, or that is interrupted before or after it flies."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from kybflow.api import flight
+from kybflow.api.flight import Flown, RunRequest, fly
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.plan import Plan
+from kybflow.parts.catalog import load_catalog
+
+FIRST = Path(__file__).parents[2] / "missions" / "first_flight.yaml"
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    plan = compile_mission(FIRST, catalog=load_catalog()).plan
+    assert plan is not None
+    return plan
+
+
+def removed(path: Path) -> None:
+    path.unlink()
+
+
+def shortened(path: Path) -> None:
+    with path.open("wb"):
+        pass
+
+
+def moved(path: Path) -> None:
+    path.parent.rename(path.parent.with_name("moved"))
+
+
+@pytest.mark.parametrize("file", ["log.mcap", "events.jsonl"])
+@pytest.mark.parametrize("lose", [removed, shortened, moved])
+def test_a_run_whose_record_is_lost_in_flight_has_not_succeeded(
+    plan: Plan, tmp_path: Path, file: str, lose: Callable[[Path], None]
+) -> None:
+    told = []
+    waiting = [tmp_path / "run" / file]
+
+    def loses(engine: object) -> None:
+        if engine.flying and engine.seconds() > 2.0 and waiting:  # type: ignore[attr-defined]
+            lose(waiting.pop())
+
+    flown = fly(plan, RunRequest(out=tmp_path / "run"), (told.append,), (loses,))
+    [stopped] = [event for event in told if event.name == "recording_stopped"]
+    assert stopped.time / 1e9 == pytest.approx(2.5, abs=0.6)
+    assert flown.summary["outcome"] == "failed"
+    assert flown.summary["recording"] == flown.summary["reason"] == stopped.fields["reason"]
+    assert [v["final"] for v in flown.summary["vehicles"].values()] == ["ground"]
+    assert json.loads((tmp_path / "run/summary.json").read_text()) == flown.summary
+
+
+def interrupted_while(
+    name: str, plan: Plan, out: Path, monkeypatch: pytest.MonkeyPatch, times: int = 1
+) -> Flown:
+    """A run, with signals while `flight.NAME` is called."""
+    called = getattr(flight, name)
+
+    def call(*arguments: object, **named: object) -> object:
+        for _ in range(times):
+            signal.raise_signal(signal.SIGTERM)
+        return called(*arguments, **named)
+
+    monkeypatch.setattr(flight, name, call)
+    return fly(plan, RunRequest(out=out))
+
+
+def test_an_interrupt_while_drivers_are_opened_is_in_the_summary(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown = interrupted_while("open_devices", plan, tmp_path, monkeypatch)
+    assert (flown.exit_code, flown.summary["sim_time_s"]) == (130, 0.0)
+    assert json.loads((tmp_path / "summary.json").read_text())["outcome"] == "interrupted"
+
+
+def test_an_interrupt_after_the_flight_takes_nothing_away(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown = interrupted_while("summarise", plan, tmp_path, monkeypatch)
+    assert flown.exit_code == 0
+    assert json.loads((tmp_path / "summary.json").read_text())["outcome"] == "succeeded"
+
+
+def test_the_third_interrupt_ends_what_hangs(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("kybflow.runtime.interrupts.DEAF", 0.0)
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_while("open_devices", plan, tmp_path, monkeypatch, times=3)
