@@ -20,11 +20,11 @@ from typing import (
     dataclass_transform,
     get_args,
     get_origin,
-    get_type_hints,
 )
 
 from kybflow.core.errors import PartError
 from kybflow.core.files import File, FilePath
+from kybflow.core.sources import hints_of
 from kybflow.core.units import Dimension, Vec3
 
 T = TypeVar("T")
@@ -157,7 +157,7 @@ def type_of(field: Field) -> str:
 @functools.cache
 def fields_of(cls: Any) -> tuple[Field, ...]:
     """Return the parameters of `cls`, in order. Raises PartError for a wrong declaration."""
-    hints = get_type_hints(cls, include_extras=True)
+    hints = hints_of(cls)
     return tuple(_field(cls, f, hints[f.name]) for f in dataclasses.fields(cls))
 
 

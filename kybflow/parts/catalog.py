@@ -19,6 +19,7 @@ from typing import Any
 
 from kybflow.core.errors import PartError
 from kybflow.core.params import Field, fields_of
+from kybflow.core.sources import docstring_of
 from kybflow.parts import (
     Action,
     Behavior,
@@ -150,10 +151,11 @@ def _load(kind: str, name: str, module_name: str) -> PartSpec:
             f"`{expected}{base.__name__}({shown})`"
         )
     cls = classes[0]
-    if not module.__doc__:
+    doc = docstring_of(module_name)
+    if not doc:
         raise PartError(f"{module_name} has no docstring")
     params = _params_of(cls)
-    return PartSpec(kind, name, cls, params, fields_of(params), module.__doc__)
+    return PartSpec(kind, name, cls, params, fields_of(params), doc)
 
 
 def _params_of(cls: type[Any]) -> Any:

@@ -10,7 +10,6 @@ from one estimator to another.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import inf
 from typing import Any
 
 from kybflow.core.errors import PartFailed
@@ -18,21 +17,21 @@ from kybflow.core.signals import NS, Estimate, Measurement, MeasurementKind, Tim
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.parts import Estimator
-from kybflow.parts.observables import Unavailable
 from kybflow.runtime.conditions import bind
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_estimate
 from kybflow.runtime.making import make
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.blending import EstimateBlend
+from kybflow.runtime.views import EstimatorView
 from kybflow.world.vehicle_context import VehicleContext
 
 Known = Callable[[frozenset[MeasurementKind]], str]
 
 
 class Candidate:
-    """One estimator of the list with its health, and the view that its health condition reads, with
-    the `age` and `spread` of its last estimate.
+    """One estimator of the list with its health. Its health condition reads a view of its last
+    estimate.
 
     It is healthy while its condition holds. After a loss of health, the condition must hold for
     `recover_after` seconds before the estimator is chosen over another; if there is no other, it is
@@ -47,7 +46,7 @@ class Candidate:
         self.part: Estimator[Any] = make(plan.part, plan.part.params, context)
         self.uses = plan.part.cls.uses(plan.part.params)
         self.estimate: Estimate | None = None
-        self.age = self.spread = inf
+        self._view = EstimatorView()
         self.has_failed = False
         self.anchors = type(self.part).anchor is not Estimator.anchor
         self._recover = round(plan.recover_after * NS)
@@ -61,7 +60,7 @@ class Candidate:
     def _bound(self, healthy: Expression | None) -> Callable[[], bool]:
         if healthy is None:
             return lambda: True
-        return bind(healthy, {self.name: self}, self.name, lambda: 0.0)
+        return bind(healthy, {self.name: self._view}, self.name, lambda: 0.0)
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> bool:
         """Process the measurements; return whether the estimator may be used now. Raises whatever
@@ -69,7 +68,7 @@ class Candidate:
         self.estimate = estimate = self.part.update(measurements, now)
         if estimate is not None:
             checked_estimate(estimate)
-            self.age, self.spread = estimate.age, estimate.spread
+            self._view.age, self._view.spread = estimate.age, estimate.spread
         if estimate is None or not self._holds():
             self._was_lost = self._was_lost or self._healthy_since is not None
             self._healthy_since = None
@@ -115,12 +114,6 @@ class Candidate:
         if self._at_most is not None and self._is_spent:
             return f"`{self.name}` may be used for {self._at_most / NS:g} s at most"
         return ""
-
-    def _never(self) -> Any:
-        raise Unavailable
-
-    state = wanted = battery = behavior = estimator = elapsed = start = property(_never)
-    payload = payload_place = releases = sticks = property(_never)
 
 
 class Estimation:

@@ -1,0 +1,41 @@
+"""Reads from a compiled module's source what mypyc drops: the module's docstring and the
+annotations of its classes, which become plain types without units. The source stands beside it."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import sys
+from pathlib import Path
+from typing import Any, get_type_hints
+
+
+def docstring_of(module: str) -> str:
+    """Return the docstring of an imported module, compiled or not; empty without one."""
+    return sys.modules[module].__doc__ or ast.get_docstring(_source(module), clean=False) or ""
+
+
+def hints_of(cls: type) -> dict[str, Any]:
+    """Return what the annotations of a class and its bases mean, units included."""
+    for base in cls.__mro__:
+        for node in _source(base.__module__).body:
+            if isinstance(node, ast.ClassDef) and node.name == base.__name__:
+                base.__annotations__ = _written(node)
+    return get_type_hints(cls, include_extras=True)
+
+
+def _written(node: ast.ClassDef) -> dict[str, str]:
+    lines = [line for line in node.body if isinstance(line, ast.AnnAssign)]
+    return {ast.unparse(line.target): ast.unparse(line.annotation) for line in lines}
+
+
+def _source(module: str) -> ast.Module:
+    """The source beside a compiled module; empty for a module that is not compiled."""
+    file = Path(getattr(sys.modules.get(module), "__file__", None) or ".")
+    return _parsed(file) if file.suffix in (".so", ".pyd") else ast.Module([], [])
+
+
+@functools.cache
+def _parsed(compiled: Path) -> ast.Module:
+    source = compiled.with_name(f"{compiled.name.partition('.')[0]}.py")
+    return ast.parse(source.read_text(encoding="utf-8") if source.exists() else "")
