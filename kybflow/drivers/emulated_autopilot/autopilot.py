@@ -203,7 +203,7 @@ class OnboardAutopilot:
         if state.armed:
             self.commanded = self.flight.step(now, dt)
             self._body.drive(self.commanded, now)
-            self.flight.watch(now)
+            self.flight.watch(now, dt)
 
     def _fail_over(self, mode: int | None, words: str, cause: str, now: Time) -> None:
         if mode is None:

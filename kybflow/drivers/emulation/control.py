@@ -2,6 +2,12 @@
 
 Per axis: v = P (target - position) + target velocity; a = PV (v - velocity) + integral + target
 acceleration; thrust along a + g. What the target leaves out is not controlled. ENU, SI.
+
+The thrust is T0 |a + g| / g, T0 the hover thrust, which is learnt in the air, because what the
+rotors give follows the battery's voltage: T0 is the mean of T z / (1 + a / g), with z the part of
+the thrust T that points up and a the measured vertical acceleration, over the time since take-off
+at first and over about 10 s later (PX4's hover thrust estimator, a Kalman filter of one state, has
+this gain for its initial variance and process noise; 10 s is ArduPilot's for MOT_THST_HOVER).
 """
 
 from __future__ import annotations
@@ -36,6 +42,13 @@ MOST_INTEGRAL = (2.0, 2.0, 4.0)
 TILT = 35.0 * DEG
 TURNS = 90.0 * DEG
 """How fast the wanted heading may turn, rad/s."""
+BELIEVED, LEARNING = 0.5, 10.0
+"""Over how many seconds the hover thrust is averaged: for how many the one that it begins with
+counts, and the most."""
+STEADY = 0.6
+"""The vertical speed up to which the hover thrust is learnt, m/s; ArduPilot's."""
+LEAST_HOVER, MOST_HOVER = 0.5, 2.0
+"""Bounds of the learnt hover thrust, as parts of the weight."""
 LIGHTEST = 0.15
 """Least thrust in the air, as a part of the weight: a quadrotor needs some to keep its attitude."""
 
@@ -59,13 +72,15 @@ class Speeds(NamedTuple):
 
 
 class PositionControl:
-    """The controller of one vehicle. `thrust`: the last commanded one, newtons."""
+    """The controller of one vehicle. `thrust`: the last commanded one, newtons. `hover`: the learnt
+    hover thrust, newtons; it lives on from flight to flight."""
 
     def __init__(self, airframe: Airframe, heading: float) -> None:
         self._airframe = airframe
         self._integral = [0.0, 0.0, 0.0]
         self._heading = heading
-        self.thrust = 0.0
+        self.thrust, self.hover = 0.0, airframe.hover_thrust
+        self._averaged = BELIEVED
 
     def begin(self, heading: float) -> None:
         """Reset the integrals and the heading."""
@@ -97,7 +112,7 @@ class PositionControl:
         turn = self._turn(target, dt)
         force = (ax, ay, up)
         attitude = from_thrust_direction(force, self._heading)
-        self.thrust = self._bounded(self._airframe.mass * norm(force))
+        self.thrust = self._bounded(self.hover * norm(force) / GRAVITY)
         return Command(attitude, self.thrust, (0.0, 0.0, turn), heading)
 
     def hold(self, attitude: Quat, thrust: float, rates: Vec3, heading: float) -> Command:
@@ -105,6 +120,15 @@ class PositionControl:
         self._integral = [0.0, 0.0, 0.0]
         self.thrust = self._bounded(thrust)
         return Command(attitude, self.thrust, rates, heading)
+
+    def learn(self, upright: float, acceleration: float, dt: float) -> None:
+        """Learn the hover thrust from `dt` seconds in the air. upright: the part of the thrust that
+        points up. acceleration: upward, m/s^2."""
+        weight = self._airframe.hover_thrust
+        lift = self.thrust * upright / max(LIGHTEST, 1.0 + acceleration / GRAVITY)
+        self._averaged = min(LEARNING, self._averaged + dt)
+        learnt = self.hover + (lift - self.hover) * dt / self._averaged
+        self.hover = max(LEAST_HOVER * weight, min(MOST_HOVER * weight, learnt))
 
     def _bounded(self, thrust: float) -> float:
         return max(0.0, min(self._airframe.max_thrust, thrust))

@@ -8,19 +8,27 @@ from __future__ import annotations
 
 from math import hypot
 
-from kybflow.core.geometry import ZERO, Quat, Vec3, from_heading, heading_of, integrate
+from kybflow.core.geometry import (
+    ZERO,
+    Quat,
+    Vec3,
+    body_z,
+    from_heading,
+    heading_of,
+    integrate,
+)
 from kybflow.core.signals import NS, Command, Time
 from kybflow.drivers.emulated_autopilot.control.setpoints import AttitudeTarget
 from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware
 from kybflow.drivers.emulated_autopilot.state import EmulatedState, Role
-from kybflow.drivers.emulation.control import PositionControl, PositionTarget
+from kybflow.drivers.emulation.control import STEADY, PositionControl, PositionTarget
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 
 TAKES_HOLD, SLIGHT, SLOW = 0.6, 0.65, 0.25
-"""It counts as standing after these seconds with less thrust than this share of its weight and a
-climb or descent slower than this."""
+"""It counts as standing after these seconds with less thrust than this share of its hover thrust
+and a climb or descent slower than this."""
 LIFTS, LIFTED = 0.9, 0.08
-"""It counts as flying with more thrust than this share of its weight, this far above where it
+"""It counts as flying with more thrust than this share of its hover thrust, this far above where it
 stood."""
 REACHED = 0.15
 SPOOLS: Time = NS
@@ -94,10 +102,13 @@ class EmulatedFlight:
                 return self._reach(self._steered(now), dt)
         return self._reach(PositionTarget(self._held, ZERO, heading=self._heading), dt)
 
-    def watch(self, now: Time) -> None:
-        """Notice a lift-off or a landing."""
-        state, climb = self._state, self._state.estimator.velocity[2]
-        share = self._control.thrust / state.airframe.hover_thrust
+    def watch(self, now: Time, dt: float) -> None:
+        """Notice a lift-off or a landing; in the air, learn the hover thrust."""
+        state, control, climb = self._state, self._control, self._state.estimator.velocity[2]
+        if not state.is_down and abs(climb) < STEADY:
+            estimator = state.estimator
+            control.learn(body_z(estimator.attitude.value)[2], estimator.acceleration[2], dt)
+        share = control.thrust / control.hover
         if state.is_down:
             high = state.estimator.position[2] - state.ground > LIFTED
             if share > LIFTS and high:

@@ -1,0 +1,46 @@
+"""A vehicle keeps its height while its battery drains, by whoever's controller it flies."""
+
+from pathlib import Path
+
+import pytest
+
+from kybflow.api.flight import RunRequest, fly
+from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
+
+MISSION = """
+kybflow: 1
+mission: drained
+vehicles:
+  nano:
+    airframe:
+      {mass: 0.230 kg, diameter: 0.19 m, inertia: [0.00045, 0.00045, 0.00080], thrust: 1.3 N,
+       torque_ratio: 1.0 cm, rotor_time: 30 ms, drag: 0.35 1/s, endurance: 1 min}
+    start: {at: [0, 0, 0]}
+    behaviors:
+      up:    {do: take_off, height: 1 m, then: drain, within: 15 s}
+      drain: {do: hover, for_time: 25 s, then: low}
+      low:   {do: hover, for_time: 5 s, then: down}
+      down:  {do: land}
+expect:
+  - min(nano.battery.remaining in low) < 47 %
+  - max(nano.position_error in low) < 2 cm
+"""
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        "sim",
+        "emulated_px4",
+        pytest.param("emulated_ardupilot", marks=pytest.mark.slow),
+    ],
+)
+def test_it_keeps_its_height_at_half_of_its_battery(target: str, tmp_path: Path):
+    mission = tmp_path / "drained.yaml"
+    mission.write_text(MISSION, encoding="utf-8")
+    compiled = compile_mission(mission, catalog=load_catalog(), target=target, sets=())
+    assert compiled.plan is not None, compiled.diagnostics
+    flown = fly(compiled.plan, RunRequest(out=tmp_path / "run"))
+    assert [e for e in flown.summary["expectations"] if not e["held"]] == []
+    assert flown.summary["outcome"] == "succeeded"
