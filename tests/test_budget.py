@@ -27,7 +27,7 @@ STAGES = (
 )
 BUDGET = {
     1: {
-        "simulator": 3248,
+        "simulator": 3180,
         "engine and vehicle": 1502,
         "tracker": 979,
         "estimator": 724,
@@ -37,7 +37,7 @@ BUDGET = {
         "supervisors": 81,
     },
     8: {
-        "simulator": 2890,
+        "simulator": 2864,
         "engine and vehicle": 1333,
         "tracker": 979,
         "estimator": 724,
@@ -56,7 +56,7 @@ a third rotors and IMU, which MuJoCo no longer computes."""
 def test_a_tick_stays_within_its_budget(
     count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, "kybflow.drivers.sim.compiled", None)
+    monkeypatch.setitem(sys.modules, "numba", None)
     bytecodes = Bytecodes(STAGES, "engine and vehicle")
     found = per_tick(fleet(count), bytecodes, FROM, FOR, tmp_path / "run")
     lines = off_budget(found, BUDGET[count])

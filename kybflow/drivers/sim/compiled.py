@@ -1,41 +1,34 @@
 """The physics steps compiled by Numba, which `pip install '.[fast]'` brings.
 
-One kernel makes all steps of all vehicles. It calls the functions of `rotors`, `sensors` and
-`onboard`, which stand there once, and MuJoCo's `mj_step` by its address. A flight is the same to
-the bit as without. What is compiled stays on disk: only the first flight after an install waits.
+A flight is the same to the bit as without. The kernel's machine code stays on disk, so that only
+the first flight after an install waits for Numba; later ones load it in its place.
 """
 
 from __future__ import annotations
 
 import ctypes
 import hashlib
+import os
 import struct
 from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy
 from llvmlite import binding
-from numba import njit, types
-from numba.core.errors import NumbaError
-from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from kybflow.drivers.sim.aboard import Aboard, Numbers
 from kybflow.drivers.sim.onboard import control, estimate, shares
 from kybflow.drivers.sim.rotors import push
 from kybflow.drivers.sim.sensors import ImuErrors, feel
 
-FAILURES = (NumbaError, AttributeError, OSError, RuntimeError)
-"""What may go wrong when the kernel is compiled or MuJoCo's library isn't found."""
-
-
-def _put_in(row: Any, numbers: Any) -> None:
-    for k in range(len(numbers)):
-        row[k] = numbers[k]
-
-
-_mj_step = types.ExternalFunction("mj_step", types.void(types.intp, types.intp))
-_push, _feel, _estimate, _control, _put = map(njit, (push, feel, estimate, control, _put_in))
+FAILURES = (ImportError, AttributeError, OSError, RuntimeError)
+"""What may go wrong when the kernel is compiled, kept or loaded, or MuJoCo's library is missing."""
+PLACES = (Path(__file__).parent / "__pycache__", Path("~/.cache/kybflow"))
+"""Where machine code is kept: beside the package, or at home for who may not write there."""
+_NAME, _DIGEST = "kybflow_steps", hashlib.sha256().digest_size
 
 
 class ArrayRows:
@@ -58,84 +51,98 @@ class CompiledStepper:
     """Makes the physics steps, compiled. Raises one of `FAILURES` where that can't be done."""
 
     def __init__(self, model: Any, data: Any, aboard: Aboard, sources: Sequence[Any]) -> None:
-        library = ctypes.CDLL(mujoco._functions.__file__)
-        address = ctypes.cast(library.mj_step, ctypes.c_void_p).value
-        binding.add_symbol("mj_step", address)
         count = aboard.count
         self._aboard, self.errors = aboard, ImuErrors(sources, numpy.ascontiguousarray)
-        self._felt = numpy.empty((0, count, 6))
-        self._arguments = (
-            model._address, data._address,
-            data.qpos[: 7 * count].reshape(count, 7), data.qvel[: 6 * count].reshape(count, 6),
-            data.qacc[: 6 * count].reshape(count, 6),
-            data.qfrc_applied[: 6 * count].reshape(count, 6), shares(model.opt.timestep),
-            *(table.array for table in aboard.tables),
+        self._felt, self._first, self._last = self.errors.block, 0, 0
+        self._numbers = (
+            data.qpos, data.qvel, data.qacc, data.qfrc_applied,
+            numpy.array(shares(model.opt.timestep)), numpy.empty((count, 9)),
+            numpy.empty((count, 6)), *(table.array for table in aboard.tables),
         )  # fmt: skip
-        self._owners = model, data
-        self._kernel = _kernel(_fingerprint((push, feel, estimate, control)))
-        self.advance(0)
+        addresses = (array.ctypes.data for array in self._numbers)
+        found = (self._felt.ctypes.data, model._address, data._address, *addresses)
+        self._memory = (ctypes.c_void_p * len(found))(*found)
+        self._address, self._owners = ctypes.addressof(self._memory), (model, data)
+        self._unused = ctypes.c_void_p()
+        self._nothing = ctypes.addressof(self._unused)
+        self._engine = _loaded(_kept(_fingerprint((push, feel, estimate, control))))
+        # ctypes passes whole numbers soonest as addresses
+        kind = ctypes.PYFUNCTYPE(None, *[ctypes.c_void_p] * 6)
+        self._kernel = kind(self._engine.get_function_address(_NAME))
 
     def advance(self, count: int) -> None:
         """Make `count` steps."""
-        self._felt = numpy.empty((count, self._aboard.count, 6))
-        self._kernel(self.errors.take(count), self._felt, *self._arguments)
-        self._aboard.steps += count
+        aboard, errors, nothing = self._aboard, self.errors, self._nothing
+        self._first = first = errors.take(count)
+        self._last = last = first + count
+        if errors.block is not self._felt:
+            self._felt = errors.block
+            self._memory[0] = self._felt.ctypes.data
+        self._kernel(nothing, nothing, first, last, aboard.count, self._address)
+        aboard.steps += count
 
     def felt(self, vehicle: int) -> list[Numbers]:
         """What a vehicle's IMU measured in each step of the last `advance`."""
-        samples: list[Numbers] = self._felt[:, vehicle].tolist()
+        samples: list[Numbers] = self._felt[self._first : self._last, vehicle].tolist()
         return samples
 
 
-def _fingerprint(functions: Sequence[Any]) -> str:
-    """Tells one version of the laws from another: their code and the constants that it names."""
-    found = []
-    for function in functions:
-        code = function.__code__
-        named = [repr(function.__globals__.get(name)) for name in code.co_names]
+def _fingerprint(laws: Sequence[Any]) -> str:
+    """Tells one kernel from another: by its file, the laws' code and the constants that they name,
+    and the machine's kind."""
+    kernel = Path(__file__).with_name("kernel.py").read_text()
+    found = [kernel, repr((binding.llvm_version_info, binding.get_default_triple()))]
+    for law in laws:
+        code = law.__code__
+        named = [repr(law.__globals__.get(name)) for name in code.co_names]
         found.append(repr((code.co_code, code.co_consts, named)))
     return hashlib.sha256("".join(found).encode()).hexdigest()
 
 
-def _kernel(fingerprint: str) -> Any:
-    """The kernel. Numba finds it on disk by this file and by what the function below encloses, and
-    would not notice that a law has changed in another file."""
+def _kept(fingerprint: str) -> bytes:
+    """The kernel's machine code, compiled and kept when it is not there yet or is damaged."""
+    files = [place.expanduser() / f"steps-{fingerprint[:32]}.o" for place in PLACES]
+    for file in files:
+        with suppress(OSError):
+            kept = file.read_bytes()
+            if kept[:_DIGEST] == _digest(kept[_DIGEST:]):
+                return kept[_DIGEST:]
+    from kybflow.drivers.sim.kernel import machine_code
 
-    def steps(
-        errors: Any, felt: Any, model: Any, data: Any, positions: Any, velocities: Any,
-        accelerations: Any, forces: Any, part: Any, setpoints: Any, filters: Any, loops: Any,
-        gains: Any, controls: Any, rotors: Any, thrusts: Any, winds: Any, constants: Any,
-    ) -> None:  # fmt: skip
-        fingerprint  # noqa: B018 - enclosed, so that another law is another kernel
-        count = len(positions)
-        rotations = numpy.empty((count, 9))
-        for step in range(len(errors)):
-            before = velocities.copy()
-            for i in range(count):
-                force, rotation, after = _push(
-                    to_fixed_tuple(positions[i], 7), to_fixed_tuple(velocities[i], 6),
-                    to_fixed_tuple(rotors[i], 4), to_fixed_tuple(controls[i], 4),
-                    to_fixed_tuple(thrusts[i], 4), to_fixed_tuple(winds[i], 2),
-                    to_fixed_tuple(constants[i], 4),
-                )  # fmt: skip
-                _put(forces[i], force)
-                _put(rotations[i], rotation)
-                _put(rotors[i], after)
-            _mj_step(model, data)
-            for i in range(count):
-                sample = _feel(
-                    to_fixed_tuple(rotations[i], 9), to_fixed_tuple(before[i], 6),
-                    to_fixed_tuple(accelerations[i, :3], 3), to_fixed_tuple(errors[step, i], 6),
-                )  # fmt: skip
-                setpoint = to_fixed_tuple(setpoints[i], 10)
-                filtered, rates = _estimate(to_fixed_tuple(filters[i], 8), setpoint, sample, part)
-                loop, wanted = _control(
-                    to_fixed_tuple(loops[i], 7), filtered, rates, setpoint,
-                    to_fixed_tuple(gains[i], 11),
-                )  # fmt: skip
-                _put(felt[step, i], sample)
-                _put(filters[i], filtered)
-                _put(loops[i], loop)
-                _put(controls[i], wanted)
+    code = machine_code(_NAME)
+    _keep(code, files)
+    return code
 
-    return njit(cache=True)(steps)
+
+def _keep(code: bytes, files: Sequence[Path]) -> None:
+    """Write the first of `files` that can be written; who reads it meanwhile finds all or nothing.
+    Raises OSError when there is none."""
+    for file in files:
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            written = file.with_suffix(f".{os.getpid()}")
+            written.write_bytes(_digest(code) + code)
+            written.replace(file)
+        except OSError as error:
+            refused = error
+        else:
+            return
+    raise refused
+
+
+def _digest(code: bytes) -> bytes:
+    return hashlib.sha256(code).digest()
+
+
+def _loaded(code: bytes) -> Any:
+    """An engine of LLVM with the kernel in it."""
+    library = ctypes.CDLL(mujoco._functions.__file__)
+    address = ctypes.cast(library.mj_step, ctypes.c_void_p).value
+    binding.add_symbol("mj_step", address)
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    machine = binding.Target.from_default_triple().create_target_machine()
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
+    engine.add_object_file(binding.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return engine

@@ -66,28 +66,30 @@ def feel(rotation: Numbers, velocity: Numbers, acceleration: Numbers, errors: Nu
 
 
 class ImuErrors:
-    """The errors of all IMUs, step by step. sources: each vehicle's, in blocks. form: makes what
-    `take` gives from an array of steps, vehicles and values."""
+    """The errors of all IMUs, step by step: those of steps to come, vehicle by vehicle, are in
+    `block`. sources: each vehicle's. form: makes a block from an array of steps, vehicles and
+    values."""
 
     def __init__(self, sources: Sequence[Iterator[Array]], form: Callable[[Array], Any]) -> None:
         self._sources, self._form = sources, form
         self._biases = numpy.zeros((len(sources), 6))
         self._drawn = numpy.zeros((0, len(sources), 6))
-        self._block, self._next = form(self._drawn), 0
+        self.block, self._next = form(self._drawn), 0
 
     def bias(self, vehicle: int, more: Sequence[float]) -> None:
         """From now on a vehicle's are so much more than what is drawn."""
         self._biases[vehicle] = more
-        self._block = self._form(self._drawn + self._biases)
+        self.block = self._form(self._drawn + self._biases)
 
-    def take(self, steps: int) -> Any:
-        """Those of the next steps."""
-        while self._next + steps > len(self._block):
+    def take(self, steps: int) -> int:
+        """Where in `block` the next so many steps begin."""
+        first = self._next
+        while first + steps > len(self.block):
             new = numpy.stack([next(source) for source in self._sources], axis=1)
-            self._drawn = numpy.concatenate((self._drawn[self._next :], new))
-            self._block, self._next = self._form(self._drawn + self._biases), 0
-        first, self._next = self._next, self._next + steps
-        return self._block[first : self._next]
+            self._drawn, first = numpy.concatenate((self._drawn[first:], new)), 0
+            self.block = self._form(self._drawn + self._biases)
+        self._next = first + steps
+        return first
 
 
 class Averages:

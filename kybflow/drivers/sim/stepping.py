@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
 from typing import Any
 
 import mujoco
@@ -45,7 +46,8 @@ class Stepper:
         on, model, data, part = self._aboard, self._model, self._data, self._shares
         rotors, controls, filters, loops = on.rotors, on.controls, on.filters, on.loops
         setpoints, gains, self._felt = on.setpoints, on.gains, []
-        for errors in self.errors.take(count):
+        first = self.errors.take(count)
+        for errors in self.errors.block[first : first + count]:
             rotations, velocities = [], self._velocities.tolist()
             for i, position in enumerate(self._positions.tolist()):
                 force, rotation, rotors[i] = push(
@@ -66,20 +68,20 @@ class Stepper:
 def rows() -> Callable[[int, int], Any]:
     """Makes empty rows, for so many vehicles and of such a width, as the fastest stepper likes
     them; every stepper takes either kind."""
-    try:
+    if _is_fast():
         from kybflow.drivers.sim.compiled import ArrayRows
-    except ImportError:
-        return lambda count, width: [(0.0,) * width] * count
-    return ArrayRows
+
+        return ArrayRows
+    return lambda count, width: [(0.0,) * width] * count
 
 
 def stepper(model: Any, data: Any, aboard: Aboard, sources: Sequence[Iterator[Array]]) -> Any:
     """The fastest stepper that there is: the compiled one where Numba is installed. Warns where it
     can't be compiled; a flight is the same without, only slower."""
-    try:
-        from kybflow.drivers.sim.compiled import FAILURES, CompiledStepper
-    except ImportError:
+    if not _is_fast():
         return Stepper(model, data, aboard, sources)
+    from kybflow.drivers.sim.compiled import FAILURES, CompiledStepper
+
     try:
         return CompiledStepper(model, data, aboard, sources)
     except FAILURES as error:
@@ -88,3 +90,8 @@ def stepper(model: Any, data: Any, aboard: Aboard, sources: Sequence[Iterator[Ar
             f"Numba can't compile the physics steps: {reason}; Python makes them", stacklevel=2
         )
         return Stepper(model, data, aboard, sources)
+
+
+def _is_fast() -> bool:
+    """Whether Numba is installed, which is not imported to find out."""
+    return find_spec("numba") is not None

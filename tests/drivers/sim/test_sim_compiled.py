@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from dataclasses import replace
 from importlib.util import find_spec
@@ -23,7 +25,7 @@ def plain(monkeypatch):
 
     def build(*seats):
         with monkeypatch.context() as patch:
-            patch.setitem(sys.modules, "kybflow.drivers.sim.compiled", None)
+            patch.setitem(sys.modules, "numba", None)
             return world(*seats)
 
     return build
@@ -60,15 +62,32 @@ def test_the_flight_is_the_same_to_the_bit(plain):
     assert (measured, truths) == (slow_measured, slow_truths)
 
 
+@pytest.fixture
+def compiler(monkeypatch, tmp_path):
+    """Notes what is compiled, and keeps it in a folder of its own or one that can't be."""
+    from kybflow.drivers.sim import compiled, kernel
+
+    asked = []
+
+    def made(name):
+        asked.append(name)
+        return b"machine code"
+
+    (tmp_path / "a file").touch()
+    monkeypatch.setattr(compiled, "PLACES", (tmp_path / "a file" / "in it", tmp_path / "kept"))
+    monkeypatch.setattr(kernel, "machine_code", made)
+    return asked
+
+
 @needs_numba
-def test_a_kernel_that_does_not_compile_is_done_without(plain, monkeypatch):
-    from kybflow.drivers.sim import compiled
+def test_a_kernel_that_does_not_compile_is_done_without(plain, compiler, monkeypatch):
+    from kybflow.drivers.sim import kernel
 
-    def refuses(fingerprint):
-        raise RuntimeError("no place to keep what is compiled")
+    def refuses(name):
+        raise RuntimeError("no such type")
 
-    monkeypatch.setattr(compiled, "_kernel", refuses)
-    with pytest.warns(UserWarning, match="no place to keep what is compiled; Python makes them"):
+    monkeypatch.setattr(kernel, "machine_code", refuses)
+    with pytest.warns(UserWarning, match="no such type; Python makes them"):
         session = world(seat(params=replace(QUIET, gust=0.3)))
     assert isinstance(session._stepper, Stepper)
     lift(session, session.links["a"], seconds=1.0)
@@ -76,6 +95,52 @@ def test_a_kernel_that_does_not_compile_is_done_without(plain, monkeypatch):
     lift(other, other.links["a"], seconds=1.0)
     assert session.links["a"].truth() == other.links["a"].truth()
     assert session.now == NS
+
+
+@needs_numba
+def test_machine_code_that_cannot_be_kept_is_done_without(compiler, monkeypatch):
+    from kybflow.drivers.sim import compiled
+
+    monkeypatch.setattr(compiled, "PLACES", compiled.PLACES[:1])
+    with pytest.warns(UserWarning, match="Not a directory"):
+        session = world(seat())
+    assert isinstance(session._stepper, Stepper)
+
+
+@needs_numba
+def test_machine_code_is_kept_where_it_can_be_written(compiler, tmp_path):
+    from kybflow.drivers.sim.compiled import _kept
+
+    assert [_kept("a law"), _kept("a law")] == [b"machine code", b"machine code"]
+    assert len(compiler) == 1
+    _kept("another law")
+    assert len(compiler) == 2
+    assert len(list((tmp_path / "kept").iterdir())) == 2
+
+
+@needs_numba
+def test_damaged_machine_code_is_compiled_anew(compiler, tmp_path):
+    from kybflow.drivers.sim.compiled import _kept
+
+    _kept("a law")
+    (file,) = (tmp_path / "kept").iterdir()
+    file.write_bytes(file.read_bytes()[:-1])
+    assert _kept("a law") == b"machine code"
+    assert _kept("a law") == b"machine code"
+    assert len(compiler) == 2
+
+
+@needs_numba
+def test_a_kept_kernel_is_loaded_without_numba():
+    world(seat())
+    second = "from sim_worlds import seat, world; import sys; world(seat()); print(*sys.modules)"
+    run = subprocess.run(
+        [sys.executable, "-c", second], check=True, capture_output=True, text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    loaded = run.stdout.split()
+    assert "kybflow.drivers.sim.compiled" in loaded
+    assert not {"numba", "scipy", "kybflow.drivers.sim.kernel"} & set(loaded)
 
 
 @needs_numba

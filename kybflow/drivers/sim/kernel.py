@@ -1,0 +1,96 @@
+"""The kernel: the physics steps of all vehicles as one function, which Numba compiles.
+
+It calls the functions of `rotors`, `sensors` and `onboard`, which stand there once, and MuJoCo's
+`mj_step`, which is its only foreign symbol: neither Python nor Numba's runtime is called, so that
+its machine code runs wherever it is loaded. Its memory is plain addresses of numbers.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import binding
+from numba import njit, types
+from numba.core.errors import NumbaError
+from numba.cpython.unsafe.tuple import tuple_setitem
+
+from kybflow.drivers.sim.onboard import control, estimate
+from kybflow.drivers.sim.rotors import push
+from kybflow.drivers.sim.sensors import feel
+
+
+def _row_of(numbers: Any, row: Any, like: Any) -> Any:
+    for k in range(len(like)):
+        like = tuple_setitem(like, k, numbers[row * len(like) + k])
+    return like
+
+
+def _put_in(numbers: Any, row: Any, values: Any) -> None:
+    for k in range(len(values)):
+        numbers[row * len(values) + k] = values[k]
+
+
+_compiled = njit(error_model="numpy", _nrt=False)
+_push, _feel, _estimate, _control = map(_compiled, (push, feel, estimate, control))
+_row, _put = map(_compiled, (_row_of, _put_in))
+_NUMBERS = types.CPointer(types.float64)
+_mj_step = types.ExternalFunction("mj_step", types.void(_NUMBERS, _NUMBERS))
+_2, _3, _4, _6, _7, _8, _9, _10, _11 = ((0.0,) * n for n in (2, 3, 4, 6, 7, 8, 9, 10, 11))
+
+
+def steps(first: Any, last: Any, count: Any, memory: Any) -> None:
+    """Make the steps `first` to `last` of `count` vehicles. What the IMUs measure takes the place
+    of their errors, step by step. memory: addresses, as `CompiledStepper` fills them in."""
+    errors, model, data = memory[0], memory[1], memory[2]
+    positions, velocities, accelerations, forces = memory[3], memory[4], memory[5], memory[6]
+    shares, rotations, before = memory[7], memory[8], memory[9]
+    setpoints, filters, loops, gains = memory[10], memory[11], memory[12], memory[13]
+    controls, rotors, thrusts, winds = memory[14], memory[15], memory[16], memory[17]
+    constants, part = memory[18], _row(shares, 0, _3)
+    for step in range(first, last):
+        for i in range(count):
+            velocity = _row(velocities, i, _6)
+            force, rotation, after = _push(
+                _row(positions, i, _7), velocity, _row(rotors, i, _4), _row(controls, i, _4),
+                _row(thrusts, i, _4), _row(winds, i, _2), _row(constants, i, _4),
+            )  # fmt: skip
+            _put(before, i, velocity)
+            _put(forces, i, force)
+            _put(rotations, i, rotation)
+            _put(rotors, i, after)
+        _mj_step(model, data)
+        for i in range(count):
+            here = step * count + i
+            sample = _feel(
+                _row(rotations, i, _9), _row(before, i, _6),
+                _row(accelerations, 2 * i, _3), _row(errors, here, _6),
+            )  # fmt: skip
+            setpoint = _row(setpoints, i, _10)
+            filtered, rates = _estimate(_row(filters, i, _8), setpoint, sample, part)
+            loop, wanted = _control(
+                _row(loops, i, _7), filtered, rates, setpoint, _row(gains, i, _11)
+            )
+            _put(errors, here, sample)
+            _put(filters, i, filtered)
+            _put(loops, i, loop)
+            _put(controls, i, wanted)
+
+
+def machine_code(name: str) -> bytes:
+    """The kernel as an object file, for any processor of this machine's kind; its function is
+    called `name`. By Numba's convention two addresses come before its arguments, where it notes
+    what it returns and raises: nothing. Raises RuntimeError when it doesn't compile."""
+    whole = types.intp
+    signature = types.void(whole, whole, whole, types.CPointer(_NUMBERS))
+    options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    try:
+        made = njit(signature, error_model="numpy", _nrt=False, **options)(steps)
+    except NumbaError as error:
+        raise RuntimeError(str(error)) from error
+    module = binding.parse_assembly(made.inspect_llvm(made.signatures[0]))
+    for function in module.functions:
+        if function.linkage == binding.Linkage.external and not function.is_declaration:
+            function.name = name
+    machine = binding.Target.from_default_triple().create_target_machine(opt=3, jit=True)
+    code: bytes = machine.emit_object(module)
+    return code
