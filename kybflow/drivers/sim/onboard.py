@@ -104,7 +104,7 @@ class AttitudeController:
         self._aboard.setpoints[self._index] = (float(armed), *attitude, *rates, lift, turn)
 
     def _attitude(self) -> Quat:
-        w, x, y, z, *_ = self._aboard.filters[self._index]
+        w, x, y, z, _, _, _, _ = self._aboard.filters[self._index]
         return (w, x, y, z)
 
     def _holding(self, attitude: Quat) -> Quat:
@@ -166,9 +166,10 @@ def control(
     ix += i * ex
     iy += i * ey
     iz += iyaw * ez
-    ix = bound if ix > bound else -bound if ix < -bound else ix
-    iy = bound if iy > bound else -bound if iy < -bound else iy
-    iz = bound if iz > bound else -bound if iz < -bound else iz
+    least = -bound
+    ix = bound if ix > bound else least if ix < least else ix
+    iy = bound if iy > bound else least if iy < least else iy
+    iz = bound if iz > bound else least if iz < least else iz
     # what is asked of the rotors now, less what is asked slowly; a rotor is led by the difference
     dt = lift - st
     dr = kx * (p * ex + d * (rx - gx) + ix) - sr

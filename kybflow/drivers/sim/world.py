@@ -50,7 +50,7 @@ class SimulatedWorld(Session):
         self._parcels = _parcels(self.model, self.data, seats)
         errors = [vehicle.imu_errors for vehicle in self._vehicles]
         self._stepper = stepper(self.model, self.data, self.aboard, errors)
-        self._positions, self._velocities = self.data.qpos, self.data.qvel
+        self._positions, self._velocities = self.data.qpos.data, self.data.qvel.data
         self._truths: dict[int, Truth] = {}
         self._listeners: list[tuple[int, SimulatedVehicle]] = []
         self._winds = self._blowing()
@@ -58,7 +58,7 @@ class SimulatedWorld(Session):
             self.refit(index)
         self._solid = Contacts(self.model, [seat.context.vehicle for seat in seats])
         self._blown: Time = 0
-        self._due: Time = 0
+        self._due = 0
         self._measure(0)
         self._viewer = Viewer(self.model, self.data) if any(s.params.live for s in seats) else None
 
@@ -79,12 +79,14 @@ class SimulatedWorld(Session):
             self._blow()
         while self.aboard.steps < last:
             self._step(last)
-        for parcel in self._parcels.values():
-            parcel.follow()
-        self._truths, data = {}, self.data
+        if self._parcels:
+            for parcel in self._parcels.values():
+                parcel.follow()
+            self._truths = {}
+        data = self.data
         if data.ncon:
             self._solid.look(data, now)
-        if abs(data.time * self._rate - self.aboard.steps) > 0.5:
+        if data.time * self._rate < self.aboard.steps - 0.5:
             raise DriverError("the simulation diverged and MuJoCo started it again")
         if self._viewer is not None:
             self._viewer.show(now)
@@ -92,16 +94,16 @@ class SimulatedWorld(Session):
     def _step(self, last: int) -> None:
         """Step on until something is to be measured, `last` at the latest; one step where a
         vehicle's watchdog flies by what is felt in each."""
-        due, aboard = -(-self._due * self._rate // NS), self.aboard
-        steps = min(last, max(due, aboard.steps + 1)) - aboard.steps
-        if any(vehicle.falls for _, vehicle in self._listeners):
+        aboard, listeners = self.aboard, self._listeners
+        steps = max(1, min(last, self._due) - aboard.steps)
+        if listeners and any(vehicle.falls for _, vehicle in listeners):
             steps = 1
         self._stepper.advance(steps)
         self._truths = {}
-        for index, vehicle in self._listeners:
+        for index, vehicle in listeners:
             for sample in self._stepper.felt(index):
                 vehicle.feel(sample)
-        if self._due <= self.now:
+        if self._due <= aboard.steps:
             self._measure(self.now)
 
     def close(self) -> None:
@@ -115,8 +117,7 @@ class SimulatedWorld(Session):
         if truth is None:
             px, py, pz, w, x, y, z = _POSITION(self._positions, _POSITION_SIZE * index)
             vx, vy, vz, ox, oy, oz = _VELOCITY(self._velocities, _VELOCITY_SIZE * index)
-            parcel = self._parcels.get(index) if self._parcels else None
-            place = None if parcel is None else parcel.position
+            place = self._parcels[index].position if index in self._parcels else None
             truth = Truth((px, py, pz), (vx, vy, vz), (w, x, y, z), (ox, oy, oz), place)
             self._truths[index] = truth
         return truth
@@ -139,7 +140,7 @@ class SimulatedWorld(Session):
 
     def hurry(self, due: Time) -> None:
         """Let a vehicle measure at `due`, which is earlier than it said."""
-        self._due = min(self._due, due)
+        self._due = min(self._due, self._step_of(due))
 
     def collisions(self, index: int) -> Sequence[str]:
         """What a vehicle ran into since the last call."""
@@ -170,7 +171,11 @@ class SimulatedWorld(Session):
         for vehicle in self._vehicles:
             if vehicle.due <= now:
                 vehicle.measure(now)
-        self._due = min(vehicle.due for vehicle in self._vehicles)
+        self._due = self._step_of(min(vehicle.due for vehicle in self._vehicles))
+
+    def _step_of(self, due: Time) -> int:
+        """The first physics step that does not end before `due`."""
+        return -(-due * self._rate // NS)
 
     def _blow(self) -> None:
         """Give each rotor drag its wind along body x and y."""
