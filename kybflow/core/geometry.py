@@ -111,7 +111,7 @@ def heading_of(q: Quat) -> float:
     """Return the heading: the angle in [-pi, pi] of body x in the horizontal plane, counter-
     clockwise from world x (east)."""
     w, x, y, z = q
-    return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return atan2(w * z + x * y, 0.5 - (y * y + z * z))
 
 
 def tilt_of(q: Quat) -> float:

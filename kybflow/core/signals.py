@@ -8,8 +8,9 @@ quaternions rotate body to world.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from enum import Enum, IntEnum
-from typing import Annotated, Any, Literal, NamedTuple, Protocol
+from typing import Annotated, Any, Literal, NamedTuple, Protocol, TypeVar, cast
 
 from kybflow.core.errors import EstimateMissing
 from kybflow.core.geometry import Quat, Vec3
@@ -20,6 +21,11 @@ NS = 1_000_000_000
 """Nanoseconds in a second."""
 NEVER: Time = 1 << 62
 """A time later than any other."""
+
+T = TypeVar("T", bound=tuple[Any, ...])
+made = cast(Callable[[type[T], tuple[Any, ...]], T], tuple.__new__)
+"""Make a signal of a tuple of all its fields, in half the time that calling its class takes: for
+those that every tick makes."""
 
 
 class Measurement(Protocol):

@@ -43,7 +43,7 @@ class Follower:
     def resume(self, asked: Setpoint, tick: Tick) -> None:
         """Restart the trajectory if necessary. Call it first in every tick."""
         now, kind = tick.now, asked.kind
-        if now - self._time > 1.5e9 * tick.dt + 1.0 or kind is not self._kind:
+        if now - self._time > 1.5e9 * tick.dt or kind is not self._kind:
             self._restart(asked, tick)
         self._time, self._kind = now, kind
 

@@ -30,10 +30,10 @@ Progress = tuple[float, float, float, float]
 
 def smoothstep(s: float) -> tuple[float, float, float, float]:
     """Return the integral, value, first and second derivative of S at `s` in [0, 1]."""
-    rest = 1.0 - s
+    rest, cube = 1.0 - s, s * s * s
     return (
-        s * s * s * s * (2.5 + s * (s - 3.0)),
-        s * s * s * (10.0 + s * (6.0 * s - 15.0)),
+        cube * s * (2.5 + s * (s - 3.0)),
+        cube * (10.0 + s * (6.0 * s - 15.0)),
         30.0 * s * s * rest * rest,
         60.0 * s * rest * (1.0 - 2.0 * s),
     )

@@ -24,7 +24,7 @@ from kybflow.core.geometry import (
     rotate_back,
     wrap,
 )
-from kybflow.core.signals import Command, Estimate, Setpoint
+from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, made
 from kybflow.flight.mass import MassEstimator
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.world.vehicle_context import VehicleContext
@@ -38,6 +38,7 @@ MOST_TRIM = 0.1
 LEAST_LIFT, MOST_THRUST = 0.3, 0.95
 """Least vertical force as a share of the weight, and largest thrust as a share of the rotors'."""
 LEAST_FORCE = LEAST_LIFT * GRAVITY
+_ATTITUDE_THRUST = CommandKind.ATTITUDE_THRUST
 
 
 class Steering:
@@ -150,7 +151,8 @@ class Steering:
         thrust = most if thrust > most else 0.0 if thrust < 0.0 else thrust
         self._lift = thrust * uz
         self.force_along = thrust / mass
-        return Command(attitude, thrust, rates, heading_of(estimate.attitude))
+        heading = heading_of(estimate.attitude)
+        return made(Command, (attitude, thrust, rates, heading, True, _ATTITUDE_THRUST, None))
 
 
 def turning(force: Vec3, jerk: Vec3, heading_rate: float, attitude: Quat) -> Vec3:

@@ -17,11 +17,11 @@ estimate is predicted over the latency to `now`.
 
 from __future__ import annotations
 
-from math import exp, pi, sqrt
+from math import exp, sqrt, tau
 
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate
 from kybflow.core.params import param, params
-from kybflow.core.signals import NS, Estimate, Pose, Time
+from kybflow.core.signals import NS, Estimate, Pose, Time, made
 from kybflow.core.units import Duration, Frequency
 
 STEEPEST = 0.5
@@ -88,16 +88,10 @@ class TrackedPose:
         age = (now - self.stamp) / NS
         (px, py, pz), (vx, vy, vz), (ax, ay) = self.position, self.velocity, self._pull
         h = 0.5 * age
-        return Estimate(
-            now,
-            (px + age * (vx + h * ax), py + age * (vy + h * ay), pz + age * vz),
-            (vx + age * ax, vy + age * ay, vz),
-            integrate(self.attitude, self.rates, age),
-            self.rates,
-            source,
-            age,
-            self.spread,
-        )
+        position = (px + age * (vx + h * ax), py + age * (vy + h * ay), pz + age * vz)
+        velocity = (vx + age * ax, vy + age * ay, vz)
+        attitude, rates = integrate(self.attitude, self.rates, age), self.rates
+        return made(Estimate, (now, position, velocity, attitude, rates, source, age, self.spread))
 
     def bent(self, motion: Estimate) -> Estimate:
         """A predicted motion with the acceleration's change until then, taken as linear, which the
@@ -119,7 +113,7 @@ class TrackedPose:
         calm, p = 1.0, self._params
         if self.count > WARM:
             calm = min(1.0 + (self._variance / (NOISY * NOISY)) ** 2, CALMEST)
-        wn = 2.0 * pi * p.velocity_bandwidth * dt
+        wn = tau * p.velocity_bandwidth * dt
         a, b = _gains(wn / calm, dt)
         au, bu = (a, b) if calm <= CALMEST_UP else _gains(wn / CALMEST_UP, dt)
         self.position = (px + a * ix, py + a * iy, pz + au * iz)
@@ -135,7 +129,7 @@ class TrackedPose:
         ix = two * (w * mx - x * mw - y * mz + z * my)
         iy = two * (w * my + x * mz - y * mw - z * mx)
         iz = two * (w * mz - x * my + y * mx - z * mw)
-        a, b = _gains(2.0 * pi * self._params.rate_bandwidth * dt, dt)
+        a, b = _gains(tau * self._params.rate_bandwidth * dt, dt)
         self.attitude = integrate(believed, (ix, iy, iz), a)
         self.rates = (rx + b * ix, ry + b * iy, rz + b * iz)
 

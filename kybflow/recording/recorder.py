@@ -22,7 +22,6 @@ from typing import Any
 from foxglove import Channel, Context, Schema, open_mcap
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
-from kybflow.core.geometry import Vec3
 from kybflow.core.signals import (
     Battery,
     Command,
@@ -75,23 +74,20 @@ _Message = str | MeasurementKind
 _Log = Callable[[bytes, int], None]
 _Measured = tuple[Callable[[Measurement], bytes], _Log | None]
 """What packs the measurements of one kind, and logs them."""
-_Marked = tuple[tuple[int, int], Vec3, Vec3, Vec3, Vec3, float, float]
-"""(kind, present) of a setpoint, then its fields, zero where absent."""
 
 _LARGEST = (2.0 - 2.0**-23) * 2.0**127
 """The largest number of type float32."""
 _ZERO = (0.0, 0.0, 0.0)
 _ZERO_4 = (0.0, 0.0, 0.0, 0.0)
 _NO_ESTIMATE = Estimate(0, _ZERO, _ZERO, _ZERO_4, _ZERO, "", 0.0, 0.0)
-_NO_SETPOINT: _Marked = ((0, 0), _ZERO, _ZERO, _ZERO, _ZERO, 0.0, 0.0)
+_NO_SETPOINT = (0, 0, *_ZERO, *_ZERO, *_ZERO, *_ZERO, 0.0, 0.0)
 _NO_TRUTH = Truth(_ZERO, _ZERO, _ZERO_4, _ZERO)
 
 _ATTITUDE_THRUST = CommandKind.ATTITUDE_THRUST
 _ATTITUDE_THRUST_NUMBER = COMMAND_KINDS[_ATTITUDE_THRUST]
 _POSITION = SetpointKind.POSITION
 _ALL = HAS_POSITION | HAS_VELOCITY | HAS_ACCELERATION | HAS_JERK | HAS_HEADING
-_MARKS = (SETPOINT_KINDS[_POSITION], _ALL)
-_MARKS_WITHOUT_JERK = (SETPOINT_KINDS[_POSITION], _ALL - HAS_JERK)
+_POSITION_NUMBER = SETPOINT_KINDS[_POSITION]
 
 
 class Recorder:
@@ -171,13 +167,12 @@ class VehicleChannel(VehicleObserver):
         """One control tick: the estimate, the setpoint before and after the processors, the command
         that was sent, the simulator's truth where there is one, and the estimators."""
         _, p, v, q, w, _, age, spread = estimate or _NO_ESTIMATE
-        marks, p0, v0, a0, j0, heading0, rate0 = _marked(setpoint)
         attitude, thrust, rates, heading, armed, kind, sent = command
         number = _ATTITUDE_THRUST_NUMBER if kind is _ATTITUDE_THRUST else COMMAND_KINDS[kind]
         pt, vt, qt, wt, _ = truth or _NO_TRUTH
         values = (
             estimate is not None, *p, *v, *q, *w, age, spread,
-            *marks, *p0, *v0, *a0, *j0, heading0, rate0,
+            *_numbers(setpoint),
             armed, number, heading is not None, *attitude, thrust, *rates, heading or 0.0,
             truth is not None, *pt, *vt, *qt, *wt,
         )  # fmt: skip
@@ -194,8 +189,7 @@ class VehicleChannel(VehicleObserver):
         self._ticks += 1
 
     def _setpoint(self, topic: str, setpoint: Setpoint | None, now: Time) -> None:
-        marks, position, velocity, acceleration, jerk, heading, rate = _marked(setpoint)
-        values = (*marks, *position, *velocity, *acceleration, *jerk, heading, rate)
+        values = _numbers(setpoint)
         try:
             data = _pack_setpoint(*values)
         except OverflowError:
@@ -240,13 +234,18 @@ class VehicleChannel(VehicleObserver):
         self._optional[topic](data, now)
 
 
-def _marked(setpoint: Setpoint | None) -> _Marked:
+def _numbers(setpoint: Setpoint | None) -> tuple[float, ...]:
+    """What is recorded of a setpoint: its kind, which fields it has, and these, zero where
+    absent."""
     if setpoint is None:
         return _NO_SETPOINT
     kind, position, velocity, acceleration, jerk, heading, rate = setpoint
     if kind is _POSITION and position and velocity and acceleration and heading is not None:
-        marks = _MARKS if jerk else _MARKS_WITHOUT_JERK
-        return marks, position, velocity, acceleration, jerk or _ZERO, heading, rate
+        present = _ALL if jerk else _ALL - HAS_JERK
+        return (
+            _POSITION_NUMBER, present,
+            *position, *velocity, *acceleration, *(jerk or _ZERO), heading, rate,
+        )  # fmt: skip
     present = (
         HAS_POSITION * (position is not None)
         + HAS_VELOCITY * (velocity is not None)
@@ -255,14 +254,10 @@ def _marked(setpoint: Setpoint | None) -> _Marked:
         + HAS_HEADING * (heading is not None)
     )
     return (
-        (SETPOINT_KINDS[kind], present),
-        position or _ZERO,
-        velocity or _ZERO,
-        acceleration or _ZERO,
-        jerk or _ZERO,
-        heading or 0.0,
-        rate,
-    )
+        SETPOINT_KINDS[kind], present,
+        *(position or _ZERO), *(velocity or _ZERO), *(acceleration or _ZERO), *(jerk or _ZERO),
+        heading or 0.0, rate,
+    )  # fmt: skip
 
 
 def _within_float32(value: Any) -> Any:

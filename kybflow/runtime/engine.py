@@ -125,14 +125,13 @@ class Engine:
         self.operator.step(now)
         if self.plan.faults:
             self.injection.step(now)
-        for vehicle in self.vehicles:
-            vehicle.sense(now)
-        fleet = {vehicle.name: vehicle.knowledge.estimate for vehicle in self.vehicles}
+        fleet = {vehicle.name: vehicle.sense(now) for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)
         if self.plan.flows:
             self.flows.step(now, dt)
-        self.callbacks.step()
+        if self.events.unanswered:
+            self.callbacks.step()
         self.judge.sample()
         self._advance()
 

@@ -73,7 +73,11 @@ class EstimatorInterval(NamedTuple):
 
 
 class VehicleScore:
-    """Collects the figures of one vehicle; the runtime reports to it as things happen."""
+    """Collects the figures of one vehicle; the runtime reports to it as things happen.
+
+    position, velocity: the errors of the current visit, m and m/s, to which every tick adds where
+    its setpoint has such a field.
+    """
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -81,13 +85,13 @@ class VehicleScore:
         self.estimators: list[EstimatorInterval] = []
         self.min_battery: float | None = None
         self.failures: list[str] = []
-        self._position, self._velocity = Errors(), Errors()
+        self.position, self.velocity = Errors(), Errors()
 
     def entered(self, state: str, part: str, t_s: float) -> None:
         """Begin a visit to a state, which may be the current state again."""
         visit = BehaviorScore(state, part, t_s)
         self.behaviors.append(visit)
-        self._position, self._velocity = visit.position, visit.velocity
+        self.position, self.velocity = visit.position, visit.velocity
 
     def left(self, how: str, t_s: float) -> None:
         """End the current visit; `how` says how its behavior ended."""
@@ -97,13 +101,6 @@ class VehicleScore:
     def failure(self, reason: str) -> None:
         """Note a failure of the current behavior that the mission does not handle."""
         self.failures.append(f"`{self.behaviors[-1].name}` failed: {reason}")
-
-    def sample(self, position_error: float | None, velocity_error: float | None) -> None:
-        """Add one tick's errors in m and m/s, None where the setpoint has no such field."""
-        if position_error is not None:
-            self._position.add(position_error)
-        if velocity_error is not None:
-            self._velocity.add(velocity_error)
 
     def estimator(self, name: str, t_s: float) -> None:
         """Note that this estimator is in use from now on."""

@@ -171,7 +171,8 @@ def _fly(recorder, score, vehicle, t, now, starts, chance):
     command = Command(LEVEL, 10.3, REST, 0.0)
     truth = Truth(true, speed, LEVEL, REST)
     channel.tick(now, estimate, setpoint, setpoint, command, truth, NO_ESTIMATORS)
-    counted.sample(distance(place, true), distance(velocity, speed))
+    counted.position.add(distance(place, true))
+    counted.velocity.add(distance(velocity, speed))
     if now % (NS // 125) == 0:
         channel.measurement(now, Pose(now - 10_000_000, true, LEVEL))
     if now % NS == 0:

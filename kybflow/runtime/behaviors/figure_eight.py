@@ -16,12 +16,13 @@ from __future__ import annotations
 
 from math import cos, hypot, pi, sin, sqrt
 
-from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick, made
 from kybflow.core.units import Angle, Duration, Length, Number, Vec3
 from kybflow.flight.motion import Coast
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
+_POSITION = SetpointKind.POSITION
 _CHORDS = 96
 """Straight lines that stand for the eight in its footprint."""
 _PHASES = tuple(2.0 * pi * i / _CHORDS for i in range(_CHORDS + 1))
@@ -85,13 +86,12 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
         ax, ay = ddx * square + dx * pull, ddy * square + dy * pull
         jx, jy = dx * (jolt - cube) + ddx * cross, dy * (jolt - 4.0 * cube) + ddy * cross
         x, y, z = self._coast.end
-        return Setpoint(
-            SetpointKind.POSITION,
-            (x + px * turn_c - py * turn_s, y + px * turn_s + py * turn_c, z),
-            (vx * turn_c - vy * turn_s, vx * turn_s + vy * turn_c, 0.0),
-            (ax * turn_c - ay * turn_s, ax * turn_s + ay * turn_c, 0.0),
-            (jx * turn_c - jy * turn_s, jx * turn_s + jy * turn_c, 0.0),
-            self._heading,
+        position = (x + px * turn_c - py * turn_s, y + px * turn_s + py * turn_c, z)
+        velocity = (vx * turn_c - vy * turn_s, vx * turn_s + vy * turn_c, 0.0)
+        acceleration = (ax * turn_c - ay * turn_s, ax * turn_s + ay * turn_c, 0.0)
+        jerk = (jx * turn_c - jy * turn_s, jx * turn_s + jy * turn_c, 0.0)
+        return made(
+            Setpoint, (_POSITION, position, velocity, acceleration, jerk, self._heading, 0.0)
         )
 
     @classmethod

@@ -52,8 +52,6 @@ class Callbacks:
 
     def step(self) -> None:
         """Handle the events since the last step."""
-        if not self._events.unanswered:
-            return
         events, self._events.unanswered = self._events.unanswered, []
         for event in events:
             for callback in self._listening.get((event.vehicle, event.name), ()):

@@ -24,6 +24,7 @@ from kybflow.parts import Processor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 _SLACK = 1.0 + 1e-6
+_VELOCITY = SetpointKind.VELOCITY
 
 
 @params
@@ -48,7 +49,7 @@ class LimitAcceleration(Processor[LimitAccelerationParams]):
         position, velocity = position or ZERO, velocity or ZERO
         follower, limit, dt = self._follower, self.params.acceleration, tick.dt
         follower.resume(setpoint, tick)
-        if kind is SetpointKind.VELOCITY:
+        if kind is _VELOCITY:
             return self._slew(setpoint, velocity, dt)
         legal = hypot(*(acceleration or ZERO)) <= limit * _SLACK
         if legal and not follower.behind and self._is_near(position, velocity, dt):

@@ -20,6 +20,7 @@ from kybflow.parts import Processor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 _SLACK = 1.0 + 1e-6
+_VELOCITY = SetpointKind.VELOCITY
 
 
 @params
@@ -46,7 +47,7 @@ class LimitSpeed(Processor[LimitSpeedParams]):
         follower, most = self._follower, self.params.speed * _SLACK
         legal = hypot(*velocity) <= most
         follower.resume(setpoint, tick)
-        if kind is SetpointKind.VELOCITY:
+        if kind is _VELOCITY:
             if legal:
                 return setpoint
             shorter = shortened(velocity, self.params.speed)

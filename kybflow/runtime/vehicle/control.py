@@ -123,7 +123,7 @@ class Control:
             self._raised = part
             raise
         self.followed = setpoint
-        return self._turning(command)
+        return command if command.armed else self._turning(command)
 
     def _turning(self, command: Command) -> Command:
         if not command.armed and self._activity.off_ground:

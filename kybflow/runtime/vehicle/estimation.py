@@ -132,6 +132,7 @@ class Estimation:
         self._listed = [Candidate(estimator, context) for estimator in plan.estimators]
         self._candidates = self._listed
         self._anchored = [candidate for candidate in self._listed if candidate.anchors]
+        self._others = self._anchored
         self._preferred: tuple[str, ...] = ()
         self._is_reordered = False
         self._bounded = [candidate for candidate in self._candidates if candidate.is_bounded]
@@ -161,7 +162,7 @@ class Estimation:
             self._change(chosen, estimate, now)
         self._is_reordered = False
         self._flown = estimate if self._blend is None else self._blended(estimate, now)
-        if self._anchored and estimate is not None:
+        if self._others and estimate is not None:
             self._anchor(estimate)
         return self._flown
 
@@ -204,18 +205,18 @@ class Estimation:
 
     def _anchor(self, estimate: Estimate) -> None:
         """Pass the estimate in use, without a blend's offset, to the other estimators."""
-        for candidate in self._anchored:
-            if candidate is not self._in_use:
-                try:
-                    candidate.part.anchor(estimate)
-                except Exception as error:  # a part may raise anything
-                    self._fail(candidate, error)
+        for candidate in self._others:
+            try:
+                candidate.part.anchor(estimate)
+            except Exception as error:  # a part may raise anything
+                self._fail(candidate, error)
 
     def _fail(self, failed: Candidate, error: Exception) -> None:
         failed.has_failed = True
         self._candidates = [c for c in self._candidates if c is not failed]
         self._bounded = [c for c in self._bounded if c is not failed]
         self._anchored = [c for c in self._anchored if c is not failed]
+        self._others = [c for c in self._others if c is not failed]
         self._report(PartFailed(failed.label, error))
 
     def _gain(self, name: str) -> str:
@@ -239,6 +240,7 @@ class Estimation:
 
     def _change(self, chosen: Candidate | None, estimate: Estimate | None, now: Time) -> None:
         previous, self._in_use = self._in_use, chosen
+        self._others = [c for c in self._anchored if c is not chosen]
         before, reason = None, "there was none" if self._was_used else "the first estimate"
         if previous is not None:
             before, reason = previous.name, self._why(previous)

@@ -91,8 +91,8 @@ class Knowledge:
         self.needs: frozenset[MeasurementKind] = frozenset().union(*needs)
         link.subscribe(self.needs)
 
-    def update(self, now: Time) -> None:
-        """Read the measurements and update the estimate."""
+    def update(self, now: Time) -> Estimate | None:
+        """Read the measurements, and update and return the estimate."""
         measurements = self._listen(now, self._accept)
         if self.sensing.streams:
             measurements = self.sensing.joined(measurements, now, self._note)
@@ -102,11 +102,12 @@ class Knowledge:
             measurements = self.cameras.measured(measurements, now, self._in_air())
         if self._rig is not None and self._rig.estimators:
             self.estimation.kill(self._rig.estimators)
-        self.estimate = self.estimation.update(measurements, now)
+        self.estimate = estimate = self.estimation.update(measurements, now)
         if self.cameras.is_asked:
             self.cameras.see(self.estimation.candidates, self._in_air())
-        if self._fleet.is_asked and self.estimate is not None:
-            self._fleet.note(self._name, self.estimate)
+        if self._fleet.is_asked and estimate is not None:
+            self._fleet.note(self._name, estimate)
+        return estimate
 
     def rate(self, kind: MeasurementKind) -> float:
         """Return the average rate (Hz) of measurements of `kind`; zero before the third one."""

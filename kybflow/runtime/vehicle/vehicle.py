@@ -20,6 +20,7 @@ from kybflow.core.signals import (
     Tick,
     Time,
     Truth,
+    made,
 )
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
@@ -163,14 +164,15 @@ class Vehicle:
         except Exception as error:  # a part may raise anything; it fails this vehicle alone
             self._reactions.react_to_failure(*self._control.blame(error), self._standing())
 
-    def sense(self, now: Time) -> None:
-        """Read the link and update the estimate."""
+    def sense(self, now: Time) -> Estimate | None:
+        """Read the link, and update and return the estimate."""
         self.now = now
-        self.knowledge.update(now)
+        estimate = self.knowledge.update(now)
         if self.link_out.tells_position:
-            position = self._external_position.of(self.knowledge.estimate)
+            position = self._external_position.of(estimate)
             if position is not None:
                 self.link_out.tell_position(position, now)
+        return estimate
 
     def act(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> None:
         """Decide, steer, send and record."""
@@ -252,31 +254,22 @@ class Vehicle:
 
     def _tick(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> Tick:
         knowledge = self.knowledge
-        return Tick(
-            now,
-            dt,
-            (now - self.activity.entered) / NS,
-            knowledge.estimate,
-            knowledge.battery,
-            self._control.followed,
-            fleet,
-            knowledge.imu,
-            self._health.age,
-            knowledge.payload.state,
-        )
+        elapsed, followed = (now - self.activity.entered) / NS, self._control.followed
+        estimate, battery, imu = knowledge.estimate, knowledge.battery, knowledge.imu
+        age, payload = self._health.age, knowledge.payload.state
+        return made(Tick, (now, dt, elapsed, estimate, battery, followed, fleet, imu, age, payload))
 
     def _record(self, now: Time, wanted: Setpoint | None, command: Command) -> None:
         """Record the tick and its errors: the setpoint that was tracked against the truth, or the
         estimate on hardware."""
         knowledge, setpoint = self.knowledge, self._control.followed
         estimate, truth = knowledge.estimate, knowledge.link_in.truth
-        estimation = knowledge.estimation
-        self._observer.tick(now, estimate, wanted, setpoint, command, truth, estimation)
+        self._observer.tick(now, estimate, wanted, setpoint, command, truth, knowledge.estimation)
         state = truth or estimate
         if setpoint is None or state is None:
             return
-        position, velocity = setpoint.position, setpoint.velocity
-        self._score.sample(
-            None if position is None else distance(position, state.position),
-            None if velocity is None else distance(velocity, state.velocity),
-        )
+        position, velocity, score = setpoint.position, setpoint.velocity, self._score
+        if position is not None:
+            score.position.add(distance(position, state.position))
+        if velocity is not None:
+            score.velocity.add(distance(velocity, state.velocity))
