@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fault_study import plan_of
 from flight_judge import TICK, Finding, Track, found, judge, lift_of
 from mutation_study import with_library
 from plans import NANO, vehicle
@@ -109,6 +110,12 @@ def test_the_lift_that_faults_leave(effect: Effect, lift: float) -> None:
     rig.begin(effect, 0)
     full = replace(NANO_PLAN, airframe=replace(NANO, voltage_spread=0.0))
     assert lift_of(full, rig, 0.0) == pytest.approx(lift, rel=1e-3)
+
+
+def test_a_fault_that_never_comes_takes_no_lift(tmp_path: Path) -> None:
+    plan = replace(plan_of("first_flight"), faults=())
+    run = fly(plan, RunRequest(out=tmp_path / "run"))
+    assert judge(plan, run.folder, run.summary) == ((), np.inf)
 
 
 def test_a_number_is_always_the_same_flight(tmp_path: Path) -> None:

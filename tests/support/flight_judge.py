@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Iterator
+from itertools import zip_longest
 from math import sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -220,7 +221,7 @@ def _least_lift(plan: Plan, vehicle: VehiclePlan, track: Track, events: list[Any
     rig, parts, lift = Rig(vehicle.name), {fault.at: fault for fault in plan.faults}, np.inf
     working: dict[str, Any] = {}
     told = [e for e in events if e["event"] in ("fault_injected", "fault_ended", "fault_failed")]
-    for event, until in zip(told, [*told[1:], None], strict=True):
+    for event, until in zip_longest(told, told[1:]):
         fault = parts[event["at"]]
         if event["event"] == "fault_injected":
             made = fault.part.cls(fault.part.params, random.Random(0))

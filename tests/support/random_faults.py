@@ -41,6 +41,8 @@ _ESTIMATORS = (
 )
 _FAILSAFE = ("brake", "auto_land", "land_blind")
 _TRIES = 50
+_CHEAP = 2.0
+"""What costs more than so many vehicles is drawn the more rarely."""
 
 
 class Drawn(NamedTuple):
@@ -77,7 +79,7 @@ def _drawn(seed: int, rng: random.Random, folder: Path) -> Drawn | None:
     _thin_out(text, rng)
     path = folder / f"flight{seed}.yaml"
     plan = _written(path, text, target)
-    if plan is None:
+    if plan is None or rng.random() * _cost(plan) > _CHEAP:
         return None
     faults = tuple(_Draw(rng, plan, scenario, hover).faults())
     _extend(text, "faults", [yaml.compose(line, yaml.SafeLoader) for line in faults])
@@ -85,6 +87,11 @@ def _drawn(seed: int, rng: random.Random, folder: Path) -> Drawn | None:
     if plan is None:
         return None
     return Drawn(seed, source.stem, target, scenario, hover, faults, path, plan)
+
+
+def _cost(plan: Plan) -> float:
+    """About how long a flight takes to fly, in vehicles; one with cameras counts for three."""
+    return float(sum(3 if vehicle.cameras else 1 for vehicle in plan.vehicles))
 
 
 def _written(path: Path, text: yaml.MappingNode, target: str) -> Plan | None:
