@@ -8,7 +8,7 @@ the arithmetic on three numbers.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import acos, asin, atan2, cos, dist, pi, sin, sqrt
+from math import acos, asin, atan2, cos, dist, hypot, pi, sin, sqrt
 
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
@@ -163,10 +163,10 @@ def from_thrust_facing(direction: Vec3, facing: tuple[float, float]) -> Quat:
     6-8).
     """
     (x, y, z), (cx, sx) = direction, facing
-    n = sqrt(x * x + y * y + z * z)
+    n = hypot(x, y, z)
     zx, zy, zz = x / n, y / n, z / n
     yx, yy, yz = -sx * zz, cx * zz, sx * zx - cx * zy
-    n = sqrt(yx * yx + yy * yy + yz * yz)
+    n = hypot(yx, yy, yz)
     yx, yy, yz = yx / n, yy / n, yz / n
     xx, xy, xz = yy * zz - yz * zy, yz * zx - yx * zz, yx * zy - yy * zx
     return _from_matrix(xx, xy, xz, yx, yy, yz, zx, zy, zz)
@@ -206,5 +206,5 @@ def integrate(q: Quat, rate: Vec3, dt: float) -> Quat:
     nx = x + w * hx + y * hz - z * hy
     ny = y + w * hy + z * hx - x * hz
     nz = z + w * hz + x * hy - y * hx
-    n = sqrt(nw * nw + nx * nx + ny * ny + nz * nz)
+    n = hypot(nw, nx, ny, nz)
     return (nw / n, nx / n, ny / n, nz / n)

@@ -112,7 +112,8 @@ class TrackedPose:
         ix, iy, iz = mx - px, my - py, mz - pz
         calm, p = 1.0, self._params
         if self.count > WARM:
-            calm = min(1.0 + (self._variance / (NOISY * NOISY)) ** 2, CALMEST)
+            noise = self._variance / (NOISY * NOISY)
+            calm = min(1.0 + noise * noise, CALMEST)
         wn = tau * p.velocity_bandwidth * dt
         a, b = _gains(wn / calm, dt)
         au, bu = (a, b) if calm <= CALMEST_UP else _gains(wn / CALMEST_UP, dt)
@@ -146,4 +147,5 @@ class TrackedPose:
 def _gains(wn: float, dt: float) -> tuple[float, float]:
     """alpha, and beta over dt, of the filter whose poles are at exp(-wn)."""
     theta = exp(-wn)
-    return 1.0 - theta * theta, (1.0 - theta) ** 2 / dt
+    rest = 1.0 - theta
+    return 1.0 - theta * theta, rest * rest / dt

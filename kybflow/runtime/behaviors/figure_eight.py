@@ -1,10 +1,11 @@
 """Trace a horizontal figure eight around the position of entry, and stop where it began.
 
-    x = w/2 sin theta,  y = h/2 sin 2 theta        (Lissajous 1:2; TeleKyb paper, ECMR 2013, fig. 5)
+    p = e sin theta + n sin 2 theta        (Lissajous 1:2; TeleKyb paper, ECMR 2013, fig. 5)
 
-turned by `rotation`. The phase theta runs at 2 pi / lap; its rate is ramped up and down with the
-quintic smoothstep over `ramp`, so the eight starts and ends at rest at its centre. Velocity,
-acceleration and jerk follow by the chain rule, with ' = d/dtheta and dots by time:
+where e is w/2 long in the direction `rotation`, and n h/2 across it. The phase theta runs at
+2 pi / lap; its rate is ramped up and down with the quintic smoothstep over `ramp`, so the eight
+starts and ends at rest at its centre. Velocity, acceleration and jerk follow by the chain rule,
+with ' = d/dtheta and dots by time:
 
     v = p' th.,  a = p'' th.^2 + p' th..,  j = p''' th.^3 + 3 p'' th. th.. + p' th...
 
@@ -64,8 +65,9 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
         rate = 2.0 * pi / params.lap
         self._phase = Profile(2.0 * pi * params.laps, rate, params.ramp)
         self._end = max(self._phase.duration, self._coast.duration)
-        self._long, self._short = params.width / 2.0, params.across / 2.0
-        self._cos, self._sin = cos(params.rotation), sin(params.rotation)
+        long, short = params.width / 2.0, params.across / 2.0
+        c, s = cos(params.rotation), sin(params.rotation)
+        self._sides = long * c, long * s, -short * s, short * c
 
     def update(self, tick: Tick) -> Setpoint | Done:
         time, coast = tick.elapsed, self._coast
@@ -76,20 +78,17 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
 
     def _eight(self, time: float) -> Setpoint:
         phase, rate, pull, jolt = self._phase.at(time)
-        w, h, turn_c, turn_s = self._long, self._short, self._cos, self._sin
+        (ex, ey, nx, ny), (x, y, z) = self._sides, self._coast.end
         s, c = sin(phase), cos(phase)
-        s2, c2 = 2.0 * s * c, c * c - s * s
-        square, cross, cube = rate * rate, 3.0 * rate * pull, rate * rate * rate
-        px, dx, py, dy = w * s, w * c, h * s2, 2.0 * h * c2
-        ddx, ddy = -px, -4.0 * py
-        vx, vy = dx * rate, dy * rate
-        ax, ay = ddx * square + dx * pull, ddy * square + dy * pull
-        jx, jy = dx * (jolt - cube) + ddx * cross, dy * (jolt - 4.0 * cube) + ddy * cross
-        x, y, z = self._coast.end
-        position = (x + px * turn_c - py * turn_s, y + px * turn_s + py * turn_c, z)
-        velocity = (vx * turn_c - vy * turn_s, vx * turn_s + vy * turn_c, 0.0)
-        acceleration = (ax * turn_c - ay * turn_s, ax * turn_s + ay * turn_c, 0.0)
-        jerk = (jx * turn_c - jy * turn_s, jx * turn_s + jy * turn_c, 0.0)
+        s2, d2 = 2.0 * s * c, 2.0 * (c * c - s * s)
+        square, cross, cube, bend = rate * rate, 3.0 * rate * pull, rate * rate * rate, 4.0 * s2
+        ve, vn = c * rate, d2 * rate
+        ae, an = c * pull - s * square, d2 * pull - bend * square
+        je, jn = c * (jolt - cube) - s * cross, d2 * (jolt - 4.0 * cube) - bend * cross
+        position = (x + ex * s + nx * s2, y + ey * s + ny * s2, z)
+        velocity = (ex * ve + nx * vn, ey * ve + ny * vn, 0.0)
+        acceleration = (ex * ae + nx * an, ey * ae + ny * an, 0.0)
+        jerk = (ex * je + nx * jn, ey * je + ny * jn, 0.0)
         return made(
             Setpoint, (_POSITION, position, velocity, acceleration, jerk, self._heading, 0.0)
         )
