@@ -4,83 +4,145 @@ The caller keeps the attitude level meanwhile: the behavior `land_blind`, or the
 simulated vehicle. It constructs a `Descent` at the start, calls `step` with every IMU sample, sends
 the thrust that it returns, and stops the rotors when it returns None.
 
-With f the specific force along body z, f0 that measured at rest on the ground (g if unknown), and v
-the upward speed:
+The upward speed v is estimated, never measured: from the thrust and from what the IMU feels, each
+as far as it can be trusted. With s the commanded thrust over the estimated hover thrust T0, after
+the rotors' lag, l the specific force at s = 1, and f the one that is felt, less its error at rest:
 
-    v' = u,  u = f - f0                          from the initial speed
-    w(t) = -(v1 + v2 t + v3 t^2)                 reference, v1 = 0.45, v2 = 0.06, v3 = 0.025
-    a = k (w - v),  k = 3 1/s                    within -2 and +2 m/s^2
-    r' = 6 (a - u) / g,  T = T0 r (1 + a / g)    r = 1 at the start
+    v' = l s - g,   l' = 0 +- WANDER,   f = l s +- r
 
-T0 is the estimated hover thrust; r corrects its error, because f shows the true thrust. A constant
-error b of f - f0 makes an error of b t in v, which the growth of w outruns: the vehicle never
-climbs for b up to 0.25 m/s^2. For a larger error, or nonsense in f, a bound on the thrust brings it
-down: r (1 + a / g) <= 1.25 for 6 s, then less by 0.05 each second. The lower bound is 0.6, so that
-no reading stops the rotors in the air.
+a Kalman filter of two states (Simon, "Optimal State Estimation", sec. 5.1). l begins at g, and r^2,
+the variance of a sample, is half the mean square of the difference of successive samples. Where
+the IMU is quiet, v follows it at once, whatever is wrong with the thrust; where it is noisy, the
+thrust's model holds the estimate. Its standard deviation d says how much noise explains, and the
+reference falls faster by twice that, so that no noise makes the vehicle climb:
 
-The vehicle has touched down when the floor carries it: f exceeds what the rotors give by 8 m/s^2
-(an impact, ignored in the first 0.2 s, when the rotors may still follow the command before), or is
-above 0.9 g for 0.1 s while the thrust is below 70 % of T0, to which r falls on the floor.
+    w(t) = -(v1 + v2 t + v3 t^2 + 2 d),   v1 = 0.3, v2 = 0.06, v3 = 0.025
+    a = k (w - v),  k = 3 1/s             within -2 and +2 m/s^2
+    T = T0 (g + a) / l
+
+A constant error b of f makes an error of b t in v, which the growth of w outruns: the vehicle never
+climbs for b down to -0.25 m/s^2. For a larger error, or nonsense in f, the thrust's model bounds
+the descent: T <= 1.6 T0 for 1.5 s, which catches a vehicle whose rotors have become weak, then less
+by 0.2 T0 each second down to 1.12 T0, and after 7.5 s less by 0.06 T0 each second.
+
+The vehicle has touched down when the floor carries it: f exceeds l s by 8 m/s^2 and six times the
+noise (an impact, ignored in the first 0.2 s, when the rotors may still follow the command before);
+or l s, which is f without its noise, is above 0.9 g for 0.1 s at a thrust that lifts no vehicle of
+a third of its weight, to which the law falls on the floor.
 """
 
 from __future__ import annotations
 
+from math import sqrt
+
 from kybflow.core.geometry import GRAVITY
 
-SPEED, GROWTH, BEND = 0.45, 0.06, 0.025
+SPEED, GROWTH, BEND, SURE = 0.3, 0.06, 0.025, 2.0
 STIFFNESS, HARDEST = 3.0, 2.0
-LEARNING = 6.0
-MOST, FULL, FADE = 1.25, 6.0, 0.05
-LEAST = 0.6
+UNSURE_SPEED, UNSURE_LIFT, WANDER = 0.08, 0.1 * GRAVITY, 0.5
+"""Standard deviations at the start, m/s and m/s^2; how much `l` may change, m/s^2 per root of a
+second."""
+CLIP = 3.0
+"""Standard deviations beyond which a sample counts no more."""
+LAG = 0.05
+"""Seconds by which rotors are taken to lag."""
+FIRST_NOISE, LEAST_NOISE, NOISE_TIME = 1.0, 0.05, 0.1
+"""The noise of a sample before it is known, and at least, m/s^2; seconds over which it is
+averaged."""
+BRIEFLY, LONGER = (1.6, 1.5, 0.2), (1.12, 7.5, 0.06)
+"""Two bounds of the thrust over the hover thrust, of which the larger counts: the bound at first,
+seconds for which it stays, and how much it falls each second then."""
+LEAST = 0.25
 ERROR = 0.12
 """Largest relative correction of the initial hover thrust in `Descent.hover`."""
-IMPACT, DEAF = 8.0, 0.2
-IDLE, WEIGHT, RESTED = 0.7, 0.9 * GRAVITY, 0.1
+IMPACT, CLEAR, DEAF = 8.0, 6.0, 0.2
+IDLE, WEIGHT, RESTED = 0.33, 0.9 * GRAVITY, 0.1
 
 
 class Descent:
     """hover: the estimated hover thrust, N. most: the rotors' largest thrust, N. climb: the initial
     upward speed, m/s. rest: the specific force along body z at rest, m/s^2."""
 
-    __slots__ = ("_climb", "_error", "_hover", "_most", "_ratio", "_rested", "_share", "_time")
+    __slots__ = (
+        "_both", "_error", "_given", "_hover", "_last", "_lift", "_most", "_noise", "_rested",
+        "_share", "_slow", "_speed", "_time", "_unsure",
+    )  # fmt: skip
 
     def __init__(self, hover: float, most: float, climb: float, rest: float = GRAVITY) -> None:
         self._hover, self._most = hover, most
         self._error = rest - GRAVITY
-        self._climb = climb
+        self._speed, self._lift = climb, GRAVITY
+        self._slow, self._both, self._unsure = UNSURE_SPEED**2, 0.0, UNSURE_LIFT**2
+        self._noise = FIRST_NOISE**2
+        self._last: float | None = None
         self._time = self._rested = 0.0
-        self._ratio = self._share = 1.0
+        self._share = self._given = 1.0
 
     @property
     def hover(self) -> float:
         """The corrected hover thrust, N."""
-        return self._hover * max(min(self._ratio, 1.0 + ERROR), 1.0 - ERROR)
+        return self._hover * max(min(GRAVITY / self._lift, 1.0 + ERROR), 1.0 - ERROR)
 
     def step(self, lift: float, dt: float) -> float | None:
         """Return the thrust to command (N), None after touch-down. lift: the mean specific force
         along body z (m/s^2) over the last `dt` seconds."""
         self._time += dt
         lift -= self._error
-        if self._landed(lift, dt):
+        self._given += (self._share - self._given) * dt / (LAG + dt)
+        self._listen(lift, dt)
+        excess = lift - self._lift * self._given
+        struck = self._time > DEAF and excess > max(IMPACT, CLEAR * sqrt(self._noise))
+        self._predict(dt)
+        self._correct(excess)
+        if struck or self._is_carried(dt):
             return None
-        change = lift - GRAVITY
-        self._climb += change * dt
-        time = self._time
-        wanted = -(SPEED + time * (GROWTH + time * BEND))
-        pull = STIFFNESS * (wanted - self._climb)
-        pull = -HARDEST if pull < -HARDEST else HARDEST if pull > HARDEST else pull
-        most = MOST - FADE * max(time - FULL, 0.0)
-        factor = 1.0 + pull / GRAVITY
-        ratio = self._ratio + LEARNING * dt * (pull - change) / GRAVITY
-        self._ratio = ratio = max(min(ratio, most / factor), LEAST / factor)
-        self._share = ratio * factor
-        return min(self._hover * self._share, self._most)
+        return min(self._hover * self._ask(), self._most)
 
-    def _landed(self, lift: float, dt: float) -> bool:
-        share = self._share
-        if share < IDLE and lift > WEIGHT:
-            self._rested += dt
-        else:
-            self._rested = 0.0
-        struck = self._time > DEAF and lift - GRAVITY * share > IMPACT
-        return struck or self._rested >= RESTED
+    def _listen(self, lift: float, dt: float) -> None:
+        """Learn how noisy a sample is."""
+        last, self._last = self._last, lift
+        if last is not None:
+            change = min(abs(lift - last), IMPACT)
+            self._noise += (0.5 * change * change - self._noise) * dt / (NOISE_TIME + dt)
+            self._noise = max(self._noise, LEAST_NOISE**2)
+
+    def _predict(self, dt: float) -> None:
+        pushed = self._given * dt
+        self._speed += self._lift * pushed - GRAVITY * dt
+        self._slow += pushed * (2.0 * self._both + pushed * self._unsure)
+        self._both += pushed * self._unsure
+        self._unsure += WANDER * WANDER * dt
+
+    def _correct(self, excess: float) -> None:
+        """Correct the speed and the lift. excess: what is felt beyond what was expected."""
+        share = self._given
+        total = share * share * self._unsure + self._noise
+        most = CLIP * sqrt(total)
+        excess = -most if excess < -most else most if excess > most else excess
+        gain_speed, gain_lift = share * self._both / total, share * self._unsure / total
+        self._speed += gain_speed * excess
+        self._lift = max(self._lift + gain_lift * excess, 1.0)
+        self._slow -= gain_speed * share * self._both
+        self._both -= gain_speed * share * self._unsure
+        self._unsure -= gain_lift * share * self._unsure
+
+    def _is_carried(self, dt: float) -> bool:
+        """Whether the floor has carried the vehicle for long enough."""
+        carried = self._given < IDLE and self._lift * self._given > WEIGHT
+        self._rested = self._rested + dt if carried else 0.0
+        return self._rested >= RESTED
+
+    def _ask(self) -> float:
+        """The next thrust over the hover thrust."""
+        time = self._time
+        wanted = -(SPEED + time * (GROWTH + time * BEND) + SURE * sqrt(max(self._slow, 0.0)))
+        pull = STIFFNESS * (wanted - self._speed)
+        pull = -HARDEST if pull < -HARDEST else HARDEST if pull > HARDEST else pull
+        most = max(_bound(BRIEFLY, time), _bound(LONGER, time))
+        self._share = share = max(min((GRAVITY + pull) / self._lift, most), LEAST)
+        return share
+
+
+def _bound(bound: tuple[float, float, float], time: float) -> float:
+    most, full, fade = bound
+    return most - fade * max(time - full, 0.0)

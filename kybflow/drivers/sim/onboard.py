@@ -73,17 +73,20 @@ class AttitudeController:
         aboard.filters[index] = (*from_heading(heading), *ZERO, 0.0)
         aboard.gains[index] = tuple(_gains(airframe, dt))
 
-    @property
-    def climb(self) -> float:
-        """Vertical speed, upward, m/s: the IMU's upward specific force since it was armed, less
-        what it felt before, at rest."""
+    def gained(self) -> tuple[float, float]:
+        """The upward speed that the IMU has felt since the last call or since it was armed, m/s,
+        by an upward specific force beyond that at rest; and for how many seconds."""
         lifted, steps = self._since()
-        return self._dt * (lifted - steps * self.rest)
+        self._mark(lifted, steps)
+        return self._dt * (lifted - steps * self.rest), self._dt * steps
 
     def _since(self) -> tuple[float, int]:
-        """The sum of the upward specific force since it was armed or disarmed, and its steps."""
+        """The sum of the upward specific force since the last mark, and its steps."""
         aboard = self._aboard
         return aboard.filters[self._index][-1] - self._lifted, aboard.steps - self._steps
+
+    def _mark(self, lifted: float, steps: int) -> None:
+        self._lifted, self._steps = self._lifted + lifted, self._steps + steps
 
     def receive(self, command: Command) -> None:
         """Hold `command` until the next one."""
@@ -98,7 +101,7 @@ class AttitudeController:
             lifted, steps = self._since()
             rested = armed and steps * self._dt >= CALIBRATION
             self.rest = lifted / steps if rested else GRAVITY
-            self._lifted, self._steps = self._lifted + lifted, self._steps + steps
+            self._mark(lifted, steps)
             self.armed = armed
         lift = self._share * thrust
         self._aboard.setpoints[self._index] = (float(armed), *attitude, *rates, lift, turn)

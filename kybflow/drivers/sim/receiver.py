@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from math import exp
 
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NEVER, NS, Command, Time
@@ -12,6 +13,9 @@ from kybflow.world.vehicle_context import Airframe
 
 WATCHDOG: Time = NS // 4
 """How long an armed vehicle waits for a command before it comes down by itself."""
+FORGOTTEN = 2.0
+"""Seconds in which a speed that the IMU has felt is forgotten: an accelerometer that is wrong by b
+is never mistaken for more than 2 b, however long the flight."""
 
 
 class Receiver:
@@ -25,6 +29,7 @@ class Receiver:
         self._controller, self._airframe, self._watched = controller, airframe, watched
         self._heard: Time = 0
         self._deaf = False
+        self._climb = 0.0
         self._on_the_way: deque[tuple[Time, Command]] = deque()
 
     def put_off(self, late: Time) -> None:
@@ -60,13 +65,15 @@ class Receiver:
         if not self._watched:
             return due
         since = now
-        if self._controller.armed and not self._deaf:
+        if not self._controller.armed:
+            self._climb = 0.0
+        elif not self._deaf:
+            gained, seconds = self._controller.gained()
+            self._climb = self._climb * exp(-seconds / FORGOTTEN) + gained
             since = self._heard
             if now - since >= WATCHDOG:
-                frame, controller = self._airframe, self._controller
-                self.descent = Descent(
-                    frame.hover_thrust, frame.max_thrust, controller.climb, controller.rest
-                )
+                frame, rest = self._airframe, self._controller.rest
+                self.descent = Descent(frame.hover_thrust, frame.max_thrust, self._climb, rest)
                 self._deaf, since = True, now
         return min(due, since + WATCHDOG)
 

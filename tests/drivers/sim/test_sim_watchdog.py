@@ -25,6 +25,25 @@ def left_alone(session, link, now, seconds=30.0):
     return fastest, now
 
 
+def cut_after(seconds, seed, height=1.0):
+    """The link is cut after so long a hover, begun before the IMU has rested for long: the greatest
+    height from then on over the last, the fastest descent above the floor, and the last height."""
+    session = world(seat(params=SimParams()), seed=seed)
+    link = session.links["a"]
+    _, now = push(session, link, 0.04, STOPPED)
+    now = lift(session, link, height, seconds, now)
+    last = top = link.truth().position[2]
+    fastest = 0.0
+    while link.controller.armed:
+        now += PERIOD
+        before = link.truth()
+        session.advance(now)
+        top = max(top, before.position[2])
+        if before.position[2] < 0.05:
+            fastest = max(fastest, -before.velocity[2])
+    return top / last, fastest, link.truth().position[2]
+
+
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("height", [0.6, 1.5, 2.5])
 def test_a_vehicle_that_nobody_commands_any_more_comes_down_gently(height, seed):
@@ -34,6 +53,24 @@ def test_a_vehicle_that_nobody_commands_any_more_comes_down_gently(height, seed)
     assert link.truth().position[2] == pytest.approx(0.0, abs=0.02)
     assert max(session.aboard.controls[0]) == 0.0
     assert tilt_of(link.truth().attitude) < 0.1
+
+
+def assert_gently_down(climbed, fastest, height):
+    assert climbed <= 1.2
+    assert 0.1 < fastest <= 1.5
+    assert height == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("seed", [100, 101, 104])
+def test_a_long_flight_does_not_make_it_climb(seed):
+    assert_gently_down(*cut_after(60.0, seed))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [5.0, 60.0, 150.0, 600.0])
+@pytest.mark.parametrize("seed", range(200, 220))
+def test_however_long_it_flew_before_it_does_not_climb(seconds, seed):
+    assert_gently_down(*cut_after(seconds, seed))
 
 
 @pytest.mark.parametrize("climb", [-1.0, 1.0])
