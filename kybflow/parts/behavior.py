@@ -144,6 +144,7 @@ class Behavior(Part[P]):
     flight: its flight types. emits: the kind of setpoint that `update` returns, or of command.
     needs_estimate: whether it can fly only with an estimate. needs: kinds of measurement to
     subscribe to while it is active, if the driver provides them. grips: `update` may return a Grip.
+    waits_for: what it waits for, in words, None while it goes on; told as `behavior_waits`.
     """
 
     kind = "behaviors"
@@ -152,6 +153,7 @@ class Behavior(Part[P]):
     needs_estimate: ClassVar[bool] = True
     needs: ClassVar[frozenset[MeasurementKind]] = frozenset()
     grips: ClassVar[bool] = False
+    waits_for: str | None = None
 
     def __init_subclass__(
         cls,

@@ -17,6 +17,10 @@ for that, the height averaged over a second stays within 5 cm for four times as 
 never runs more than 0.3 m ahead, so that no position error builds up on the ground. A descent that
 comes no lower for `patience` has failed: what follows needs no height.
 
+Nor does it land on another vehicle (`kybflow.flight.landing_place`): while one is under it the
+descent waits. Without a `position` it flies to a free place beside; over a point it waits for
+`patience` and has then failed.
+
 On the ground it is done at once. Its last setpoint is IDLE. A velocity at entry is shed on the
 way. World frame, metres; the heading is kept.
 """
@@ -27,6 +31,7 @@ from math import hypot, sqrt
 
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Position, Speed, Vec3
+from kybflow.flight.landing_place import place_beside, vehicle_below
 from kybflow.flight.motion import (
     COAST_ACCELERATION,
     IDLE,
@@ -92,7 +97,7 @@ class Land(
 ):
     def __init__(self, params: LandParams, entry: Entry) -> None:
         super().__init__(params, entry)
-        self._grounded = entry.flight is GROUND
+        self._grounded, self._context = entry.flight is GROUND, entry.context
         self._point = params.position
         self._ground = (entry.context.start if self._point is None else self._point)[2]
         self._heading = entry.heading
@@ -103,14 +108,14 @@ class Land(
         self._average = self._level = self._lowest = entry.position[2]
         self._stopped, self._settled, self._above = Dwell(), Dwell(), Dwell()
         self._stalled = 0.0
+        self._goal: Vec3 | None = self._point
         x, y, _ = self._point or self._coast.end
         goal = (x, y, self._coast.end[2])
-        self._way = Straight(
-            self._coast.end, goal, entry.cruise_speed(params.approach), params.acceleration
-        )
+        self._speed = entry.cruise_speed(params.approach)
+        self._way, self._began = self._to(self._coast.end, goal), 0.0
         self._arrival = max(self._coast.duration, self._way.duration)
         self._descends = self._point is None
-        self._waited = 0.0
+        self._waited = self._barred = 0.0
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
         if self._grounded:
@@ -119,25 +124,51 @@ class Land(
         heard = tick.link_age <= _HEARD
         if self._descends and heard and self._has_stopped(own[2], tick.dt):
             return Done(IDLE)
+        below = self._below(tick, own)
         gap = self._gap(own)
         if not self._descends and tick.elapsed >= self._arrival:
             close = gap <= self.params.tolerance
             self._descends = self._above.reached(close, _ABOVE, tick.dt)
-        waits = self._waits(gap, tick.dt)
+        waits = self._waits(gap, tick.dt) or below is not None
         pull = self._descend(tick.dt, own[2], waits)
         setpoint = self._setpoint(tick.elapsed, pull)
         self._stalled += 0.0 if waits else tick.dt
         if self._stalled > self.params.patience:
             return Failed(setpoint, f"no lower for {self.params.patience:g} s, and no ground")
+        if self._barred > self.params.patience:
+            return Failed(setpoint, f"{self.waits_for} for {self.params.patience:g} s")
         if not self._descends and tick.elapsed > self._arrival + self.params.patience:
+            if self._point is None:
+                self._descends = True
+                return setpoint
             return Failed(setpoint, f"still {gap:.2f} m from above the point")
         return setpoint
 
+    def _below(self, tick: Tick, own: Vec3) -> str | None:
+        """The vehicle that is under this one. Turns to a place beside it where it may choose."""
+        below = vehicle_below(self._context, own, tick.fleet) if len(tick.fleet) > 1 else None
+        self.waits_for = None if below is None else f"`{below}` is below"
+        if below is None or not self._descends or tick.elapsed < self._arrival:
+            return below
+        if self._point is not None:
+            self._barred += tick.dt
+            return below
+        x, y, _ = self._way.at(tick.elapsed - self._began).position
+        here = (x, y, self._height)
+        goal = place_beside(self._context, here, tick.fleet, below)
+        if goal is not None:
+            self._goal, self._way, self._began = goal, self._to(here, goal), tick.elapsed
+            self._arrival, self._descends = tick.elapsed + self._way.duration, False
+        return below
+
+    def _to(self, start: Vec3, goal: Vec3) -> Straight:
+        return Straight(start, goal, self._speed, self.params.acceleration)
+
     def _gap(self, own: Vec3) -> float:
-        """How far the vehicle is from the vertical through the point; zero without one."""
-        if self._point is None:
+        """How far the vehicle is from the vertical through its goal; zero without one."""
+        if self._goal is None:
             return 0.0
-        return hypot(own[0] - self._point[0], own[1] - self._point[1])
+        return hypot(own[0] - self._goal[0], own[1] - self._goal[1])
 
     def _waits(self, gap: float, dt: float) -> bool:
         """Whether the height is held for now."""
@@ -149,7 +180,7 @@ class Land(
         return True
 
     def _setpoint(self, time: float, pull: float) -> Setpoint:
-        level = self._way.at(time)
+        level = self._way.at(time - self._began)
         if time < self._coast.duration:
             level = level.plus(self._coast.shift(time))
         (x, y, _), (vx, vy, _), (ax, ay, _), jerk = level

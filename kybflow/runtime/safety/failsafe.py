@@ -69,7 +69,9 @@ class Failsafe:
         self._failed: RaisedAlarm | None = None
         self._last: dict[str, Time] = {}
         self._braking: dict[str, Time] = {}
+        self._reasons: dict[str, str] = {}
         self._released: dict[str, Time] = {}
+        self._waived: dict[str, Time] = {}
         self._for_good = False
 
     def check(self, tick: Tick, airborne: bool) -> RaisedAlarm | None:
@@ -126,7 +128,10 @@ class Failsafe:
         last = self._last.get(alarm.event)
         self._last[alarm.event] = now
         if alarm.reaction is Reaction.BRAKE and alarm.event in self._braking:
-            self._braking[alarm.event] = now
+            self._braking[alarm.event], self._reasons[alarm.event] = now, alarm.reason
+        waived = self._waived.pop(alarm.event, None)
+        if waived is not None and now - waived < RELEASED_AFTER * NS:
+            self._waived[alarm.event] = now
         if last is None or now - last > _QUIET:
             self._tell(alarm.event, heard, alarm.reaction)
         return heard
@@ -154,7 +159,7 @@ class Failsafe:
         if self.latched is not None and reaction <= self.latched:
             return None
         if reaction is Reaction.BRAKE:
-            if state in _NOT_BRAKED or self._brakes(alarm.event, tick.now):
+            if state in _NOT_BRAKED or alarm.event in self._waived or self._brakes(alarm, tick.now):
                 return None
         else:
             self.latched = reaction
@@ -162,18 +167,24 @@ class Failsafe:
         self._tell("failsafe_started", heard, reaction)
         return reaction
 
-    def _brakes(self, event: str, now: Time) -> bool:
+    def _brakes(self, alarm: Alarm, now: Time) -> bool:
         """Note a braking alarm; return whether the vehicle was braked already."""
+        event = alarm.event
         braked, released = bool(self._braking), self._released.get(event)
         if released is not None and now - released <= AGAIN * NS:
             self._for_good = True
-        self._braking[event] = now
+        self._braking[event], self._reasons[event] = now, alarm.reason
         return braked
 
     @property
     def braking(self) -> str | None:
         """The names of the braking alarms, None without any."""
         return " and ".join(self._braking) or None
+
+    @property
+    def brakes_because(self) -> str:
+        """What the braking alarms said last."""
+        return " and ".join(self._reasons[event] for event in self._braking)
 
     def release(self, now: Time) -> bool:
         """End the brake if its alarms have been silent for long enough; return whether it ended."""
@@ -190,6 +201,12 @@ class Failsafe:
         """Forget the brake, because the vehicle does something else now."""
         self._braking.clear()
         self._for_good = False
+
+    def waive_brake(self) -> None:
+        """Forget the brake, because somebody who knows of it brings the vehicle down. What brakes
+        it now brakes it again only after it has been silent."""
+        self._waived = dict(self._braking)
+        self.clear_brake()
 
     def is_latched(self) -> bool:
         """Return whether a reaction holds that only a severer one can replace."""

@@ -8,7 +8,8 @@ it looks again when the narrowest gap could be gone, after 0.1 s at the latest; 
 more than 5 m away, when it could be nearer. World frame, metres.
 
 The default reaction is `brake`: both vehicles see each other, both hold, and each goes on when the
-other is gone; where neither is, they land after the mission's `hover_limit`.
+other is gone; where neither is, they land after the mission's `hover_limit`, each where nobody is
+below it.
 """
 
 from __future__ import annotations

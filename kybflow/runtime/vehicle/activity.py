@@ -67,6 +67,7 @@ class Activity:
         self._refused: frozenset[str] = frozenset()
         self._blend: SetpointBlend | None = None
         self._resumes = False
+        self._waits_for: str | None = None
 
     def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
         """Enter the first state."""
@@ -133,6 +134,8 @@ class Activity:
                 return held
             self.hold, self._resumes = None, self.off_ground
         output = self.behavior.update(tick)
+        if self.behavior.waits_for != self._waits_for:
+            self._tell_waiting()
         if not isinstance(output, Setpoint):
             if isinstance(output, Command):
                 return output
@@ -148,6 +151,11 @@ class Activity:
             self._resumes = False
             self._blend = SetpointBlend(tick.now, tick.setpoint, output)
         return output if self._blend is None else self._blended(output, tick.now)
+
+    def _tell_waiting(self) -> None:
+        self._waits_for = self.behavior.waits_for
+        if self._waits_for is not None:
+            self._tell("behavior_waits", self.state.at, reason=self._waits_for)
 
     def _blended(self, asked: Setpoint, now: Time) -> Setpoint:
         assert self._blend is not None
@@ -235,7 +243,7 @@ class Activity:
             self._refused = frozenset()
         self._outcome, self._reason = "running", ""
         self.hold = self.land_mode = self._blend = self._wanted = None
-        self._resumes, self.grip = False, None
+        self._resumes, self.grip, self._waits_for = False, None, None
 
     def _starts(self, name: str) -> bool:
         """Build the behavior of a state that was asked for, before the present one is left."""

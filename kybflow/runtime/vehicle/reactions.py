@@ -5,6 +5,7 @@ from __future__ import annotations
 from kybflow.core.errors import PartFailed
 from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
+from kybflow.flight.landing_place import vehicle_below
 from kybflow.parts import GROUND
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import STATES, Failsafe, RaisedAlarm
@@ -60,9 +61,14 @@ class Reactions:
             activity.flight, self._cut = GROUND, tick.now
             self._link.cut(tick.now)
         activity.go(STATES[reaction] if airborne else "fault")
-        if airborne and self._link.prefers_land_mode(reaction):
+        if airborne and self._link.prefers_land_mode(reaction) and self._is_clear(tick):
             self.start_land_mode(tick.now)
         return True
+
+    def _is_clear(self, tick: Tick) -> bool:
+        """Whether no other vehicle is known to be below; an own land mode knows nothing of them."""
+        own, context = tick.estimate, self._activity.entry().context
+        return own is None or vehicle_below(context, own.position, tick.fleet) is None
 
     def alarm(self, label: str, alarm: Alarm, tick: Tick) -> bool:
         """React to an alarm of the part `label`; return whether that changed anything."""
@@ -101,7 +107,8 @@ class Reactions:
             hold.leave("brake", now)
         limit = self._plan.hover_limit
         if hold.lasts and self._activity.off_ground and now - hold.since >= limit * NS:
-            self._score.failure(f"held for {limit:g} s")
+            why = failsafe.brakes_because
+            self._score.failure(f"held for {limit:g} s{': ' if why else ''}{why}")
             failsafe.clear_brake()
             self._activity.go("auto_land")
 

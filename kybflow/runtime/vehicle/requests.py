@@ -159,7 +159,7 @@ class Requests:
             self._activity.switch(request.state, request.at)
         except Refused as refusal:
             return str(refusal)
-        self._failsafe.clear_brake()
+        self._failsafe.waive_brake()
         if self._failsafe.latched is not None:
             self._failsafe.latched = _SAFER.get(request.state)
         return None
