@@ -1,9 +1,8 @@
-"""What conditions and expectations read of a vehicle or an estimator (`observables.View`)."""
+"""The views of a vehicle that conditions and expectations read (`observables.View`)."""
 
 from __future__ import annotations
 
-from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Battery, Estimate, PayloadState, Setpoint, Sticks
@@ -107,16 +106,3 @@ class TrueView(BelievedView):
         if truth is None or truth.payload is None:
             raise Unavailable
         return truth.payload
-
-
-class EstimatorView:
-    """An estimator by its last estimate, for its own health condition."""
-
-    def __init__(self) -> None:
-        self.age = self.spread = inf
-
-    def _never(self) -> Any:
-        raise Unavailable
-
-    state = wanted = battery = behavior = estimator = elapsed = start = property(_never)
-    payload = payload_place = releases = sticks = property(_never)

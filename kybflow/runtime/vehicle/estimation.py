@@ -18,12 +18,12 @@ from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.parts import Estimator
 from kybflow.runtime.conditions import bind
+from kybflow.runtime.estimator_view import EstimatorView
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_estimate
 from kybflow.runtime.making import make
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.blending import EstimateBlend
-from kybflow.runtime.views import EstimatorView
 from kybflow.world.vehicle_context import VehicleContext
 
 Known = Callable[[frozenset[MeasurementKind]], str]
