@@ -1,4 +1,4 @@
-"""Which poses a vehicle can have: the others belong to another body, or to none.
+"""Which poses a vehicle can have: the one gate of all estimators that are told poses or positions.
 
 Reference: the estimate that the vehicle flies on where that is another's (not older than 0.1 s),
 else the last pose that passed, gone on for at most 0.25 s. With s the reference's spread and t the
@@ -7,23 +7,38 @@ seconds since its newest measurement, a pose passes within
     gate + 4 s + a t^2 / 2,   a = 5 m/s^2,   but at most `widest`
 
 of it, and within 45 degrees of its attitude; within 4 m/s t more while the own velocity is not
-known yet. So a body that was exchanged with one further away
-than `widest` is not taken for the vehicle as long as anything in the vehicle knows where it is, nor
-afterwards; the vehicle's own body is, when it comes back, whatever the time.
+known yet. So a reflection is left out, and a body that was exchanged with one further away than
+`widest`.
+
+The reference may be what is wrong: dead reckoning drifts. So the gate opens for refused poses once
+
+    they have gone on from one another (`kybflow.flight.pose_track`) for `AGREED` seconds, without
+    a gap of `BREAK`, and
+    the first of them was within the formula above, without `widest`, of the last pose that passed:
+    the vehicle can have got there,
+
+and no longer asks the estimate that is flown on, until that is the gate's own. Where the poses have
+jumped to where they are now they must agree for `AGREED_ANEW`. Poses that jumped to where the
+vehicle can't have got stay out, and so do those after a gap that are nearer to them than to the
+reference. This is how a track is confirmed in radar, by measurements that fit one another rather
+than the old track (S. Blackman and R. Popoli, "Design and Analysis of Modern Tracking Systems",
+1999), and what EKF2 of PX4 and EKF3 of ArduPilot do when they reset to a position that they refused
+for too long.
 
 The first pose passes, and so does every later one that lies elsewhere, until `samples` poses have
 come that passed one after another: a wrong pose at the start keeps nobody out. On the ground the
-vehicle may be carried away unseen. Poses elsewhere pass again once they have been consistent (0.1 m
-plus 2 m/s apart, no gap over 0.5 s) for `settled` seconds in which no other estimate was flown on.
-In the air that can't happen: without an estimate a vehicle is on the ground long before.
+vehicle may be carried away unseen. Any poses pass again once they have agreed for `settled` seconds
+in which no other estimate was flown on. In the air that can't happen: without an estimate a vehicle
+is on the ground long before.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from kybflow.core.geometry import Quat, Vec3, add, distance, scale
+from kybflow.core.geometry import Quat, Vec3, add, distance, scale, sub
 from kybflow.core.signals import NS, Estimate, Pose, Time
+from kybflow.flight.pose_track import CONFIRMED, PoseTrack
 
 ACCELERATION = 5.0
 LOOK_AHEAD = 0.25
@@ -31,7 +46,7 @@ CURRENT = NS // 10
 SAME_ATTITUDE = 0.9239
 """Cosine of half of 45 degrees: the least product of two quaternions that are the same."""
 UNKNOWN_PACE = 4.0
-STEP, PACE, BREAK = 0.1, 2.0, 0.5
+AGREED, AGREED_ANEW, BREAK = 0.3, 1.0, 0.5
 
 
 class Reference(NamedTuple):
@@ -45,41 +60,109 @@ class Reference(NamedTuple):
     pace: float
 
 
-class PoseGate:
-    """`flown` is the newest estimate of another that the vehicle flew on."""
+class Bounds(NamedTuple):
+    """Of a gate, metres and seconds."""
 
-    __slots__ = ("_first", "_last", "flown")
+    gate: float
+    widest: float
+    settled: float
+    agreed: float = AGREED
+
+
+class Refusal(NamedTuple):
+    """Poses are refused. since: when the first of them was true. reason: what is wrong with them,
+    in words."""
+
+    since: Time
+    reason: str
+
+
+class PoseGate:
+    """`flown` is the newest estimate of another that the vehicle flew on. refusal: None while none
+    is refused; fewer than `CONFIRMED` in a row don't count."""
+
+    __slots__ = (
+        "_barred", "_count", "_is_open", "_is_possible", "_newest", "_track", "_wait", "flown",
+        "refusal",
+    )  # fmt: skip
 
     def __init__(self) -> None:
         self.flown: Estimate | None = None
-        self._first: Pose | None = None
-        self._last: Pose | None = None
+        self.refusal: Refusal | None = None
+        self._is_open = False
+        self._track = PoseTrack()
+        self._newest: Time = 0
+        self._count = 0
+        self._wait = AGREED
+        self._is_possible = False
+        self._barred: Pose | None = None
 
     def current(self, time: Time) -> Estimate | None:
-        """The other's estimate where the vehicle flies on it at `time`."""
+        """The other's estimate where the vehicle flies on it at `time`, and it isn't what is
+        wrong."""
         flown = self.flown
-        return None if flown is None or abs(time - flown.time) > CURRENT else flown
+        if flown is None or abs(time - flown.time) > CURRENT:
+            self._is_open = False
+            return None
+        return None if self._is_open else flown
 
-    def passes(self, pose: Pose, reference: Reference, gate: float, widest: float) -> bool:
-        """Whether the vehicle can be where `pose` is."""
-        t = (pose.time - reference.time) / NS
-        beside = 4.0 * reference.spread + t * (reference.pace + 0.5 * ACCELERATION * t)
-        if distance(pose.position, reference.position) > min(gate + beside, widest):
+    def passes(self, pose: Pose, reference: Reference, bounds: Bounds) -> bool:
+        """Whether the vehicle can be where `pose` is; else `opened` must be asked."""
+        most = min(_reachable(pose, reference, bounds), bounds.widest)
+        if distance(pose.position, reference.position) > most:
             return False
         return is_same(pose.attitude, reference.attitude)
 
-    def settled(self, pose: Pose, seconds: float) -> bool:
-        """Take note of a pose that does not pass; whether such ones have been consistent for so
-        long, and nothing else was flown on."""
-        last, self._last = self._last, pose
-        if last is None or not _follows(last, pose):
-            self._first = None
-        if self._first is None:
-            self._first = pose
-        begin = self._first.time
-        if self.flown is not None:
-            begin = max(begin, self.flown.time)
-        return pose.time - begin >= seconds * NS
+    def passed(self, time: Time) -> None:
+        """Take note of a pose that passes; to be told while there is a `refusal`."""
+        if time - self._newest >= AGREED * NS:
+            self.refusal = None
+
+    def opened(
+        self, pose: Pose, reference: Reference, own: Reference | None, bounds: Bounds
+    ) -> Vec3 | None:
+        """Take note of a pose that does not pass; where the gate opens for it and those before it,
+        the velocity at which they moved. own: as the reference, but always gone on from the last
+        pose that passed; None before the first one."""
+        self._note(pose, reference, own, bounds)
+        first, last = self._track.first, self._track.last
+        if first is None or last is not pose:
+            return None  # by itself it begins nothing
+        since = first.time if self.flown is None else max(first.time, self.flown.time)
+        agree = self._count >= CONFIRMED and pose.time - first.time >= self._wait * NS
+        if not (self._is_possible and agree) and pose.time - since < bounds.settled * NS:
+            if self.refusal is None and self._count >= CONFIRMED:
+                self.refusal = Refusal(first.time, _reason(pose, reference, bounds))
+            return None
+        self.refusal, self._is_open, self._track = None, True, PoseTrack()
+        seconds = (pose.time - first.time) / NS
+        return scale(sub(pose.position, first.position), 1.0 / seconds)
+
+    def _note(
+        self, pose: Pose, reference: Reference, own: Reference | None, bounds: Bounds
+    ) -> None:
+        """Go on with the track of refused poses, or begin one."""
+        last, newest, self._newest = self._track.last, self._newest, pose.time
+        has_passed = own is not None and own.time > newest
+        if last is None or has_passed or pose.time - newest > BREAK * NS:
+            self._track, self._count, self._wait = PoseTrack(), 1, bounds.agreed
+            self._track.follow(pose)
+            barred = None if has_passed else self._barred
+            self._is_possible = _may_begin(pose, own, bounds) and not (
+                barred is not None
+                and distance(pose.position, barred.position)
+                < distance(pose.position, reference.position)
+            )
+        elif self._track.follow(pose) is not None:
+            self._count, self._wait = CONFIRMED, max(bounds.agreed, AGREED_ANEW)
+            self._is_possible = _may_begin(pose, own, bounds)
+        elif self._track.last is pose:
+            self._count += 1
+            self._is_possible = self._is_possible or (
+                own is not None and self.passes(pose, own, bounds)
+            )
+        if self._track.last is pose:
+            self._barred = None if self._is_possible else pose
 
 
 def seen_from(flown: Estimate, time: Time) -> Reference:
@@ -94,6 +177,24 @@ def is_same(a: Quat, b: Quat) -> bool:
     return abs(aw * bw + ax * bx + ay * by + az * bz) >= SAME_ATTITUDE
 
 
-def _follows(last: Pose, pose: Pose) -> bool:
-    dt = (pose.time - last.time) / NS
-    return dt <= BREAK and distance(last.position, pose.position) <= STEP + PACE * dt
+def _reachable(pose: Pose, reference: Reference, bounds: Bounds) -> float:
+    """How far from the reference a flight can have brought the vehicle, metres."""
+    t = (pose.time - reference.time) / NS
+    return bounds.gate + 4.0 * reference.spread + t * (reference.pace + 0.5 * ACCELERATION * t)
+
+
+def _may_begin(pose: Pose, own: Reference | None, bounds: Bounds) -> bool:
+    """Whether a flight explains how the vehicle came to the first of refused poses."""
+    if own is None or distance(pose.position, own.position) > _reachable(pose, own, bounds):
+        return False
+    return pose.time - own.time > LOOK_AHEAD * NS or is_same(pose.attitude, own.attitude)
+
+
+def _reason(pose: Pose, reference: Reference, bounds: Bounds) -> str:
+    off = distance(pose.position, reference.position)
+    most = min(_reachable(pose, reference, bounds), bounds.widest)
+    if off > most:
+        return f"{off:.2f} m from where it is believed, {most:.2f} m allowed"
+    if not is_same(pose.attitude, reference.attitude):
+        return "turned by more than 45 deg from the attitude that is believed"
+    return f"{off:.2f} m from where it is believed, more than the spreads explain"

@@ -24,6 +24,7 @@ from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
+    from kybflow.flight.pose_gate import Refusal
     from kybflow.vision.locating.locator import Sighting
 
 
@@ -35,10 +36,12 @@ class Estimator(Part[P]):
     needs: the kinds of measurement that it can't work without. needs_tags: it can use frames only
     if the world has tags. own: its estimate comes from the vehicle itself, so it is not sent back
     as an external position. sighting: what it found in the newest camera frames, None in most.
+    refusal: why it refuses what arrives of the position, None while it takes it.
     """
 
     kind = "estimators"
     sighting: Sighting | None = None
+    refusal: Refusal | None = None
     needs: ClassVar[frozenset[MeasurementKind]]
     needs_tags: ClassVar[bool] = False
     own: ClassVar[bool] = False

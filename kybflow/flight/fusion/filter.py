@@ -31,7 +31,7 @@ from kybflow.flight.fusion.covariance import (
 )
 from kybflow.flight.fusion.params import FusionParams
 from kybflow.flight.fusion.replay import Belief, FilterState, Fix, Replay
-from kybflow.flight.pose_gate import PoseGate, Reference, seen_from
+from kybflow.flight.pose_gate import Bounds, PoseGate, Reference, Refusal, seen_from
 
 NEAR = 0.2
 """How far from where it is believed a vehicle may be seen at least, metres."""
@@ -42,6 +42,8 @@ LEANING = 0.1
 REST_FORCE, REST_TURN, REST = 0.5, 0.1, 0.5
 """At rest the specific force is so near to gravity's, m/s^2, and so little is turned, rad/s, for so
 many seconds."""
+WRONG_FORCE, WRONG_TURN = 1.0, 0.1
+"""Standard deviations of the biases of an IMU that led the filter astray, m/s^2 and rad/s."""
 CREEP, SHIVER = 0.01, 0.01
 """Standard deviations at rest: of the velocity, m/s, and of the acceleration, m/s^2."""
 
@@ -78,6 +80,11 @@ class Filter:
         return state is not None and state.passed >= self._params.samples
 
     @property
+    def refusal(self) -> Refusal | None:
+        """Why measurements are refused, None while they are taken."""
+        return self._gate.refusal
+
+    @property
     def spread(self) -> float:
         """Standard deviation of the position, metres, with what wanders, and with doubts."""
         state = self._replay.state
@@ -107,29 +114,42 @@ class Filter:
                 self._waiting.append(fix)
 
     def _fuse(self, fix: Fix, flown: Estimate | None) -> None:
-        if flown is not None and not self._is_possible(fix, seen_from(flown, fix.time)):
+        gate, state = self._gate, self._replay.state
+        seen = None if flown is None else seen_from(flown, fix.time)
+        if seen is not None and not self._is_possible(fix, seen):
+            self._refuse(fix, seen, self._believed(fix.time), flown)
             return
         if fix.attitude is None:
             self._wander = sqrt(self._params.position_wander) * fix.deviation
-        state = self._replay.state
         if state is None:
             self._begin(fix, flown)
         elif self._replay.add(fix):
             state = self._replay.state
             assert state is not None
-            if state.missed is not None and state.missed.time == fix.time:
-                self._refused(fix, state, state.missed, flown)
+            if state.missed is None or state.missed.time != fix.time:
+                gate.passed(fix.time)
+            elif self._was_known:
+                believed = _reference(state, state.missed)
+                own = believed if seen is None else seen._replace(time=state.fused)
+                self._refuse(fix, believed, own, flown)
+            else:
+                self._begin(fix, flown)
             self._was_known = self._was_known or self.is_known
 
-    def _refused(
-        self, fix: Fix, state: FilterState, missed: Nominal, flown: Estimate | None
+    def _refuse(
+        self, fix: Fix, reference: Reference, own: Reference | None, flown: Estimate | None
     ) -> None:
-        """The newest measurement was; begin at it where the filter is to blame."""
-        has_settled = self._gate.settled(_as_pose(fix, missed.attitude), self._params.settled)
-        believed = Reference(state.fused, missed.position, missed.attitude, state.deviation, 0.0)
-        may_be = flown is not None or self._is_possible(fix, believed)
-        if not self._was_known or has_settled or (self._doubts(state) and may_be):
-            self._begin(fix, flown)
+        """The measurement was refused; begin at it where the gate opens for it."""
+        pose = _as_pose(fix, reference.attitude)
+        velocity = self._gate.opened(pose, reference, own, self._bounds(fix))
+        if velocity is not None:
+            self._begin(fix, flown, None if fix.attitude is None else velocity)
+
+    def _believed(self, time: Time) -> Reference | None:
+        """Where the filter believes the vehicle to be, gone on from the newest measurement that
+        passed; None before the first."""
+        state, belief = self._replay.state, self._replay.at(time)
+        return None if state is None or belief is None else _reference(state, belief.nominal)
 
     def _doubts(self, state: FilterState) -> bool:
         since, last = state.doubted, state.missed
@@ -138,22 +158,36 @@ class Filter:
         )
 
     def _is_possible(self, fix: Fix, where: Reference) -> bool:
-        beside, widest = 4.0 * fix.deviation, self._params.widest_gate
-        pose = _as_pose(fix, where.attitude)
-        return self._gate.passes(pose, where, min(NEAR, widest) + beside, widest + beside)
+        return self._gate.passes(_as_pose(fix, where.attitude), where, self._bounds(fix))
 
-    def _begin(self, fix: Fix, flown: Estimate | None) -> None:
-        nominal = self._replay.nominal
+    def _bounds(self, fix: Fix) -> Bounds:
+        p, beside = self._params, 4.0 * fix.deviation
+        gate = min(NEAR, p.widest_gate) + beside
+        return Bounds(gate, p.widest_gate + beside, p.settled, p.doubt)
+
+    def _begin(self, fix: Fix, flown: Estimate | None, velocity: Vec3 | None = None) -> None:
+        """At a measurement. velocity: where poses told it, and what the filter believed was
+        wrong; the IMU's biases may be what was."""
+        nominal, unknown = self._replay.nominal, self._unknown
+        if velocity is not None:
+            unknown = unknown._replace(
+                accelerometer=max(unknown.accelerometer, WRONG_FORCE),
+                gyro=max(unknown.gyro, WRONG_TURN),
+            )
         if flown is not None:
-            state = begun(fix, self._unknown, flown.attitude, flown.velocity)
+            state = begun(fix, unknown, flown.attitude, velocity or flown.velocity)
         elif fix.attitude is None and self._still.holds(fix.time):
             state = self._still.begun(fix, self._unknown, self._noise, self._heading)
         elif fix.attitude is not None or nominal is not None:
             attitude = LEVEL if nominal is None else nominal.attitude
-            state = begun(fix, self._unknown, attitude, None)
+            state = begun(fix, unknown, attitude, velocity)
         else:
             return
         self._replay.begin(state)
+
+
+def _reference(state: FilterState, nominal: Nominal) -> Reference:
+    return Reference(state.fused, nominal.position, nominal.attitude, state.deviation, 0.0)
 
 
 def _as_pose(fix: Fix, believed: Quat) -> Pose:

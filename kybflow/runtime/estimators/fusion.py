@@ -14,10 +14,9 @@ Refused is a measurement whose innovation a share `gate` of true ones exceeds (c
 further than `widest_gate`, plus four times its own deviation, from where the vehicle is believed to
 be, however wide the filter's own spread: by the estimate that it flies on where that is another's,
 else by the filter. So a body that was exchanged with another's is not followed. The filter begins
-anew when all was refused for longer than `doubt`, and the measurement is where a vehicle can be
-(`kybflow.flight.pose_gate`, gone on from the other's estimate, else from the newest measurement
-that passed), or when measurements elsewhere have been consistent for `settled` seconds in which
-nothing else was flown on.
+anew at refused ones that agree among themselves for `doubt` seconds and are where the vehicle can
+have got to, or that agree for `settled` seconds in which nothing else was flown on
+(`kybflow.flight.pose_gate`).
 
 age: of the newest measurement that was not refused. spread, metres: standard deviation of the
 position along its worst axis, and beside it what a share `position_wander` of the variance of
@@ -83,6 +82,7 @@ class Fusion(Estimator[FusionParams]):
                 self._turn = measurement.angular_velocity
                 self.filter.feel(measurement)
         self.filter.take(self._read(measurements), now)
+        self.refusal = self.filter.refusal
         return self._estimate(now)
 
     def anchor(self, estimate: Estimate) -> None:

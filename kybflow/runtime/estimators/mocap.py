@@ -8,19 +8,22 @@ body: not finite, or no rotation). After a gap longer than `gap` the filter star
 along an axis, metres.
 
 A pose that no flight explains is dropped as well (two bodies exchanged, a reflection taken for a
-marker), so that the estimate ages and stops being healthy (`kybflow.flight.pose_gate`).
+marker), so that the estimate ages and stops being healthy. Where the vehicle can have got to such
+poses, and they agree for 0.3 s, they are right and what was believed is wrong, and the filter
+starts again from them (`kybflow.flight.pose_gate`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from kybflow.core.geometry import ZERO, add, distance, integrate, scale
+from kybflow.core.geometry import ZERO, Vec3, add, distance, integrate, scale
 from kybflow.core.signals import NS, Estimate, Measurement, Pose, Time
 from kybflow.core.units import Duration, Length
 from kybflow.flight.pose_gate import (
     LOOK_AHEAD,
     UNKNOWN_PACE,
+    Bounds,
     PoseGate,
     Reference,
     is_same,
@@ -70,27 +73,36 @@ class Mocap(Estimator[MocapParams]):
         self._gate.flown = estimate
 
     def _take(self, pose: Pose) -> None:
-        track, time = self._track, pose.time
+        track, gate, time = self._track, self._gate, pose.time
         dt = (time - track.stamp) / NS
         if track.count > 0 and dt <= 0.0:
             return
-        flown = self._gate.current(time)
-        if self._passes(pose, dt, flown):
-            track.take(pose, ZERO if flown is None else flown.velocity)
-
-    def _passes(self, pose: Pose, dt: float, flown: Estimate | None) -> bool:
-        """Whether this is the vehicle; where nobody knew one yet, the filter starts at it."""
-        track = self._track
+        flown = gate.current(time)
+        velocity = ZERO if flown is None else flown.velocity
         if track.count == 0 or (flown is None and self._is_near(pose, dt)):
-            return True
-        p, gate = self.params, self._gate
-        reference = self._believed(dt) if flown is None else seen_from(flown, pose.time)
-        if gate.passes(pose, reference, p.gate, p.widest_gate):
-            return True
-        if not self._known or gate.settled(pose, p.settled):
-            track.count = 0
-            return True
-        return False
+            track.take(pose, velocity)
+            if gate.refusal is not None:
+                gate.passed(time)
+        else:
+            self._judge(pose, dt, flown, velocity)
+        self.refusal = gate.refusal
+
+    def _judge(self, pose: Pose, dt: float, flown: Estimate | None, velocity: Vec3) -> None:
+        """Take a pose that is the vehicle; begin at it where nobody knew one yet, and where the
+        gate opens for it."""
+        track, gate, p = self._track, self._gate, self.params
+        bounds = Bounds(p.gate, p.widest_gate, p.settled)
+        own = self._believed(dt)
+        reference = own if flown is None else seen_from(flown, pose.time)
+        if gate.passes(pose, reference, bounds):
+            if gate.refusal is not None:
+                gate.passed(pose.time)
+        else:
+            begun = gate.opened(pose, reference, own, bounds) if self._known else velocity
+            if begun is None:
+                return
+            track.count, velocity = 0, begun
+        track.take(pose, velocity)
 
     def _is_near(self, pose: Pose, dt: float) -> bool:
         """Whether a pose is where it is predicted; decides nearly every pose at little cost."""

@@ -11,9 +11,10 @@ Where a pose is not where the motion predicts it, within
 
     gate + 4 spread + a t^2 / 2,   a = 5 m/s^2
 
-after t seconds without another, the filter starts again from it if three tags or more agree on it:
-the vehicle was carried there. Otherwise it is dropped. After `gap` seconds every pose passes, and
-the filter starts again. Until `samples` poses have come there is no estimate.
+after t seconds without another, and 45 degrees, the filter starts again from it if three tags or
+more agree on it: the vehicle was carried there. Otherwise it is dropped, until such poses agree for
+0.3 s where the vehicle can have got to (`kybflow.flight.pose_gate`). After `gap` seconds the filter
+starts again. Until `samples` poses have come there is no estimate.
 
 age: since the newest frame that told a pose was taken. spread, metres: the larger of the running
 standard deviation of the innovation along an axis, and what the covariance of the last pose says.
@@ -23,23 +24,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from math import sqrt
+from math import inf, sqrt
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from kybflow.core.geometry import distance, from_heading
+from kybflow.core.geometry import ZERO, Vec3, from_heading
 from kybflow.core.signals import NS, Estimate, Frame, Measurement, Pose, Time
 from kybflow.core.units import Length
+from kybflow.flight.pose_gate import ACCELERATION, LOOK_AHEAD, Bounds, PoseGate, Reference
 from kybflow.flight.tracked_pose import TrackedParams, TrackedPose
 from kybflow.parts import Estimator, param, params
 from kybflow.vision import OPENCV
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
-    from kybflow.vision.locating.locate import Located
     from kybflow.vision.locating.locator import Prediction
 
-ACCELERATION = 5.0
 SURE = 3
 """Tags that agree on a pose which needs no other evidence."""
 PLACE, TURN, UNKNOWN_RATE = 0.01, 0.01, 0.5
@@ -66,6 +66,7 @@ class TagCamera(Estimator[TagCameraParams]):
     def __init__(self, params: TagCameraParams, context: VehicleContext) -> None:
         super().__init__(params, context)
         self._track = TrackedPose(params, context.airframe.drag)
+        self._gate = PoseGate()
         self._cameras = context.cameras
         self._start = (context.start, from_heading(context.heading))
         self._spread = 0.0
@@ -94,17 +95,30 @@ class TagCamera(Estimator[TagCameraParams]):
         self.sighting = self._locator.sighting
         if located is None:
             return
-        if (
-            prediction is not None
-            and self._track.count > 0
-            and self._is_off(located, prediction, t)
-        ):
-            if len(located.used) < SURE:
-                return
-            self._track.count = 0
-        a, b, c = located.covariance.diagonal()[:3].tolist()
-        self._spread = sqrt((a + b + c) / 3.0)
-        self._track.take(Pose(time, located.position, located.attitude))
+        pose = Pose(time, located.position, located.attitude)
+        velocity = self._velocity(pose, t, len(located.used) >= SURE)
+        self.refusal = self._gate.refusal
+        if velocity is not None:
+            a, b, c = located.covariance.diagonal()[:3].tolist()
+            self._spread = sqrt((a + b + c) / 3.0)
+            self._track.take(pose, velocity)
+
+    def _velocity(self, pose: Pose, t: float, is_sure: bool) -> Vec3 | None:
+        """The velocity with which the filter starts where it does at this pose; None where it is
+        dropped."""
+        track, gate = self._track, self._gate
+        if track.count == 0:
+            return ZERO
+        believed = track.predicted(track.stamp + round(min(t, LOOK_AHEAD) * NS), "")
+        reference = Reference(track.stamp, believed.position, believed.attitude, track.spread, 0.0)
+        bounds = Bounds(self.params.gate, inf, inf)
+        if gate.passes(pose, reference, bounds):
+            gate.passed(pose.time)
+            return ZERO
+        velocity = ZERO if is_sure else gate.opened(pose, reference, reference, bounds)
+        if velocity is not None:
+            track.count = 0
+        return velocity
 
     def _predicted(self, time: Time, t: float) -> Prediction | None:
         """Where the vehicle is when a frame is taken: before the first pose, where the mission puts
@@ -125,7 +139,3 @@ class TagCamera(Estimator[TagCameraParams]):
             PLACE + track.spread + 0.5 * ACCELERATION * t * t,
             TURN + UNKNOWN_RATE * t,
         )
-
-    def _is_off(self, located: Located, prediction: Prediction, t: float) -> bool:
-        off = distance(located.position, prediction.position)
-        return off > self.params.gate + 4.0 * self._track.spread + 0.5 * ACCELERATION * t * t

@@ -3,14 +3,11 @@
 lost: no pose for longer than a bound, or than three of the stream's own intervals where that is
 longer. froze: fresh stamps, but bit by bit the same pose while the vehicle is in the air; noise and
 motion make that impossible for a body that is seen. On the ground nothing is said of it: what
-stands still may be measured without noise, as a simulator can. jumped: further from the last pose
-than
-
-    STEP + SPEED * t,   t = seconds since the last pose, at most MEMORY
-
-(or turned further than `turn` + `rate` * t), and the next poses go on from there; a single one is a
-reflection, and no finding. swapped: it jumped to where another body was: within `near` + `pace` * t
-of its last place, or of the one that it has just left.
+stands still may be measured without noise, as a simulator can. jumped: three poses in a row are
+where no flight could have brought the vehicle since the last one (`kybflow.flight.pose_track`).
+swapped: it jumped to where another body was: within `near` + `pace` * t of its last place, or of
+the one that it has just left; or it comes back after more than `MEMORY` where another vehicle
+believes to be. Then its poses are withheld until it jumps or is lost again.
 
 In the air, a pose that is the one before it bit by bit is no measurement and is withheld, from the
 first on, so that an estimate ages from when its body froze, not from when that is told; once it was
@@ -20,38 +17,30 @@ is for the estimators to say (`kybflow.flight.pose_gate`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from math import acos, dist, inf, sin
+from collections.abc import Callable, Iterator, Sequence
+from math import dist, inf
 from typing import NamedTuple
 
 from kybflow.core.geometry import ZERO, Quat, Vec3, distance
-from kybflow.core.signals import NEVER, NS, Measurement, Pose, Time
+from kybflow.core.signals import NEVER, NS, Estimate, Measurement, Pose, Time
 from kybflow.dsl.plan import VehiclePlan
+from kybflow.flight.pose_track import PoseTrack, unexplained
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.findings import (
-    MEMORY,
-    STEP,
-    Finding,
-    Streak,
-    Trouble,
-    nearest,
-    reach,
-    tell,
-)
+from kybflow.runtime.monitoring.findings import Finding, Trouble, nearest, tell
 
 LOST, FROZE = "body_lost", "body_froze"
+MEMORY = 0.25
+"""Seconds for which a body is near where it was."""
+_MEMORY = round(MEMORY * NS)
 _NO_ATTITUDE: Quat = (0.0, 0.0, 0.0, 0.0)
 
 
 class BodyBounds(NamedTuple):
-    """Seconds, radians, rad/s, metres, m/s. unknown: in place of `lost` until three poses have
-    come."""
+    """Seconds, metres, m/s. unknown: in place of `lost` until three poses have come."""
 
     lost: float = 0.25
     unknown: float = 0.6
     frozen: float = 0.5
-    turn: float = 0.8
-    rate: float = 12.0
     near: float = 0.15
     pace: float = 2.0
 
@@ -62,8 +51,12 @@ class Bodies:
     def __init__(self, bounds: BodyBounds = BodyBounds()) -> None:  # noqa: B008 - immutable
         self._bounds = bounds
         self._lost, self._unknown = round(bounds.lost * NS), round(bounds.unknown * NS)
-        self._aligned = 2.0 * sin(0.25 * bounds.turn)
         self._bodies: dict[str, _Body] = {}
+        self._believed: dict[str, Callable[[], Estimate | None]] = {}
+
+    def know(self, name: str, estimate: Callable[[], Estimate | None]) -> None:
+        """Take note of what gives the estimate that a vehicle flies on."""
+        self._believed[name] = estimate
 
     def judge(
         self, name: str, poses: Sequence[Pose], now: Time, in_air: bool = True
@@ -82,8 +75,9 @@ class Bodies:
             if body.repeats(pose, in_air):
                 self._froze(name, body, findings)
             else:
-                passed.append(pose)
                 self._follow(name, body, pose, findings)
+                if not body.of:
+                    passed.append(pose)
         newest = body.stamp if body.stamp > body.began else body.began
         body.due = newest + self._timeout(body)
         if now > body.due and not body.trouble.is_told(LOST):
@@ -112,43 +106,36 @@ class Bodies:
         """A pose that is a new one: does the body recover, did it jump?"""
         if body.trouble.finding is not None and body.trouble.is_over():
             findings.append(Finding("body_recovered", name, time=pose.time))
-        place, elsewhere = body.place, body.elsewhere
-        if place is None or self._off(place, pose) is None:
-            body.place = pose
-            if elsewhere.seen:
-                elsewhere.seen = []
+        last = body.track.last
+        if last is not None and pose.time - last.time > _MEMORY:
+            body.of = self._believer(name, pose)
+            if body.of:
+                value, bound = distance(pose.position, last.position), self._bounds.near
+                findings.append(Finding("body_swapped", name, value, bound, body.of, pose.time))
+        first = body.track.follow(pose)
+        if first is None or last is None:
             return
-        if elsewhere.seen and self._off(elsewhere.seen[-1], pose) is not None:
-            elsewhere.seen = []
-        first = elsewhere.confirmed(pose)
-        if first is None:
-            return
-        value, bound = self._off(place, first) or (0.0, 0.0)
+        value, bound = unexplained(last, first) or (0.0, 0.0)
         other = nearest(first.position, self._others(name, first))
         found = Finding("body_jumped", name, value, bound, time=first.time)
         if other:
             found = Finding("body_swapped", name, value, bound, other, first.time)
         findings.append(found)
-        body.left, body.place = place, pose
+        body.left, body.of = last, ""
 
-    def _off(self, last: Pose, pose: Pose) -> tuple[float, float] | None:
-        """By how much, and how much can be, where no flight explains how it came there."""
-        off = distance(pose.position, last.position)
-        if off <= STEP and dist(pose.attitude, last.attitude) <= self._aligned:
-            return None  # as nearly always
-        seconds, bounds = (pose.time - last.time) / NS, self._bounds
-        most = reach(seconds)
-        if off > most:
-            return off, most
-        (a, b, c, d), (e, f, g, h) = pose.attitude, last.attitude
-        turned = 2.0 * acos(min(1.0, abs(a * e + b * f + c * g + d * h)))
-        most = bounds.turn + bounds.rate * min(seconds, MEMORY)
-        return (turned, most) if turned > most else None
+    def _believer(self, name: str, pose: Pose) -> str:
+        """The other vehicle that believes to be at `pose`; empty where none does, or less than the
+        body's own."""
+        believed = ((other, estimate()) for other, estimate in self._believed.items())
+        near = self._bounds.near
+        places = ((o, e.position, near + 4.0 * e.spread) for o, e in believed if e is not None)
+        whose = nearest(pose.position, places)
+        return "" if whose == name else whose
 
     def _others(self, name: str, pose: Pose) -> Iterator[tuple[str, Vec3, float]]:
         """Where the other bodies were at about the time of `pose`."""
         for other, body in self._bodies.items():
-            for place in () if other == name else (body.place, body.left):
+            for place in () if other == name else (body.track.last, body.left):
                 t = 0.0 if place is None else abs(pose.time - place.time) / NS
                 if place is not None and t <= MEMORY:
                     yield other, place.position, self._bounds.near + self._bounds.pace * t
@@ -157,21 +144,21 @@ class Bodies:
 class _Body:
     """What is remembered of one. stamp: of its newest pose. interval: the shorter of the last two
     between poses, None before. due: when it is lost should nothing come. changed: since when, in
-    the air, the pose is the same. place: where it is believed, left: where it was before it jumped,
-    elsewhere: poses that may become a jump."""
+    the air, the pose is the same. track: where it is, left: where it was before it jumped. of: the
+    vehicle whose poses it gets, empty where they are its own."""
 
     __slots__ = (
-        "_before", "_last", "began", "changed", "due", "elsewhere", "interval", "left", "place",
-        "stamp", "trouble",
+        "_before", "_last", "began", "changed", "due", "interval", "left", "of", "stamp", "track",
+        "trouble",
     )  # fmt: skip
 
     def __init__(self, now: Time) -> None:
         self.began = self.due = now
         self.stamp: Time = -NEVER
         self.changed: Time = 0
-        self.place: Pose | None = None
+        self.track = PoseTrack()
         self.left: Pose | None = None
-        self.elsewhere: Streak[Pose] = Streak()
+        self.of = ""
         self.trouble = Trouble()
         self.interval: Time | None = None
         self._before: Time | None = None
@@ -206,11 +193,19 @@ def _is_sound(pose: Pose) -> bool:
 
 class BodyMonitor:
     """Tells what is found of one vehicle's body, and withholds the poses that are no measurements.
-    `bodies` judges those of the whole fleet. Poses that no estimator asks for are judged where they
-    come, and nobody misses them. due: when to be asked without any."""
+    `bodies` judges those of the whole fleet; `estimate` gives what the vehicle flies on. Poses that
+    no estimator asks for are judged where they come, and nobody misses them. due: when to be asked
+    without any."""
 
-    def __init__(self, plan: VehiclePlan, bodies: Bodies, events: Events) -> None:
+    def __init__(
+        self,
+        plan: VehiclePlan,
+        bodies: Bodies,
+        events: Events,
+        estimate: Callable[[], Estimate | None],
+    ) -> None:
         self._name, self._bodies, self._events = plan.name, bodies, events
+        bodies.know(plan.name, estimate)
         parts = (estimator.part for estimator in plan.estimators)
         asking = [p.at for p in parts if Pose in p.cls.uses(p.params)]
         self._at = asking[0] if asking else plan.at

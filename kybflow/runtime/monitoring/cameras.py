@@ -43,10 +43,11 @@ import numpy
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import NEVER, NS, Frame, Measurement, Time
 from kybflow.dsl.plan import VehiclePlan
+from kybflow.flight.pose_track import Streak, reach
 from kybflow.parts import Estimator
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
-from kybflow.runtime.monitoring.findings import Finding, Streak, Trouble, nearest, reach, tell
+from kybflow.runtime.monitoring.findings import Finding, Trouble, nearest, tell
 from kybflow.world.cameras import Camera
 
 if TYPE_CHECKING:

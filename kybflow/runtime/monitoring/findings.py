@@ -2,26 +2,21 @@
 bodies of motion capture and for cameras.
 
 A single odd observation is an error of measurement. What persists is a finding: `CONFIRMED`
-observations in a row that agree with one another make a jump (`Streak`), and so many good ones in a
-row end what was wrong (`Trouble`). A jump to where another vehicle was is a swap (`nearest`).
+observations in a row that agree with one another make a jump (`kybflow.flight.pose_track`), and so
+many good ones in a row end what was wrong (`Trouble`). A jump to where another vehicle was is a
+swap (`nearest`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import Time
+from kybflow.flight.pose_track import CONFIRMED
 from kybflow.parts.observables import EVENT_FIELDS
 from kybflow.runtime.events import Events, Fields
-
-CONFIRMED = 3
-"""So many observations in a row are no coincidence."""
-STEP, SPEED, MEMORY = 0.15, 4.0, 0.25
-"""How far a vehicle can be from where it was: metres, and m/s for so many seconds at most."""
-
-T = TypeVar("T")
 
 
 class Finding(NamedTuple):
@@ -58,29 +53,6 @@ class Trouble:
             return False
         self.finding = None
         return True
-
-
-class Streak(Generic[T]):
-    """Observations in a row, each of which could follow the one before."""
-
-    __slots__ = ("seen",)
-
-    def __init__(self) -> None:
-        self.seen: list[T] = []
-
-    def confirmed(self, observation: T) -> T | None:
-        """Take note of one more; the first of them once they are enough, and the streak is over."""
-        self.seen.append(observation)
-        if len(self.seen) < CONFIRMED:
-            return None
-        first = self.seen[0]
-        self.seen = []
-        return first
-
-
-def reach(seconds: float) -> float:
-    """How far a vehicle can get in that time, metres."""
-    return STEP + SPEED * min(seconds, MEMORY)
 
 
 def nearest(position: Vec3, others: Iterable[tuple[str, Vec3, float]]) -> str:

@@ -1,10 +1,13 @@
 """Selects the estimator that a vehicle flies on: the first healthy one listed, with hysteresis.
 
 If none has been healthy for long enough, one that has just become healthy is used: hysteresis
-prevents toggling, not flying. An estimator that raises or gives an estimate that is not finite is
-removed. In every tick the others can align with the estimate in use (`Estimator.anchor`). A
-behavior may name estimators that it prefers. `kybflow.runtime.vehicle.blending` smooths the change
-from one estimator to another.
+prevents toggling, not flying. Nor does one wait that contradicts the estimate in use, because it is
+further than `FARTHEST` and four times both spreads away: one of them is wrong, and the mission
+lists first what it trusts most. An estimator that raises or gives an estimate that is not finite is
+removed. In every tick the others can align with the estimate in use (`Estimator.anchor`). What one
+refuses of the measured positions is told, and when it takes them again. A behavior may name
+estimators that it prefers. `kybflow.runtime.vehicle.blending` smooths the change from one estimator
+to another.
 """
 
 from __future__ import annotations
@@ -13,9 +16,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from kybflow.core.errors import PartFailed
+from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Estimate, Measurement, MeasurementKind, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
+from kybflow.flight.pose_gate import Refusal
 from kybflow.parts import Estimator
 from kybflow.runtime.conditions import bind
 from kybflow.runtime.estimator_view import EstimatorView
@@ -23,7 +28,7 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_estimate
 from kybflow.runtime.making import make
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.vehicle.blending import EstimateBlend
+from kybflow.runtime.vehicle.blending import FARTHEST, EstimateBlend
 from kybflow.world.vehicle_context import VehicleContext
 
 Known = Callable[[frozenset[MeasurementKind]], str]
@@ -34,14 +39,14 @@ class Candidate:
     estimate.
 
     It is healthy while its condition holds. After a loss of health, the condition must hold for
-    `recover_after` seconds before the estimator is chosen over another; if there is no other, it is
-    used at once. `for_at_most` limits the time of use, which is counted up while this estimator is
-    in use and down while another is. Once spent, it may be used again when the count is zero, so
-    that a moment on another estimator doesn't renew it.
+    `recover_after` seconds before the estimator is chosen over another; if there is no other, or
+    the other is contradicted, it is used at once. `for_at_most` limits the time of use, which is
+    counted up while this estimator is in use and down while another is. Once spent, it may be used
+    again when the count is zero, so that a moment on another estimator doesn't renew it.
     """
 
     def __init__(self, plan: EstimatorPlan, context: VehicleContext) -> None:
-        self.label = plan.part.label
+        self.label, self.at = plan.part.label, plan.part.at
         self.name = self.label.rpartition(".")[2]
         self.part: Estimator[Any] = make(plan.part, plan.part.params, context)
         self.uses = plan.part.cls.uses(plan.part.params)
@@ -49,6 +54,7 @@ class Candidate:
         self._view = EstimatorView()
         self.has_failed = False
         self.anchors = type(self.part).anchor is not Estimator.anchor
+        self.refusal: Refusal | None = None
         self._recover = round(plan.recover_after * NS)
         self._at_most = None if plan.for_at_most is None else round(plan.for_at_most * NS)
         self._used: Time = 0
@@ -62,9 +68,12 @@ class Candidate:
             return lambda: True
         return bind(healthy, {self.name: self._view}, self.name, lambda: 0.0)
 
-    def update(self, measurements: Sequence[Measurement], now: Time) -> bool:
-        """Process the measurements; return whether the estimator may be used now. Raises whatever
-        the part raises, and ValueError for an estimate that is not finite."""
+    def update(
+        self, measurements: Sequence[Measurement], now: Time, flown: Estimate | None
+    ) -> bool:
+        """Process the measurements; return whether the estimator may be used now. flown: what the
+        vehicle flew on until now. Raises whatever the part raises, and ValueError for an estimate
+        that is not finite."""
         self.estimate = estimate = self.part.update(measurements, now)
         if estimate is not None:
             checked_estimate(estimate)
@@ -76,7 +85,9 @@ class Candidate:
         if self._healthy_since is None:
             self._healthy_since = now
         if self._was_lost and now - self._healthy_since < self._recover:
-            return False
+            if not _contradicts(estimate, flown):
+                return False
+            self._was_lost = False
         return not self._is_spent
 
     @property
@@ -149,12 +160,16 @@ class Estimation:
         if self._bounded:
             self._count(now)
         chosen: Candidate | None = None
+        used = self._in_use
+        flown = None if used is None else used.estimate
         for candidate in self._candidates:
             try:
-                if candidate.update(measurements, now) and chosen is None:
+                if candidate.update(measurements, now, flown) and chosen is None:
                     chosen = candidate
             except Exception as error:  # a part may raise anything
                 self._fail(candidate, error)
+            if candidate.part.refusal is not candidate.refusal:
+                self._tell_refusal(candidate, now)
         if chosen is None:
             chosen = next((c for c in self._candidates if c.is_usable), None)
         estimate = chosen.estimate if chosen is not None else None
@@ -211,6 +226,16 @@ class Estimation:
             except Exception as error:  # a part may raise anything
                 self._fail(candidate, error)
 
+    def _tell_refusal(self, candidate: Candidate, now: Time) -> None:
+        told, candidate.refusal = candidate.refusal, candidate.part.refusal
+        tell, name = self._events.tell, candidate.name
+        if candidate.refusal is not None:
+            reason = candidate.refusal.reason
+            tell("position_refused", self._vehicle, candidate.at, estimator=name, reason=reason)
+        elif told is not None:
+            lasted = (now - told.since) / NS
+            tell("position_accepted", self._vehicle, candidate.at, estimator=name, value=lasted)
+
     def _fail(self, failed: Candidate, error: Exception) -> None:
         failed.has_failed = True
         self._candidates = [c for c in self._candidates if c is not failed]
@@ -263,3 +288,10 @@ class Estimation:
             blended=self._blend is not None,
         )
         self._score.estimator(chosen.name, now / NS)
+
+
+def _contradicts(estimate: Estimate, flown: Estimate | None) -> bool:
+    if flown is None:
+        return False
+    off = distance(estimate.position, flown.position)
+    return off > FARTHEST + 4.0 * (estimate.spread + flown.spread)

@@ -84,7 +84,7 @@ class Knowledge:
         self._in_air, self._rig = in_air, link.rig
         self._listen, self._accept = link.listen, self._accepted
         self._fleet = fleet or EstimateHistory()
-        self._body = BodyMonitor(plan, bodies or Bodies(), events)
+        self._body = BodyMonitor(plan, bodies or Bodies(), events, lambda: self.estimate)
         self.cameras = CameraMonitor(plan, self._fleet, events)
         self._streams: dict[MeasurementKind, _Stream] = {}
         needs = [e.part.cls.uses(e.part.params) for e in plan.estimators]

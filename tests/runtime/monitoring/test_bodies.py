@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kybflow.core.geometry import LEVEL, Vec3, add, from_euler, from_heading
-from kybflow.core.signals import NS, Pose
+from kybflow.core.signals import NS, Estimate, Pose
 from kybflow.runtime.monitoring.bodies import FROZE, LOST, Bodies, BodyBounds
 from kybflow.runtime.monitoring.findings import Finding
 
@@ -179,6 +179,55 @@ def test_a_body_that_jumps_and_goes_on_from_there(by: Vec3) -> None:
     assert jump.time == pytest.approx(NS, abs=NS // 120)
     assert jump.value > jump.bound
     assert len(passed["a"]) == len(passed["b"])
+
+
+@pytest.mark.parametrize("unseen", [0.6, 10.0])
+def test_a_body_that_comes_back_where_a_flight_can_have_brought_it_has_not_jumped(
+    unseen: float,
+) -> None:
+    def change(name: str, pose: Pose) -> Pose | None:
+        if name != "a" or pose.time < NS:
+            return pose
+        return None if pose.time < (1.0 + unseen) * NS else moved((1.65, 0.0, 0.0))(pose)
+
+    findings, passed = watched(change, unseen + 2.0, ("a",))
+    assert [f.event for f in findings] == [LOST, RECOVERED]
+    assert passed["a"][-1].time > (unseen + 1.9) * NS
+
+
+def believing(at: dict[str, Vec3]) -> Bodies:
+    bodies = Bodies()
+    for name, place in at.items():
+        estimate = Estimate(0, place, (0.0, 0.0, 0.0), LEVEL, (0.0, 0.0, 0.0), "mocap", 0.0, 0.01)
+        bodies.know(name, lambda estimate=estimate: estimate)
+    return bodies
+
+
+def come_back(bodies: Bodies, place: Vec3) -> tuple[int, list[Finding]]:
+    """How many poses pass of a body that was at zero and comes back at `place` two seconds later,
+    and what is found of it."""
+    times = (0, *range(2 * NS, 3 * NS, NS // 100))
+    poses = [
+        Pose(t, add(place if t else (0.0, 0.0, 0.0), (1e-12 * t, 0.0, 0.0)), LEVEL) for t in times
+    ]
+    passed, findings = bodies.judge("a", poses, 3 * NS)
+    return len(passed), findings
+
+
+def test_a_body_that_comes_back_where_another_vehicle_believes_to_be_is_that_ones() -> None:
+    bodies = believing({"a": (0.3, 0.0, 0.0), "b": (1.2, 0.0, 0.0)})
+    passed, [found] = come_back(bodies, (1.25, 0.0, 0.0))
+    assert passed == 1
+    assert (found.event, found.subject, found.other) == (SWAPPED, "a", "b")
+    back = [Pose(3 * NS + i, (0.3 + 1e-6 * i, 0.0, 0.0), LEVEL) for i in range(1, 6)]
+    again, findings = bodies.judge("a", back, 3 * NS + 6)
+    assert [f.event for f in findings] == [JUMPED]
+    assert again == back[2:]
+
+
+def test_a_body_that_comes_back_to_its_own_vehicle_is_none_of_its_neighbours() -> None:
+    bodies = believing({"a": (1.15, 0.0, 0.0), "b": (1.3, 0.0, 0.0)})
+    assert come_back(bodies, (1.2, 0.0, 0.0)) == (101, [])
 
 
 def test_a_body_that_is_turned_over_at_a_stroke_has_jumped() -> None:

@@ -54,6 +54,23 @@ def test_a_body_that_freezes_or_is_lost_is_told_and_the_fallback_flies(run, name
     assert flown.summary["vehicles"]["a"]["behaviors"][1]["position_error_m"]["max"] < 0.3
 
 
+def test_true_poses_are_flown_on_again_though_dead_reckoning_drifted(run):
+    """It drifts by 0.7 m in the 1.54 s in which nothing true is measured; then poses are far from
+    it, but agree, and are believed."""
+    bias = fault("imu_bias_step", 1.7, accelerometer=(0.6, 0.0, 0.0))
+    flown, told = run(flier(estimators=FALLBACK), faults=(bias, fault("mocap_frozen", 1.54)))
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    assert flown.summary["outcome"] == "succeeded"
+    assert bodies(told) == [("a", "body_froze"), ("a", "body_recovered")]
+    [refused], [accepted] = named(told, "position_refused"), named(told, "position_accepted")
+    assert refused.fields["estimator"] == accepted.fields["estimator"] == "mocap"
+    assert "from where it is believed" in refused.fields["reason"]
+    assert accepted.fields["value"] == pytest.approx(0.3, abs=0.02)
+    [*_, back] = named(told, "estimator_changed")
+    assert back.fields["estimator"] == "mocap"
+    assert back.time - accepted.time < 50_000_000
+
+
 def test_a_body_that_jumps_is_told_and_the_vehicle_ends_on_the_ground(run):
     _, told = run(flier(estimators=FALLBACK), faults=(fault("mocap_jump", None),))
     assert bodies(told)[0] == ("a", "body_jumped")

@@ -15,6 +15,7 @@ from kybflow.core.signals import NS, Estimate, Event
 from kybflow.core.units import DURATION
 from kybflow.dsl.expressions import Compare, Quantity, Read
 from kybflow.dsl.plan import EstimatorPlan, PartPlan
+from kybflow.flight.pose_gate import Refusal
 from kybflow.parts import Estimator
 from kybflow.runtime.events import Events
 from kybflow.runtime.scores import VehicleScore
@@ -159,6 +160,50 @@ def test_one_that_has_just_become_healthy_is_better_than_none(ages):
     assert run(estimation, 2.7, 3.0) == [None]
     ages["first"] = 0.0
     assert run(estimation, 3.0, 3.1) == ["first"]
+
+
+def recovering(ages, second: Vec3) -> Estimation:
+    """A second after the first was lost, it is back and says that the vehicle is at zero; the
+    second one, flown on meanwhile, has it at `second`."""
+    estimation = choice(candidate("first", recover=5.0), candidate("second"))
+    Scripted.places, ages["first"] = {}, 0.0
+    run(estimation, 0.0, 1.0)
+    ages["first"] = 1.0
+    run(estimation, 1.0, 2.0)
+    Scripted.places = {"second": second}
+    ages["first"] = 0.0
+    return estimation
+
+
+def test_one_that_contradicts_what_is_flown_on_does_not_wait_and_stays(ages):
+    """0.3 m: from there on the estimate would step at the change in any case."""
+    agreeing = recovering(ages, (0.29, 0.0, 0.0))
+    assert run(agreeing, 2.0, 3.0) == ["second"]
+    contradicted = recovering(ages, (0.31, 0.0, 0.0))
+    assert run(contradicted, 2.0, 2.1) == ["second"]
+    assert run(contradicted, 2.1, 3.0) == ["first"]
+
+
+def test_what_an_estimator_refuses_is_told_and_when_it_takes_it_again(ages):
+    told: list[Event] = []
+    estimation = choice(candidate("first"), told=told)
+    run(estimation, 0.0, 0.1)
+    [only] = estimation.candidates
+    only.part.refusal = Refusal(NS // 2, "1.20 m from where it is believed, 0.50 m allowed")
+    run(estimation, 0.7, 0.9)
+    only.part.refusal = None
+    run(estimation, 2.5, 2.6)
+    told = [e for e in told if e.name.startswith("position_")]
+    assert [(e.name, e.fields) for e in told] == [
+        (
+            "position_refused",
+            {
+                "estimator": "first",
+                "reason": "1.20 m from where it is believed, 0.50 m allowed",
+            },
+        ),
+        ("position_accepted", {"estimator": "first", "value": pytest.approx(2.0)}),
+    ]
 
 
 def test_the_others_are_told_what_is_flown_on(ages):
