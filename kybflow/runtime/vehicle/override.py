@@ -80,8 +80,10 @@ class ManualOverride:
         if not self.away:
             self.away, self._control.followed = True, None
             self._tell("control_taken", reason=override.reason)
-            self._failsafe.clear_brake()
             activity.freeze("pilot")
+            if activity.hold is not None:  # whoever has the vehicle, it brakes for nothing more
+                self._failsafe.clear_brake()
+                activity.hold.leave("brake", tick.now)
         if override.refused and override.refused != self._refused:
             self._tell("control_refused", reason=override.refused)
         self._refused = override.refused

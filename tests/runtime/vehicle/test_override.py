@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from failsafe_parts import alarming
 from plans import part, state, vehicle, wrapped
 from short_flights import down, hold, named, path, up
 
@@ -174,6 +175,31 @@ def test_a_vehicle_that_a_pilot_took_is_left_alone_until_a_person_asks_for_it(ru
     assert between == set()
     assert path(told, "a") == ["up", "hold", "down", "landed"]
     assert flown.exit_code == 0
+
+
+@pytest.mark.parametrize("brakes", [(7.5, 7.9), (7.5, 8.5), (7.99, 10.9)])
+def test_a_brake_from_before_it_was_taken_ends_with_that(run, brakes):
+    """What it braked for is over, or is found again when it is back."""
+    own, _ = driver("pilot")
+    alarm = alarming((*brakes, Reaction.BRAKE))
+    flown, told = run(flight(own, supervisors=(alarm,)), emitted=((BACK, "operator.resume"),))
+    assert named(told, "failsafe_started")[0].time / NS == pytest.approx(brakes[0], abs=0.01)
+    [back] = named(told, "control_returned")
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    [_, held, *_] = named(told, "behavior_ended")
+    assert held.fields == {"behavior": "hold", "how": "done"}
+    assert held.time - back.time < 8 * NS
+    assert flown.exit_code == 0
+
+
+def test_a_brake_that_is_due_when_it_is_back_holds_it_then(run):
+    own, _ = driver("pilot")
+    alarm = alarming((7.5, BACK + 0.5, Reaction.BRAKE))
+    _, told = run(flight(own, supervisors=(alarm,)), emitted=((BACK, "operator.resume"),))
+    [_, again], [ended] = named(told, "failsafe_started"), named(told, "failsafe_ended")
+    assert again.time / NS == pytest.approx(BACK, abs=0.05)
+    assert ended.time / NS == pytest.approx(BACK + 1.5, abs=0.05)
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
 
 
 class Keeping(Autopilot):
