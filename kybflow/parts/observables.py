@@ -58,7 +58,7 @@ class View(Protocol):
 
     @property
     def wanted(self) -> Setpoint:
-        """The setpoint that the tracker follows; Unavailable on the ground."""
+        """The setpoint that the behavior asks for, before processors; Unavailable on the ground."""
 
     @property
     def battery(self) -> Battery:
@@ -162,10 +162,13 @@ OBSERVABLES: dict[str, Observable] = {
         "Standard deviation of the position.", LENGTH, attrgetter("spread"), low=0.0
     ),
     "position_error": Observable(
-        "Distance from the setpoint before tracking.", LENGTH, _position_error, low=0.0
+        "Distance in the air from where the behavior wants it.", LENGTH, _position_error, low=0.0
     ),
     "velocity_error": Observable(
-        "Norm of the velocity's difference from the setpoint's.", SPEED, _velocity_error, low=0.0
+        "Norm of the velocity's difference in the air from what the behavior wants.",
+        SPEED,
+        _velocity_error,
+        low=0.0,
     ),
     "elapsed": Observable("Time in the present behavior.", DURATION, lambda v: v.elapsed, low=0.0),
     "behavior": Observable("Name of the present state.", None, lambda v: v.behavior),

@@ -4,9 +4,10 @@ The summary is stable: fields are added, never renamed. Lengths are metres, spee
 seconds; numbers have six significant digits; null is "not known" or "does not apply".
 
 - `outcome`: succeeded, failed, interrupted or driver_failed; `reason`: why it did not succeed.
-- `vehicles.NAME.final`: ground or air, in simulation as the truth has it. Errors are between the
-  setpoint before tracking and the true position (the estimate on hardware), over all ticks with
-  such a setpoint.
+- `vehicles.NAME.final`: ground or air, in simulation as the truth has it. Errors are between what
+  the behavior wanted, before processors, and the true position (the estimate on hardware), while
+  the vehicle was in the air: over the intervals `airborne_s`, the last of which ends with null
+  where the run ended first.
 - `vehicles.NAME.behaviors`: one entry for each time a state was entered; `ended` is done, next,
   failed, within, refused, asked, failsafe or run_ended.
 - `vehicles.NAME.estimators`: from when on each was used; an empty name: none was healthy.

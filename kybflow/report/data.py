@@ -42,6 +42,7 @@ MOST_TICKS = 6000
 MOST_PICTURES = 96
 """The most pictures in one report; a fleet's others are in its folder."""
 
+_ALWAYS = [[0.0, None]]
 _TICK, _SETPOINT = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Setpoint"))
 _BATTERY = np.dtype(dtype_spec(Battery))
 _PICTURE_NAME = re.compile(r"(\d+\.\d+)s-(?:(\d+)-used-(\d+)-rejected|no-pose)\.jpg")
@@ -67,7 +68,8 @@ class Track:
     """One vehicle over time, SI, not-a-number where there is no value.
 
     position: the true one in simulation, else the estimate. reference: the setpoint that the
-    tracker followed. to_target: from the position to where the behavior's last setpoint is.
+    tracker followed. position_error, velocity_error: in the air, from what the behavior wanted.
+    to_target: from the position to where the behavior's last setpoint is.
     """
 
     name: str
@@ -139,7 +141,7 @@ def read_run(folder: Path) -> Run:
         raise RunFolderError(f"`{folder}` is no run that can be read: {error}") from error
     end = max([0, *log.last.values()]) / NS
     tracks = tuple(
-        _track(name, facts, log, _visits(events, name, facts["states"], end))
+        _track(name, facts, log, _visits(events, name, facts["states"], end), _aloft(summary, name))
         for name, facts in log.mission["vehicles"].items()
     )
     estimators = tuple(
@@ -174,8 +176,18 @@ def _visits(
     return tuple(visits)
 
 
+def _aloft(summary: dict[str, Any], name: str) -> list[list[Any]]:
+    """When the vehicle was in the air, from and to, seconds; always, for a run that was killed."""
+    found: list[list[Any]] = summary.get("vehicles", {}).get(name, {}).get("airborne_s", _ALWAYS)
+    return found
+
+
 def _track(
-    name: str, facts: dict[str, Any], log: Recording, visits: tuple[StateVisit, ...]
+    name: str,
+    facts: dict[str, Any],
+    log: Recording,
+    visits: tuple[StateVisit, ...],
+    aloft: list[list[Any]],
 ) -> Track:
     messages = log.messages.get(f"/{name}/tick", [])
     kept = messages[:: max(1, math.ceil(len(messages) / MOST_TICKS))]
@@ -187,15 +199,21 @@ def _track(
     position, velocity = _state(ticks, "position"), _state(ticks, "velocity")
     reference = _field(ticks["setpoint"], "position", HAS_POSITION)
     wanted = _wanted(ticks["setpoint"], stamps, log.messages.get(f"/{name}/wanted", []))
+    goal = _field(wanted, "position", HAS_POSITION)
+    flies = np.zeros(len(time), bool)
+    for begin, finish in aloft:
+        flies |= (time >= begin) & (time < (np.inf if finish is None else finish))
     return Track(
         name=name,
         start=list(facts["start"]),
         time=time,
         position=position,
         reference=reference,
-        position_error=norm(position - reference),
-        velocity_error=norm(velocity - _field(ticks["setpoint"], "velocity", HAS_VELOCITY)),
-        to_target=_to_target(time, position, _field(wanted, "position", HAS_POSITION), visits),
+        position_error=np.where(flies, norm(position - goal), np.nan),
+        velocity_error=np.where(
+            flies, norm(velocity - _field(wanted, "velocity", HAS_VELOCITY)), np.nan
+        ),
+        to_target=_to_target(time, position, goal, visits),
         battery_time=np.array([m.log_time for m in reports], np.float64) / NS,
         battery=battery["remaining"],
         visits=visits,

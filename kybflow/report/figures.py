@@ -38,7 +38,7 @@ def _errors(run: Run, what: str, unit: str) -> Figure:
         hover = f"%{{y:.2f}} c{unit}"
         traces.append(line(track.name, track.time, values, colour, 1.6, hover=hover))
     known = "true" if run.simulated else "estimated"
-    note = f"Between the setpoint before tracking and the {known} {what}."
+    note = f"In the air, between what the behavior wanted and the {known} {what}."
     layout = over_time(run, f"{what} error (c{unit})", "tozero")
     highest = max((_highest_aloft(track, what) for track in run.tracks), default=0.0)
     if highest > 0.0:

@@ -85,6 +85,7 @@ class VehicleScore:
         self.estimators: list[EstimatorInterval] = []
         self.min_battery: float | None = None
         self.failures: list[str] = []
+        self.flights: list[tuple[float, float | None]] = []
         self.position, self.velocity = Errors(), Errors()
 
     def entered(self, state: str, part: str, t_s: float) -> None:
@@ -102,6 +103,10 @@ class VehicleScore:
         """Note a failure of the current behavior that the mission does not handle."""
         self.failures.append(f"`{self.behaviors[-1].name}` failed: {reason}")
 
+    def airborne(self, is_airborne: bool, t_s: float) -> None:
+        """Begin or end an interval in the air, in which errors are measured."""
+        self.flights.append((t_s, None) if is_airborne else (self.flights.pop()[0], t_s))
+
     def estimator(self, name: str, t_s: float) -> None:
         """Note that this estimator is in use from now on."""
         self.estimators.append(EstimatorInterval(name, t_s))
@@ -115,6 +120,10 @@ class VehicleScore:
         """Return the vehicle as it stands in `summary.json`."""
         return {
             "final": "air" if airborne else "ground",
+            "airborne_s": [
+                [rounded(start), None if end is None else rounded(end)]
+                for start, end in self.flights
+            ],
             "position_error_m": _merged([v.position for v in self.behaviors]).figures(),
             "velocity_error_m_s": _merged([v.velocity for v in self.behaviors]).figures(),
             "behaviors": [visit.record() for visit in self.behaviors],

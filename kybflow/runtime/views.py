@@ -24,7 +24,7 @@ class BelievedView:
 
     @property
     def wanted(self) -> Setpoint:
-        setpoint = self._vehicle.followed
+        setpoint = self._vehicle.wanted
         if setpoint is None:
             raise Unavailable
         return setpoint

@@ -20,6 +20,9 @@ def flown_score() -> Score:
     mk = score.vehicle("mk")
     mk.estimator("mocap", 0.0)
     mk.entered("up", "take_off", 0.5)
+    mk.airborne(True, 0.75)
+    mk.airborne(False, 3.5)
+    mk.airborne(True, 4.25)
     mk.position.add(0.03)
     mk.velocity.add(0.3)
     mk.position.add(0.04)
@@ -52,6 +55,7 @@ def test_the_summary_has_the_documented_shape():
         "vehicles": {
             "mk": {
                 "final": "ground",
+                "airborne_s": [[0.75, 3.5], [4.25, None]],
                 "position_error_m": {"mean": 0.0233333, "rms": 0.0288675, "max": 0.04},
                 "velocity_error_m_s": {"mean": 0.2, "rms": 0.223607, "max": 0.3},
                 "behaviors": [

@@ -74,6 +74,19 @@ def test_the_target_is_what_was_asked_for_where_something_else_was_followed(tmp_
     held, _ = read_run(write_run(tmp_path / "held", 12.0)).tracks
     assert np.array_equal(held.reference, plain.reference)
     assert held.to_target == pytest.approx(np.linalg.norm(held.position - far, axis=1))
+    assert held.position_error == pytest.approx(held.to_target)
+
+
+def test_errors_are_those_in_the_air(tmp_path):
+    run = write_run(tmp_path / "run", 12.0)
+    summary = json.loads((run / "summary.json").read_text())
+    summary["vehicles"]["mk"]["airborne_s"] = [[2.0, 9.0], [10.0, None]]
+    (run / "summary.json").write_text(json.dumps(summary))
+    mk, nano = read_run(run).tracks
+    aloft = (mk.time >= 2.0) & (mk.time < 9.0) | (mk.time >= 10.0)
+    assert np.array_equal(np.isnan(mk.position_error), ~aloft)
+    assert np.array_equal(np.isnan(mk.velocity_error), ~aloft)
+    assert not np.isnan(nano.position_error).any()
 
 
 def test_the_summary_agrees_with_the_recording(folder):

@@ -68,7 +68,7 @@ class LivePanel:
 
 
 def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:
-    estimate, battery, setpoint = vehicle.estimate, vehicle.battery, vehicle.followed
+    estimate, battery, setpoint = vehicle.estimate, vehicle.battery, vehicle.wanted
     wanted = setpoint.position if setpoint is not None else None
     return (
         vehicle.name,

@@ -24,8 +24,9 @@ from kybflow.core.signals import (
 )
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.parts import GROUND, Entry, Link
+from kybflow.parts import AIR, GROUND, Entry, Link
 from kybflow.runtime.events import Events
+from kybflow.runtime.ground_contact import GroundContact
 from kybflow.runtime.making import make, parts_of
 from kybflow.runtime.monitoring.bodies import Bodies
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
@@ -52,7 +53,11 @@ _STALE = 10.0
 
 
 class Vehicle:
-    """In each tick the engine calls `sense` of every vehicle, then `act` of every vehicle."""
+    """In each tick the engine calls `sense` of every vehicle, then `act` of every vehicle.
+
+    wanted: the setpoint that its behavior asked for in the last tick, before processors; None
+    without one, and while the ground carries the vehicle.
+    """
 
     def __init__(
         self,
@@ -68,6 +73,9 @@ class Vehicle:
     ) -> None:
         self.plan, self.name, self.context = plan, plan.name, context
         self.now: Time = 0
+        self.wanted: Setpoint | None = None
+        self._contact: GroundContact | None = None
+        self._flies = False
         self._observer, self._score = observer, score
         self._fleet: dict[str, Estimate | None] = {}
         self._params = params = {part.label: part.params for part in parts_of(plan)}
@@ -260,16 +268,31 @@ class Vehicle:
         return made(Tick, (now, dt, elapsed, estimate, battery, followed, fleet, imu, age, payload))
 
     def _record(self, now: Time, wanted: Setpoint | None, command: Command) -> None:
-        """Record the tick and its errors: the setpoint that was tracked against the truth, or the
-        estimate on hardware."""
-        knowledge, setpoint = self.knowledge, self._control.followed
+        """Record the tick and, in the air, its errors: what the behavior wanted against the truth,
+        or the estimate on hardware."""
+        knowledge, followed = self.knowledge, self._control.followed
         estimate, truth = knowledge.estimate, knowledge.link_in.truth
-        self._observer.tick(now, estimate, wanted, setpoint, command, truth, knowledge.estimation)
+        self._observer.tick(now, estimate, wanted, followed, command, truth, knowledge.estimation)
         state = truth or estimate
-        if setpoint is None or state is None:
+        flies = self.activity.flight is AIR or self._flies_off(wanted, state)
+        if flies is not self._flies:
+            self._flies = flies
+            self._score.airborne(flies, now / NS)
+        self.wanted = wanted = wanted if flies else None
+        if wanted is None or state is None:
             return
-        position, velocity, score = setpoint.position, setpoint.velocity, self._score
+        position, velocity, score = wanted.position, wanted.velocity, self._score
         if position is not None:
             score.position.add(distance(position, state.position))
         if velocity is not None:
             score.velocity.add(distance(velocity, state.velocity))
+
+    def _flies_off(self, wanted: Setpoint | None, state: Truth | Estimate | None) -> bool:
+        """Return whether a vehicle that takes off or lands is above the ground."""
+        activity = self.activity
+        if activity.flight is GROUND or state is None:
+            self._contact = None
+            return False
+        if self._contact is None or self._contact.leg is not activity.leg:
+            self._contact = GroundContact(activity.leg, state.position[2])
+        return not self._contact.carries(wanted, state.position[2], state.velocity[2])
