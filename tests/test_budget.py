@@ -28,7 +28,7 @@ STAGES = (
 BUDGET = {
     1: {
         "simulator": 3180,
-        "engine and vehicle": 1448,
+        "engine and vehicle": 1514,
         "tracker": 953,
         "estimator": 699,
         "processors": 320,
@@ -38,7 +38,7 @@ BUDGET = {
     },
     8: {
         "simulator": 2864,
-        "engine and vehicle": 1286,
+        "engine and vehicle": 1350,
         "tracker": 953,
         "estimator": 699,
         "processors": 320,

@@ -70,12 +70,15 @@ class Processor(Part[P]):
     Processors run in the order of the mission while a behavior with an estimate flies: `safety`
     ones from take-off to touch-down, the others only in behaviors that stay in the air. A processor
     that raises is not called again, and its vehicle lands. `accepts` maps each kind of setpoint
-    that it accepts to the kind that it returns.
+    that it accepts to the kind that it returns. `clamps`: what it changes is taken away for good,
+    as beyond a fence, and does not only come later or around something: it is told as
+    `clamp_started`, and a behavior that is done while its goal is clamped has failed.
     """
 
     kind = "processors"
     accepts: ClassVar[dict[SetpointKind, SetpointKind]]
     safety: ClassVar[bool] = False
+    clamps: ClassVar[bool] = False
 
     def __init__(self, params: P, context: VehicleContext) -> None:
         self.params = params

@@ -12,7 +12,7 @@ BARS = frozenset({"behavior_started", "behavior_ended", "phase_started", "phase_
 """Events that are shown as bars."""
 COLLISION, ALARM, EVENT = "collision", "alarm", "event"
 _ALARMING = (
-    "failed", "lost", "breached", "exceeded", "refused", "low", "failsafe_started",
+    "failed", "lost", "breached", "exceeded", "refused", "low", "failsafe_started", "clamp_started",
     "fault_injected", "run_stopped",
 )  # fmt: skip
 _ROUTINE = BARS | {

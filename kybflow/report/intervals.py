@@ -1,4 +1,5 @@
-"""What lasts in a run, from the events that begin and end it: faults, holds, estimators in use."""
+"""What lasts in a run, from the events that begin and end it: faults, holds, clamps, estimators in
+use."""
 
 from __future__ import annotations
 
@@ -8,10 +9,12 @@ from typing import Any
 
 from kybflow.report.data import Run
 
-FAULT, HOLD, BLIND, FALLBACK = "fault at work", "hold", "no estimate", "fallback estimator"
+FAULT, HOLD, CLAMP = "fault at work", "hold", "clamped setpoint"
+BLIND, FALLBACK = "no estimate", "fallback estimator"
 TINTS = {
     FAULT: "rgba(209,73,91,0.26)",
     HOLD: "rgba(224,167,38,0.30)",
+    CLAMP: "rgba(52,140,86,0.26)",
     BLIND: "rgba(120,40,140,0.30)",
     FALLBACK: "rgba(47,126,216,0.20)",
 }
@@ -30,11 +33,14 @@ class Interval:
 
 
 def faults_and_holds(run: Run) -> list[Interval]:
-    """The faults and holds of each vehicle; one that never ended lasts to the end of the run."""
+    """The faults, holds and clamps of each vehicle; one that never ended lasts to the end of the
+    run."""
     found: list[Interval] = []
     for track in run.tracks:
         own = [event for event in run.events if event["vehicle"] == track.name]
-        found += [*_faults(own, run.end), *_holds(own, run.end)]
+        found += [
+            *_faults(own, run.end), *_holds(own, run.end), *_clamps(own, track.name, run.end)
+        ]  # fmt: skip
     return found
 
 
@@ -66,6 +72,18 @@ def _faults(events: list[dict[str, Any]], end: float) -> Iterator[Interval]:
             yield Interval(FAULT, vehicle, fault, running[key].pop(0), event["t_s"])
     for (fault, _), starts in running.items():
         yield from (Interval(FAULT, events[0]["vehicle"], fault, start, end) for start in starts)
+
+
+def _clamps(events: list[dict[str, Any]], vehicle: str, end: float) -> Iterator[Interval]:
+    running: dict[str, float] = {}
+    for event in events:
+        name, label = event["event"], event["fields"].get("processor", "")
+        if name == "clamp_started":
+            running[label] = event["t_s"]
+        elif name == "clamp_ended":
+            yield Interval(CLAMP, vehicle, label, running.pop(label), event["t_s"])
+    for label, start in running.items():
+        yield Interval(CLAMP, vehicle, label, start, end)
 
 
 def _holds(events: list[dict[str, Any]], end: float) -> Iterator[Interval]:

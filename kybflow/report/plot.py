@@ -13,11 +13,11 @@ from typing import Any
 
 from kybflow.report.data import Run, Track
 from kybflow.report.estimators import Array
-from kybflow.report.intervals import BLIND, FALLBACK, FAULT, HOLD, TINTS, Interval
+from kybflow.report.intervals import BLIND, CLAMP, FALLBACK, FAULT, HOLD, TINTS, Interval
 
 VEHICLES = ("#2f7ed8", "#e07b26", "#1f9e77", "#a55ec4", "#d1495b", "#7a8b1f", "#00a3b5", "#c2578f")
 
-_SIDES = {FAULT: "top", HOLD: "middle", BLIND: "middle", FALLBACK: "bottom"}
+_SIDES = {FAULT: "top", HOLD: "middle", CLAMP: "middle", BLIND: "middle", FALLBACK: "bottom"}
 """Where an interval's label stands, so that those that overlap can be read."""
 
 

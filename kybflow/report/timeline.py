@@ -9,6 +9,7 @@ from typing import Any
 from kybflow.report.data import Run, StateVisit
 from kybflow.report.events import marks
 from kybflow.report.intervals import (
+    CLAMP,
     FAULT,
     HOLD,
     TINTS,
@@ -112,6 +113,7 @@ def _lanes(run: Run) -> dict[str, dict[str, list[Interval]]]:
         lanes = {
             "faults": [i for i in own if i.kind == FAULT],
             "holds": [i for i in own if i.kind == HOLD],
+            "clamps": [i for i in own if i.kind == CLAMP],
             "estimator": used if len(used) > 1 else [],
         }
         found[name] = {kind: shown for kind, shown in lanes.items() if shown}

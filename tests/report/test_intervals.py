@@ -59,6 +59,20 @@ def test_faults_and_holds_last_from_event_to_event(run):
     ]
 
 
+def test_a_clamped_setpoint_lasts_from_event_to_event(run):
+    told = [
+        event(3.0, "clamp_started", processor="fence", reason="too high"),
+        event(5.0, "clamp_ended", processor="fence", most="1.5 m", seconds=1.5),
+        event(6.0, "clamp_started", processor="fence", reason="too high"),
+    ]
+    clamped = replace(run, events=told)
+    assert faults_and_holds(clamped) == [
+        Interval("clamped setpoint", "mk", "fence", 3.0, 5.0),
+        Interval("clamped setpoint", "mk", "fence", 6.0, run.end),
+    ]
+    assert "clamps" in timeline(clamped).layout["yaxis"]["ticktext"][1]
+
+
 def test_a_behavior_that_is_left_ends_its_hold(run):
     told = [event(3.0, "paused", by="operator"), event(5.0, "behavior_ended", how="asked")]
     assert faults_and_holds(replace(run, events=told)) == [

@@ -50,6 +50,7 @@ class FenceProcessor(Processor[FenceProcessorParams]):
         SetpointKind.VELOCITY: SetpointKind.VELOCITY,
     }
     safety = True
+    clamps = True
 
     def __init__(self, params: FenceProcessorParams, context: VehicleContext) -> None:
         super().__init__(params, context)

@@ -168,6 +168,12 @@ class Activity:
         """Note that the behavior has failed: it said so, refused to start, or a part raised."""
         self._outcome, self._reason = "failed", reason
 
+    def keep_from(self, reason: str) -> None:
+        """Note that what the behavior wants in this tick is not what is followed: if it says that
+        it is done, it has failed, because the vehicle is not there."""
+        if self._outcome == "done":
+            self.fail(reason)
+
     def has_landed(self, now: Time, estimate: Estimate | None) -> bool:
         """Let the vehicle land by its own land mode; return whether it has landed, which ends the
         behavior. Raises Refused when the vehicle does not follow."""

@@ -10,12 +10,13 @@ from collections.abc import Callable, Set
 from typing import Any
 
 from kybflow.core.errors import PartFailed, Refused
-from kybflow.core.signals import Alarm, Command, Setpoint, SetpointKind, Tick
+from kybflow.core.signals import Alarm, Command, Setpoint, SetpointKind, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import Processor, Tracker
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_command, checked_setpoint
 from kybflow.runtime.making import make
+from kybflow.runtime.safety.clamps import Clamps
 from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.output import HANDED_OVER, RESTING, CommandOutput
 from kybflow.runtime.vehicle.reactions import Reactions
@@ -51,6 +52,14 @@ class Control:
         self._plan, self._context, self._params = plan, context, params
         self._activity, self._reactions, self._output = activity, reactions, output
         self._events = events
+        parts = {part.label: part for part in plan.processors}
+        self._clamping = frozenset(label for label, part in parts.items() if part.cls.clamps)
+        self._clamps = Clamps(
+            plan.name,
+            {label: part.name for label, part in parts.items()},
+            {label: part.at for label, part in parts.items()},
+            events,
+        )
         self._tracker_label = plan.tracker.label
         self._raised = ""
         self.renew()
@@ -80,6 +89,8 @@ class Control:
         again. Raises whatever a part raises, and ValueError for a setpoint or a command that is not
         finite or would stop the rotors in the air."""
         activity = self._activity
+        if self._clamps.active:
+            self._clamps.settle(tick.now)
         if self._output.arming is not None:
             activity.wait(tick.dt)
             return self._output.arming, None
@@ -116,7 +127,7 @@ class Control:
                     if self._reactions.alarm(processor, output, tick):
                         return None
                 else:
-                    setpoint = checked_setpoint(output)
+                    setpoint = self._bent(part, setpoint, checked_setpoint(output), tick.now)
             part = self._tracker_label
             command = checked_command(self._tracker.update(setpoint, tick))
         except Exception:
@@ -124,6 +135,14 @@ class Control:
             raise
         self.followed = setpoint
         return command if command.armed else self._turning(command)
+
+    def _bent(self, label: str, asked: Setpoint, given: Setpoint, now: Time) -> Setpoint:
+        """Return what the processor `label` made of a setpoint; tell it where that is a clamp."""
+        if label in self._clamping:
+            reason = self._clamps.note(label, asked, given, now)
+            if reason is not None:
+                self._activity.keep_from(reason)
+        return given
 
     def _turning(self, command: Command) -> Command:
         if not command.armed and self._activity.off_ground:

@@ -26,10 +26,10 @@ from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import AIR, GROUND, Entry, Link
 from kybflow.runtime.events import Events
-from kybflow.runtime.ground_contact import GroundContact
 from kybflow.runtime.making import make, parts_of
 from kybflow.runtime.monitoring.bodies import Bodies
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
+from kybflow.runtime.monitoring.ground_contact import GroundContact
 from kybflow.runtime.monitoring.sensing import OpenSensor
 from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm

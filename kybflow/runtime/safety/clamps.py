@@ -1,0 +1,74 @@
+"""Which clamp keeps a vehicle's setpoint from where its behavior wants it, told as events.
+
+A processor that `clamps` takes away for good what lies beyond its bound, so that the vehicle never
+gets there: the fence. (`limit_speed`, `limit_acceleration` and `smooth` let it arrive later, and
+what avoids an obstacle goes around it: that is shaping, and shows in the errors alone.) A clamp is
+told from 2 cm on, of setpoints of velocity from 5 cm/s: once when it begins, and once when it has
+let everything pass for half a second, with the most that it took away and for how long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kybflow.core.geometry import ZERO, distance
+from kybflow.core.signals import NS, Setpoint, Time
+from kybflow.core.units import format_measured
+from kybflow.runtime.events import Events
+
+_LEAST, _LEAST_SPEED = 0.02, 0.05
+"""Metres, metres per second."""
+_QUIET = NS // 2
+
+
+class _Clamp:
+    """One that is at work: since when, until when so far, and the most that it took away."""
+
+    def __init__(self, now: Time) -> None:
+        self.since = self.last = now
+        self.most, self.unit = 0.0, "m"
+
+
+class Clamps:
+    """The clamps of one vehicle. names, lines: of its processors, by label. active: those at work,
+    by label."""
+
+    def __init__(
+        self, vehicle: str, names: Mapping[str, str], lines: Mapping[str, str], events: Events
+    ) -> None:
+        self.active: dict[str, _Clamp] = {}
+        self._vehicle, self._names, self._lines, self._events = vehicle, names, lines, events
+
+    def note(self, label: str, asked: Setpoint, given: Setpoint, now: Time) -> str | None:
+        """Take note of what a clamp made of a setpoint. Return in words how it keeps the vehicle
+        from its goal, None where it doesn't."""
+        off, least, unit = _off(asked, given)
+        if off < least:
+            return None
+        name = self._names[label]
+        words = f"`{name}` keeps the setpoint {format_measured(off, unit)} off what is wanted"
+        clamp = self.active.get(label)
+        if clamp is None:
+            clamp = self.active[label] = _Clamp(now)
+            at = self._lines[label]
+            self._events.tell("clamp_started", self._vehicle, at, processor=name, reason=words)
+        clamp.last, clamp.unit, clamp.most = now, unit, max(clamp.most, off)
+        return words if unit == "m" else None
+
+    def settle(self, now: Time) -> None:
+        """End the clamps that have let everything pass for long enough."""
+        over = [label for label, clamp in self.active.items() if now - clamp.last > _QUIET]
+        for label in over:
+            clamp = self.active.pop(label)
+            self._events.tell(
+                "clamp_ended", self._vehicle, self._lines[label], processor=self._names[label],
+                most=format_measured(clamp.most, clamp.unit),
+                seconds=(clamp.last - clamp.since) / NS,
+            )  # fmt: skip
+
+
+def _off(asked: Setpoint, given: Setpoint) -> tuple[float, float, str]:
+    """How far a setpoint is off what was asked for, the least that counts, and their unit."""
+    if asked.position is not None and given.position is not None:
+        return distance(asked.position, given.position), _LEAST, "m"
+    return distance(asked.velocity or ZERO, given.velocity or ZERO), _LEAST_SPEED, "m/s"
