@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
+from math import hypot
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,7 +22,7 @@ from kybflow.api.opening import (
     real_time_sensor,
 )
 from kybflow.core.errors import DriverError, PartFailed
-from kybflow.core.geometry import norm
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Event, Time
 from kybflow.dsl.expressions import (
     And,
@@ -50,14 +51,13 @@ from kybflow.runtime.options import check_options
 from kybflow.runtime.preflight import PreflightResult
 from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
+from kybflow.world.ground import STANDS, height_above_ground
+from kybflow.world.vehicle_context import LEGS
 
 FAULT = "fault"
 COLLECTED_IN_FLIGHT = (700, 10, 10)
 """How many new objects are searched for garbage at a time in flight, as Python has it by default;
 a program that only starts and ends may search more."""
-_REST_SPEED, _HEIGHT_ERROR = 0.3, 0.3
-"""Bounds for a simulated vehicle that has landed: its true speed (m/s), and how far (m) it is above
-its start and its own estimate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,17 +196,35 @@ def _pictures(plan: Plan, folder: RunFolder) -> list[Observer]:
     return [Pictures(folder)] if any(vehicle.cameras for vehicle in plan.vehicles) else []
 
 
-def in_the_air(vehicle: Vehicle) -> bool:
+def in_the_air(vehicle: Vehicle, vehicles: Iterable[Vehicle] = ()) -> bool:
     """Whether a vehicle is in the air, by its own state or, where a simulator knows the truth, by
-    that: a vehicle that believes itself on the ground may be wrong."""
-    truth, estimate = vehicle.truth, vehicle.estimate
+    that: a vehicle that believes itself on the ground may be wrong. vehicles: all, on which or on
+    whose payloads it may lie."""
+    truth = vehicle.truth
     if vehicle.activity.off_ground or truth is None:
         return vehicle.activity.off_ground
-    height = truth.position[2]
-    if height - vehicle.context.start[2] < _HEIGHT_ERROR:
-        return False
-    mistaken = estimate is not None and height - estimate.position[2] > _HEIGHT_ERROR
-    return mistaken or norm(truth.velocity) > _REST_SPEED
+    x, y, z = truth.position
+    reach = vehicle.context.airframe.diameter
+    tops = [
+        top
+        for other in vehicles
+        for (ox, oy, oz), top in _tops(other)
+        if hypot(ox - x, oy - y) < reach and oz < z - LEGS
+    ]
+    return height_above_ground(vehicle.context, truth.position, truth.attitude, tops) > STANDS
+
+
+def _tops(vehicle: Vehicle) -> Iterator[tuple[Vec3, float]]:
+    """Where a vehicle and its payload are in truth, and how high what lies on them is."""
+    truth, parcel = vehicle.truth, vehicle.context.payload
+    if truth is not None:
+        yield truth.position, truth.position[2] + LEGS
+        if parcel is not None and truth.payload is not None:
+            yield truth.payload, truth.payload[2] + 0.5 * parcel.size + LEGS
+
+
+def _airborne(vehicles: Sequence[Vehicle]) -> list[str]:
+    return [vehicle.name for vehicle in vehicles if in_the_air(vehicle, vehicles)]
 
 
 @contextmanager
@@ -302,7 +320,7 @@ class _Run:
             interrupted=engine is not None and engine.interrupts > 0,
             driver=self._driver_failed,
             recording=recording,
-            airborne=[v.name for v in engine.vehicles if in_the_air(v)] if engine else (),
+            airborne=_airborne(engine.vehicles) if engine else (),
             expected_faults=expected_faults(self._plan.expectations),
         )
         return summarise(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot, sqrt
+from math import hypot, inf, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
@@ -41,6 +41,13 @@ class Box(NamedTuple):
         )
         return sqrt(x * x + y * y + z * z)
 
+    def top(self, x: float, y: float, reach: float) -> float:
+        """Return the height at which it carries what is at (x, y) and as wide as `reach` on each
+        side; -inf beside it."""
+        (x0, y0, _), (x1, y1, z1) = self.low, self.high
+        beside = max(x0 - x, x - x1, y0 - y, y - y1)
+        return z1 if beside <= reach else -inf
+
 
 class Cylinder(NamedTuple):
     """An upright cylinder; `at` is the centre of its base."""
@@ -57,6 +64,11 @@ class Cylinder(NamedTuple):
             return max(aside, above)
         return hypot(aside, above)
 
+    def top(self, x: float, y: float, reach: float) -> float:
+        """Return the height at which it carries what is at (x, y), as `Box.top`."""
+        aside = hypot(x - self.at[0], y - self.at[1]) - self.radius
+        return self.at[2] + self.height if aside <= reach else -inf
+
 
 class Sphere(NamedTuple):
     """A ball with its centre at `at`."""
@@ -68,6 +80,17 @@ class Sphere(NamedTuple):
         """Return the distance from the surface to `p`; negative inside."""
         return distance(p, self.at) - self.radius
 
+    def top(self, x: float, y: float, reach: float) -> float:
+        """Return the height at which it carries what is at (x, y), as `Box.top`."""
+        aside = max(hypot(x - self.at[0], y - self.at[1]) - reach, 0.0)
+        if aside > self.radius:
+            return -inf
+        return self.at[2] + sqrt(self.radius**2 - aside**2)
+
+
+STEEPEST = 0.7
+"""The least upward part of the normal of what a vehicle may stand on."""
+
 
 class Plane(NamedTuple):
     """An infinite wall through `at`, solid behind; the unit vector `facing` points out of it."""
@@ -78,6 +101,11 @@ class Plane(NamedTuple):
     def distance(self, p: Vec3) -> float:
         """Return the distance from the wall to `p`; negative behind it."""
         return sum((a - b) * n for a, b, n in zip(p, self.at, self.facing, strict=True))
+
+    def top(self, x: float, y: float, reach: float) -> float:
+        """Return its height at (x, y), -inf where it is no floor but a wall or a ceiling."""
+        (ax, ay, az), (nx, ny, nz) = self.at, self.facing
+        return az - (nx * (x - ax) + ny * (y - ay)) / nz if nz > STEEPEST else -inf
 
 
 Shape = Box | Cylinder | Sphere | Plane

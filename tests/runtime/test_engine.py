@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import signal
 from dataclasses import replace
-from math import nan
+from math import cos, nan, sin
 from types import SimpleNamespace
 
 import pytest
@@ -14,12 +14,14 @@ from short_flights import NoParams, Still, down, hold, named, path, up
 
 from kybflow.api.flight import in_the_air
 from kybflow.core.errors import Refused
-from kybflow.core.geometry import LEVEL, ZERO
-from kybflow.core.signals import NS, Estimate, Failed, Setpoint, SetpointKind, Tick, Truth
+from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.signals import NS, Failed, Setpoint, SetpointKind, Tick, Truth
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.expressions import Finally, InState
 from kybflow.dsl.plan import EstimatorPlan, ExpectationPlan, TransitionPlan
 from kybflow.parts import AIR, Entry, Link
+from kybflow.world.shapes import Box
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 
 class Exploding(Still, flight=AIR >> AIR, emits=SetpointKind.POSITION):
@@ -248,16 +250,44 @@ def test_what_cannot_be_closed_is_told_in_the_summary(run):
     assert named(told, "run_ended") != []
 
 
-@pytest.mark.parametrize(
-    ("height", "believed", "speed", "mistaken"),
-    [(0.0, 0.0, 1.0, False), (1.0, 0.0, 0.0, True), (1.0, 1.0, 5.0, True), (1.0, 1.0, 0.0, False)],
+FRAME = Airframe(
+    mass=0.23, diameter=0.19, inertia=(0.00045, 0.00045, 0.0008), thrust=1.3, rotor_time=0.03
 )
-def test_who_believes_itself_on_the_ground_may_be_in_the_air(height, believed, speed, mistaken):
-    truth = Truth((0.0, 0.0, height), (0.0, 0.0, speed), LEVEL, ZERO)
-    estimate = Estimate(0, (0.0, 0.0, believed), ZERO, LEVEL, ZERO, "mocap", 0.0, 0.0)
-    context, activity = SimpleNamespace(start=ZERO), SimpleNamespace(off_ground=False)
-    landed = SimpleNamespace(truth=truth, estimate=estimate, context=context, activity=activity)
-    assert in_the_air(landed) is mistaken
+TABLE = Box((2.0, -1.0, 0.0), (3.0, 1.0, 0.7))
+
+
+def resting(position: Vec3, tilt: float = 0.0, speed: float = 0.0) -> SimpleNamespace:
+    """A vehicle that believes itself on the ground, and where it is in truth."""
+    attitude = (cos(0.5 * tilt), sin(0.5 * tilt), 0.0, 0.0)
+    context = VehicleContext("a", FRAME, ZERO, 0.0, None, 0.004, obstacles={"table": TABLE})
+    return SimpleNamespace(
+        truth=Truth(position, (0.0, 0.0, speed), attitude, ZERO),
+        context=context,
+        activity=SimpleNamespace(off_ground=False),
+    )
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "mistaken"),
+    [
+        (resting((0.0, 0.0, 0.0)), False),
+        (resting((0.0, 0.0, -0.2)), False),
+        (resting((0.0, 0.0, 0.09), tilt=1.5), False),
+        (resting((0.0, 0.0, 0.14)), True),
+        (resting((0.0, 0.0, 7.9), speed=0.02), True),
+        (resting((2.5, 0.0, 0.75)), False),
+        (resting((2.5, 0.0, 0.9)), True),
+        (resting((1.5, 0.0, 0.75)), True),
+    ],
+)
+def test_who_believes_itself_on_the_ground_may_be_in_the_air(vehicle, mistaken):
+    assert in_the_air(vehicle) is mistaken
+
+
+def test_who_lies_on_another_vehicle_is_not_in_the_air():
+    above, below = resting((0.0, 0.05, 0.05)), resting((0.0, 0.0, 0.0))
+    assert in_the_air(resting((0.0, 0.05, 0.08)))
+    assert not in_the_air(above, [above, below])
 
 
 def test_preflight_keeps_a_vehicle_on_the_ground_that_would_land_at_once(run):

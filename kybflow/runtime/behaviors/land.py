@@ -10,12 +10,12 @@ start.
 Down at `speed`; from the height `slow_below` above the expected ground, at `slow_speed`. The speed
 of the setpoint follows v(z) = min(speed, sqrt(slow_speed^2 + 2 a (z - z_slow))), slewed with the
 acceleration a. It has no lowest height: the ground is where the vehicle stops although the setpoint
-runs on below it. That is noticed when the height stays within 3 cm for `dwell` with the setpoint at
-least 5 cm below (after TeleKyb's ViconFreeLand, which judged the vertical speed; the height is less
-noisy, and the setpoint's depth is a second witness against gusts). Where the estimate is too noisy
-for that, the height averaged over a second stays within 5 cm for four times as long. The setpoint
-never runs more than 0.3 m ahead, so that no position error builds up on the ground. A descent that
-comes no lower for `patience` has failed: what follows needs no height.
+runs on below it. That is noticed when the height stays within 1.5 cm of one for `dwell` with the
+setpoint at least 5 cm below (after TeleKyb's ViconFreeLand, which judged the vertical speed; the
+height is less noisy, and the setpoint's depth is a second witness against gusts). Where the
+estimate is too noisy for that, the height averaged over a second stays within 5 cm for four times
+as long. The setpoint never runs more than 0.3 m ahead, so that no position error builds up on the
+ground. A descent that comes no lower for `patience` has failed: what follows needs no height.
 
 Nor does it land on another vehicle (`kybflow.flight.landing_place`): while one is under it the
 descent waits. Without a `position` it flies to a free place beside; over a point it waits for
@@ -41,7 +41,7 @@ from kybflow.flight.motion import (
 )
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param, params
 
-_STILL = 0.03
+_STILL = 0.015
 _AVERAGED, _LEVEL, _LONGER = 1.0, 0.05, 4.0
 """Where the height is too noisy: its average over so many seconds, how far that may move, and the
 part of `dwell` for which."""

@@ -26,8 +26,8 @@ since the entry, for the rest of the way:
                - 2 vz0 / (g tau) max(1 - t / tau, 0)),      tau = 0.8 s
 
 T0 being the thrust that the tracker believed to hold the vehicle (the descent, once it has learnt
-it) and vz0 the vertical speed at entry, which the last term takes away. In any case the rotors stop
-after `time_bound`. On the ground it is done at once.
+it) and vz0 the vertical speed at entry, which the last term takes away. The rotors stop after
+`time_bound`, unless an estimate has the vehicle in the air. On the ground it is done at once.
 
 Open loop the vehicle obeys z.. = g ((1 + e) T / T0 - 1) - d z.; a share of 90 % is the most that
 still lets a vehicle with e = +10 % sink, so e = -10 % falls with a net acceleration of 0.19 g.
@@ -50,6 +50,7 @@ from kybflow.core.units import Damping, Duration, Ratio
 from kybflow.flight.descent import Descent
 from kybflow.flight.motion import IDLE
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, param, params
+from kybflow.world.ground import height_in_the_air
 
 _ARREST = 0.8
 _MOST = 0.3
@@ -96,7 +97,7 @@ class LandBlind(
 
     def __init__(self, params: LandBlindParams, entry: Entry) -> None:
         super().__init__(params, entry)
-        self._grounded = entry.flight is GROUND
+        self._grounded, self._context = entry.flight is GROUND, entry.context
         self._hover = entry.hover_thrust
         self._most = entry.context.airframe.max_thrust
         climb = entry.motion.velocity[2]
@@ -107,7 +108,7 @@ class LandBlind(
         self._felt: float | None = None
 
     def update(self, tick: Tick) -> Command | Done:
-        if self._grounded or tick.elapsed >= self.params.time_bound:
+        if self._grounded or self._is_over(tick):
             return Done(IDLE)
         if self._descent is not None and self._landed(self._descent, tick):
             return Done(IDLE)
@@ -115,6 +116,13 @@ class LandBlind(
         if thrust is None:
             thrust = self._hover * self._share_at(tick.elapsed)
         return Command(LEVEL, min(max(thrust, 0.0), self._most), ZERO, None)
+
+    def _is_over(self, tick: Tick) -> bool:
+        """Whether the time is over, and no estimate says that the vehicle is still in the air."""
+        if tick.elapsed < self.params.time_bound:
+            return False
+        known = tick.estimate
+        return known is None or height_in_the_air(self._context, known, ()) <= 0.0
 
     def _landed(self, descent: Descent, tick: Tick) -> bool:
         """Take what the IMU felt; whether that was the touch-down. Gives the descent up when

@@ -7,18 +7,22 @@ from collections.abc import Callable
 from typing import Any
 
 from kybflow.core.errors import PartFailed, Refused
-from kybflow.core.geometry import Vec3, distance
+from kybflow.core.geometry import ZERO, Vec3, distance, heading_of
 from kybflow.core.signals import NS, Command, Done, Estimate, Failed, Grip, Setpoint, Tick, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Exit, Outcome, VehicleMachine
 from kybflow.dsl.plan import StatePlan, VehiclePlan
+from kybflow.flight.motion import Motion
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Flight, Leg
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.runtime.safety.hold import Hold, Holder, SetpointBlend
 from kybflow.runtime.safety.land_mode import LandMode
+from kybflow.runtime.safety.touch_down import TouchDown
 from kybflow.runtime.scores import VehicleScore
 
+PATIENCE: Time = 10 * NS
+"""How long a landing may be refused before it has failed."""
 _SAFE = frozenset({"brake", "landed"})
 """Where a vehicle goes when nothing else will start."""
 
@@ -67,6 +71,10 @@ class Activity:
         self._refused: frozenset[str] = frozenset()
         self._blend: SetpointBlend | None = None
         self._resumes = False
+        self._given: Command | None = None
+        self._off = 0.0
+        self._touch_down: TouchDown | None = None
+        self._contradicted: Time | None = None
         self._waits_for: str | None = None
 
     def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
@@ -138,10 +146,13 @@ class Activity:
             self._tell_waiting()
         if not isinstance(output, Setpoint):
             if isinstance(output, Command):
+                self._given = output
                 return output
             if isinstance(output, Failed):
                 self.fail(output.reason)
             elif isinstance(output, Done):
+                if self._refusal(tick.estimate, tick.now):
+                    return self._going_on(tick.known())
                 self._end(tick.estimate)
             else:
                 self.grip = output
@@ -180,9 +191,38 @@ class Activity:
         assert self.land_mode is not None
         landed = self.land_mode.has_landed(now)
         if landed:
+            reason = self._refusal(estimate, now)
+            if reason:
+                self._score.failure(f"its rotors rest, and {reason}")
             self.land_mode = None
             self._end(estimate)
         return landed
+
+    def _refusal(self, estimate: Estimate | None, now: Time) -> str:
+        """Return why a claim that the vehicle has landed is refused; the first one is told."""
+        start, end = self.leg
+        if start is end or end is not GROUND:
+            return ""
+        state = self.state
+        if self._touch_down is None:
+            told = state.behavior.cls.footprint(self._params[state.behavior.label], None)
+            expected = () if told is None or told.exit is None else (told.exit[2],)
+            self._touch_down = TouchDown(self.entry().context, expected, self._off)
+            self._contradicted = None
+        reason = self._touch_down.refusal(estimate, now)
+        if not reason:
+            self._contradicted = None
+        elif self._contradicted is None:
+            self._contradicted = now
+            self._tell("landing_refused", state.at, reason=reason)
+        elif now - self._contradicted > PATIENCE and state.behavior.cls.needs_estimate:
+            self.fail(f"it has landed, it says, but {reason}")
+        return reason
+
+    def _going_on(self, estimate: Estimate) -> Setpoint | Command:
+        """Return what a behavior whose landing was refused asked for last, else a hold."""
+        here = Motion(estimate.position, ZERO).setpoint(heading_of(estimate.attitude))
+        return self._given or self._wanted or here
 
     def refuse(self, reason: str) -> None:
         """Note that the vehicle would not arm: it stays on the ground, and its behavior has refused
@@ -235,6 +275,8 @@ class Activity:
         self.behavior = behavior
         self.leg = next(leg for leg in state.legs if leg.start is self.flight)
         if self.leg.start is not self.leg.end:
+            if self.flight is GROUND and entry.estimate is not None:
+                self._off = entry.estimate.position[2] - entry.context.start[2]
             self.flight = MOVING
 
     def _exit(self, reason: Exit) -> None:

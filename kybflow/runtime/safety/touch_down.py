@@ -1,0 +1,55 @@
+"""Judges a claim that the vehicle has touched down, whoever makes it: a behavior, or the vehicle's
+own land mode.
+
+A claim is refused while a fresh estimate says that the vehicle is in the air: more than 5 cm, and
+twice the spread, above where it could stand: on the floor, an obstacle of the world, what it
+started from, and where the landing expects the ground. An estimate that had it above its start when
+it stood there is off by as much. Less than `UNCHARTED` above all that there may be something that
+the mission does not name: there a claim counts that is made for `LONG` without a break, the height
+within `STILL`. No vehicle in the air stays so still whose rotors are made to bring it down.
+"""
+
+from __future__ import annotations
+
+from kybflow.core.signals import NS, Estimate, Time
+from kybflow.runtime.safety import take_off_tolerance
+from kybflow.world.ground import height_in_the_air
+from kybflow.world.vehicle_context import VehicleContext
+
+UNCHARTED = 1.0
+LONG: Time = 5 * NS
+STILL = 0.03
+BREAK: Time = NS // 10
+"""Seconds without a claim that end it."""
+
+
+class TouchDown:
+    """The claims of one landing. expected: the heights at which it expects the ground. off: how far
+    the estimate had the vehicle above its start when it stood there."""
+
+    def __init__(
+        self, context: VehicleContext, expected: tuple[float, ...] = (), off: float = 0.0
+    ) -> None:
+        self._context, self._expected = context, expected
+        self._off = min(max(off, 0.0), take_off_tolerance.LEAST)
+        self._since: Time = 0
+        self._last: Time | None = None
+        self._height = 0.0
+
+    def refusal(self, estimate: Estimate | None, now: Time) -> str:
+        """Return why a claim that is made now is refused, empty if it counts."""
+        if estimate is None:
+            return ""
+        x, y, z = estimate.position
+        estimate = estimate._replace(position=(x, y, z - self._off))
+        above = height_in_the_air(self._context, estimate, self._expected)
+        if above <= 0.0 or (self._is_still(z, now) and above < UNCHARTED):
+            return ""
+        return f"its estimate has it {above:.2f} m above the ground"
+
+    def _is_still(self, height: float, now: Time) -> bool:
+        """Whether it has been claimed for long, and at one height."""
+        last, self._last = self._last, now
+        if last is None or now - last > BREAK or abs(height - self._height) > STILL:
+            self._since, self._height = now, height
+        return now - self._since >= LONG
