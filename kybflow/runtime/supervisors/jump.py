@@ -3,8 +3,9 @@
 Looked at 50 times a second: when a newer measurement is in the estimate (its `time` less its `age`
 moves on), the position is compared with where the last one would have gone, r = |p - (p' + v' dt)|.
 Alarm `jumped` in the air when r is more than `factor` times its running average over some 20 looks,
-and more than `at_least`: the flying courier's check of position differences, made blind to the
-vehicle's own speed, so that a gap in the measurements is no jump. The alarm lasts 1 s. A change of
+more than `at_least`, and more than a dt^2 / 2, what a change of motion explains (a = 5 m/s^2, as in
+`kybflow.flight.pose_gate`): the flying courier's check of position differences, made blind to the
+vehicle's own motion, so that a gap in the measurements is no jump. The alarm lasts 1 s. A change of
 the estimator begins anew. World frame, metres.
 
 The default reaction is `land_blind`: which of the two positions is wrong can't be known.
@@ -15,6 +16,7 @@ from __future__ import annotations
 from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
 from kybflow.core.units import Length, Number
+from kybflow.flight.pose_gate import ACCELERATION
 from kybflow.parts import Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -69,7 +71,7 @@ class Jump(Supervisor[JumpParams]):
         step = distance(estimate.position, (x + t * vx, y + t * vy, z + t * vz))
         p, average = self.params, self._average
         self._average += _SHARE * (step - average)
-        bound = max(p.factor * average, p.at_least)
+        bound = max(p.factor * average, p.at_least, 0.5 * ACCELERATION * t * t)
         if step <= bound:
             return None
         reason = f"its position jumped by {step:.2f} m, {bound:.2f} m allowed"

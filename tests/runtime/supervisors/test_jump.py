@@ -32,6 +32,12 @@ def test_a_fast_vehicle_and_a_gap_in_its_measurements_are_no_jump():
     assert heard(*(seen(t, 2.0 * t, speed=2.0) for t in times)) == [None] * 6
 
 
+def test_a_vehicle_that_stopped_while_nobody_looked_has_not_jumped():
+    """The program hung for 1.6 s, in which a vehicle that climbed at 0.5 m/s was landed."""
+    flown = [seen(i * PERIOD, 0.5 * i * PERIOD, speed=0.5) for i in range(20)]
+    assert heard(*flown, seen(1.8, 0.1), seen(1.81, 0.1))[20:] == [None, None]
+
+
 def test_below_at_least_nothing_is_a_jump():
     assert heard(seen(0.0, 0.0), seen(0.01, 0.09)) == [None, None]
 
