@@ -264,13 +264,15 @@ ReactionName = Literal["warn", "brake", "go_home", "land", "land_blind", "cut"]
 
 class Alarm(NamedTuple):
     """A crossed bound: the event's name in the past tense, the reaction, the reason, and the
-    measured value and the bound, None where there is no number."""
+    measured value and the bound, None where there is no number. is_failure: the mission has failed
+    with it, even if the vehicle lands well."""
 
     event: str
     reaction: Reaction
     reason: str
     value: float | None = None
     bound: float | None = None
+    is_failure: bool = False
 
 
 class Done(NamedTuple):

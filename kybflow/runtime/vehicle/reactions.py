@@ -52,6 +52,8 @@ class Reactions:
         reaction = self._failsafe.decide(heard, tick, airborne, activity.machine.state)
         if reaction is None:
             return False
+        if heard.alarm.is_failure:
+            self._score.failure(heard.alarm.reason)
         if reaction is Reaction.BRAKE:
             activity.freeze("brake")
             return True

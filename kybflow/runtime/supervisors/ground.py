@@ -1,0 +1,74 @@
+"""Report a vehicle that lies on the ground while it should fly.
+
+Alarm `ground_touched` for one that has flown (more than 15 cm above where it last stood), is now
+within 5 cm of that height or below it, moves up or down by less than 5 cm/s, and doesn't follow its
+setpoint: that is more than `gap` above or below it and does not sink, or climbs by more than 10
+cm/s where it has no position; all of this for half a second. The setpoint of a landing sinks. What
+it knows is the estimate, and the ground where the vehicle stood: not a table that it sank upon.
+World frame, metres.
+
+The default reaction is `land`, which stops the rotors soon: what brought it down may bring it down
+again. The mission has then failed, however softly the vehicle lies there.
+"""
+
+from __future__ import annotations
+
+from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Setpoint, Tick, Time
+from kybflow.core.units import Length
+from kybflow.parts import Supervisor, param, params
+from kybflow.world.vehicle_context import VehicleContext
+
+_FLOWN, _NEAR, _STILL, _CLIMBS, _SINKS = 0.15, 0.05, 0.05, 0.1, -0.05
+_LASTS = NS // 2
+
+
+@params
+class GroundParams:
+    gap: Length = param(
+        "How far its setpoint is above or below a vehicle that doesn't follow.",
+        default=0.1, above=0.0, tightens="down",
+    )  # fmt: skip
+    reaction: ReactionName = param("What the failsafe does.", default="land", tightens="up")
+
+
+class Ground(Supervisor[GroundParams]):
+    always = True
+    unhurried = True
+    events = ("ground_touched",)
+
+    def __init__(self, params: GroundParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._near, self._has_flown = context.start[2] + _NEAR, False
+        self._since: Time | None = None
+
+    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+        estimate = tick.estimate
+        if estimate is None:
+            return None
+        height = estimate.position[2]
+        if not airborne:
+            self._near, self._has_flown, self._since = height + _NEAR, False, None
+            return None
+        if height > self._near:
+            self._has_flown = self._has_flown or height > self._near - _NEAR + _FLOWN
+            self._since = None
+            return None
+        if not self._leaves(tick.setpoint, height) or abs(estimate.velocity[2]) > _STILL:
+            self._since = None
+            return None
+        self._since = tick.now if self._since is None else self._since
+        return self._alarm() if tick.now - self._since >= _LASTS else None
+
+    def _leaves(self, setpoint: Setpoint | None, height: float) -> bool:
+        """Whether the setpoint is elsewhere, and does not land."""
+        if setpoint is None or not self._has_flown:
+            return False
+        climb = 0.0 if setpoint.velocity is None else setpoint.velocity[2]
+        if setpoint.position is None:
+            return climb > _CLIMBS
+        return climb > _SINKS and abs(setpoint.position[2] - height) > self.params.gap
+
+    def _alarm(self) -> Alarm:
+        reaction = Reaction[self.params.reaction.upper()]
+        reason = "it lies on the ground, but should fly"
+        return Alarm("ground_touched", reaction, reason, is_failure=True)
