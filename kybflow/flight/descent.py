@@ -42,8 +42,9 @@ STIFFNESS, HARDEST = 3.0, 2.0
 UNSURE_SPEED, UNSURE_LIFT, WANDER = 0.08, 0.1 * GRAVITY, 0.5
 """Standard deviations at the start, m/s and m/s^2; how much `l` may change, m/s^2 per root of a
 second."""
-CLIP = 3.0
-"""Standard deviations beyond which a sample counts no more."""
+CLIP, HARDEST_STOP = 3.0, 2.0
+"""How much a sample may count: downward, in standard deviations; upward, where it may be the floor
+that stops the vehicle, the speed that it takes away, m/s."""
 LAG = 0.05
 """Seconds by which rotors are taken to lag."""
 FIRST_NOISE, LEAST_NOISE, NOISE_TIME = 1.0, 0.05, 0.1
@@ -93,7 +94,7 @@ class Descent:
         excess = lift - self._lift * self._given
         struck = self._time > DEAF and excess > max(IMPACT, CLEAR * sqrt(self._noise))
         self._predict(dt)
-        self._correct(excess)
+        self._correct(min(excess, HARDEST_STOP / dt))
         if struck or self._is_carried(dt):
             return None
         return min(self._hover * self._ask(), self._most)
@@ -117,8 +118,7 @@ class Descent:
         """Correct the speed and the lift. excess: what is felt beyond what was expected."""
         share = self._given
         total = share * share * self._unsure + self._noise
-        most = CLIP * sqrt(total)
-        excess = -most if excess < -most else most if excess > most else excess
+        excess = max(excess, -CLIP * sqrt(total))
         gain_speed, gain_lift = share * self._both / total, share * self._unsure / total
         self._speed += gain_speed * excess
         self._lift = max(self._lift + gain_lift * excess, 1.0)

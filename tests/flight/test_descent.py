@@ -134,6 +134,14 @@ def test_a_vehicle_that_has_lost_half_its_mass_is_not_taken_for_one_on_the_floor
     assert fall(1.5, 0.75).speed < 1.0
 
 
+@pytest.mark.parametrize("height", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize("error", [-0.35, 0.0])
+def test_a_floor_that_is_met_at_once_stops_it_too(height, error):
+    landing = fall(height, error, climb=-0.5)
+    assert landing.stopped < 1.5
+    assert landing.climbed < 0.05
+
+
 def test_at_the_rate_of_the_physics_it_is_the_same():
     slow, fast = fall(1.5), fall(1.5, dt=0.002)
     assert fast.speed == pytest.approx(slow.speed, abs=0.03)

@@ -6,7 +6,7 @@ twice the spread, above where it could stand: on the floor, an obstacle of the w
 started from, and where the landing expects the ground. An estimate that had it above its start when
 it stood there is off by as much. Less than `UNCHARTED` above all that there may be something that
 the mission does not name: there a claim counts that is made for `LONG` without a break, the height
-within `STILL`. No vehicle in the air stays so still whose rotors are made to bring it down.
+within `STILL`, of a vehicle that is made to come down: in the air none stays so still.
 """
 
 from __future__ import annotations
@@ -36,20 +36,26 @@ class TouchDown:
         self._last: Time | None = None
         self._height = 0.0
 
-    def refusal(self, estimate: Estimate | None, now: Time) -> str:
-        """Return why a claim that is made now is refused, empty if it counts."""
+    def refusal(self, estimate: Estimate | None, now: Time, *, is_pushed: bool) -> str:
+        """Return why a claim that is made now is refused, empty if it counts. is_pushed: whether
+        the vehicle is made to come down."""
         if estimate is None:
             return ""
         x, y, z = estimate.position
         estimate = estimate._replace(position=(x, y, z - self._off))
         above = height_in_the_air(self._context, estimate, self._expected)
-        if above <= 0.0 or (self._is_still(z, now) and above < UNCHARTED):
+        if above <= 0.0 or (self._is_still(z, now, is_pushed) and above < UNCHARTED):
             return ""
         return f"its estimate has it {above:.2f} m above the ground"
 
-    def _is_still(self, height: float, now: Time) -> bool:
-        """Whether it has been claimed for long, and at one height."""
+    def _is_still(self, height: float, now: Time, is_pushed: bool) -> bool:
+        """Whether it has been claimed for long, and at one height although pushed down."""
         last, self._last = self._last, now
-        if last is None or now - last > BREAK or abs(height - self._height) > STILL:
+        if (
+            not is_pushed
+            or last is None
+            or now - last > BREAK
+            or abs(height - self._height) > STILL
+        ):
             self._since, self._height = now, height
         return now - self._since >= LONG

@@ -23,6 +23,9 @@ from kybflow.runtime.scores import VehicleScore
 
 PATIENCE: Time = 10 * NS
 """How long a landing may be refused before it has failed."""
+LIGHT, DEEP = 0.5, 0.05
+"""A thrust over the hover thrust, and a setpoint's depth below the vehicle (m), that bring down
+whatever is in the air."""
 _SAFE = frozenset({"brake", "landed"})
 """Where a vehicle goes when nothing else will start."""
 
@@ -151,7 +154,7 @@ class Activity:
             if isinstance(output, Failed):
                 self.fail(output.reason)
             elif isinstance(output, Done):
-                if self._refusal(tick.estimate, tick.now):
+                if self._refusal(tick.estimate, tick.now, is_pushed=self._is_pushed(tick)):
                     return self._going_on(tick.known())
                 self._end(tick.estimate)
             else:
@@ -191,14 +194,23 @@ class Activity:
         assert self.land_mode is not None
         landed = self.land_mode.has_landed(now)
         if landed:
-            reason = self._refusal(estimate, now)
+            reason = self._refusal(estimate, now, is_pushed=False)
             if reason:
                 self._score.failure(f"its rotors rest, and {reason}")
             self.land_mode = None
             self._end(estimate)
         return landed
 
-    def _refusal(self, estimate: Estimate | None, now: Time) -> str:
+    def _is_pushed(self, tick: Tick) -> bool:
+        """Whether what the vehicle was asked for last must bring it down, were it in the air."""
+        if self._given is not None:
+            return self._given.thrust < LIGHT * self.entry().context.airframe.hover_thrust
+        followed, known = tick.setpoint, tick.estimate
+        if followed is None or followed.position is None or known is None:
+            return False
+        return followed.position[2] < known.position[2] - DEEP
+
+    def _refusal(self, estimate: Estimate | None, now: Time, *, is_pushed: bool) -> str:
         """Return why a claim that the vehicle has landed is refused; the first one is told."""
         start, end = self.leg
         if start is end or end is not GROUND:
@@ -209,7 +221,7 @@ class Activity:
             expected = () if told is None or told.exit is None else (told.exit[2],)
             self._touch_down = TouchDown(self.entry().context, expected, self._off)
             self._contradicted = None
-        reason = self._touch_down.refusal(estimate, now)
+        reason = self._touch_down.refusal(estimate, now, is_pushed=is_pushed)
         if not reason:
             self._contradicted = None
         elif self._contradicted is None:

@@ -47,7 +47,7 @@ def at(x: float, y: float, z: float, *, age=0.0, spread=0.001, attitude=LEVEL) -
     ids=["floor", "pit", "table", "barrel", "ball", "on its side", "who knows", "stale"],
 )
 def test_it_may_be_on_something(estimate):
-    assert landing().refusal(estimate, 0) == ""
+    assert landing().refusal(estimate, 0, is_pushed=True) == ""
 
 
 @pytest.mark.parametrize(
@@ -62,35 +62,42 @@ def test_it_may_be_on_something(estimate):
     ],
 )
 def test_a_fresh_estimate_in_the_air_refuses_it(estimate):
-    assert landing().refusal(estimate, 0) != ""
+    assert landing().refusal(estimate, 0, is_pushed=True) != ""
 
 
 def test_the_reason_says_how_high():
-    assert landing().refusal(at(0.0, 0.0, 7.9), 0) == "its estimate has it 7.90 m above the ground"
+    reason = landing().refusal(at(0.0, 0.0, 7.9), 0, is_pushed=True)
+    assert reason == "its estimate has it 7.90 m above the ground"
 
 
 def test_without_an_estimate_nothing_contradicts():
-    assert landing().refusal(None, 0) == ""
+    assert landing().refusal(None, 0, is_pushed=True) == ""
 
 
 def test_it_may_stand_where_it_started_and_where_the_ground_is_expected():
-    assert landing(start=(0.0, 0.0, 0.8)).refusal(at(0.2, 0.0, 0.8), 0) == ""
-    assert landing(start=(0.0, 0.0, 0.8)).refusal(at(1.5, 0.0, 0.8), 0) != ""
-    assert landing(expected=(0.4,)).refusal(at(1.5, 0.0, 0.42), 0) == ""
+    assert landing(start=(0.0, 0.0, 0.8)).refusal(at(0.2, 0.0, 0.8), 0, is_pushed=True) == ""
+    assert landing(start=(0.0, 0.0, 0.8)).refusal(at(1.5, 0.0, 0.8), 0, is_pushed=True) != ""
+    assert landing(expected=(0.4,)).refusal(at(1.5, 0.0, 0.42), 0, is_pushed=True) == ""
 
 
 def test_an_estimate_that_was_off_at_the_start_is_off_by_as_much():
-    assert landing(off=0.12).refusal(at(1.0, 0.0, 0.13), 0) == ""
-    assert landing(off=2.0).refusal(at(1.0, 0.0, 1.0), 0) != ""
+    assert landing(off=0.12).refusal(at(1.0, 0.0, 0.13), 0, is_pushed=True) == ""
+    assert landing(off=2.0).refusal(at(1.0, 0.0, 1.0), 0, is_pushed=True) != ""
 
 
 @pytest.mark.parametrize(
-    ("height", "sinks", "counts"), [(0.4, 0.0, True), (0.4, 0.02, False), (1.4, 0.0, False)]
+    ("height", "sinks", "pushed", "counts"),
+    [
+        (0.4, 0.0, True, True),
+        (0.4, 0.0, False, False),
+        (0.4, 0.02, True, False),
+        (1.4, 0.0, True, False),
+    ],
 )
-def test_on_what_nobody_named_a_claim_counts_that_is_made_for_long(height, sinks, counts):
+def test_on_what_nobody_named_a_claim_counts_that_is_made_for_long(height, sinks, pushed, counts):
     claims, period = landing(), NS // 50
     found = [
-        claims.refusal(at(1.0, 0.0, height - sinks * now / NS), now)
+        claims.refusal(at(1.0, 0.0, height - sinks * now / NS), now, is_pushed=pushed)
         for now in range(0, LONG + NS, period)
     ]
     assert found[LONG // period - 1] != ""
@@ -100,5 +107,5 @@ def test_on_what_nobody_named_a_claim_counts_that_is_made_for_long(height, sinks
 def test_a_claim_that_was_withdrawn_begins_anew():
     claims = landing()
     for now in range(0, LONG - NS, NS // 50):
-        claims.refusal(at(1.0, 0.0, 0.4), now)
-    assert claims.refusal(at(1.0, 0.0, 0.4), 2 * LONG) != ""
+        claims.refusal(at(1.0, 0.0, 0.4), now, is_pushed=True)
+    assert claims.refusal(at(1.0, 0.0, 0.4), 2 * LONG, is_pushed=True) != ""

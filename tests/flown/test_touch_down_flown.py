@@ -1,0 +1,106 @@
+"""Nobody has landed in the air: not who stands still at the top of a climb, nor who says so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from fault_study import plan_of
+from plans import part, state, then, vehicle
+from short_flights import NoParams, down, named, path, up
+
+from kybflow.api.flight import RunRequest, fly
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.core.units import DURATION, LENGTH
+from kybflow.dsl.expressions import And, Compare, InState, Quantity, Read
+from kybflow.dsl.plan import FaultPlan, TransitionPlan
+from kybflow.flight.motion import IDLE
+from kybflow.parts import AIR, GROUND, Behavior, Entry
+
+LOW = 0.06
+"""Metres; the rotors may stop up to here."""
+
+
+class Watch:
+    """The true heights at which the rotors of `name` were told to stop after they had turned, and
+    the greatest height of all."""
+
+    def __init__(self, name: str) -> None:
+        self.stopped: list[float] = []
+        self.top = 0.0
+        self._name, self._turned = name, False
+
+    def __call__(self, engine) -> None:
+        if not engine.flying:
+            return
+        flying = next(v for v in engine.vehicles if v.name == self._name)
+        height, turns = flying.truth.position[2], flying.airborne
+        self.top = max(self.top, height)
+        if self._turned and not turns:
+            self.stopped.append(height)
+        self._turned = turns
+
+
+@pytest.fixture(autouse=True)
+def _every_tick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("kybflow.runtime.engine._OBSERVED_EVERY", 1)
+
+
+def flown(mission: str, seed: int, tmp_path, *faults: FaultPlan):
+    plan, watch = plan_of(mission), Watch("nano")
+    told = []
+    plan = replace(plan, faults=faults)
+    request = RunRequest(seed=seed, out=tmp_path / "run")
+    summary = fly(plan, request, (told.append,), (watch,)).summary
+    return summary, told, watch
+
+
+def test_a_link_cut_and_a_weak_battery_in_a_landing_end_on_the_floor(tmp_path):
+    late = Compare(">", Read("nano", "elapsed"), Quantity(2.63, DURATION))
+    when = And((InState("nano", "down"), late))
+    cut = part("faults", "link_cut", way="to_vehicle")
+    sag = part("faults", "battery_sag", by=0.97)
+    summary, told, watch = flown(
+        "figure_eight", 93537, tmp_path,
+        FaultPlan(cut, "nano", when=when, duration=2.4),
+        FaultPlan(sag, "nano", when=when, duration=1.3),
+    )  # fmt: skip
+    assert watch.top < 1.1
+    assert all(height < LOW for height in watch.stopped)
+    assert len(named(told, "landed")) == 2
+    assert summary["vehicles"]["nano"]["final"] == "ground"
+
+
+def test_a_vehicle_that_has_lost_half_its_mass_lands_on_the_floor(tmp_path):
+    low = Compare("<", Read("nano", "state.altitude"), Quantity(0.04, LENGTH))
+    light = part("faults", "mass_change", factor=0.57)
+    summary, told, watch = flown(
+        "first_flight", 35303, tmp_path,
+        FaultPlan(light, "nano", when=And((InState("nano", "down"), low)), duration=1.43),
+    )  # fmt: skip
+    [height] = watch.stopped
+    assert height < LOW
+    assert "above the ground" in named(told, "landing_refused")[0].fields["reason"]
+    assert summary["outcome"] == "succeeded"
+
+
+class Boasting(Behavior[NoParams], flight=AIR >> GROUND, emits=SetpointKind.POSITION):
+    """A lab's own landing, which says at once that it has landed."""
+
+    def __init__(self, params: NoParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+
+    def update(self, tick: Tick) -> Setpoint | Done:
+        return Done(IDLE)
+
+
+def test_a_behavior_that_says_so_in_the_air_has_not_landed(run):
+    watch = Watch("a")
+    boast = state("boast", Boasting, then("landed"), TransitionPlan("failed", "auto_land"))
+    _, told = run(vehicle("a", [up("boast"), boast, down()]), observers=(watch,))
+    [refused] = named(told, "landing_refused")
+    assert refused.fields["behavior"] == "boast"
+    assert named(told, "behavior_failed")[0].fields["reason"].startswith("it has landed, it says")
+    assert path(told, "a")[:3] == ["up", "boast", "auto_land"]
+    assert len(named(told, "landed")) == 1
+    assert all(height < LOW for height in watch.stopped)
