@@ -33,6 +33,13 @@ class StatusText(NamedTuple):
     text: str
 
 
+class ForeignCommand(NamedTuple):
+    """What somebody else commanded a vehicle, in words. allowed: whether the run may succeed."""
+
+    reason: str
+    allowed: bool
+
+
 class Override(NamedTuple):
     """Why a vehicle with a working link doesn't follow commands. lands: its own failsafe controls
     it, not a person, and it must land. refused: why a request for control was refused; empty
@@ -140,6 +147,14 @@ class SendsStatusTexts(Protocol):
 
     def status_texts(self) -> Sequence[StatusText]:
         """Return the messages since the last call, oldest first, each once."""
+
+
+@runtime_checkable
+class NoticesOthers(Protocol):
+    """A vehicle that others may command too, beside this program."""
+
+    def foreign_commands(self) -> Sequence[ForeignCommand]:
+        """Return what others were noticed to command since the last call."""
 
 
 @runtime_checkable

@@ -11,6 +11,7 @@ seconds; numbers have six significant digits; null is "not known" or "does not a
 - `vehicles.NAME.behaviors`: one entry for each time a state was entered; `ended` is done, next,
   failed, within, refused, asked, failsafe or run_ended.
 - `vehicles.NAME.estimators`: from when on each was used; an empty name: none was healthy.
+- `vehicles.NAME.foreign_commands`: what somebody else commanded it, beside this program.
 - `flows.NAME.phases`: one entry for each time a phase was entered; `ended` is next, within, done
   (its vehicles have left what it asked for), asked, operator or run_ended.
 - `expectations`: each line of `expect:`; `margin` is positive when it held, in the value's `unit`.

@@ -86,6 +86,7 @@ class VehicleScore:
         self.min_battery: float | None = None
         self.failures: list[str] = []
         self.flights: list[tuple[float, float | None]] = []
+        self.foreign_commands: list[str] = []
         self.position, self.velocity = Errors(), Errors()
 
     def entered(self, state: str, part: str, t_s: float) -> None:
@@ -106,6 +107,13 @@ class VehicleScore:
     def airborne(self, is_airborne: bool, t_s: float) -> None:
         """Begin or end an interval in the air, in which errors are measured."""
         self.flights.append((t_s, None) if is_airborne else (self.flights.pop()[0], t_s))
+
+    def foreign(self, reason: str, allowed: bool) -> None:
+        """Note that somebody else commanded the vehicle; unless that is allowed, it is a
+        failure."""
+        if not allowed and not self.foreign_commands:
+            self.failures.append(f"somebody else commanded it: {reason}")
+        self.foreign_commands.append(reason)
 
     def estimator(self, name: str, t_s: float) -> None:
         """Note that this estimator is in use from now on."""
@@ -131,6 +139,7 @@ class VehicleScore:
                 {"name": use.name, "start_s": rounded(use.start_s)} for use in self.estimators
             ],
             "min_battery": None if self.min_battery is None else rounded(self.min_battery),
+            "foreign_commands": self.foreign_commands,
         }
 
 

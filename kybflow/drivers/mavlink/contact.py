@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NS, MeasurementKind, Time
+from kybflow.drivers.mavlink.control import others
+from kybflow.drivers.mavlink.control.others import OtherCommanders
 from kybflow.drivers.mavlink.control.requests import CommandRequests
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.telemetry import received_status
@@ -74,12 +76,14 @@ class Contact:
             context, profile.spread, profile.streams, self.status, self.clock,
             self.is_outside,
         )  # fmt: skip
+        self.others = OtherCommanders(port.system, params.own_system)
         self.truth = truth
         self._hears: dict[str, Callable[[Message, Time], None]] = {
-            "COMMAND_ACK": self.requests.hear,
+            "COMMAND_ACK": self._answered,
             "PARAM_VALUE": self.parameters.hear,
             "PARAM_ERROR": self.parameters.hear,
             "TIMESYNC": self._compare_clocks,
+            **dict.fromkeys(others.STREAMS, self._see_target),
             **dict.fromkeys(ground_truth.STREAMS, self._see_truth),
         }
         """Who takes in a message besides `status`; the rest is for `telemetry`."""
@@ -89,7 +93,7 @@ class Contact:
         self._told: dict[str, Time] = {}
         self._kept: list[ReceivedText] = []
         port.want((*received_status.STREAMS, "STATUSTEXT"))
-        port.want((*self.telemetry.reads, *ANSWERS))
+        port.want((*self.telemetry.reads, *ANSWERS, *others.STREAMS, *others.STEERING))
         if truth is not None:
             port.want(ground_truth.STREAMS)
 
@@ -103,7 +107,12 @@ class Contact:
     def streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
         """The messages that must come steadily, Hz. kinds: what the vehicle is flown by."""
         true = {} if self.truth is None else ground_truth.STREAMS
-        return {**received_status.STREAMS, **self.telemetry.streams(kinds), **true}
+        return {
+            **received_status.STREAMS,
+            **others.STREAMS,
+            **self.telemetry.streams(kinds),
+            **true,
+        }
 
     def age(self, now: Time) -> float:
         """Seconds since the last message; zero before the first."""
@@ -112,6 +121,8 @@ class Contact:
     def listen(self, now: Time) -> bool:
         """Take in what arrived. Whether the autopilot was silent for so long before that it may
         have forgotten what it was asked for."""
+        for message in self.port.take_overheard():
+            self.others.overheard(message, now)
         messages = self.port.take()
         if not messages:
             return False
@@ -155,6 +166,14 @@ class Contact:
     def _hear(self, message: Message, now: Time) -> None:
         self.status.hear(message, now)
         self._hears.get(message.get_type(), self.telemetry.hear)(message, now)
+
+    def _answered(self, message: Message, now: Time) -> None:
+        self.others.answered(message, now)
+        self.requests.hear(message, now)
+
+    def _see_target(self, message: Message, now: Time) -> None:
+        if self.status.armed and self.status.landed is LandedState.AIR:
+            self.others.follows(message, now)
 
     def _compare_clocks(self, message: Message, now: Time) -> None:
         for answer in self.sync.hear(message, now):

@@ -36,12 +36,14 @@ from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.telemetry.vision import ExternalVision, FrameDrift
 from kybflow.drivers.mavlink.transport.router import Port
-from kybflow.parts import Check, Link, Seat, StatusText
+from kybflow.parts import Check, ForeignCommand, Link, Seat, StatusText
 
 SILENCE_TIMEOUT: Time = 10 * NS
 """How long the autopilot may be silent after opening."""
 OFTEN: Time = NS // 50
 """How often the upkeep of the link runs; it need not in every tick."""
+REREAD: Time = NS // 2
+"""How often one of the preflight's parameters is read again in flight."""
 FORGOTTEN: Time = NS // 2
 """Its own position counts as unknown when it is older than this."""
 MS: Time = NS // 1000
@@ -68,6 +70,7 @@ class AutopilotLink(Link):
         )
         contact.port.want(setpoints.STREAMS)
         self._vision = ExternalVision(params.vision_rate, contact.target)
+        self._watched, self._shared = self._checks.names(), params.shared
         names = [*self._checks.names(), profile.hover_parameter]
         self._grip: PayloadGrip | None = None
         if context.payload is not None:
@@ -81,6 +84,8 @@ class AutopilotLink(Link):
         self._upkeep = Upkeep(contact, self._streams(frozenset()), names)
         self._now: Time = 0
         self._due: Time = 0
+        self._reread: Time = 0
+        self._turn = 0
         self._opened: Time | None = None
         self._command: Command | None = None
 
@@ -94,6 +99,7 @@ class AutopilotLink(Link):
         if now >= self._due:
             self._due = now + OFTEN
             self._learn_hover_throttle(now)
+            self._watch_parameters(now)
             self._upkeep.step(now)
         self._publish_state()
 
@@ -146,6 +152,10 @@ class AutopilotLink(Link):
 
     def status_texts(self) -> Sequence[StatusText]:
         return self.contact.said(is_disarming=self.offboard.is_disarming)
+
+    def foreign_commands(self) -> Sequence[ForeignCommand]:
+        noticed = self.contact.others.take()
+        return [ForeignCommand(words, self._shared) for words in noticed] if noticed else ()
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
         for name, rate in self._streams(kinds).items():
@@ -220,12 +230,26 @@ class AutopilotLink(Link):
             own_heading=contact.telemetry.heading if command.heading is None else None,
         )  # fmt: skip
         contact.port.send(message)
+        contact.others.sent(message, now)
 
     @property
     def _anchor(self) -> Anchor | None:
         """Where its frame lies."""
         own = self.contact.telemetry.anchor
         return self._drift.anchor if self.contact.is_outside else own
+
+    def _watch_parameters(self, now: Time) -> None:
+        """Read the parameters of the preflight again in flight, one at a time."""
+        parameters = self.contact.parameters
+        for name, before, value in parameters.take_changed():
+            if name in self._watched:
+                self.contact.others.changed(name, before, value, now)
+        if now >= self._reread and self.contact.status.armed:
+            self._reread = now + REREAD
+            self._turn = (self._turn + 1) % len(self._watched)
+            name = self._watched[self._turn]
+            if name in parameters.values:
+                parameters.read((name,), now, again=True)
 
     def _learn_hover_throttle(self, now: Time) -> None:
         """How much throttle holds it in the air."""

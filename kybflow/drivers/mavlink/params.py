@@ -36,6 +36,11 @@ class AutopilotLinkParams:
         " goes on with what it did. A vehicle that a person took is never taken back unasked.",
         default="land", read_only=True,
     )  # fmt: skip
+    shared: bool = param(
+        "Whether others may command it too, such as a second ground station; else a run in which"
+        " somebody does has not succeeded.",
+        default=False, read_only=True,
+    )  # fmt: skip
 
 
 @params

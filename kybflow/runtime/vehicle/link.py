@@ -26,6 +26,7 @@ from kybflow.parts.link import (
     Arms,
     Grips,
     Lands,
+    NoticesOthers,
     Reclaimable,
     ReportsChecks,
     SendsStatusTexts,
@@ -35,6 +36,7 @@ from kybflow.parts.link import (
     truth_source,
 )
 from kybflow.runtime.events import Events
+from kybflow.runtime.scores import VehicleScore
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -91,7 +93,14 @@ class LinkIn:
     measurements arrived last, None before the first read. rig: takes the effects of faults, None on
     hardware."""
 
-    def __init__(self, plan: VehiclePlan, link: Link, health: LinkHealth, events: Events) -> None:
+    def __init__(
+        self,
+        plan: VehiclePlan,
+        link: Link,
+        health: LinkHealth,
+        events: Events,
+        score: VehicleScore,
+    ) -> None:
         self.truth: Truth | None = None
         self.heard: Time | None = None
         self._alive: Time | None = None
@@ -100,6 +109,8 @@ class LinkIn:
         self._read, self._truth = link.read, truth_source(link)
         self.rig = link.rig
         self._texts = link.status_texts if isinstance(link, SendsStatusTexts) else None
+        self._others = link.foreign_commands if isinstance(link, NoticesOthers) else None
+        self._score = score
         self._subscribed: frozenset[MeasurementKind] = frozenset()
 
     def listen(self, now: Time, accept: Accept) -> Sequence[Measurement]:
@@ -124,6 +135,10 @@ class LinkIn:
             tell = self._events.tell
             for severity, text in self._health.attempt(self._texts) or ():
                 tell("vehicle_said", self._vehicle, self._at, severity=severity, text=text)
+        if self._others is not None:
+            for reason, allowed in self._health.attempt(self._others) or ():
+                self._events.tell("foreign_command", self._vehicle, self._at, reason=reason)
+                self._score.foreign(reason, allowed)
         return measurements
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:

@@ -83,7 +83,7 @@ class Vehicle:
         lines = {part.label: part.at for part in parts_of(plan)}
         failsafe = Failsafe(plan.name, self._supervisors, lines, events)
         health = LinkHealth(plan.driver.label, failsafe.report)
-        link_in, link_out = LinkIn(plan, link, health, events), LinkOut(plan, link, health)
+        link_in, link_out = LinkIn(plan, link, health, events, score), LinkOut(plan, link, health)
         knowledge = Knowledge(
             plan, context, link_in, events, observer, score, failsafe.report,
             lambda: self.airborne, sensors, bodies, fleet,

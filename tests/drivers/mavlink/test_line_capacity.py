@@ -72,14 +72,14 @@ def test_a_vehicle_on_a_radio_is_asked_for_what_fits_also_once_its_imu_is_flown_
     bench = Bench("ardupilot", address=SLOW)
     bench.run(2.0)
     assert bench.link.checks(bench.now)[-1].name == "serial line"
-    assert asked(bench) == pytest.approx(13.3, abs=0.1)
+    assert asked(bench) == pytest.approx(12.7, abs=0.1)
     bench.fake.sent.clear()
     bench.link.subscribe(frozenset({Imu}))
     bench.run(0.5)
-    assert asked(bench) == pytest.approx(8.5, abs=0.1)
+    assert asked(bench) == pytest.approx(8.25, abs=0.1)
     bench.link.subscribe(frozenset({Imu, Odometry}))
     bench.run(0.5)
-    assert asked(bench) == pytest.approx(13.1, abs=0.1)
+    assert asked(bench) == pytest.approx(12.8, abs=0.1)
 
 
 def asked(bench: Bench) -> float:

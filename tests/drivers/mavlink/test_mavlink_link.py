@@ -28,9 +28,9 @@ from kybflow.parts import StatusText
 from kybflow.world.vehicle_context import Parcel
 
 UP = at((0.0, 0.0, 1.0))
-STEADY = frozenset({436.0, 1.0, 245.0, 31.0, 32.0, 105.0, 230.0, 147.0, 83.0, 65.0})
+STEADY = frozenset({436.0, 1.0, 245.0, 31.0, 32.0, 105.0, 230.0, 147.0, 83.0, 85.0, 65.0})
 """The messages that every PX4 is asked for, beside its heartbeat: mode, status, landed state,
-attitude, position, IMU, estimator, battery, throttle, sticks."""
+attitude, position, IMU, estimator, battery, throttle, target, sticks."""
 STREAM = "SET_POSITION_TARGET_LOCAL_NED"
 
 

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NEVER, NS, Time
 from kybflow.drivers.emulation.breaking import BreakableLink, Failures
-from kybflow.drivers.mavlink.protocol.framing import Counts, Packer, Parser
+from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, Counts, Packer, Parser
 from kybflow.drivers.mavlink.protocol.signing import Signing
 from kybflow.drivers.mavlink.transport.sockets import UdpIn
 from kybflow.drivers.mavlink.transport.wire import Wire
@@ -60,9 +60,17 @@ class Channel:
 
     def send(self, message: Any) -> None:
         """Send a message to everybody on this wire."""
-        if not self._link.sends():
-            return
-        data = self._packer.pack(message, AUTOPILOT)
+        if self._link.sends():
+            self._put(self._packer.pack(message, AUTOPILOT))
+
+    def forward(self, message: Any) -> None:
+        """Send somebody else's message to everybody on this wire, unsigned."""
+        if self._signing is None and self._link.sends():
+            sender = message.get_srcSystem(), message.get_srcComponent()
+            layout = LAYOUTS[message.get_msgId()]
+            self._put(layout.frame(message, message.get_seq(), sender, 0))
+
+    def _put(self, data: bytes) -> None:
         if isinstance(self.wire, UdpIn):
             for sender in self._parsers:
                 self.wire.send(data, sender)

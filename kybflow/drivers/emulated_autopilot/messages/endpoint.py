@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from typing import Any
 
 from pymavlink.dialects.v20 import all as mavlink
 
@@ -46,8 +47,16 @@ class MavlinkEndpoint:
         for channel, handlers in self._channels:
             for message in channel.receive(now):
                 handlers.hear(message)
+                if message.get_type() == "HEARTBEAT" and len(self._channels) > 1:
+                    self._forward(message, channel)
         self.autopilot.step(now)
         self._tell(now)
+
+    def _forward(self, message: Any, heard: Channel) -> None:
+        """Pass a heartbeat on to the other channels, as both firmwares do."""
+        for channel, _ in self._channels:
+            if channel is not heard:
+                channel.forward(message)
 
     def _tell_mode(self) -> None:
         for channel, _ in self._channels:

@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from kybflow.core.geometry import conjugate, rotate, to_euler
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.state import Role
+from kybflow.drivers.emulation.control import FREE, PositionTarget
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned, to_frd, to_ned
 
 QUADROTOR = 2
@@ -75,6 +76,22 @@ def attitude_target(a: OnboardAutopilot) -> Any:
         return None
     return mavlink.MAVLink_attitude_target_message(
         a.boot_ms(a.now), 0, attitude_to_ned(command.attitude), *to_frd(command.rates), a.throttle
+    )
+
+
+def position_target_local_ned(a: OnboardAutopilot) -> Any:
+    """The target that it follows; what it lacks is ignored, as its mask says."""
+    wanted = a.state.wanted
+    if not isinstance(wanted, PositionTarget) or a.state.flying.role is not Role.FOLLOW:
+        return None
+    mask = 0xE00
+    values: list[float] = []
+    for ignored, axes in zip((0x007, 0x038, 0x1C0), wanted[:3], strict=True):
+        mask |= ignored if axes == FREE else 0
+        x, y, z = axes
+        values += to_ned((x or 0.0, y or 0.0, z or 0.0))
+    return mavlink.MAVLink_position_target_local_ned_message(
+        a.boot_ms(a.now), 1, mask, *values, 0.0, 0.0
     )
 
 
@@ -294,10 +311,10 @@ def hil_state_quaternion(a: OnboardAutopilot) -> Any:
 Maker = Callable[[OnboardAutopilot], Any]
 _MAKERS: tuple[Maker, ...] = (
     heartbeat, sys_status, extended_sys_state, battery_status, current_mode, attitude_target,
-    servo_output_raw, ekf_status_report, estimator_status, rc_channels, system_time,
-    autopilot_version, local_position_ned, odometry, attitude, attitude_quaternion, highres_imu,
-    raw_imu, global_position_int, gps_raw_int, home_position, gps_global_origin, vfr_hud, altitude,
-    sim_state, hil_state_quaternion,
+    position_target_local_ned, servo_output_raw, ekf_status_report, estimator_status, rc_channels,
+    system_time, autopilot_version, local_position_ned, odometry, attitude, attitude_quaternion,
+    highres_imu, raw_imu, global_position_int, gps_raw_int, home_position, gps_global_origin,
+    vfr_hud, altitude, sim_state, hil_state_quaternion,
 )  # fmt: skip
 MAKERS: dict[str, Maker] = {maker.__name__.upper(): maker for maker in _MAKERS}
 """What makes each message, by its name."""

@@ -55,6 +55,7 @@ class AutopilotParameters:
         self.values: dict[str, float] = {}
         self.missing: set[str] = set()
         self.refused: dict[str, str] = {}
+        self._changed: list[tuple[str, float, float]] = []
         self._bytewise, self._target = bytewise, target
         self._types: dict[str, int] = {}
         self._exchanges: dict[str, _Exchange] = {}
@@ -89,6 +90,14 @@ class AutopilotParameters:
         elif sort == "PARAM_ERROR":
             self._error(message)
 
+    def take_changed(self) -> list[tuple[str, float, float]]:
+        """Name, value before and value of those that changed since the last call, though nothing
+        was written here."""
+        if not self._changed:
+            return []
+        changed, self._changed = self._changed, []
+        return changed
+
     def due(self, now: Time) -> list[Message]:
         """The messages to send now. Called every tick: it also gives up what was never answered."""
         if not self._exchanges:
@@ -106,7 +115,11 @@ class AutopilotParameters:
             return
         is_first = name not in self._types
         self._types[name] = message.param_type
-        value = self.values[name] = self._decoded(message)
+        before, value = self.values.get(name), self._decoded(message)
+        self.values[name] = value
+        is_ours = exchange is not None and exchange.value is not None
+        if before is not None and not is_ours and not is_same(before, value):
+            self._changed.append((name, before, value))
         if exchange is None:
             return
         if exchange.value is None or is_same(exchange.value, value):

@@ -60,6 +60,7 @@ class Port:
         self._place: Any = None
         self._clash: tuple[Time, Any] | None = None
         self._messages: deque[Message] = deque(maxlen=MOST_HELD)
+        self._overheard: deque[Message] = deque(maxlen=MOST_HELD)
 
     @property
     def counts(self) -> Counts:
@@ -91,6 +92,19 @@ class Port:
         messages = list(self._messages)
         self._messages.clear()
         return messages
+
+    def take_overheard(self) -> list[Message]:
+        """What other systems than the autopilots of this wire and ourselves said since the last
+        call."""
+        if not self._overheard:
+            return []
+        messages = list(self._overheard)
+        self._overheard.clear()
+        return messages
+
+    def overhear(self, message: Message) -> None:
+        """Take in a message of another system; called by the router."""
+        self._overheard.append(message)
 
     def send(self, message: Message, component: int = ONBOARD) -> None:
         """Send a message as one of our components. Nothing is sent to a place from which nobody was
@@ -150,7 +164,7 @@ class Router:
         self._signing = Signing(key) if key is not None and signing is None else signing
         self._system = system
         self._lines = {
-            address: _Line(wire, link, self._signing)
+            address: _Line(wire, link, system, self._signing)
             for link, (address, wire) in enumerate(wires.items())
         }
 
@@ -188,8 +202,8 @@ def _is_listener(message: Message) -> bool:
 class _Line:
     """One wire with its ports. `is_shared`: whether somebody else was heard to listen to it."""
 
-    def __init__(self, wire: Wire, link: int, signing: Signing | None) -> None:
-        self.wire, self.link = wire, link % 256
+    def __init__(self, wire: Wire, link: int, own: int, signing: Signing | None) -> None:
+        self.wire, self.link, self._own = wire, link % 256, own
         self.ports: dict[int, Port] = {}
         self.counts = Counts()
         self.autopilots: set[int] = set()
@@ -209,10 +223,13 @@ class _Line:
             if parser.stale:
                 self._answer(parser.stale, place, now)
             for message in messages:
+                system = message.get_srcSystem()
                 if message.get_srcComponent() != AUTOPILOT:
                     self.is_shared = self.is_shared or _is_listener(message)
+                    if system != self._own and system not in self.ports:
+                        for other in self.ports.values():
+                            other.overhear(message)
                     continue
-                system = message.get_srcSystem()
                 self.autopilots.add(system)
                 if (port := self.ports.get(system)) is not None:
                     port.hear(message, place, now)

@@ -1,0 +1,161 @@
+"""Whether somebody else commands the autopilot, beside a person who takes it over (`override`).
+
+Autopilots take set-points, commands and parameters from every system whose signature they accept,
+and forward to us no more than the others' heartbeats. So this looks at what the autopilot does:
+
+- the target that it says to follow (POSITION_TARGET_LOCAL_NED), while it follows set-points in the
+  air: its highest field, position, velocity or acceleration, must be near one that we sent in the
+  last second. Both firmwares take turns between two senders, and report what they follow;
+- answers to commands that are addressed to others (PX4 sends them to everybody);
+- parameters that keep it safe and are read again in flight: none of them changes by itself;
+- commands that are overheard on a wire that is shared.
+
+Each cause is told once in ten seconds.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import isfinite
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.core.geometry import Vec3, distance
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.control.requests import name_of
+from kybflow.drivers.mavlink.protocol.codec import NO_ACCELERATION, NO_POSITION, NO_VELOCITY
+
+if TYPE_CHECKING:
+    from kybflow.drivers.mavlink.protocol.framing import Message
+
+STREAMS = MappingProxyType({"POSITION_TARGET_LOCAL_NED": 4.0})
+"""What must come steadily, Hz."""
+STEERING = (
+    "COMMAND_LONG", "COMMAND_INT", "SET_MODE", "PARAM_SET", "MANUAL_CONTROL",
+    "RC_CHANNELS_OVERRIDE", "SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT",
+    "SET_ATTITUDE_TARGET",
+)  # fmt: skip
+"""Messages with which a vehicle is commanded."""
+REQUESTS = 500
+"""MAV_CMD from here on ask for something or set up a device; smaller ones make a vehicle act."""
+SENT: Time = NS
+"""How long what we sent may be what the autopilot follows."""
+MOST_SENT = 256
+NEAR = (0.3, 0.3, 1.0)
+"""How far it may be from that: metres, m/s, m/s^2."""
+OFTEN, WITHIN = 2, 3 * NS
+"""So many foreign targets within so long are told."""
+AGAIN: Time = 10 * NS
+"""Pause before a cause is told again."""
+IGNORED = (NO_POSITION, NO_VELOCITY, NO_ACCELERATION)
+FIELDS = ("position", "velocity", "acceleration")
+
+
+class _Target(NamedTuple):
+    """The highest field of a target: 0 position, 1 velocity, 2 acceleration; its value (NED)."""
+
+    field: int
+    value: Vec3
+
+
+class OtherCommanders:
+    """What is known of others who command one autopilot. system: its id. own_system: ours.
+    `stations`: the other ground stations that were heard."""
+
+    def __init__(self, system: int, own_system: int) -> None:
+        self.stations: set[int] = set()
+        self._system, self._own = system, own_system
+        self._sent: deque[tuple[Time, Message]] = deque(maxlen=MOST_SENT)
+        self._foreign: deque[Time] = deque(maxlen=OFTEN)
+        self._told: dict[str, Time] = {}
+        self._fresh: list[str] = []
+
+    def take(self) -> list[str]:
+        """What was noticed since the last call, in words."""
+        if not self._fresh:
+            return []
+        fresh, self._fresh = self._fresh, []
+        return fresh
+
+    def sent(self, message: Message, now: Time) -> None:
+        """Note a set-point of ours."""
+        self._sent.append((now, message))
+
+    def follows(self, message: Message, now: Time) -> None:
+        """Look at the target that the autopilot follows (POSITION_TARGET_LOCAL_NED), while it
+        follows set-points in the air."""
+        target = _target(message)
+        if target is None or any(
+            now - sent <= SENT and _is_near(target, _target(ours))
+            for sent, ours in reversed(self._sent)
+        ):
+            return
+        self._foreign.append(now)
+        if len(self._foreign) == OFTEN and now - self._foreign[0] <= WITHIN:
+            x, y, z = target.value
+            kind = FIELDS[target.field]
+            self._tell(
+                f"it follows set-points that this program did not send: {kind}"
+                f" ({x:.1f}, {y:.1f}, {z:.1f}) north, east, down{self._who()}",
+                now,
+                about=f"set-points of {kind}",
+            )
+
+    def answered(self, message: Message, now: Time) -> None:
+        """Look at a COMMAND_ACK."""
+        to = message.target_system
+        if to not in (0, self._own, self._system) and message.command < REQUESTS:
+            self._tell(f"system {to} commands it: {name_of(message.command)}", now)
+
+    def overheard(self, message: Message, now: Time) -> None:
+        """Look at a message of another system on the same wire."""
+        sender, kind = message.get_srcSystem(), message.get_type()
+        if kind == "HEARTBEAT":
+            if message.type == mavlink.MAV_TYPE_GCS:
+                self.stations.add(sender)
+        elif kind in STEERING and getattr(message, "target_system", 0) == self._system:
+            command = getattr(message, "command", None)
+            if command is None or command < REQUESTS:
+                what = kind if command is None else name_of(command)
+                self._tell(f"system {sender} commands it: {what}", now)
+
+    def changed(self, name: str, before: float, value: float, now: Time) -> None:
+        """Note a parameter that keeps it safe and has another value than when it was read last."""
+        self._tell(f"somebody set {name} from {before:g} to {value:g}{self._who()}", now)
+
+    def _who(self) -> str:
+        if not self.stations:
+            return ""
+        names = " and ".join(str(system) for system in sorted(self.stations))
+        return f"; ground station {names} is heard too"
+
+    def _tell(self, words: str, now: Time, about: str = "") -> None:
+        about = about or words
+        told = self._told.get(about)
+        if told is None or now - told >= AGAIN:
+            self._told[about] = now
+            self._fresh.append(words)
+
+
+def _target(message: Message) -> _Target | None:
+    """The highest field of a target, None where it has none, such as one of attitude."""
+    mask = getattr(message, "type_mask", None)
+    if mask is None or not hasattr(message, "vx"):
+        return None
+    values = (
+        (message.x, message.y, message.z),
+        (message.vx, message.vy, message.vz),
+        (message.afx, message.afy, message.afz),
+    )
+    for field, (ignored, value) in enumerate(zip(IGNORED, values, strict=True)):
+        if mask & ignored != ignored and all(map(isfinite, value)):
+            return _Target(field, value)
+    return None
+
+
+def _is_near(target: _Target, ours: _Target | None) -> bool:
+    if ours is None or target.field != ours.field:
+        return False
+    return distance(target.value, ours.value) <= NEAR[target.field]

@@ -1,0 +1,143 @@
+"""Who else commands an autopilot, as far as it shows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+pytest.importorskip("pymavlink", reason="pymavlink is not installed")
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from kybflow.core.signals import NS
+from kybflow.drivers.mavlink.control.others import AGAIN, OtherCommanders
+
+POSITION, ACCELERATION = 0xDF8, 0xC3F
+"""Masks that leave only the position, only the acceleration."""
+PX4 = 0
+"""The mask of PX4, whose unused fields are NaN."""
+
+
+def sent(mask: int, *values: float) -> Any:
+    return mavlink.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, 1, mask, *values, 0.0, 0.0
+    )
+
+
+def followed(mask: int, *values: float) -> Any:
+    return mavlink.MAVLink_position_target_local_ned_message(0, 1, mask, *values, 0.0, 0.0)
+
+
+def of(system: int, message: Any) -> Any:
+    message.get_header().srcSystem = system
+    return message
+
+
+def heartbeat(system: int) -> Any:
+    return of(system, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+
+
+@pytest.fixture
+def others() -> OtherCommanders:
+    return OtherCommanders(1, 245)
+
+
+HERE = (0.1, 0.2, -1.0)
+STILL = (0.0, 0.0, 0.0)
+
+
+def test_a_target_that_we_sent_is_nobody_elses(others: OtherCommanders) -> None:
+    for step in range(50):
+        now = step * NS // 10
+        others.sent(sent(POSITION, *HERE, *STILL, *STILL), now)
+        others.follows(followed(POSITION, *HERE, *STILL, *STILL), now)
+        others.follows(followed(PX4, *HERE, 0.4, 0.0, 0.0, 1.0, 0.0, 0.0), now)
+    assert others.take() == []
+
+
+def test_two_foreign_targets_in_three_seconds_are_told_once_and_by_whom(
+    others: OtherCommanders,
+) -> None:
+    others.overheard(heartbeat(200), 0)
+    told = []
+    for step in range(50):
+        now = step * NS // 5
+        others.sent(sent(ACCELERATION, *STILL, *STILL, 0.1, 0.0, 0.0), now)
+        mine, theirs = (ACCELERATION, *STILL, *STILL, 0.1, 0.0, 0.0), (POSITION, 2.0, 0.0, -1.0)
+        others.follows(followed(*(mine if step % 2 else (*theirs, *STILL, *STILL))), now)
+        told.append(others.take())
+    assert [step for step, words in enumerate(told) if words] == [2]
+    assert told[2] == [
+        "it follows set-points that this program did not send: position (2.0, 0.0, -1.0) north,"
+        " east, down; ground station 200 is heard too"
+    ]
+
+
+def test_a_single_odd_target_is_not_told(others: OtherCommanders) -> None:
+    for step in range(0, 60, 10):
+        others.follows(followed(POSITION, 2.0, 0.0, -1.0, *STILL, *STILL), step * NS)
+    assert others.take() == []
+
+
+def test_what_was_sent_long_ago_counts_no_more(others: OtherCommanders) -> None:
+    others.sent(sent(POSITION, *HERE, *STILL, *STILL), 0)
+    others.sent(sent(POSITION, 3.0, 0.0, -1.0, *STILL, *STILL), 2 * NS)
+    for step in range(3):
+        others.follows(followed(POSITION, *HERE, *STILL, *STILL), 2 * NS + step * NS // 5)
+    assert len(others.take()) == 1
+
+
+def test_a_target_without_a_field_tells_nothing(others: OtherCommanders) -> None:
+    nan = float("nan")
+    for step in range(9):
+        others.follows(followed(PX4, *[nan] * 9), step * NS // 5)
+        others.follows(followed(0xFFF, *[0.0] * 9), step * NS // 5)
+    assert others.take() == []
+
+
+def ack(command: int, to: int) -> Any:
+    return mavlink.MAVLink_command_ack_message(command, 0, 255, 0, to, 190)
+
+
+@pytest.mark.parametrize(
+    ("command", "to", "told"),
+    [
+        (176, 200, ["system 200 commands it: DO_SET_MODE"]),
+        (176, 245, []),
+        (176, 0, []),
+        (511, 200, []),
+    ],
+)
+def test_an_answer_to_somebody_else_names_him(
+    others: OtherCommanders, command: int, to: int, told: list[str]
+) -> None:
+    others.answered(ack(command, to), 0)
+    assert others.take() == told
+
+
+def test_what_is_overheard_names_the_sender_once_in_ten_seconds(others: OtherCommanders) -> None:
+    for now in (0, NS, AGAIN):
+        others.overheard(of(200, sent(POSITION, *HERE, *STILL, *STILL)), now)
+    words = "system 200 commands it: SET_POSITION_TARGET_LOCAL_NED"
+    assert others.take() == [words, words]
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        mavlink.MAVLink_command_long_message(1, 1, 512, 0, *[0.0] * 7),
+        mavlink.MAVLink_command_long_message(2, 1, 176, 0, *[0.0] * 7),
+        mavlink.MAVLink_system_time_message(0, 0),
+    ],
+)
+def test_what_does_not_command_this_vehicle_is_ignored(
+    others: OtherCommanders, message: Any
+) -> None:
+    others.overheard(of(200, message), 0)
+    assert others.take() == []
+
+
+def test_a_parameter_that_changes_is_told_with_both_values(others: OtherCommanders) -> None:
+    others.changed("GUID_TIMEOUT", 0.5, 30.0, 0)
+    assert others.take() == ["somebody set GUID_TIMEOUT from 0.5 to 30"]
