@@ -89,6 +89,7 @@ def test_the_summary_has_the_documented_shape():
                 ],
                 "estimators": [{"name": "mocap", "start_s": 0.0}],
                 "min_battery": 0.93,
+                "foreign_commands": [],
             }
         },
         "flows": {},
