@@ -50,7 +50,11 @@ class SimulatedClock(Clock):
 
 
 class WallClock(Clock):
-    """Real time. A late tick is counted, and the ones it missed are skipped, never caught up."""
+    """Real time. A late tick is counted, and the ones it missed are skipped, never caught up.
+
+    The time is read anew after waiting: a process that was stopped while it slept hears what
+    arrived meanwhile in this tick, not dated back to when the tick was due.
+    """
 
     def __init__(
         self,
@@ -64,11 +68,16 @@ class WallClock(Clock):
 
     def step(self) -> Time:
         self.now += self.period
-        passed = self._read() - self._began
-        if passed > self.now:
-            missed = (passed - self.now) // self.period
-            self.late += 1
-            self.now += missed * self.period
-        else:
-            self._wait((self.now - passed) / NS)
+        behind = self._behind()
+        is_late = behind > 0
+        if not is_late:
+            self._wait(-behind / NS)
+            behind = self._behind()
+        missed = max(behind // self.period, 0)
+        self.late += is_late or missed > 0
+        self.now += missed * self.period
         return self.now
+
+    def _behind(self) -> Time:
+        """How long the tick has been due; negative before it is."""
+        return self._read() - self._began - self.now

@@ -46,3 +46,17 @@ def test_a_wall_clock_counts_a_late_tick_and_leaves_out_what_it_missed():
     assert clock.late == 1
     assert clock.step() == 24_000_000
     assert clock.late == 1
+
+
+def test_a_stop_while_a_wall_clock_sleeps_counts_in_the_tick_that_follows_it():
+    wall = Wall()
+
+    def wait(seconds: float) -> None:
+        wall.wait(seconds + (0.4 if clock.now == 8_000_000 else 0.0001))
+
+    clock = WallClock(250, read=wall.read_ns, wait=wait)
+    assert clock.step() == 4_000_000
+    assert clock.step() == 408_000_000
+    assert clock.late == 1
+    assert clock.step() == 412_000_000
+    assert clock.late == 1
