@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import sqrt
 from typing import ClassVar, NamedTuple
 
 import pytest
@@ -30,9 +31,12 @@ KINDS = {
 
 
 class Landing(NamedTuple):
+    """rose: above the lowest point before, m."""
+
     speed: float
     seconds: float
     climbed: float
+    rose: float
 
 
 class Watch:
@@ -50,7 +54,11 @@ class Watch:
         first, last = self.seen[0], self.seen[-1]
         top = max(truth.position[2] for _, truth in self.seen) - first[1].position[2]
         fastest = -min(truth.velocity[2] for _, truth in self.seen)
-        return Landing(fastest, last[0] - first[0], top)
+        low, rose = first[1].position[2], 0.0
+        for _, truth in self.seen:
+            low = min(low, truth.position[2])
+            rose = max(rose, truth.position[2] - low)
+        return Landing(fastest, last[0] - first[0], top, rose)
 
 
 @pytest.fixture(autouse=True)
@@ -58,13 +66,14 @@ def _every_tick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("kybflow.runtime.engine._OBSERVED_EVERY", 1)
 
 
-def landed(run, kind: str, height: float, seed: int) -> Landing:
+def landed(run, kind: str, height: float, seed: int, **sim: float) -> Landing:
     faults = [FaultPlan(part("faults", "mocap_dropout"), "a", time=LOST)]
     for name, params in KINDS[kind]:
         faults.append(FaultPlan(part("faults", name, **params), "a", time=LOST + 0.2))
     watch = Watch()
     states = [up("hold", height), hold(30.0, "down"), down()]
-    _, told = run(vehicle("a", states), seed=seed, faults=tuple(faults), observers=(watch,))
+    one = vehicle("a", states, driver=part("drivers", "sim", **sim))
+    _, told = run(one, seed=seed, faults=tuple(faults), observers=(watch,))
     assert path(told, "a")[-2:] == ["land_blind", "fault"]
     assert len(named(told, "landed")) == 1
     return watch.landing()
@@ -87,6 +96,24 @@ def test_it_lands_gently_from_a_metre(run, kind: str) -> None:
 def test_it_lands_gently_from_everywhere_with_every_seed(run, kind: str, height: float) -> None:
     landings = [landed(run, kind, height, seed) for seed in range(10)]
     assert all(map(held, landings)), landings
+
+
+def in_the_noise_of_px4s_simulator(run, seed: int) -> None:
+    """Samples of 1.4 m/s^2 along z at 100 Hz make the speed wander as these at 500 Hz do."""
+    landing = landed(run, "nothing", 1.0, seed, accelerometer_noise=1.4 * sqrt(5.0))
+    assert landing.rose <= 0.1, landing
+    assert landing.speed <= 1.5, landing
+
+
+@pytest.mark.parametrize("seed", [300, 301])
+def test_in_the_noise_of_px4s_simulator_it_does_not_rise_again(run, seed: int) -> None:
+    in_the_noise_of_px4s_simulator(run, seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(400, 420))
+def test_in_the_noise_of_px4s_simulator_it_does_not_rise_again_with_any_seed(run, seed) -> None:
+    in_the_noise_of_px4s_simulator(run, seed)
 
 
 def test_lost_while_it_climbs_it_lands(run) -> None:
