@@ -16,6 +16,10 @@ WATCHDOG: Time = NS // 4
 FORGOTTEN = 2.0
 """Seconds in which a speed that the IMU has felt is forgotten: an accelerometer that is wrong by b
 is never mistaken for more than 2 b, however long the flight."""
+LEARNT = 5.0
+"""Seconds over which the specific force is averaged in flight. Who commands the vehicle keeps its
+speed bounded, so that in the long run the average is gravity and what the accelerometer is wrong by
+now, whatever it felt at rest."""
 
 
 class Receiver:
@@ -29,7 +33,7 @@ class Receiver:
         self._controller, self._airframe, self._watched = controller, airframe, watched
         self._heard: Time = 0
         self._deaf = False
-        self._climb = 0.0
+        self._climb = self._wrong = 0.0
         self._on_the_way: deque[tuple[Time, Command]] = deque()
 
     def put_off(self, late: Time) -> None:
@@ -66,16 +70,22 @@ class Receiver:
             return due
         since = now
         if not self._controller.armed:
-            self._climb = 0.0
+            self._climb = self._wrong = 0.0
         elif not self._deaf:
-            gained, seconds = self._controller.gained()
-            self._climb = self._climb * exp(-seconds / FORGOTTEN) + gained
+            self._feel(*self._controller.gained())
             since = self._heard
             if now - since >= WATCHDOG:
-                frame, rest = self._airframe, self._controller.rest
+                frame, rest = self._airframe, self._controller.rest + self._wrong
                 self.descent = Descent(frame.hover_thrust, frame.max_thrust, self._climb, rest)
                 self._deaf, since = True, now
         return min(due, since + WATCHDOG)
+
+    def _feel(self, gained: float, seconds: float) -> None:
+        """Take the upward speed that the IMU has felt in flight, m/s, in so many seconds."""
+        keep = exp(-seconds / LEARNT)
+        if seconds > 0.0:
+            self._wrong = keep * self._wrong + (1.0 - keep) * gained / seconds
+        self._climb = self._climb * exp(-seconds / FORGOTTEN) + gained - self._wrong * seconds
 
     def come_down(self, lift: float, dt: float) -> None:
         """One step of the descent, with the specific force along body z that is felt, m/s^2."""

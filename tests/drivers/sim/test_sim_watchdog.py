@@ -25,13 +25,16 @@ def left_alone(session, link, now, seconds=30.0):
     return fastest, now
 
 
-def cut_after(seconds, seed, height=1.0):
-    """The link is cut after so long a hover, begun before the IMU has rested for long: the greatest
-    height from then on over the last, the fastest descent above the floor, and the last height."""
+def cut_after(seconds, seed, height=1.0, bias=0.0, since=4.0):
+    """The link is cut after so long a hover, begun before the IMU has rested for long; since so
+    many seconds the accelerometer is wrong by `bias`, m/s^2. The greatest height from then on over
+    the last, the fastest descent above the floor, and the last height."""
     session = world(seat(params=SimParams()), seed=seed)
     link = session.links["a"]
     _, now = push(session, link, 0.04, STOPPED)
-    now = lift(session, link, height, seconds, now)
+    now = lift(session, link, height, seconds - since, now)
+    link.rig.begin(Effect(accelerometer_bias=(0.0, 0.0, bias)), now)
+    now = lift(session, link, height, since, now)
     last = top = link.truth().position[2]
     fastest = 0.0
     while link.controller.armed:
@@ -64,6 +67,11 @@ def assert_gently_down(climbed, fastest, height):
 @pytest.mark.parametrize("seed", [100, 101, 104])
 def test_a_long_flight_does_not_make_it_climb(seed):
     assert_gently_down(*cut_after(60.0, seed))
+
+
+@pytest.mark.parametrize(("bias", "since"), [(-0.3, 4.0), (-0.6, 12.0), (0.6, 6.0)])
+def test_an_accelerometer_that_went_wrong_in_flight_does_not_make_it_climb(bias, since):
+    assert_gently_down(*cut_after(20.0, 300, bias=bias, since=since))
 
 
 @pytest.mark.slow
