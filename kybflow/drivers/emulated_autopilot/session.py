@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from operator import attrgetter
 
-from kybflow.core.signals import Measurement, Time, Truth
+from kybflow.core.signals import NS, Measurement, Time, Truth
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.firmware import SetupPlan, emulated_firmware
 from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
@@ -17,7 +17,7 @@ from kybflow.drivers.mavlink.firmware import FirmwareProfile, Latency, profile_o
 from kybflow.drivers.mavlink.link import AutopilotLink
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
 from kybflow.drivers.mavlink.transport.router import Port, Router
-from kybflow.drivers.mavlink.transport.wire import Wire, memory_wires
+from kybflow.drivers.mavlink.transport.wire import MemoryWire, memory_wires
 from kybflow.parts import Link, Seat, Session
 
 LATENCY = Latency(position=0.04, acceleration=0.1)
@@ -52,7 +52,7 @@ class EmulatedLink(AutopilotLink):
     our end. `autopilot`: what is at the other end."""
 
     def __init__(
-        self, seat: Seat, port: Port, wire: Wire, emulated: EmulatedVehicle[MavlinkEndpoint]
+        self, seat: Seat, port: Port, wire: MemoryWire, emulated: EmulatedVehicle[MavlinkEndpoint]
     ) -> None:
         shared = {
             field.name: getattr(seat.params, field.name) for field in fields(AutopilotLinkParams)
@@ -74,6 +74,7 @@ class EmulatedLink(AutopilotLink):
     def update(self, now: Time) -> None:
         rig = self._emulated.vehicle.rig
         self.wire.deaf, self.wire.mute = rig.deaf, rig.mute
+        self.wire.other.late = round(rig.late * NS)
         super().update(now)
 
     def read(self, now: Time) -> Sequence[Measurement]:

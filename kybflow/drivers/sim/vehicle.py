@@ -243,7 +243,7 @@ class SimulatedVehicle(Link):
         rig = self.rig
         self._filters = rig.filters
         self._deaf, self._mute = (not self.is_wired and cut for cut in (rig.deaf, rig.mute))
-        self._receiver.put_off(round(rig.late * NS))
+        self._receiver.put_off(0 if self.is_wired else round(rig.late * NS))
         self._seen_as = self._world.index(rig.body)
         self._sees_as = self._world.index(rig.view)
         self.battery.sag = rig.sag

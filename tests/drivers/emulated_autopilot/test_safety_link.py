@@ -12,6 +12,7 @@ pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 from rehearsals import (
     AUTOPILOTS,
     DRIVER,
+    HEIGHT,
     LANDS,
     UP,
     WRONG,
@@ -146,3 +147,13 @@ def test_when_the_program_dies_it_lands_and_stops_its_rotors(autopilot, tmp_path
     assert flight.after(WRONG, LANDS[autopilot]) < NOTICES[autopilot]
     down = next(s.time for s in flight.samples if s.time > WRONG and not s.armed)
     assert down - WRONG < 8.0
+
+
+@pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
+def test_a_program_that_is_late_does_not_come_between_an_autopilot_and_its_rotors(
+    autopilot, tmp_path
+):
+    flight = Rehearsal(autopilot, tmp_path, faults=[fault("clock_late", 2.0, by=0.3)])
+    assert flight.is_safe()
+    late = [s for s in flight.samples if WRONG <= s.time < WRONG + 1.0]
+    assert min(s.position[2] for s in late) > HEIGHT - 0.1

@@ -306,3 +306,15 @@ def test_what_was_under_way_when_it_was_cut_is_lost() -> None:
     assert not one.receive(0)
     one.deaf = False
     assert not one.receive(0)
+
+
+def test_what_is_sent_to_an_end_that_hears_late_arrives_late_and_is_lost_when_that_ends() -> None:
+    one, other = memory_wires()
+    other.late = 2 * NS
+    one.send(b"first")
+    assert [other.receive(now * NS) for now in range(4)] == [[], [], [(b"first", None)], []]
+    one.send(b"lost")
+    assert other.receive(4 * NS) == []
+    other.late = 0
+    one.send(b"next")
+    assert other.receive(5 * NS) == [(b"next", None)]

@@ -66,23 +66,41 @@ class Wire(ABC):
 
 class MemoryWire(Wire):
     """One end of a pair in this process: what is sent here arrives at the other end, in order, at
-    once."""
+    once. late: nanoseconds by which what is sent to this end arrives later, which a fault sets;
+    what is on its way is lost when that is zero again."""
 
     other: MemoryWire
+    late: Time = 0
 
     def __init__(self, address: str) -> None:
         super().__init__(address)
         self._coming: deque[bytes] = deque(maxlen=MOST_HELD)
+        self._on_the_way: deque[tuple[Time, bytes]] = deque(maxlen=MOST_HELD)
 
     def trouble(self) -> str | None:
         return None
 
     def close(self) -> None:
         self._coming.clear()
+        self._on_the_way.clear()
 
     def _receive(self, now: Time) -> Received:
+        if self.late:
+            return self._delayed(now)
+        if self._on_the_way:
+            self._on_the_way.clear()
         came = [(data, None) for data in self._coming]
         self._coming.clear()
+        return came
+
+    def _delayed(self, now: Time) -> Received:
+        """What came `late` before `now`."""
+        waiting = self._on_the_way
+        waiting.extend((now, data) for data in self._coming)
+        self._coming.clear()
+        came = []
+        while waiting and now - waiting[0][0] >= self.late:
+            came.append((waiting.popleft()[1], None))
         return came
 
     def _send(self, data: bytes, to: Any) -> None:
