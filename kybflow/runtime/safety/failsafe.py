@@ -4,8 +4,9 @@ Severest first: `cut`, `land_blind`, `land`, `go_home`, `brake`, `warn`. A persi
 reported once. `brake` holds the vehicle until every alarm that braked it has been silent for 1 s;
 an alarm that returns within 5 s of the release holds it for good. A reaction from `go_home` upwards
 latches: only a severer one takes effect until the vehicle is reset in `fault`, on the ground.
-Without an estimate, `land_blind` replaces any reaction that needs a position. A part that raises
-lands its vehicle; a supervisor that raises is not called again.
+Without an estimate, `land_blind` replaces any reaction that needs a position; it becomes `land`
+when the estimate has been back for 0.5 s. A part that raises lands its vehicle; a supervisor that
+raises is not called again.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ RELEASED_AFTER = 1.0
 """Seconds of silence of every braking alarm that end a brake."""
 AGAIN = 5.0
 """Seconds after a release within which a returning alarm holds the vehicle for good."""
+SEEN: Time = NS // 2
+"""How long a lost estimate must have been back before the vehicle lands by it."""
 _UNHURRIED = NS // 50
 """Period of the calls of an unhurried supervisor."""
 _QUIET = NS // 2
@@ -72,6 +75,8 @@ class Failsafe:
         self._reasons: dict[str, str] = {}
         self._released: dict[str, Time] = {}
         self._waived: dict[str, Time] = {}
+        self._lost = False
+        self._blind: Time = 0
         self._for_good = False
 
     def check(self, tick: Tick, airborne: bool) -> RaisedAlarm | None:
@@ -154,6 +159,8 @@ class Failsafe:
             return reaction if reaction > Reaction.BRAKE and state != "fault" else None
         if tick.estimate is None and reaction < Reaction.LAND_BLIND:
             reaction = Reaction.LAND_BLIND
+        if reaction is Reaction.LAND_BLIND:
+            self._blind = tick.now
         if self.latched is Reaction.GO_HOME and reaction is Reaction.BRAKE:
             reaction = Reaction.LAND  # a brake would end the way home: land instead
         if self.latched is not None and reaction <= self.latched:
@@ -163,9 +170,24 @@ class Failsafe:
                 return None
         else:
             self.latched = reaction
+            self._lost = tick.estimate is None or alarm.event == "estimate_lost"
             self.clear_brake()
         self._tell("failsafe_started", heard, reaction)
         return reaction
+
+    def sees_again(self, tick: Tick) -> bool:
+        """Return whether a vehicle that lands blind for want of an estimate can land by one again;
+        the reaction is then `land`."""
+        if self.latched is not Reaction.LAND_BLIND or not self._lost:
+            return False
+        if tick.estimate is None:
+            self._blind = tick.now
+        if tick.now - self._blind < SEEN:
+            return False
+        self.latched = Reaction.LAND
+        back = Alarm("estimate_lost", Reaction.LAND, f"the estimate is back for {SEEN / NS:g} s")
+        self._tell("failsafe_started", RaisedAlarm(back, ""), Reaction.LAND)
+        return True
 
     def _brakes(self, alarm: Alarm, now: Time) -> bool:
         """Note a braking alarm; return whether the vehicle was braked already."""

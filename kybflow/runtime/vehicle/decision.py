@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from kybflow.core.signals import Tick, Time
+from kybflow.core.signals import Reaction, Tick, Time
 from kybflow.parts import AIR, GROUND
 from kybflow.runtime.safety.failsafe import Failsafe
 from kybflow.runtime.vehicle.activity import Activity
@@ -39,6 +39,8 @@ class Decision:
             heard = self._failsafe.check(tick, activity.off_ground)
             if heard is not None:
                 self._reactions.react(heard, tick)
+        if self._failsafe.latched is Reaction.LAND_BLIND:
+            self._reactions.regain_sight(tick)
         if activity.changed:
             tick = self.settle(tick)
         if self._requests.waiting:

@@ -81,6 +81,14 @@ class Reactions:
         lost = Alarm("estimate_lost", Reaction.LAND_BLIND, "no estimate to fly by")
         return self.react(RaisedAlarm(lost, self._activity.state.at), tick)
 
+    def regain_sight(self, tick: Tick) -> None:
+        """Land by the estimate again, where the vehicle lands blind and the estimate is back. Its
+        own land mode finds that out by itself."""
+        activity = self._activity
+        blind = activity.machine.state == "land_blind" and activity.land_mode is None
+        if blind and self._failsafe.sees_again(tick):
+            activity.go("auto_land")
+
     def react_to_failure(self, failure: PartFailed, is_needed: bool, tick: Tick) -> None:
         """React to a part that raised: the vehicle lands, blind if a part that is needed to land
         failed. The rotors rest if even that failed, or if they rested before. is_needed: the

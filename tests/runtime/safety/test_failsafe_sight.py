@@ -1,0 +1,59 @@
+"""A vehicle that lands blind for want of an estimate lands by it when it is back."""
+
+from __future__ import annotations
+
+import pytest
+from part_bench import estimate
+
+from kybflow.core.signals import NS, Alarm, Event, Reaction, Tick
+from kybflow.runtime.events import Events
+from kybflow.runtime.safety.failsafe import SEEN, Failsafe, RaisedAlarm
+
+LOST = Alarm("estimate_lost", Reaction.LAND_BLIND, "none")
+TILTED = Alarm("tilted", Reaction.LAND_BLIND, "80 deg")
+LOW = Alarm("battery_low", Reaction.LAND, "9 %")
+
+
+def tick(now: int, known: bool = True) -> Tick:
+    here = estimate((0.0, 0.0, 1.0)) if known else None
+    return Tick(now, 0.004, 0.0, here, None, None, {})
+
+
+@pytest.fixture
+def told() -> list[Event]:
+    return []
+
+
+@pytest.fixture
+def failsafe(told: list[Event]) -> Failsafe:
+    return Failsafe("a", {}, {}, Events((told.append,)))
+
+
+def decide(failsafe: Failsafe, alarm: Alarm, now: int, known: bool = False) -> Reaction | None:
+    return failsafe.decide(RaisedAlarm(alarm, ""), tick(now, known), True, "hold")
+
+
+@pytest.mark.parametrize("alarm", [LOST, LOW])
+def test_half_a_second_with_an_estimate_is_enough(
+    failsafe: Failsafe, told: list[Event], alarm: Alarm
+) -> None:
+    assert decide(failsafe, alarm, NS) is Reaction.LAND_BLIND
+    assert not failsafe.sees_again(tick(2 * NS, known=False))
+    assert not failsafe.sees_again(tick(2 * NS + SEEN - 1))
+    assert failsafe.sees_again(tick(2 * NS + SEEN))
+    assert failsafe.latched is Reaction.LAND
+    assert told[-1].fields["reason"] == "the estimate is back for 0.5 s"
+    assert not failsafe.sees_again(tick(9 * NS))
+    assert decide(failsafe, LOST, 9 * NS) is Reaction.LAND_BLIND
+
+
+def test_an_alarm_of_the_estimate_begins_the_wait_anew(failsafe: Failsafe) -> None:
+    decide(failsafe, LOST, NS)
+    assert decide(failsafe, LOST, 2 * NS, known=True) is None
+    assert not failsafe.sees_again(tick(2 * NS + SEEN - 1))
+    assert failsafe.sees_again(tick(2 * NS + SEEN))
+
+
+def test_what_is_no_want_of_an_estimate_stays_blind(failsafe: Failsafe) -> None:
+    assert decide(failsafe, TILTED, NS, known=True) is Reaction.LAND_BLIND
+    assert not failsafe.sees_again(tick(9 * NS))
