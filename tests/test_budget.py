@@ -34,7 +34,7 @@ BUDGET = {
         "processors": 320,
         "behavior": 342,
         "recorder": 212,
-        "supervisors": 81,
+        "supervisors": 89,
     },
     8: {
         "simulator": 2864,
@@ -44,7 +44,7 @@ BUDGET = {
         "processors": 320,
         "behavior": 342,
         "recorder": 211,
-        "supervisors": 103,
+        "supervisors": 111,
     },
 }
 """Bytecodes a vehicle and tick, by the number of vehicles, in a plain install. The simulator's are

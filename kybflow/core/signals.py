@@ -74,12 +74,22 @@ class Pose(NamedTuple):
     attitude: Quat
 
 
+class BatteryWarning(NamedTuple):
+    """What a vehicle itself says of a battery that runs low, in words. acts: its own failsafe acts
+    on that, or would if it were set up to."""
+
+    words: str
+    acts: bool
+
+
 class Battery(NamedTuple):
-    """The battery as the vehicle reports it: the charge `remaining`, 0 to 1, and its voltage."""
+    """The battery as the vehicle reports it: the charge `remaining`, 0 to 1, its voltage, and the
+    vehicle's own `warning` (a BatteryWarning), None while it gives none."""
 
     time: Stamp
     remaining: Annotated[float, "0 to 1"]
     voltage: Annotated[float, "V"]
+    warning: Any = None
 
 
 class Imu(NamedTuple):

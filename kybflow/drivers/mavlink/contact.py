@@ -11,7 +11,6 @@ else listens on the same wire, and on again when the link is closed."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence, Set
-from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import all as mavlink
@@ -73,7 +72,7 @@ class Contact:
             profile.integer_parameters_bytewise, target=self.target
         )
         self.telemetry = Telemetry(
-            context, profile.spread, profile.streams, self.status, self.clock,
+            context, profile, self.status, self.clock,
             self.is_outside,
         )  # fmt: skip
         self.others = OtherCommanders(port.system, params.own_system)
@@ -154,14 +153,12 @@ class Contact:
                 said.append(StatusText(SEVERITIES[severity], text))
         return said
 
-    def _fresh(self) -> list[ReceivedText]:
+    def _fresh(self) -> Sequence[ReceivedText]:
         """The texts since the last call, oldest first."""
-        texts = self.status.texts
-        if not texts or texts[-1] is self._text:
-            return []
-        fresh = list(takewhile(lambda text: text is not self._text, reversed(texts)))
-        self._text = texts[-1]
-        return fresh[::-1]
+        fresh = self.status.texts_after(self._text)
+        if fresh:
+            self._text = fresh[-1]
+        return fresh
 
     def _hear(self, message: Message, now: Time) -> None:
         self.status.hear(message, now)

@@ -3,7 +3,9 @@
 Alarm `battery_low` with WARN from `warn_below` downwards, and with `reaction` (a landing by
 default) from `land_below` downwards in the air; on the ground there is only the warning. Each stays
 until the charge is 5 % (of full) above its bound again, so that a battery that sags under load does
-not make it flutter. Without a report of the battery there is nothing to judge.
+not make it flutter. What the vehicle itself says of its battery counts too, in its words: with
+WARN, or in the air with `reaction` where its own failsafe would act, set up to or not.
+Without a report of the battery there is nothing to judge.
 
 Alarm `battery_lost` with WARN while the newest report is older than `age`: what is left is not
 known any more, and the bounds above judge what was. A charge that is low is told before it. Its
@@ -15,7 +17,7 @@ is an event of its own. The value of `battery_low` is the charge left, 0 to 1.
 
 from __future__ import annotations
 
-from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick
+from kybflow.core.signals import NS, Alarm, BatteryWarning, Reaction, ReactionName, Tick
 from kybflow.core.units import Duration, Ratio
 from kybflow.parts import Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
@@ -62,9 +64,14 @@ class BatterySupervisor(Supervisor[BatterySupervisorParams]):
         left, p = tick.battery.remaining, self.params
         self._low = left < p.warn_below + (_RECOVERED if self._low else 0.0)
         self._empty = left < p.land_below + (_RECOVERED if self._empty else 0.0)
+        warning: BatteryWarning | None = tick.battery.warning
         if self._empty and airborne:
             reason = f"{left:.0%} left, below {p.land_below:.0%}"
             return Alarm("battery_low", Reaction[p.reaction.upper()], reason, left, p.land_below)
+        if warning is not None and (warning.acts or not self._low):
+            acts = warning.acts and airborne
+            reaction = Reaction[p.reaction.upper()] if acts else Reaction.WARN
+            return Alarm("battery_low", reaction, f"{warning.words}; {left:.0%} left", left)
         if self._low or self._empty:
             bound = max(p.warn_below, p.land_below) if self._low else p.land_below
             return Alarm(

@@ -2,8 +2,11 @@
 
 Alarm `fence_breached` while the estimate is more than `margin` beyond a face of the fence; once
 raised it stays until the vehicle is back inside by 5 cm, so that it does not flutter. The floor is
-the lower of the fence's and of the ground at the start: take-off and landing cross the former. On
-the ground, without an estimate and without a fence in the mission there is nothing to report.
+the lower of the fence's and of the ground at the start: take-off and landing cross the former. It
+is not judged while the vehicle is made to come down, by a setpoint below the floor, one that sinks
+without a position, or somebody else: where it touches down the ground may be lower, and a landing
+is what the alarm would ask for. On the ground, without an estimate and without a fence in the
+mission there is nothing to report.
 
 The default reaction is to land: the processor of the same name keeps the setpoint inside, so a
 vehicle that is outside does not follow, and holding a position would trust it to. An alarm that
@@ -12,7 +15,7 @@ persists is returned in every tick; the engine makes one event of it. World fram
 
 from __future__ import annotations
 
-from kybflow.core.signals import Alarm, Reaction, ReactionName, Tick
+from kybflow.core.signals import Alarm, Reaction, ReactionName, Setpoint, Tick
 from kybflow.core.units import Length
 from kybflow.parts import Supervisor, param, params
 from kybflow.world.shapes import Box
@@ -40,13 +43,17 @@ class FenceSupervisor(Supervisor[FenceSupervisorParams]):
         self._box = None
         if context.fence is not None:
             (x, y, z), high = context.fence
-            self._box = Box((x, y, min(z, context.start[2])), high)
+            self._floor = min(z, context.start[2])
+            self._box = Box((x, y, self._floor), high)
 
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:
         if self._box is None or tick.estimate is None or not airborne:
             self._outside = False
             return None
-        beyond = self._box.outside_by(tick.estimate.position)
+        position, floor = tick.estimate.position, self._floor
+        if position[2] < floor and _comes_down(tick.setpoint, floor):
+            position = (position[0], position[1], floor + _BACK_INSIDE)
+        beyond = self._box.outside_by(position)
         bound = self.params.margin
         self._outside = beyond > (-_BACK_INSIDE if self._outside else bound)
         if not self._outside:
@@ -56,3 +63,12 @@ class FenceSupervisor(Supervisor[FenceSupervisorParams]):
             reason = "not back inside the fence"
         reaction = Reaction[self.params.reaction.upper()]
         return Alarm("fence_breached", reaction, reason, beyond, bound)
+
+
+def _comes_down(setpoint: Setpoint | None, floor: float) -> bool:
+    """Whether a vehicle below the floor is made to come down."""
+    if setpoint is None:
+        return True
+    if setpoint.position is None:
+        return setpoint.velocity is not None and setpoint.velocity[2] < 0.0
+    return setpoint.position[2] < floor

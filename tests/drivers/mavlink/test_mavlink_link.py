@@ -208,6 +208,17 @@ def test_its_own_failsafe_is_known_by_its_words_which_may_be_late():
     assert bench.link.override.lands
 
 
+@pytest.mark.parametrize(("text", "severity"), [("Fence Breached", 5), ("Battery 1 is low", 4)])
+def test_a_failsafe_that_its_words_tell_is_no_persons(text, severity):
+    bench = Bench("ardupilot")
+    bench.fly()
+    bench.fake.say(text, severity)
+    bench.fake.go("RTL")
+    bench.run(0.2, UP)
+    assert reason(bench) == f"its own failsafe: RTL ('{text}')"
+    assert bench.link.override.lands
+
+
 def test_where_nobody_says_why_that_is_said():
     bench = Bench()
     bench.fly()

@@ -3,7 +3,7 @@
 from part_bench import SITE, tick
 
 from kybflow.core.params import fields_of
-from kybflow.core.signals import NS, Alarm, Battery, Reaction
+from kybflow.core.signals import NS, Alarm, Battery, BatteryWarning, Reaction
 from kybflow.runtime.supervisors.battery import BatterySupervisor, BatterySupervisorParams
 
 
@@ -62,3 +62,25 @@ def test_an_old_report_of_an_empty_battery_lands() -> None:
 def test_in_flight_it_may_only_become_younger() -> None:
     [age] = [f for f in fields_of(BatterySupervisorParams) if f.name == "age"]
     assert age.tightens == "down"
+
+
+def test_what_the_vehicle_says_of_its_battery_counts_though_the_charge_seems_well() -> None:
+    supervisor = BatterySupervisor(BatterySupervisorParams(), SITE)
+    low, urgent = BatteryWarning("it says 'low'", False), BatteryWarning("it says 'empty'", True)
+    told = [
+        supervisor.check(tick(battery=Battery(0, 0.9, 9.9, warning)), airborne)
+        for warning, airborne in ((low, True), (urgent, True), (urgent, False), (None, True))
+    ]
+    assert told == [
+        Alarm("battery_low", Reaction.WARN, "it says 'low'; 90% left", 0.9),
+        Alarm("battery_low", Reaction.LAND, "it says 'empty'; 90% left", 0.9),
+        Alarm("battery_low", Reaction.WARN, "it says 'empty'; 90% left", 0.9),
+        None,
+    ]
+
+
+def test_what_the_vehicle_says_takes_nothing_from_a_charge_that_is_low() -> None:
+    supervisor = BatterySupervisor(BatterySupervisorParams(), SITE)
+    low = BatteryWarning("it says 'low'", False)
+    alarm = supervisor.check(tick(battery=Battery(0, 0.14, 9.9, low)), airborne=True)
+    assert alarm == Alarm("battery_low", Reaction.LAND, "14% left, below 15%", 0.14, 0.15)

@@ -4,7 +4,7 @@ import pytest
 from part_bench import FENCE, SITE, estimate, tick
 
 from kybflow.core.geometry import Vec3
-from kybflow.core.signals import Alarm, Reaction
+from kybflow.core.signals import Alarm, Reaction, Setpoint, SetpointKind
 from kybflow.runtime.supervisors.fence import FenceSupervisor, FenceSupervisorParams
 from kybflow.world.shapes import Box
 
@@ -49,6 +49,29 @@ def test_take_off_and_landing_cross_a_floor_above_the_ground() -> None:
         FenceSupervisor(FenceSupervisorParams(), high).check(at(0.0, 0.0, 0.05), airborne=True)
         is None
     )
+
+
+def judged(position: Vec3, setpoint: Setpoint | None) -> bool:
+    """Whether a vehicle there is outside, at the second look too."""
+    supervisor, seen = fence(), tick(known=estimate(position))._replace(setpoint=setpoint)
+    return [supervisor.check(seen, airborne=True) is not None for _ in range(2)] == [True, True]
+
+
+LANDING = Setpoint(SetpointKind.POSITION, (0.0, 0.0, -0.45), (0.0, 0.0, -0.2))
+SINKING = Setpoint(SetpointKind.VELOCITY, velocity=(0.0, 0.0, -0.2))
+ABOVE = Setpoint(SetpointKind.POSITION, (0.0, 0.0, 0.3), (0.0, 0.0, -0.2))
+CLIMBING = Setpoint(SetpointKind.VELOCITY, velocity=(0.0, 0.0, 0.2))
+
+
+@pytest.mark.parametrize("setpoint", [LANDING, SINKING, None])
+def test_a_landing_on_lower_ground_is_no_breach(setpoint: Setpoint | None) -> None:
+    assert not judged((0.0, 0.0, -0.2), setpoint)
+    assert judged((3.5, 0.0, -0.2), setpoint)
+
+
+@pytest.mark.parametrize("setpoint", [ABOVE, CLIMBING])
+def test_below_the_floor_without_being_made_to_land_is_a_breach(setpoint: Setpoint) -> None:
+    assert judged((0.0, 0.0, -0.2), setpoint)
 
 
 def test_without_a_fence_it_is_silent() -> None:

@@ -17,10 +17,18 @@ from typing import NamedTuple
 from kybflow.core.signals import NS, Command, Time
 from kybflow.drivers.mavlink.control.modes import Modes
 from kybflow.drivers.mavlink.control.setpoints import SetpointStream
-from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus, Silence
+from kybflow.drivers.mavlink.telemetry.received_status import (
+    NOTICE,
+    LandedState,
+    ReceivedStatus,
+    Silence,
+)
 
-TELLING = ("lost", "variance", "emergency", "critical", "timeout", "low battery")
-"""What of an autopilot's words says that it acted by itself."""
+TELLING = (
+    "lost", "variance", "emergency", "critical", "timeout", "battery", "fence breach", "geofence",
+)  # fmt: skip
+"""What of an autopilot's words says that it acted by itself. Some of it is no more than a notice:
+ArduPilot's breach of its own fence."""
 BEFORE: Time = 2 * NS
 """How much earlier than the change what it said may be about it."""
 AFTER: Time = NS // 2
@@ -71,7 +79,7 @@ class OverrideDetector:
     def _mode(self, since: Time, now: Time) -> OverrideCause | None:
         mode, words, silence = (
             self._modes.reported,
-            self._status.words(since - BEFORE),
+            self._status.words(since - BEFORE, NOTICE),
             self.silence,
         )
         said = f" ('{words}')" if words else ""

@@ -156,6 +156,8 @@ class FirmwareProfile:
     ready: why it can't be armed yet in its present mode; None where it can.
     spread: the standard deviation of its position, metres, from a message of its estimator's
         status; None while it has no position.
+    battery_acts_at: the state of the battery (MAV_BATTERY_CHARGE_STATE) at which its own failsafe
+        acts where it is set up to: 2 is low, 3 critical.
     """
 
     mav_autopilot: int
@@ -183,6 +185,7 @@ class FirmwareProfile:
     grip: Callable[[int, bool, float | None], tuple[PayloadCommand, ...]]
     ready: Callable[[ReceivedStatus], str | None]
     spread: Callable[[Message], float | None]
+    battery_acts_at: int
     name: str = ""
 
     def mode_name(self, custom_mode: int) -> str:

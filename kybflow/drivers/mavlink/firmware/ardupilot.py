@@ -184,4 +184,5 @@ PROFILE = FirmwareProfile(
     feeds_own=("GPS_TYPE", "EK3_SRC1_POSXY"), latency=Latency(position=0.1, acceleration=0.2),
     takeoff_height=0.5, sphere=6_378_100.0, mode_params=mode_params,
     default_address=default_address, output=output, grip=grip, ready=ready, spread=spread,
+    battery_acts_at=2,
 )  # fmt: skip

@@ -172,5 +172,5 @@ PROFILE = FirmwareProfile(
     feeds=("EKF2_EV_CTRL", "EKF2_HGT_REF"), feeds_own=("EKF2_GPS_CTRL",),
     latency=Latency(position=0.12, acceleration=0.2), takeoff_height=0.5, sphere=None,
     mode_params=mode_params, default_address=default_address, output=output, grip=grip, ready=ready,
-    spread=spread,
+    spread=spread, battery_acts_at=3,
 )  # fmt: skip

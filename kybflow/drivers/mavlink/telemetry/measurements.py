@@ -21,8 +21,10 @@ from kybflow.core.signals import (
     Payload,
     Time,
 )
+from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.frames import IDENTITY, Anchor, Tangent, from_ned
+from kybflow.drivers.mavlink.telemetry.battery import BatteryReports
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, boot_time
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
 from kybflow.world.vehicle_context import VehicleContext
@@ -43,8 +45,6 @@ IDLE = 25.0
 hold still, and to begin a blind descent until more arrive."""
 OLDEST: Time = 2 * NS
 """The largest age of an attitude that is combined with a position."""
-SILENT: Time = 5 * NS
-"""How long BATTERY_STATUS must be silent for SYS_STATUS to count."""
 
 
 class Telemetry:
@@ -52,15 +52,13 @@ class Telemetry:
 
     `anchor`: where the autopilot's own frame lies in the world, None while unknown. `odometry`: its
     newest own estimate. `spread`: the standard deviation of its position, metres, None while it has
-    no position. spread_of: reads `spread` from its estimator's status. streams: the messages that
-    may be requested from it.
+    no position. profile: of its firmware.
     """
 
     def __init__(
         self,
         context: VehicleContext,
-        spread_of: Callable[[Message], float | None],
-        streams: Set[str],
+        profile: FirmwareProfile,
         status: ReceivedStatus,
         clock: BootClock,
         is_outside: bool,
@@ -68,7 +66,7 @@ class Telemetry:
         self.anchor: Anchor | None = IDENTITY if is_outside else None
         self.odometry: Odometry | None = None
         self.spread: float | None = None
-        self._context, self._spread_of = context, spread_of
+        self._context, self._spread_of = context, profile.spread
         self._status, self._clock, self._is_outside = status, clock, is_outside
         self._attitude: Message | None = None
         self._turn: Message | None = None
@@ -77,12 +75,13 @@ class Telemetry:
         self._imu: Time | None = None
         self._origin: Tangent | None = None
         self._taken: list[Measurement] = []
+        battery = BatteryReports(status, profile.battery_acts_at)
         self._hear: dict[str, Callable[[Message, Time], Measurement | None]] = {
             "ATTITUDE_QUATERNION": self._turned,
             "LOCAL_POSITION_NED": self._moved,
-            **dict.fromkeys(STATUS & streams, self._estimator_status),
-            "BATTERY_STATUS": self._battery,
-            "SYS_STATUS": self._battery,
+            **dict.fromkeys(STATUS & profile.streams, self._estimator_status),
+            "BATTERY_STATUS": battery.hear,
+            "SYS_STATUS": battery.hear,
             "GPS_GLOBAL_ORIGIN": self._placed,
             **({} if is_outside else {"GPS_RAW_INT": self._gps}),
             "RC_CHANNELS": codec.sticks,
@@ -193,13 +192,6 @@ class Telemetry:
         felt = codec.imu(message, time, self._imu)
         self._imu = time
         return felt
-
-    def _battery(self, message: Message, now: Time) -> Measurement | None:
-        told = self._status.at.get("BATTERY_STATUS")
-        better = told is not None and now - told < SILENT
-        if better and message.get_type() == "SYS_STATUS":
-            return None
-        return codec.battery(message, now)
 
     def _placed(self, message: Message, now: Time) -> None:
         self._origin = codec.tangent(message)

@@ -9,8 +9,9 @@ the sensors' health is all that it says."""
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
+from itertools import takewhile
 from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
@@ -22,7 +23,7 @@ from kybflow.core.signals import NS, Time
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
-WARNING = mavlink.MAV_SEVERITY_WARNING
+WARNING, NOTICE = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_NOTICE
 """More severe texts have lower numbers."""
 NO_AUTOPILOT = mavlink.MAV_AUTOPILOT_INVALID
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
@@ -143,9 +144,15 @@ class ReceivedStatus:
         ill = "" if self.sensors is None else self.sensors.words
         return f"it reports as not well: {ill}" if ill else ""
 
-    def words(self, since: Time) -> str:
-        """The texts since then of severity warning or worse, oldest first, each once."""
-        texts = (s.text for s in self.texts if s.time >= since and s.severity <= WARNING)
+    def texts_after(self, text: ReceivedText | None) -> Sequence[ReceivedText]:
+        """The texts after this one, or all, oldest first."""
+        if not self.texts or self.texts[-1] is text:
+            return ()
+        return list(takewhile(lambda other: other is not text, reversed(self.texts)))[::-1]
+
+    def words(self, since: Time, severity: int = WARNING) -> str:
+        """The texts since then of this severity or worse, oldest first, each once."""
+        texts = (s.text for s in self.texts if s.time >= since and s.severity <= severity)
         newest = dict.fromkeys(reversed(list(texts)))
         return "; ".join(reversed(newest))
 
