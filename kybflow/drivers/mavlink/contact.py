@@ -22,6 +22,7 @@ from kybflow.drivers.mavlink.control.requests import CommandRequests
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.telemetry import received_status
 from kybflow.drivers.mavlink.telemetry import truth as ground_truth
+from kybflow.drivers.mavlink.telemetry.battery import BatteryReports
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, TimeSync
 from kybflow.drivers.mavlink.telemetry.measurements import Telemetry
 from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
@@ -72,7 +73,8 @@ class Contact:
             profile.integer_parameters_bytewise, target=self.target
         )
         self.telemetry = Telemetry(
-            context, profile, self.status, self.clock,
+            context, profile.spread, profile.streams,
+            BatteryReports(self.status, profile.battery_acts_at), self.status, self.clock,
             self.is_outside,
         )  # fmt: skip
         self.others = OtherCommanders(port.system, params.own_system)

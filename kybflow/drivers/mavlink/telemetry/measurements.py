@@ -21,7 +21,6 @@ from kybflow.core.signals import (
     Payload,
     Time,
 )
-from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.frames import IDENTITY, Anchor, Tangent, from_ned
 from kybflow.drivers.mavlink.telemetry.battery import BatteryReports
@@ -52,13 +51,16 @@ class Telemetry:
 
     `anchor`: where the autopilot's own frame lies in the world, None while unknown. `odometry`: its
     newest own estimate. `spread`: the standard deviation of its position, metres, None while it has
-    no position. profile: of its firmware.
+    no position. spread_of: reads `spread` from its estimator's status. streams: the messages that
+    may be requested from it. battery: what it says of its battery.
     """
 
     def __init__(
         self,
         context: VehicleContext,
-        profile: FirmwareProfile,
+        spread_of: Callable[[Message], float | None],
+        streams: Set[str],
+        battery: BatteryReports,
         status: ReceivedStatus,
         clock: BootClock,
         is_outside: bool,
@@ -66,7 +68,7 @@ class Telemetry:
         self.anchor: Anchor | None = IDENTITY if is_outside else None
         self.odometry: Odometry | None = None
         self.spread: float | None = None
-        self._context, self._spread_of = context, profile.spread
+        self._context, self._spread_of = context, spread_of
         self._status, self._clock, self._is_outside = status, clock, is_outside
         self._attitude: Message | None = None
         self._turn: Message | None = None
@@ -75,11 +77,10 @@ class Telemetry:
         self._imu: Time | None = None
         self._origin: Tangent | None = None
         self._taken: list[Measurement] = []
-        battery = BatteryReports(status, profile.battery_acts_at)
         self._hear: dict[str, Callable[[Message, Time], Measurement | None]] = {
             "ATTITUDE_QUATERNION": self._turned,
             "LOCAL_POSITION_NED": self._moved,
-            **dict.fromkeys(STATUS & profile.streams, self._estimator_status),
+            **dict.fromkeys(STATUS & streams, self._estimator_status),
             "BATTERY_STATUS": battery.hear,
             "SYS_STATUS": battery.hear,
             "GPS_GLOBAL_ORIGIN": self._placed,
