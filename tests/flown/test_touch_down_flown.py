@@ -104,3 +104,16 @@ def test_a_behavior_that_says_so_in_the_air_has_not_landed(run):
     assert path(told, "a")[:3] == ["up", "boast", "auto_land"]
     assert len(named(told, "landed")) == 1
     assert all(height < LOW for height in watch.stopped)
+
+
+def test_whom_its_own_watchdog_lands_it_has_not_landed_by_our_word(tmp_path):
+    """The link is cut and back, and no estimate is left: what its IMU feels is not our thrust."""
+    _, told, watch = flown(
+        "first_flight", 1016, tmp_path,
+        FaultPlan(part("faults", "link_cut", way="to_vehicle"), "nano", time=5.28, duration=1.24),
+        FaultPlan(part("faults", "mocap_dropout"), "nano", time=5.68, duration=2.75),
+    )  # fmt: skip
+    assert named(told, "control_lost")[0].fields["reason"] == "its own watchdog lands it"
+    assert len(named(told, "landed")) == 1
+    assert watch.stopped
+    assert all(height < LOW for height in watch.stopped)

@@ -25,7 +25,8 @@ now, whatever it felt at rest."""
 class Receiver:
     """Hands commands to the on-board controller, `late` nanoseconds after they were sent. When
     nothing arrives for too long its watchdog levels out and comes down by the law of
-    `kybflow.flight.descent`; from then on it heeds nothing but a command to stop the rotors."""
+    `kybflow.flight.descent`. Until it is down it heeds nothing but `stop`, and afterwards it waits
+    for a command that is not armed."""
 
     def __init__(self, controller: AttitudeController, airframe: Airframe, watched: bool) -> None:
         self.descent: Descent | None = None
@@ -52,10 +53,15 @@ class Receiver:
         """A command arrives."""
         self._heard = now
         if self._deaf:
-            if command.armed:
+            if command.armed or self.descent is not None:
                 return
-            self._deaf, self.descent = False, None
+            self._deaf = False
         self._controller.receive(command)
+
+    def stop(self) -> None:
+        """Stop the rotors at once."""
+        self._deaf, self.descent = False, None
+        self._controller.receive(Command(LEVEL, 0.0, ZERO, None, False))
 
     def mind(self, now: Time) -> Time:
         """Take what has arrived, the newest counts; begin to come down when nothing was heard for

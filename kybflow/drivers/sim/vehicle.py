@@ -36,12 +36,13 @@ from kybflow.drivers.sim.sensors import (
     draw,
     draw_blocks,
 )
-from kybflow.parts import Link, Rig, Seat
+from kybflow.parts import Link, Override, Rig, Seat
 from kybflow.world.vehicle_context import Airframe
 
 if TYPE_CHECKING:
     import random
 
+OWN_LANDING = Override("its own watchdog lands it", lands=True)
 GUST_TIME = 1.0
 """Seconds."""
 ROTOR_SPREAD = 0.2
@@ -151,6 +152,8 @@ class SimulatedVehicle(Link):
             falling, self._minded = self._receiver.descent, self._receiver.mind(now)
             if self._receiver.descent is not falling:
                 self._world.find_listeners()
+            if not self._deaf:
+                self.override = OWN_LANDING if self.falls else None
         self.due = min(capture.schedule.due, battery.schedule.due, self._minded)
         if self._positions.is_wanted:
             if self._positions.schedule.due <= now:
@@ -231,6 +234,11 @@ class SimulatedVehicle(Link):
         self._minded = min(self._minded, receiver.delay(command, now))
         self.due = min(self.due, self._minded)
         self._world.hurry(self.due)
+
+    def cut(self, now: Time) -> None:
+        if not self._mute:
+            self._receiver.stop()
+            self._world.find_listeners()
 
     def grip(self, is_open: bool, now: Time) -> None:
         if self._mute:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from kybflow.core.errors import PartFailed, Refused
-from kybflow.core.geometry import ZERO, Vec3, distance, heading_of
+from kybflow.core.geometry import LEVEL, ZERO, Vec3, distance, heading_of
 from kybflow.core.signals import NS, Command, Done, Estimate, Failed, Grip, Setpoint, Tick, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Exit, Outcome, VehicleMachine
@@ -41,7 +41,7 @@ class Activity:
     resting_place: where the vehicle must be to take off, which is its start, later where it landed;
     None when that is not known. entry: gives what a behavior is entered with now. objection: gives
     what else speaks against a take-off, None when nothing does. latched: whether the failsafe's
-    reaction can't be undone in the air.
+    reaction can't be undone in the air. lands_itself: whether the vehicle's own failsafe lands it.
     """
 
     machine: VehicleMachine
@@ -57,12 +57,14 @@ class Activity:
         entry: Callable[[], Entry],
         objection: Callable[[], str | None],
         latched: Callable[[], bool],
+        lands_itself: Callable[[], bool],
     ) -> None:
         self.plan, self.flight, self.entry = plan, GROUND, entry
         self.entered: Time = 0
         self.begun = self.changed = False
         self._params, self._events, self._score = params, events, score
         self._objection, self._latched, self._name = objection, latched, plan.name
+        self._lands_itself = lands_itself
         self.hold: Hold | None = None
         self.land_mode: LandMode | None = None
         self.grip: Grip | None = None
@@ -154,8 +156,8 @@ class Activity:
             if isinstance(output, Failed):
                 self.fail(output.reason)
             elif isinstance(output, Done):
-                if self._refusal(tick.estimate, tick.now, is_pushed=self._is_pushed(tick)):
-                    return self._going_on(tick.known())
+                if self._is_refused(tick):
+                    return self._going_on(tick.estimate)
                 self._end(tick.estimate)
             else:
                 self.grip = output
@@ -201,6 +203,14 @@ class Activity:
             self._end(estimate)
         return landed
 
+    def _is_refused(self, tick: Tick) -> bool:
+        """Whether a behavior's end is refused: it is a landing that the estimate contradicts, or
+        nobody can tell, and the vehicle's own failsafe is still landing it."""
+        lands = self.leg.end is GROUND and self.leg.start is not GROUND
+        if lands and tick.estimate is None and self._lands_itself():
+            return True
+        return bool(self._refusal(tick.estimate, tick.now, is_pushed=self._is_pushed(tick)))
+
     def _is_pushed(self, tick: Tick) -> bool:
         """Whether what the vehicle was asked for last must bring it down, were it in the air."""
         if self._given is not None:
@@ -231,10 +241,14 @@ class Activity:
             self.fail(f"it has landed, it says, but {reason}")
         return reason
 
-    def _going_on(self, estimate: Estimate) -> Setpoint | Command:
+    def _going_on(self, estimate: Estimate | None) -> Setpoint | Command:
         """Return what a behavior whose landing was refused asked for last, else a hold."""
-        here = Motion(estimate.position, ZERO).setpoint(heading_of(estimate.attitude))
-        return self._given or self._wanted or here
+        before = self._given or self._wanted
+        if before is not None:
+            return before
+        if estimate is None:
+            return Command(LEVEL, 0.0, ZERO, None)
+        return Motion(estimate.position, ZERO).setpoint(heading_of(estimate.attitude))
 
     def refuse(self, reason: str) -> None:
         """Note that the vehicle would not arm: it stays on the ground, and its behavior has refused

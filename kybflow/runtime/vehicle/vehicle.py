@@ -89,8 +89,9 @@ class Vehicle:
             lambda: self.airborne, sensors, bodies, fleet,
         )  # fmt: skip
         activity = Activity(
-            plan, params, events, score, self.entry, self._objection, failsafe.is_latched
-        )
+            plan, params, events, score, self.entry, self._objection, failsafe.is_latched,
+            lambda: link_out.override is not None and link_out.override.lands,
+        )  # fmt: skip
         output = CommandOutput(
             plan, link_out, activity, knowledge.payload, knowledge.resting, events
         )

@@ -104,7 +104,7 @@ def test_it_takes_an_error_of_its_accelerometer_at_rest_for_no_motion(error):
     assert max(session.aboard.controls[0]) == 0.0
 
 
-def test_it_waits_250_ms_and_then_heeds_only_who_stops_its_rotors():
+def test_it_waits_250_ms_and_then_heeds_only_who_cuts_its_rotors():
     session, link, now = in_flight()
     held = session.aboard.controls[0][0]
     session.advance(now + NS // 4 - NS // 100)
@@ -113,10 +113,26 @@ def test_it_waits_250_ms_and_then_heeds_only_who_stops_its_rotors():
     session.advance(now)
     _, now = push(session, link, 0.5, thrust(20.0), now)
     assert link.truth().velocity[2] < 0.0
+    assert link.override is not None
+    assert link.override.lands
+    _, now = push(session, link, 0.1, STOPPED, now)
+    assert link.controller.armed, "it is in the air"
+    link.cut(now)
     _, now = push(session, link, 0.1, STOPPED, now)
     assert max(session.aboard.controls[0]) == 0.0
     push(session, link, 1.0, thrust(20.0), now)
     assert link.truth().velocity[2] > 1.0
+
+
+def test_once_down_it_is_armed_again_after_a_command_to_rest():
+    session, link, now = in_flight(height=0.5)
+    _, now = left_alone(session, link, now, 8.0)
+    _, now = push(session, link, 0.5, thrust(20.0), now)
+    assert not link.controller.armed
+    assert link.override is None
+    _, now = push(session, link, 0.1, STOPPED, now)
+    push(session, link, 0.1, thrust(20.0), now)
+    assert link.controller.armed
 
 
 def test_without_a_watchdog_it_flies_on_and_the_part_says_so():
