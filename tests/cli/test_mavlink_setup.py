@@ -116,6 +116,18 @@ def test_where_all_is_right_nothing_is_written(
     assert (peer.writes, peer.hears_ground) == ([], True)
 
 
+def test_a_parameter_that_newer_versions_renamed_is_found_by_its_new_name(capsys) -> None:
+    values = right("ardupilot")
+    del values["GPS_TYPE"], values["SYSID_MYGCS"]
+    peer = Peer(1, ARDUPILOT, **values, GPS1_TYPE=1, MAV_GCS_SYSID=OURS)
+    assert not Table(peer).set_up("ardupilot")
+    [row] = [line for line in capsys.readouterr().out.splitlines() if line.startswith("GPS")]
+    assert row.split()[:4] == ["GPS1_TYPE", "1", "0", "WRONG"]
+    assert Table(peer).set_up("ardupilot", write=True)
+    assert (peer.writes, peer.parameters["GPS1_TYPE"]) == (["GPS1_TYPE"], 0)
+    assert Table(peer).set_up("ardupilot")
+
+
 def test_what_is_wrong_is_shown_and_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
     peer = Peer(**right("px4") | {"COM_OBL_RC_ACT": 0, "COM_RCL_EXCEPT": 1})
     assert not Table(peer).set_up()

@@ -36,15 +36,14 @@ def set_up(
     the autopilot can't be reached."""
     system = _only(discovery, discovery.find(steps), setup.profile.name)
     echo(f"system {system}: {described(discovery.statuses[system])}")
-    is_bytewise = setup.profile.integer_parameters_bytewise
-    parameters = discovery.settle(system, is_bytewise, steps, setup.names)
+    parameters = discovery.settle(system, setup.profile, steps, setup.names)
     written: dict[str, float] = {}
     if write:
         if discovery.statuses[system].armed:
             echo("error: it is armed: nothing is written; disarm it first", err=True)
             return False
         written = setup.wrong(parameters.values)
-        discovery.settle(system, is_bytewise, steps, setup.names, written)
+        discovery.settle(system, setup.profile, steps, setup.names, written)
     rows = setup.rows(parameters, written)
     echo("\n".join((*table(rows), "")))
     for line in verdict(rows, dangers := setup.dangers(parameters.values), written=write):

@@ -57,7 +57,9 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
 
     @classmethod
     def tracker(cls, params: EmulatedAutopilotParams) -> Mapping[str, str] | None:
-        return Mavlink.tracker(params)
+        """As of a real one, but that accelerations become thrust in each."""
+        asked = Mavlink.tracker(params)
+        return {name: value for name, value in asked.items() if name != "keeps_height"}
 
     @classmethod
     def control_rate(cls, params: EmulatedAutopilotParams) -> int:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, ClassVar
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import Battery, CommandKind, Imu, Odometry, Payload, Position, Sticks
 from kybflow.drivers import firmware_names
+from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
 from kybflow.parts import Driver, Objection, Seat, Session
 
@@ -50,11 +51,13 @@ class Mavlink(Driver[MavlinkParams]):
     }
 
     @classmethod
-    def tracker(cls, params: AutopilotLinkParams) -> Mapping[str, str] | None:
+    def tracker(cls, params: AutopilotLinkParams) -> Mapping[str, str]:
         """By acceleration where kybflow knows better than the autopilot where it is, and says
         often enough where to go."""
-        leads = params.position == "outside" and params.rate >= OFTEN
-        return {"use": "on_board", "by": "acceleration" if leads else "position"}
+        if params.position != "outside" or params.rate < OFTEN:
+            return {"use": "on_board", "by": "position"}
+        keeps = "true" if profile_of(params.autopilot).keeps_height else "false"
+        return {"use": "on_board", "by": "acceleration", "keeps_height": keeps}
 
     @classmethod
     def control_rate(cls, params: AutopilotLinkParams) -> int:

@@ -70,7 +70,7 @@ class Contact:
             self.status, target=self.target, own_system=params.own_system
         )
         self.parameters = AutopilotParameters(
-            profile.integer_parameters_bytewise, target=self.target
+            profile.integer_parameters_bytewise, target=self.target, renamed=profile.renamed
         )
         self.telemetry = Telemetry(
             context, profile.spread, profile.streams,

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.protocol.framing import Message
 from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
@@ -95,7 +96,7 @@ class Discovery:
     def settle(
         self,
         system: int,
-        bytewise: bool,
+        profile: FirmwareProfile,
         ticks: Iterator[Time],
         names: Iterable[str],
         writes: Mapping[str, float] | None = None,
@@ -103,7 +104,11 @@ class Discovery:
         """Write parameters of an autopilot that was found, then read all of `names` again. Raises
         DriverError where it falls silent."""
         if system not in self.parameters:
-            self.parameters[system] = AutopilotParameters(bytewise, target=(system, AUTOPILOT))
+            self.parameters[system] = AutopilotParameters(
+                profile.integer_parameters_bytewise,
+                target=(system, AUTOPILOT),
+                renamed=profile.renamed,
+            )
         parameters, written, read = self.parameters[system], writes or {}, tuple(names)
         for name, value in written.items():
             parameters.write(name, value, self.now)

@@ -243,7 +243,7 @@ class AutopilotLink(Link):
         parameters = self.contact.parameters
         for name, before, value in parameters.take_changed():
             if name in self._watched:
-                self.contact.others.changed(name, before, value, now)
+                self.contact.others.changed(parameters.called(name), before, value, now)
         if now >= self._reread and self.contact.status.armed:
             self._reread = now + REREAD
             self._turn = (self._turn + 1) % len(self._watched)

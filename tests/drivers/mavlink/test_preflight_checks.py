@@ -126,6 +126,18 @@ def test_several_dangers_are_a_line_each_and_told_once():
     ]
 
 
+def test_what_newer_versions_renamed_is_looked_at_by_its_new_name():
+    bench = set_up(Bench("ardupilot"))
+    del bench.fake.params["GPS_TYPE"], bench.fake.params["SYSID_MYGCS"]
+    bench.fake.params |= {"GPS1_TYPE": 1.0, "MAV_GCS_SYSID": 255.0}
+    found = looked(bench, 20.0)
+    assert headline(found["watchdog"].reason) == "dangerous: MAV_GCS_SYSID"
+    [danger] = details(found["watchdog"].reason)
+    assert danger.startswith("MAV_GCS_SYSID is 255: ")
+    [row, _] = details(found["parameters"].reason)
+    assert row == "GPS1_TYPE is 1,  should be 0:  no GPS indoors"
+
+
 def test_a_green_watchdog_says_what_this_one_does():
     bench = set_up(Bench())
     bench.fake.params["NAV_DLL_ACT"] = 0.0

@@ -135,6 +135,7 @@ class FirmwareProfile:
     streams: the messages that can be requested from it; who reads them says how often.
     indoors: the parameters that flight without GPS needs.
     dangers: the parameters that can be dangerous.
+    renamed: what other versions of the firmware call a parameter, by the name used here.
     streams_first: whether setpoints must flow before it accepts `offboard`.
     climbs: whether it leaves the ground only when asked to take off.
     needs_origin: whether it must be told a place on earth before it has a position.
@@ -146,6 +147,7 @@ class FirmwareProfile:
     feeds_own: the parameters that select a source of its own.
     takeoff_height: the height that a take-off asks for, metres.
     latency: how late it follows its setpoints.
+    keeps_height: whether it keeps to the height that it sums up from the accelerations sent to it.
     sphere: the radius of the earth in its simulator, metres; None for the ellipsoid.
     mode_params: the first three parameters of DO_SET_MODE for a custom_mode.
     default_address: the address of its simulator, by system id.
@@ -167,6 +169,7 @@ class FirmwareProfile:
     streams: frozenset[str]
     indoors: tuple[Needed, ...]
     dangers: tuple[Danger, ...]
+    renamed: Mapping[str, str]
     streams_first: bool
     climbs: bool
     needs_origin: bool
@@ -178,6 +181,7 @@ class FirmwareProfile:
     feeds_own: tuple[str, ...]
     takeoff_height: float
     latency: Latency
+    keeps_height: bool
     sphere: float | None
     mode_params: Callable[[int], tuple[float, float, float]]
     default_address: Callable[[int], str]

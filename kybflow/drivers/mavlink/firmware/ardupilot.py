@@ -70,6 +70,8 @@ INDOORS = (
     Needed("GUID_OPTIONS", 8, "thrust is thrust, not a climb rate", rule="bits"),
 )  # fmt: skip
 
+RENAMED = MappingProxyType({"GPS_TYPE": "GPS1_TYPE", "SYSID_MYGCS": "MAV_GCS_SYSID"})
+"""Since 4.6 and 4.7."""
 _RETRACES, _FALLS = "it would fly back the way it came", "its rotors would stop in the air"
 _EARLY_RETURN = MappingProxyType(
     dict.fromkeys((2, 6), f"on a low battery {_CLIMBS}")
@@ -177,12 +179,12 @@ PROFILE = FirmwareProfile(
             "GPS_RAW_INT", "SIM_STATE",
         }
     ),
-    indoors=INDOORS, dangers=DANGERS,
+    indoors=INDOORS, dangers=DANGERS, renamed=RENAMED,
     streams_first=False, climbs=True, needs_origin=True, raises=True,
     integer_parameters_bytewise=False, hover_parameter="MOT_THST_HOVER", reaction="FS_GCS_ENABLE",
     feeds=("VISO_TYPE", "EK3_SRC1_POSXY", "EK3_SRC1_POSZ", "EK3_SRC1_YAW"),
     feeds_own=("GPS_TYPE", "EK3_SRC1_POSXY"), latency=Latency(position=0.1, acceleration=0.2),
-    takeoff_height=0.5, sphere=6_378_100.0, mode_params=mode_params,
+    keeps_height=True, takeoff_height=0.5, sphere=6_378_100.0, mode_params=mode_params,
     default_address=default_address, output=output, grip=grip, ready=ready, spread=spread,
     battery_acts_at=2,
 )  # fmt: skip

@@ -44,7 +44,7 @@ class RequiredParameters:
         if not self._parameters.is_complete(names):
             return Check("watchdog", False, "its parameters are being read")
         if dangers := self._dangers():
-            said = f"dangerous: {', '.join(dangers)}"
+            said = f"dangerous: {', '.join(map(self._parameters.called, dangers))}"
             return Check("watchdog", False, detailed(said, dangers.values()), waits=False)
         if (reaction := self._profile.reaction) not in self._parameters.values:
             reason = f"it does not tell {reaction}, what it does once this program is dead"
@@ -73,7 +73,11 @@ class RequiredParameters:
     def fed(self) -> str:
         """Where the autopilot should get its position from, and what to do where it has none."""
         values = self._parameters.values
-        known = ", ".join(f"{name} {values[name]:g}" for name in self._feeds if name in values)
+        known = ", ".join(
+            f"{self._parameters.called(name)} {values[name]:g}"
+            for name in self._feeds
+            if name in values
+        )
         if not self._is_outside:
             return f"it is to find its own by {known}: are there satellites to be seen?"
         if any(self._is_wrong(setting) for setting in self._settings()):
@@ -94,7 +98,9 @@ class RequiredParameters:
     def _dangers(self) -> dict[str, str]:
         """What is dangerous, by the parameter's name."""
         values = self._parameters.values
-        return self._profile.dangers_in(values, self._own, indoors=self._is_outside)
+        found = self._profile.dangers_in(values, self._own, indoors=self._is_outside)
+        called = self._parameters.called
+        return {name: words.replace(name, called(name), 1) for name, words in found.items()}
 
     def _reaction(self) -> str:
         """What the vehicle does once this program is dead."""
@@ -106,9 +112,12 @@ class RequiredParameters:
 
     def _table(self, wrong: Sequence[Needed]) -> Iterator[str]:
         """One line a parameter: name, value found, value needed, reason."""
-        values, own = self._parameters.values, self._own
+        values, own, called = self._parameters.values, self._own, self._parameters.called
         cells = [
-            (f"{s.name} is {values[s.name]:g},", f"should be {s.wanted(own, values[s.name]):g}:")
+            (
+                f"{called(s.name)} is {values[s.name]:g},",
+                f"should be {s.wanted(own, values[s.name]):g}:",
+            )
             for s in wrong
         ]
         found, wanted = (max((len(row[i]) for row in cells), default=0) for i in range(2))
@@ -194,6 +203,7 @@ class ParameterSetup:
         found = parameters.values.get(setting.name)
         needs = self._needs(setting)
         reason = parameters.refused.get(setting.name, "")
+        setting = setting._replace(name=parameters.called(setting.name))
         if found is None:
             return ParameterRow(setting, None, needs, "REFUSED" if reason else "MISSING", reason)
         if setting.accepts(found, self._own):

@@ -3,14 +3,16 @@
 A value is a float32 on the wire. Where whole numbers travel bytewise, the four bytes of the float
 are those of the number; else they are a float as any other. A name that is asked for three times
 and never answered does not exist there, as far as one can know, unless the autopilot says so itself
-(PARAM_ERROR). What was written counts once it is told back.
+(PARAM_ERROR). It is then asked for by the name that it has in other versions, if it has one. What
+was written counts once it is told back.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import isnan
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import all as mavlink
@@ -46,17 +48,26 @@ class _Exchange:
 class AutopilotParameters:
     """The parameters of one autopilot, those that were asked for.
 
-    bytewise: how whole numbers travel. target: its system and component. values: what it told last.
+    bytewise: how whole numbers travel. target: its system and component. renamed: what some are
+    called in other versions of the firmware, by the names used here. values: what it told last.
     missing: asked for three times and never told. refused: why it did not take what was written, by
     name; `values` has what it kept.
     """
 
-    def __init__(self, bytewise: bool, *, target: tuple[int, int]) -> None:
+    def __init__(
+        self,
+        bytewise: bool,
+        *,
+        target: tuple[int, int],
+        renamed: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         self.values: dict[str, float] = {}
         self.missing: set[str] = set()
         self.refused: dict[str, str] = {}
         self._changed: list[tuple[str, float, float]] = []
         self._bytewise, self._target = bytewise, target
+        self._renamed, self._ours = renamed, {there: ours for ours, there in renamed.items()}
+        self._there: dict[str, str] = {}
         self._types: dict[str, int] = {}
         self._exchanges: dict[str, _Exchange] = {}
 
@@ -77,6 +88,10 @@ class AutopilotParameters:
         self.refused.pop(name, None)
         self.missing.discard(name)
         self._exchanges[name] = _Exchange(rounded(value))
+
+    def called(self, name: str) -> str:
+        """What the autopilot calls a parameter."""
+        return self._there.get(name, name)
 
     def is_complete(self, names: Iterable[str]) -> bool:
         """Whether no answer about these is awaited any more."""
@@ -109,7 +124,7 @@ class AutopilotParameters:
         return [self._send(name, e, now) for name, e in under_way if now >= e.next]
 
     def _value(self, message: Message) -> None:
-        name = name_in(message)
+        name = self._named(message)
         exchange = self._exchanges.get(name)
         if exchange is None and name not in self.values:
             return
@@ -128,23 +143,35 @@ class AutopilotParameters:
             exchange.begin_anew()  # now that its type is known
 
     def _error(self, message: Message) -> None:
-        name = name_in(message)
+        name = self._named(message)
         exchange = self._exchanges.pop(name, None)
         if exchange is None:
             return
         if message.error == DOES_NOT_EXIST:
-            self._forget(name)
+            self._forget(name, exchange)
         else:
             self.refused[name] = ERRORS.get(message.error, f"error {message.error}")
 
     def _give_up(self, name: str) -> None:
         exchange = self._exchanges.pop(name)
         if exchange.value is None or name not in self._types:
-            self._forget(name)
+            self._forget(name, exchange)
         else:
             self.refused[name] = f"it stays at {self.values[name]:g}"
 
-    def _forget(self, name: str) -> None:
+    def _named(self, message: Message) -> str:
+        """What the parameter in a message is called here."""
+        name = name_in(message)
+        return self._ours.get(name, name)
+
+    def _forget(self, name: str, exchange: _Exchange) -> None:
+        """It is not there by that name: ask by its other one, if it has one that was not tried."""
+        if name in self._renamed and name not in self._there:
+            self._there[name] = self._renamed[name]
+            exchange.begin_anew()
+            self._exchanges[name] = exchange
+            return
+        self._there.pop(name, None)
         self.missing.add(name)
         self.values.pop(name, None)
         self._types.pop(name, None)
@@ -152,11 +179,11 @@ class AutopilotParameters:
     def _send(self, name: str, exchange: _Exchange, now: Time) -> Message:
         exchange.next = now + (FIRST_WAIT << exchange.tries)
         exchange.tries += 1
-        sort = self._types.get(name)
+        sort, there = self._types.get(name), self.called(name).encode()
         if exchange.value is None or sort is None:
-            return mavlink.MAVLink_param_request_read_message(*self._target, name.encode(), -1)
+            return mavlink.MAVLink_param_request_read_message(*self._target, there, -1)
         on_wire = self._encoded(exchange.value, sort)
-        return mavlink.MAVLink_param_set_message(*self._target, name.encode(), on_wire, sort)
+        return mavlink.MAVLink_param_set_message(*self._target, there, on_wire, sort)
 
     def _decoded(self, message: Message) -> float:
         value = float(message.param_value)
