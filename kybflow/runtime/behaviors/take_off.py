@@ -4,7 +4,8 @@ The setpoint rises from the estimate's position at entry along a rest-to-rest pr
 (`kybflow.flight.profiles`) with at most `speed` and `acceleration`. Where the vehicle stays more
 than 0.3 m behind, the profile waits for it, so that a vehicle that can't lift is not asked ever
 more; where it is more than 0.1 m ahead, lifted by its autopilot, the profile goes on from there. It
-is done when the profile has ended and the height is within `tolerance` for `dwell`.
+is done when the profile has ended and the height has settled: for `dwell` it is within `tolerance`
+and moves by no more than a fifth of that, so that one that passes its height is not there yet.
 
 Fails when it is not there `patience` after the profile should have ended. Speed 0.3 m/s and
 tolerance 10 cm are TeleKyb's. `height` is in metres above the ground of the start.
@@ -19,6 +20,8 @@ from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, GROUND, Behavior, Entry, Footprint, param, params
 
 _LEASH, _AHEAD = 0.3, 0.1
+_SETTLED = 0.2
+"""The part of `tolerance` by which a height that has settled may move."""
 _LEAP = 0.02
 """Seconds in which the profile looks for where the vehicle is."""
 
@@ -47,7 +50,7 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
         speed = entry.cruise_speed(min(params.speed, entry.context.airframe.climb))
         self._profile = Profile.within(params.height, speed, params.acceleration)
         self._reach(0.0)
-        self._there = Dwell()
+        self._there, self._resting = Dwell(), 0.0
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
         p, profile = self.params, self._profile
@@ -58,7 +61,10 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
         if not waits:
             self._reach(min(self._time + tick.dt, profile.duration))
         setpoint = self._setpoint(waits)
-        near = abs(climbed - p.height) <= p.tolerance
+        stays = abs(climbed - self._resting) <= _SETTLED * p.tolerance
+        if not stays:
+            self._resting = climbed
+        near = stays and abs(climbed - p.height) <= p.tolerance
         if self._there.reached(near and self._time >= profile.duration, p.dwell, tick.dt):
             return Done(setpoint)
         if tick.elapsed > profile.duration + p.patience:

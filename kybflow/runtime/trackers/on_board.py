@@ -16,7 +16,7 @@ the integral as it is. The integral has all three axes, and is three times as qu
 no mass is learnt here; it stands still on the ground, at a limit and in steps longer than 40 ms.
 An autopilot that keeps to the height that it sums up from the accelerations (`keeps_height`) needs
 no such help, and answers too late for it. Along z the loop is half as quick then: D is halved, K a
-quarter, I an eighth.
+quarter; and without an integral, for no steady push is left to it.
 The on-board attitude comes after what it is asked for, and errs by what its own filter takes for
 level. So to a, `tilt` times what the estimated attitude lacks of it is added in the air, across:
 
@@ -65,7 +65,7 @@ LEAST_UPRIGHT = 0.5
 """The cosine of 60 degrees."""
 LIFT = 3.0
 """How much quicker the integral is along z."""
-KEPT = (0.5, 0.25, 0.125)
+KEPT = (0.5, 0.25, 0.0)
 """Parts of D, K and I along z where the height is kept on board. Such a loop, as Copter's with the
 gains of its maker, comes 0.13 s late at 3 rad/s and keeps to 5 m/s^3 of jerk; the estimate and the
 way there add 0.1 s. That would leave a phase margin of 15 degrees, and this leaves 46."""

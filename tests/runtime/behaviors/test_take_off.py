@@ -1,9 +1,12 @@
 """take_off: a smooth climb from the ground it stands on, and a failure where it can't."""
 
+from math import cos, exp
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from part_bench import (
+    DT,
     Body,
     Flown,
     entry,
@@ -86,3 +89,21 @@ def test_one_that_was_lifted_is_there_sooner_and_is_never_asked_down() -> None:
     assert heights == sorted(heights)
     assert heights[-1] == pytest.approx(1.7)
     assert usual.duration - sooner.duration > 1.0
+
+
+def test_one_that_passes_its_height_is_there_only_once_it_has_come_back() -> None:
+    """It overshoots by 15 cm and swings back within 3 s, as an autopilot does that comes late."""
+    heights = [0.15 * cos(1.2 * DT * i) * exp(-0.8 * DT * i) for i in range(9999)]
+    over, passed = iter(heights), []
+
+    def swinging(setpoint: Setpoint | None) -> tuple[Vec3, Vec3]:
+        place = TABLE if setpoint is None or setpoint.position is None else setpoint.position
+        if place[2] < 1.7 - 1e-6:
+            return place, ZERO
+        passed.append(next(over))
+        return (1.0, 2.0, 1.7 + passed[-1]), ZERO
+
+    flown = fly(TakeOff(TakeOffParams(height=1.0), entry(TABLE, flight=GROUND)), swinging)
+    assert isinstance(flown.end, Done)
+    assert abs(passed[-1]) <= 0.1
+    assert abs(passed[-1] - passed[-2]) / DT < 0.07
