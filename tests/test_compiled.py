@@ -1,4 +1,4 @@
-"""A wheel built with `HATCH_BUILD_HOOK_ENABLE_MYPYC=true` flies as the plain one."""
+"""A wheel built with `HATCH_BUILD_HOOK_ENABLE_MYPYC=true` is the plain one, only faster."""
 
 from __future__ import annotations
 
@@ -10,46 +10,99 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
-FLY = """
-import sys
-from pathlib import Path
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
-from kybflow.runtime.vehicle import vehicle
-from kybflow.api.flight import RunRequest, fly
+pytestmark = [
+    pytest.mark.thorough,
+    pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler"),
+]
 
-plan = compile_mission(Path(sys.argv[1]), catalog=load_catalog()).plan
-print(Path(vehicle.__file__).suffix)
-request = RunRequest(seed=3, out=Path(sys.argv[2]))
-fly(plan, request, (lambda e: print(e.time, e.name, e.fields),), ())
+ROOT = Path(__file__).parent.parent
+LAB = ROOT / "examples" / "lab-parts"
+SUFFIXES = """
+from kybflow.runtime.trackers import cascade
+from kybflow.runtime.vehicle import vehicle
+print(*{module.__file__.rpartition(".")[2] for module in (cascade, vehicle)})
 """
 
 
-def flown(package: Path, out: Path) -> list[str]:
-    mission = ROOT / "missions" / "fallback.yaml"
-    told = subprocess.run(
-        [sys.executable, "-c", FLY, str(mission), str(out)],
-        env={**os.environ, "PYTHONPATH": str(package)},
-        cwd=out.parent,
+def installed(source: Path, target: Path, **environment: str) -> Path:
+    """`target`, with the package in a copy of `source` installed into it."""
+    ignored = shutil.ignore_patterns(".git", "build", "*.so", "runs")
+    copied = shutil.copytree(source, target.with_suffix(".source"), ignore=ignored)
+    command = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(target)]
+    subprocess.run([*command, str(copied)], env={**os.environ, **environment}, check=True)
+    return target
+
+
+def ran(packages: tuple[Path, ...], *words: str) -> subprocess.CompletedProcess[str]:
+    """What Python prints, started in the first of the folders in which it finds packages."""
+    return subprocess.run(
+        [sys.executable, *words],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, packages))},
+        cwd=packages[0],
         capture_output=True,
         text=True,
-        check=True,
+        check=False,
     )
-    return told.stdout.splitlines()
 
 
-@pytest.mark.thorough
-@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
-def test_the_compiled_wheel_gives_the_same_events(tmp_path: Path) -> None:
-    source, target = tmp_path / "source", tmp_path / "compiled"
-    shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns(".git", "build", "*.so", "runs"))
-    command = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(target)]
-    environment = {**os.environ, "HATCH_BUILD_HOOK_ENABLE_MYPYC": "true"}
-    subprocess.run([*command, str(source)], env=environment, check=True)
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the compiled wheel."""
+    target = tmp_path_factory.mktemp("wheels") / "compiled"
+    installed(ROOT, target, HATCH_BUILD_HOOK_ENABLE_MYPYC="true")
+    assert ran((target,), "-c", SUFFIXES).stdout == "so\n"
+    return target
 
-    compiled, plain = flown(target, tmp_path / "a"), flown(ROOT, tmp_path / "b")
 
-    assert (compiled[0], plain[0]) == (".so", ".py")
-    assert len(plain) > 10
-    assert compiled[1:] == plain[1:]
+@pytest.fixture(scope="module")
+def plain(compiled: Path) -> Path:
+    """The same wheel without what is compiled."""
+    target = compiled.with_name("plain")
+    shutil.copytree(compiled, target, ignore=shutil.ignore_patterns("*.so"))
+    assert ran((target,), "-c", SUFFIXES).stdout == "py\n"
+    return target
+
+
+@pytest.fixture(scope="module")
+def lab(compiled: Path) -> Path:
+    """A folder with a lab's own parts, which stay Python."""
+    return installed(LAB, compiled.with_name("lab"))
+
+
+@pytest.mark.parametrize("mission", ["fallback", "courier", "formation"])
+def test_it_records_the_same_bytes(
+    compiled: Path, plain: Path, mission: str, tmp_path: Path
+) -> None:
+    for package in (compiled, plain):
+        words = ("kybflow", "run", f"kybflow/missions/{mission}.yaml", "--seed", "3", "--no-report")
+        flown = ran((package,), "-m", *words, "--out", str(tmp_path / package.name))
+        assert flown.returncode == 0, flown.stdout + flown.stderr
+    for file in ("log.mcap", "events.jsonl"):
+        recorded, expected = ((tmp_path / p.name / file).read_bytes() for p in (compiled, plain))
+        assert len(expected) > 1000
+        assert recorded == expected, file
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("parts", "--check", str(ROOT / "docs" / "parts.md")),
+        ("schema", "--check", str(ROOT / "schemas" / "mission.schema.json")),
+        ("explain", "--check", str(ROOT / "docs" / "checks.md")),
+    ],
+)
+def test_what_it_says_of_itself_is_the_same(compiled: Path, words: tuple[str, ...]) -> None:
+    said = ran((compiled,), "-m", "kybflow", *words)
+    assert said.returncode == 0, said.stderr
+
+
+def test_every_part_keeps_the_contract_a_labs_own_too(compiled: Path, lab: Path) -> None:
+    contract = str(ROOT / "tests" / "parts" / "test_part_contract.py")
+    judged = ran((compiled, lab), "-m", "pytest", "-q", "-p", "no:cacheprovider", contract)
+    assert judged.returncode == 0, judged.stdout
+
+
+def test_a_labs_own_part_flies_beside_it(compiled: Path, lab: Path, tmp_path: Path) -> None:
+    words = ("run", str(LAB / "bob.yaml"), "--no-report", "--out", str(tmp_path))
+    flown = ran((compiled, lab), "-m", "kybflow", *words)
+    assert flown.returncode == 0, flown.stdout + flown.stderr

@@ -9,10 +9,17 @@ import sys
 from pathlib import Path
 from typing import Any, get_type_hints
 
+_COMPILED = (".so", ".pyd")
+
 
 def docstring_of(module: str) -> str:
     """Return the docstring of an imported module, compiled or not; empty without one."""
     return sys.modules[module].__doc__ or ast.get_docstring(_source(module), clean=False) or ""
+
+
+def is_compiled(cls: type) -> bool:
+    """Return whether a class's module is compiled."""
+    return _file(cls.__module__).suffix in _COMPILED
 
 
 def hints_of(cls: type) -> dict[str, Any]:
@@ -29,10 +36,14 @@ def _written(node: ast.ClassDef) -> dict[str, str]:
     return {ast.unparse(line.target): ast.unparse(line.annotation) for line in lines}
 
 
+def _file(module: str) -> Path:
+    return Path(getattr(sys.modules.get(module), "__file__", None) or ".")
+
+
 def _source(module: str) -> ast.Module:
     """The source beside a compiled module; empty for a module that is not compiled."""
-    file = Path(getattr(sys.modules.get(module), "__file__", None) or ".")
-    return _parsed(file) if file.suffix in (".so", ".pyd") else ast.Module([], [])
+    file = _file(module)
+    return _parsed(file) if file.suffix in _COMPILED else ast.Module([], [])
 
 
 @functools.cache

@@ -19,7 +19,7 @@ from typing import Any
 
 from kybflow.core.errors import PartError
 from kybflow.core.params import Field, fields_of
-from kybflow.core.sources import docstring_of
+from kybflow.core.sources import docstring_of, is_compiled
 from kybflow.parts import (
     Action,
     Behavior,
@@ -154,8 +154,19 @@ def _load(kind: str, name: str, module_name: str) -> PartSpec:
     doc = docstring_of(module_name)
     if not doc:
         raise PartError(f"{module_name} has no docstring")
+    _judge_bases(cls)
     params = _params_of(cls)
     return PartSpec(kind, name, cls, params, fields_of(params), doc)
+
+
+def _judge_bases(cls: type[Any]) -> None:
+    """Raise PartError for a part in Python with a compiled base, which Python can't construct."""
+    compiled = [base.__name__ for base in cls.__mro__ if is_compiled(base)]
+    if compiled and not is_compiled(cls):
+        raise PartError(
+            f"{cls.__module__}.{cls.__name__} inherits from `{compiled[0]}`, which is compiled; "
+            "inherit from what `kybflow.parts` offers, or install kybflow without mypyc"
+        )
 
 
 def _params_of(cls: type[Any]) -> Any:

@@ -59,5 +59,5 @@ class AutopilotEstimator(Estimator[AutopilotEstimatorParams]):
 
 def _is_sound(one: Odometry) -> bool:
     (w, x, y, z), spread = one.attitude, one.spread
-    total = sum(one.position) + sum(one.velocity) + sum(one.angular_velocity) + spread
+    total = sum((*one.position, *one.velocity, *one.angular_velocity), spread)
     return total - total == 0.0 and spread >= 0.0 and 0.9 < w * w + x * x + y * y + z * z < 1.1
