@@ -174,15 +174,18 @@ def _sum(vectors: Iterable[Vec3]) -> Vec3:
 
 
 class Fault(Part[P]):
-    """Breaks simulated vehicles. Created when it is injected; all randomness comes from
-    `generator`.
+    """Breaks simulated vehicles, or our side of them. Created when it is injected; all randomness
+    comes from `generator`.
 
     A fault that raises is reported as the event `fault_failed` and ends. spoils: the kind of
     measurement that it corrupts; the compiler reports a vehicle whose estimators don't need it.
+    ours: whether it breaks this program's side alone (what simulated sensors say, the link, an
+    estimator), so that it can be injected on any simulator, a firmware's own too.
     """
 
     kind = "faults"
     spoils: ClassVar[MeasurementKind | None] = None
+    ours: ClassVar[bool] = False
 
     def __init__(self, params: P, generator: random.Random) -> None:
         self.params = params

@@ -53,12 +53,12 @@ class Override(NamedTuple):
 class Link(ABC):
     """One vehicle's connection.
 
-    rig: where faults act on a simulated vehicle; None on hardware. override: why the vehicle
-    doesn't follow commands, because a pilot flies it or it changed its mode by itself; None while
-    it follows. While overridden, the link sends no command until the operator requests control
-    (`Reclaimable`). armed: whether the vehicle reports that it is armed; None if it reports
-    nothing. is_heard: whether the last `read` received data from the vehicle itself, not only from
-    a simulator beside it.
+    rig: where faults act on a simulated vehicle, or on our side of one; None on hardware.
+    override: why the vehicle doesn't follow commands, because a pilot flies it or it changed its
+    mode by itself; None while it follows. While overridden, the link sends no command until the
+    operator requests control (`Reclaimable`). armed: whether the vehicle reports that it is armed;
+    None if it reports nothing. is_heard: whether the last `read` received data from the vehicle
+    itself, not only from a simulator beside it.
     """
 
     rig: Rig | None = None

@@ -38,7 +38,8 @@ _KINDS = {
     "drivers": "`targets: {lab: {all: {driver: {use: NAME}}}}`: how a vehicle is reached.",
     "sensors": "`targets: {lab: {VEHICLE: {sensors: {ESTIMATOR: {use: NAME}}}}}`: where an "
     "estimator's measurements come from, when the driver has none.",
-    "faults": "`faults: [{at: 5 s, on: VEHICLE, inject: NAME}]`: what breaks, in simulation only.",
+    "faults": "`faults: [{at: 5 s, on: VEHICLE, inject: NAME}]`: what breaks: in "
+    "simulation, and our side of it on a firmware's own simulator.",
     "actions": "`on: [{event: ..., do: [{NAME: {...}}]}]`: what a callback does. The language's "
     "own stand in [Callbacks](mission-language.md#callbacks); kybflow has no others, "
     "[a package](your-own-parts.md#an-action) may.",
@@ -176,6 +177,8 @@ def _facts(spec: PartSpec) -> Iterator[str]:
         yield "simulated" if cls.simulated else "hardware"
         yield f"takes {_values(cls.accepts)}"
         yield f"provides {_kinds(cls.provides)}"
+    elif spec.kind == "faults":
+        yield from (["on a firmware's own simulator too"] if cls.ours else [])
     elif spec.kind == "sensors":
         yield from (["in a simulation only"] if cls.simulated else [])
         yield f"provides {_kinds(cls.provides)}"

@@ -36,7 +36,7 @@ from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.telemetry.vision import ExternalVision, FrameDrift
 from kybflow.drivers.mavlink.transport.router import Port
-from kybflow.parts import Check, ForeignCommand, Link, Seat, StatusText
+from kybflow.parts import Check, ForeignCommand, Link, Rig, Seat, StatusText
 
 SILENCE_TIMEOUT: Time = 10 * NS
 """How long the autopilot may be silent after opening."""
@@ -80,6 +80,8 @@ class AutopilotLink(Link):
             self._grip = PayloadGrip(
                 profile, contact.status, contact.requests, contact.parameters, output
             )
+        if params.simulator:
+            self.rig = Rig(context.vehicle, self._rigged)
         self._capacity = LineCapacity(params)
         self._upkeep = Upkeep(contact, self._streams(frozenset()), names)
         self._now: Time = 0
@@ -207,6 +209,11 @@ class AutopilotLink(Link):
     def _ground_truth(self, seat: Seat, profile: FirmwareProfile) -> GroundTruth | None:
         """What tells the ground truth; None on hardware."""
         return GroundTruth(seat.context, profile.sphere) if seat.params.simulator else None
+
+    def _rigged(self) -> None:
+        """Obey the rig, whose faults act on this side of the link alone."""
+        if self.rig is not None:
+            self.contact.port.deaf, self.contact.port.mute = self.rig.deaf, self.rig.mute
 
     def _streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
         """The messages to request, Hz. kinds: what the vehicle is flown by."""

@@ -30,18 +30,25 @@ def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
 
 
 def not_simulated(case: Case) -> Iterator[Diagnostic]:
-    """KYB331: a fault on a target that is no simulation: nothing there can be broken on purpose."""
+    """KYB331: a fault on a target that is no simulation: nothing there can be broken on purpose.
+    On a firmware's own simulator that is so of the vehicle, but not of our side."""
     target = case.document.target.text
     for fault in case.document.faults:
         for name, _ in _vehicles(fault):
             vehicle = case.document.vehicles.get(name)
             if vehicle is None or vehicle.driver.spec.cls.simulated:
                 continue
+            shows = vehicle.driver.spec.cls.shows(vehicle.driver.params)
+            if shows and fault.part.spec.cls.ours:
+                continue
+            where = "no simulation"
+            if shows:
+                where = "another program's simulator: only what comes from it can be broken here"
             yield Diagnostic(
                 "KYB331",
                 f"`{fault.part.name.text}` can't be injected on the target `{target}`",
                 fault.span,
-                label=f"`{name}` flies on `{vehicle.driver.name.text}`, which is no simulation",
+                label=f"`{name}` flies on `{vehicle.driver.name.text}`, which is {where}",
                 help="fly this mission in simulation, or remove the fault",
             )
             break

@@ -136,7 +136,8 @@ def on_schema() -> Schema:
 def faults_schema() -> Schema:
     """The list of faults; a fault's other keys are its part's parameters."""
     return {
-        "description": "What breaks, and when; in simulation only.",
+        "description": "What breaks, and when; in simulation, and our side of it on a firmware's"
+        " own simulator.",
         "type": "array",
         "items": {
             "title": "fault",

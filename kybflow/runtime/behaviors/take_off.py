@@ -5,7 +5,7 @@ The setpoint rises from the estimate's position at entry along a rest-to-rest pr
 than 0.3 m behind, the profile waits for it, so that a vehicle that can't lift is not asked ever
 more; where it is more than 0.1 m ahead, lifted by its autopilot, the profile goes on from there. It
 is done when the profile has ended and the height has settled: for `dwell` it is within `tolerance`
-and moves by no more than a fifth of that, so that one that passes its height is not there yet.
+and moves by no more than a seventh of that, so that one that passes its height is not there yet.
 
 Fails when it is not there `patience` after the profile should have ended. Speed 0.3 m/s and
 tolerance 10 cm are TeleKyb's. `height` is in metres above the ground of the start.
@@ -20,7 +20,7 @@ from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, GROUND, Behavior, Entry, Footprint, param, params
 
 _LEASH, _AHEAD = 0.3, 0.1
-_SETTLED = 0.2
+_SETTLED = 0.15
 """The part of `tolerance` by which a height that has settled may move."""
 _LEAP = 0.02
 """Seconds in which the profile looks for where the vehicle is."""

@@ -23,6 +23,7 @@ class CameraBlurParams:
 
 class CameraBlur(Fault[CameraBlurParams]):
     spoils = Frame
+    ours = True
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(camera=Weakness(blur=self.params.pixels))}

@@ -20,6 +20,7 @@ class CameraDarkParams:
 
 class CameraDark(Fault[CameraDarkParams]):
     spoils = Frame
+    ours = True
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(camera=Weakness(dark=True))}

@@ -22,6 +22,7 @@ class CameraFrozenParams:
 
 class CameraFrozen(Fault[CameraFrozenParams]):
     spoils = Frame
+    ours = True
 
     def __init__(self, params: CameraFrozenParams, generator: random.Random) -> None:
         super().__init__(params, generator)

@@ -18,6 +18,7 @@ class CameraLostParams:
 
 class CameraLost(Fault[CameraLostParams]):
     spoils = Frame
+    ours = True
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=_lose)}

@@ -24,6 +24,7 @@ class CameraShiftedParams:
 
 class CameraShifted(Fault[CameraShiftedParams]):
     spoils = Frame
+    ours = True
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(camera=Weakness(offset=self.params.offset))}

@@ -17,5 +17,7 @@ class EstimatorKilledParams:
 
 
 class EstimatorKilled(Fault[EstimatorKilledParams]):
+    ours = True
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(estimator=self.params.estimator)}

@@ -22,6 +22,8 @@ class LinkCutParams:
 
 
 class LinkCut(Fault[LinkCutParams]):
+    ours = True
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         way = self.params.way
         return {vehicle: Effect(deaf=way != "to_vehicle", mute=way != "from_vehicle")}

@@ -22,6 +22,7 @@ class MocapDropoutParams:
 
 class MocapDropout(Fault[MocapDropoutParams]):
     spoils = Pose
+    ours = True
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=self._lose)}

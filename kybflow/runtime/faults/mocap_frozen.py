@@ -23,6 +23,7 @@ class MocapFrozenParams:
 
 class MocapFrozen(Fault[MocapFrozenParams]):
     spoils = Pose
+    ours = True
 
     def __init__(self, params: MocapFrozenParams, generator: random.Random) -> None:
         super().__init__(params, generator)

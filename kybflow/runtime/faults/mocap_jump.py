@@ -23,6 +23,7 @@ class MocapJumpParams:
 
 class MocapJump(Fault[MocapJumpParams]):
     spoils = Pose
+    ours = True
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=self._move)}

@@ -26,6 +26,7 @@ class MocapNoiseParams:
 
 class MocapNoise(Fault[MocapNoiseParams]):
     spoils = Pose
+    ours = True
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=self._shake)}

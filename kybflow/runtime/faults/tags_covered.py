@@ -23,6 +23,7 @@ class TagsCoveredParams:
 
 class TagsCovered(Fault[TagsCoveredParams]):
     spoils = Frame
+    ours = True
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(camera=Weakness(covered=self.params.share))}

@@ -24,7 +24,7 @@ from scripted_autopilot import (
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Imu, Odometry
-from kybflow.parts import StatusText
+from kybflow.parts import Effect, StatusText
 from kybflow.world.vehicle_context import Parcel
 
 UP = at((0.0, 0.0, 1.0))
@@ -517,3 +517,19 @@ def test_what_was_forgotten_after_a_start_is_asked_for_again():
     bench.fake.is_quiet = False
     bench.run(1.0)
     assert len(bench.fake.commands(511)) >= asked + 1 + len(STEADY)
+
+
+def test_on_a_firmwares_simulator_faults_cut_the_link_on_our_side_and_on_hardware_nothing_does():
+    bench = Bench(simulator=True)
+    bench.run(2.0)
+    rig, cut = bench.link.rig, Effect(deaf=True, mute=True)
+    assert rig is not None
+    rig.begin(cut, bench.now)
+    sent, heard = len(bench.fake.sent), len(bench.measured)
+    bench.run(1.0, at(ZERO))
+    assert (len(bench.fake.sent), len(bench.measured)) == (sent, heard)
+    rig.end(cut)
+    bench.run(1.0, at(ZERO))
+    assert len(bench.fake.sent) > sent
+    assert len(bench.measured) > heard
+    assert Bench().link.rig is None

@@ -50,6 +50,28 @@ def test_a_fault_is_refused_where_nothing_is_simulated_and_the_target_is_named(t
     ]
 
 
+class Firmware(Bench):
+    """A firmware's own simulator, whose truth is known and whose vehicle can't be broken."""
+
+    @classmethod
+    def shows(cls, params: Any) -> bool:
+        return True
+
+
+def test_on_a_firmwares_simulator_our_side_can_be_broken_and_the_vehicle_not(tmp_path) -> None:
+    path = tmp_path / "two.yaml"
+    ours = ["mocap_dropout", "link_cut"]
+    lines = "".join(f"  - {{at: 2 s, on: a, inject: {name}}}\n" for name in ours)
+    path.write_text(MISSION + lines, encoding="utf-8")
+    result = check_mission(path, catalog=HardwareCatalog(Firmware), target="lab")
+    found = [(d.span.line, d.code, d.label) for d in result.diagnostics]
+    why = (
+        "`a` flies on `bench`, which is another program's simulator: only what comes from it can be"
+        " broken here"
+    )
+    assert found == [(12, "KYB331", why), (14, "KYB331", why)]
+
+
 def test_the_plan_has_every_fault_in_si(tmp_path) -> None:
     path = tmp_path / "two.yaml"
     path.write_text(MISSION, encoding="utf-8")

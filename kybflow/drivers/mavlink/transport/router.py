@@ -51,11 +51,13 @@ HEARTBEAT = heartbeat(mavlink.MAV_TYPE_GCS)
 
 class Port:
     """One autopilot's messages. `last_heard`: when its last message came, None before the first.
-    `counts`: what came on its wire, from everyone."""
+    `counts`: what came on its wire, from everyone. Faults set `deaf` (what it says is lost) and
+    `mute` (what is sent to it is lost)."""
 
     def __init__(self, line: _Line, system: int, packer: Packer) -> None:
         self.system = system
         self.last_heard: Time | None = None
+        self.deaf = self.mute = False
         self._line, self._packer = line, packer
         self._place: Any = None
         self._clash: tuple[Time, Any] | None = None
@@ -109,6 +111,8 @@ class Port:
     def send(self, message: Message, component: int = ONBOARD) -> None:
         """Send a message as one of our components. Nothing is sent to a place from which nobody was
         heard. Raises DriverError where a field does not fit into the message."""
+        if self.mute:
+            return
         data = self._packer.pack(message, component)
         wire = self._line.wire
         if self._place is not None or not wire.answers:
@@ -130,6 +134,8 @@ class Port:
 
     def hear(self, message: Message, place: Any, now: Time) -> None:
         """Take in a message; called by the router."""
+        if self.deaf:
+            return
         if place != self._place and self._place is not None and self._holds(now):
             self._clash = now, place
             return
