@@ -271,6 +271,19 @@ def test_a_wrong_command_line_ends_with_2(words: list[str], said: str) -> None:
     assert said in result.output
 
 
+def test_where_a_system_was_looked_for_without_an_address_is_told(monkeypatch) -> None:
+    def refused(address: object) -> None:
+        raise DriverError(f"{address} refuses")
+
+    monkeypatch.setattr("kybflow.drivers.mavlink.transport.open_wire", refused)
+    words = ["mavlink", "setup", "--vehicle", "ardupilot", "--system", "7"]
+    assert CliRunner().invoke(app, words).output == (
+        "error: tcp:127.0.0.1:5820 refuses; without --address system 7 is looked for there\n"
+    )
+    words += ["--address", "tcp:127.0.0.1:5760"]
+    assert CliRunner().invoke(app, words).output == "error: tcp:127.0.0.1:5760 refuses\n"
+
+
 def test_a_port_that_cannot_be_had_ends_with_3() -> None:
     words = ["listen", "--address", "udpin:192.0.2.1:14540"]
     result = CliRunner().invoke(app, ["mavlink", *words])

@@ -89,7 +89,8 @@ def setup(
 
     profile = profile_of(vehicle)
     place = address or profile.default_address(system or 1)
-    with _opened(place, system, own_system, key) as discovery:
+    note = "" if address else f"; without --address system {system or 1} is looked for there"
+    with _opened(place, system, own_system, key, note) as discovery:
         parameters = ParameterSetup(profile, own_system, simulator=simulator)
         is_right = set_up(discovery, ticks(), parameters, write=write)
     raise Exit(0 if is_right else WRONG)
@@ -127,9 +128,10 @@ def ticks() -> Iterator[Time]:
 
 @contextmanager
 def _opened(
-    address: str, system: int | None, own_system: int, key: Path | None
+    address: str, system: int | None, own_system: int, key: Path | None, note: str = ""
 ) -> Iterator[Discovery]:
-    """The discovery on the wire of that address; its failures end the command."""
+    """The discovery on the wire of that address; its failures end the command. note: what to add to
+    them."""
     from kybflow.core.errors import DriverError
     from kybflow.drivers.mavlink.protocol.signing import read_key
     from kybflow.drivers.mavlink.transport.address import read_address
@@ -143,7 +145,7 @@ def _opened(
         with closing(open_wire(place)) as wire:
             yield Discovery(wire, system, own_system, secret)
     except DriverError as error:
-        echo(f"error: {error}", err=True)
+        echo(f"error: {error}{note}", err=True)
         raise Exit(FAILED) from None
 
 

@@ -23,13 +23,6 @@ OTHERS: Time = 3 * NS // 2
 """How much longer other autopilots are awaited."""
 SILENT: Time = 5 * NS
 """An autopilot without a heartbeat for this long is gone."""
-_WAYS = {
-    "udpin": "is the autopilot told to send to that port, and does no other program take it?",
-    "udpout": "does an autopilot listen there?",
-    "tcp": "does an autopilot listen there, and is nobody else connected?",
-    "tcpin": "is the autopilot told to connect there?",
-    "serial": "is it the right device, with the autopilot's baud rate?",
-}
 
 
 class Discovery:
@@ -145,5 +138,4 @@ class Discovery:
             names = ", ".join(str(system) for system in others)
             return f"system {self._system} is not heard at {self._wire.address}, but {names}"
         trouble = self._asked.trouble() or f"no autopilot is heard at {self._wire.address}"
-        way = _WAYS.get(self._wire.address.partition(":")[0])
-        return f"{trouble}; {way}" if way else trouble
+        return f"{trouble}; {self._asked.to_ask}"

@@ -111,7 +111,7 @@ class AutopilotLink(Link):
         port = self.contact.port
         if port.last_heard is None and now - self._opened > SILENCE_TIMEOUT:
             why = port.trouble() or "no autopilot was heard"
-            way_out = "start it, or set the driver's `address` and `system`"
+            way_out = f"{port.to_ask} Start it, or set the driver's `address` and `system`"
             raise DriverError(f"system {port.system} was not heard for 10 s: {why}; {way_out}")
         return self.contact.telemetry.take()
 

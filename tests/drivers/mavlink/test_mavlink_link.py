@@ -467,7 +467,8 @@ def test_another_autopilot_is_told_as_such():
 def test_silence_from_the_start_is_an_error_with_a_way_out_and_later_it_is_age():
     bench = Bench()
     bench.fake.is_quiet = True
-    with pytest.raises(DriverError, match=r"system 1 was not heard.*nothing is heard.*`address`"):
+    said = r"system 1 was not heard.*nothing is heard.*\? Start it.*`address`"
+    with pytest.raises(DriverError, match=said):
         bench.run(11.0)
     bench = Bench()
     bench.run(1.0)

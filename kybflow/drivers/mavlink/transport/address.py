@@ -23,6 +23,15 @@ _FORMS = (
 )
 
 
+_QUESTIONS = {
+    "udpin": "is the autopilot told to send to that port, and does no other program take it?",
+    "udpout": "does an autopilot listen there?",
+    "tcp": "does an autopilot listen there, and is nobody else connected?",
+    "tcpin": "is the autopilot told to connect there?",
+    "serial": "is it the right device, with the autopilot's baud rate?",
+}
+
+
 class Address(NamedTuple):
     """kind: one of `KINDS`. place: a host or a serial device. number: a port or a baud rate; port
     0, which nobody can write, is any that is free."""
@@ -70,3 +79,8 @@ def _serial(text: str, rest: str) -> Address:
             " `serial:/dev/ttyUSB0:57600`"
         )
     return Address("serial", device, int(baud))
+
+
+def to_ask(address: str) -> str:
+    """What to ask oneself where nothing is heard at an address."""
+    return _QUESTIONS.get(address.partition(":")[0], "is it switched on?")

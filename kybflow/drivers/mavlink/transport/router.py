@@ -27,6 +27,7 @@ from kybflow.drivers.mavlink.protocol.framing import (
     Parser,
 )
 from kybflow.drivers.mavlink.protocol.signing import Signing
+from kybflow.drivers.mavlink.transport.address import to_ask
 from kybflow.drivers.mavlink.transport.wire import MOST_HELD, Wire
 
 AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
@@ -67,6 +68,11 @@ class Port:
     @property
     def counts(self) -> Counts:
         return self._line.counts
+
+    @property
+    def to_ask(self) -> str:
+        """What to ask oneself where the autopilot is not heard."""
+        return to_ask(self._line.wire.address)
 
     @property
     def heard_from(self) -> frozenset[int]:
