@@ -104,6 +104,15 @@ class StopsRotors(Protocol):
 
 
 @runtime_checkable
+class DisarmsByForce(Protocol):
+    """A vehicle that may stay armed on the ground."""
+
+    def disarm_by_force(self, now: Time) -> None:
+        """Disarm a vehicle that stands on the ground and was asked to in vain. Raises Refused if it
+        says that it flies."""
+
+
+@runtime_checkable
 class Lands(Protocol):
     """A vehicle with a land mode of its own."""
 

@@ -13,8 +13,8 @@ from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import Estimate, Imu, kind_name
 from kybflow.dsl.plan import Plan
 from kybflow.runtime.events import Events
+from kybflow.runtime.monitoring.resting_bias import LONG
 from kybflow.runtime.safety import take_off_tolerance
-from kybflow.runtime.vehicle.resting_bias import LONG
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.shapes import Box
 

@@ -24,7 +24,7 @@ from kybflow.parts import Seat
 from kybflow.world.vehicle_context import Parcel, VehicleContext
 
 PERIOD = NS // 50
-GROUND, AIR, TAKING_OFF = 1, 2, 3
+GROUND, AIR, TAKING_OFF, LANDING = 1, 2, 3, 4
 SET_MODE, ARM, TAKEOFF, SERVO, GRIPPER = 176, 400, 22, 183, 211
 ACCEPTED, REJECTED, UNSUPPORTED, FAILED = 0, 1, 3, 4
 FORCED = 21196

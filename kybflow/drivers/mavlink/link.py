@@ -134,6 +134,12 @@ class AutopilotLink(Link):
         self._upkeep.step(now)
         self._publish_state()
 
+    def disarm_by_force(self, now: Time) -> None:
+        landed = self.contact.status.landed
+        if landed in (LandedState.AIR, LandedState.TAKING_OFF):
+            raise Refused("it says that it is in the air")
+        self.cut(now)
+
     def tell_position(self, estimate: Estimate, now: Time) -> None:
         contact = self.contact
         if not contact.is_outside:

@@ -14,7 +14,7 @@ in m/s (time in s), from rest, for an error e of the thrust's model:
 
 An accelerometer that is wrong by 0.25 m/s^2 makes 1.5 m/s (2.9 s) or 1.0 m/s (10 s) of the 1.0 m/s
 from 2.5 m. Where an estimator needs the IMU, what it felt at rest on the ground is known and counts
-as gravity (`kybflow.runtime.vehicle.resting_bias`): only what it has been wrong by since then
+as gravity (`kybflow.runtime.monitoring.resting_bias`): only what it has been wrong by since then
 does that.
 
 It begins at the vertical speed of the last setpoint, or of the estimate.

@@ -23,6 +23,8 @@ from kybflow.runtime.scores import VehicleScore
 
 PATIENCE: Time = 10 * NS
 """How long a landing may be refused before it has failed."""
+UNCLEAR: Time = NS // 2
+"""How long after its rotors stopped it may not show yet that a vehicle falls."""
 LIGHT, DEEP = 0.5, 0.05
 """A thrust over the hover thrust, and a setpoint's depth below the vehicle (m), that bring down
 whatever is in the air."""
@@ -197,6 +199,8 @@ class Activity:
         landed = self.land_mode.has_landed(now)
         if landed:
             reason = self._refusal(estimate, now, is_pushed=False)
+            if reason and now - (self._contradicted or now) < UNCLEAR:
+                return False  # if it is in the air it falls now, which is noticed
             if reason:
                 self._score.failure(f"its rotors rest, and {reason}")
             self.land_mode = None

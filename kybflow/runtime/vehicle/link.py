@@ -24,6 +24,7 @@ from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import Check, Link, Override
 from kybflow.parts.link import (
     Arms,
+    DisarmsByForce,
     Grips,
     Lands,
     NoticesOthers,
@@ -170,6 +171,7 @@ class LinkOut:
         self._link, self._health, self._send = link, health, link.send
         self._arm = link.arm if isinstance(link, Arms) else None
         self._cut = link.cut if isinstance(link, StopsRotors) else None
+        self._force = link.disarm_by_force if isinstance(link, DisarmsByForce) else None
         self._land = link.land if isinstance(link, Lands) else None
         self._grip = link.grip if isinstance(link, Grips) else None
         self._reclaim = link.reclaim if isinstance(link, Reclaimable) else None
@@ -210,6 +212,12 @@ class LinkOut:
         """Stop the rotors at once."""
         if self._cut is not None:
             self._health.attempt(self._cut, now)
+
+    def disarm_by_force(self, now: Time) -> None:
+        """Disarm a vehicle that stands on the ground. Raises Refused."""
+        if self._force is None:
+            raise Refused("its driver can't")
+        self._health.ask(self._force, now)
 
     def reclaim(self, now: Time) -> None:
         """Request control back from a pilot."""

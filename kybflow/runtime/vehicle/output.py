@@ -7,10 +7,10 @@ from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import Command, Grip, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.runtime.events import Events
+from kybflow.runtime.monitoring.resting_bias import RestingBias
 from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.payload import PayloadTracker
-from kybflow.runtime.vehicle.resting_bias import RestingBias
 
 RESTING = Command(LEVEL, 0.0, ZERO, None, False)
 """The command of a vehicle on the ground: rotors at rest."""

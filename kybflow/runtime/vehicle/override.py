@@ -16,6 +16,7 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.activity import Activity
+from kybflow.runtime.vehicle.arming_watch import ArmingWatch
 from kybflow.runtime.vehicle.control import Control
 from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.reactions import Reactions
@@ -32,13 +33,14 @@ class ManualOverride:
         failsafe: Failsafe,
         reactions: Reactions,
         control: Control,
+        arming: ArmingWatch,
         events: Events,
         score: VehicleScore,
     ) -> None:
         self.away = False
         self._plan, self._link, self._activity, self._failsafe = plan, link, activity, failsafe
         self._reactions, self._control = reactions, control
-        self._events, self._score = events, score
+        self._arming, self._events, self._score = arming, events, score
         self._landed_for: Override | None = None
         self._lost: Override | None = None
         self._refused = ""
@@ -90,7 +92,7 @@ class ManualOverride:
         activity.wait(tick.dt)
         self._failsafe.check(tick, airborne=False)  # supervisors keep their state; no reaction
         answer(tick.now)
-        if self._link.armed is False:
+        if self._link.armed is False and not self._arming.may_fall(tick):
             self.away = False
             self._score.failure(override.reason)
             activity.flight = GROUND

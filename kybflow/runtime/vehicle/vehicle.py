@@ -35,6 +35,7 @@ from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.activity import Activity
+from kybflow.runtime.vehicle.arming_watch import ArmingWatch
 from kybflow.runtime.vehicle.control import Commanded, Control
 from kybflow.runtime.vehicle.decision import Decision
 from kybflow.runtime.vehicle.external_position import ExternalPosition
@@ -97,8 +98,9 @@ class Vehicle:
         )
         reactions = Reactions(plan, activity, failsafe, link_out, output, events, score)
         control = Control(plan, context, params, activity, reactions, output, events)
+        arming = ArmingWatch(plan, link_out, activity, reactions, output, events, score)
         override = ManualOverride(
-            plan, link_out, activity, failsafe, reactions, control, events, score
+            plan, link_out, activity, failsafe, reactions, control, arming, events, score
         )
         self.requests = Requests(plan, activity, failsafe, reactions, override, events)
         self._decision = Decision(
@@ -107,7 +109,7 @@ class Vehicle:
         self.knowledge, self.activity, self.failsafe = knowledge, activity, failsafe
         self.link_out = link_out
         self._control, self._output, self._reactions = control, output, reactions
-        self._override, self._health = override, health
+        self._override, self._arming, self._health = override, arming, health
         self._external_position = ExternalPosition(plan, knowledge.estimation)
 
     @property
@@ -163,7 +165,7 @@ class Vehicle:
         if self.activity.flight is not GROUND or self.requests.waiting:
             return False
         if self.link_age < _STALE and self.link_out.armed and self.link_out.override is None:
-            return False
+            return self._arming.gave_up
         return not self._reactions.falls(self.now) and not self.activity.state.transitions
 
     def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
@@ -187,8 +189,10 @@ class Vehicle:
         """Decide, steer, send and record."""
         self._fleet = fleet
         tick = self._tick(now, dt, fleet)
-        override = self._override
-        if override.away or self.link_out.override is not None:
+        override, armed = self._override, self.link_out.armed
+        if armed is not None and self._arming.update(tick, armed):
+            override.away = False
+        elif override.away or self.link_out.override is not None:
             override.update(tick, self._decision.answer)
         if override.away:
             command, wanted = HANDED_OVER, None

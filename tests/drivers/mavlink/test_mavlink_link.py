@@ -9,7 +9,9 @@ from framing import Framing
 from scripted_autopilot import (
     AIR,
     ARM,
+    FAILED,
     GROUND,
+    LANDING,
     PERIOD,
     REJECTED,
     RESTING,
@@ -323,6 +325,22 @@ def test_a_disarm_on_the_ground_is_waited_out_and_one_in_the_air_is_not():
     bench.fake.armed, bench.fake.landed = False, AIR
     bench.run(0.5, UP)
     assert reason(bench).startswith("it disarmed in the air")
+
+
+@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+def test_one_that_stays_armed_is_disarmed_by_force_unless_it_says_that_it_flies(name):
+    bench = Bench(name)
+    bench.fly()
+    bench.fake.refuses[ARM] = (FAILED, "Disarm refused: not landed")
+    with pytest.raises(Refused, match="it says that it is in the air"):
+        bench.link.disarm_by_force(bench.now)
+    bench.fake.landed = LANDING
+    bench.run(8.0, RESTING)
+    assert bench.link.armed
+    bench.link.disarm_by_force(bench.now)
+    bench.run(1.0, RESTING)
+    assert not bench.link.armed
+    assert bench.link.override is None
 
 
 def told(bench, seconds, position=ZERO, source="mocap", age=0.01):

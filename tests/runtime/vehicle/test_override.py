@@ -20,13 +20,15 @@ from kybflow.runtime.vehicle.requests import Requester
 SLOW = 2.0
 """Seconds that the autopilot takes to arm."""
 TAKEN, BACK = 8.0, 11.0
+SINKS = 0.95
+"""Of the thrust that held it, what a pilot lands it with before `BACK`."""
 PILOT = Override("a pilot took over: POSCTL")
 FAILSAFE = Override("no set-points", lands=True)
 
 
 class Autopilot(Link):
     """A simulated vehicle with a will of its own. While a pilot has it, it follows the last command
-    that it got before, lowered by nobody. `way` is what becomes of it."""
+    that it got before, lowered only by one who lands it. `way` is what becomes of it."""
 
     def __init__(self, link: Link, way: str) -> None:
         self.link, self.way = link, way
@@ -50,7 +52,10 @@ class Autopilot(Link):
             if self.way == "pilot lands" and seconds >= BACK:
                 self.armed = False
         if self.override is not None and self._last is not None:
-            rotors = self._last if self.armed else self._last._replace(armed=False, thrust=0.0)
+            last = self._last
+            if self.way == "pilot lands":
+                last = last._replace(thrust=SINKS * last.thrust)
+            rotors = last if self.armed else self._last._replace(armed=False, thrust=0.0)
             self.link.send(rotors, now)
         is_silent = self.way == "falls silent" and seconds >= TAKEN
         return () if is_silent else self.link.read(now)

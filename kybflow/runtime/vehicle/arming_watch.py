@@ -1,0 +1,132 @@
+"""Compares whether a vehicle reports itself armed with whether its rotors should turn.
+
+Rotors that rest in the air: a vehicle that falls although it should fly has disarmed in the air. It
+falls where a fresh estimate has it above all that could carry it, and sinking faster than any
+landing; its rotors are then cut, and it has not landed.
+
+Rotors that turn on the ground: its driver asks a vehicle that has landed to disarm. One that is
+still armed after `TOLD` is told; after `FORCED` it is disarmed by force where all the evidence of a
+touch-down is there: a fresh estimate near the ground that has stood still for `STOOD`, and a
+vehicle that does not say that it flies. After `GIVEN_UP` nobody waits for it: the run has failed.
+"""
+
+from __future__ import annotations
+
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import distance
+from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Tick, Time
+from kybflow.dsl.plan import VehiclePlan
+from kybflow.parts import GROUND
+from kybflow.runtime.events import Events
+from kybflow.runtime.safety.failsafe import RaisedAlarm
+from kybflow.runtime.scores import VehicleScore
+from kybflow.runtime.vehicle.activity import UNCLEAR, Activity
+from kybflow.runtime.vehicle.link import ALIVE, LinkOut
+from kybflow.runtime.vehicle.output import CommandOutput
+from kybflow.runtime.vehicle.reactions import Reactions
+from kybflow.world.ground import FRESH, height_in_the_air
+
+FALLING = 1.2
+"""Metres a second; no landing sinks as fast."""
+TOLD: Time = 5 * NS
+FORCED: Time = 10 * NS
+GIVEN_UP: Time = 30 * NS
+STOOD: Time = 3 * NS
+STILL = 0.03
+"""Metres that an estimate moves at most of a vehicle that stands still."""
+
+
+class ArmingWatch:
+    """Watches one vehicle. gave_up: it stays armed on the ground, and nobody waits for it."""
+
+    def __init__(
+        self,
+        plan: VehiclePlan,
+        link: LinkOut,
+        activity: Activity,
+        reactions: Reactions,
+        output: CommandOutput,
+        events: Events,
+        score: VehicleScore,
+    ) -> None:
+        self.gave_up = False
+        self._name, self._at = plan.name, plan.driver.at
+        self._link, self._activity, self._reactions = link, activity, reactions
+        self._output, self._events, self._score = output, events, score
+        self._since: Time | None = None
+        self._stood: Time | None = None
+        self._stands: Estimate | None = None
+        self._told = self._forced = False
+
+    def update(self, tick: Tick, armed: bool) -> bool:
+        """Compare, once a tick; return whether it has just been found to fall. armed: what the
+        vehicle reports."""
+        if armed is self._output.sent.armed:
+            self._since = self._stands = None
+            return False
+        if not armed:
+            return self._activity.off_ground and self._falls(tick)
+        is_quiet = tick.link_age > ALIVE or self._link.override is not None
+        if self._activity.flight is GROUND and self._output.arming is None and not is_quiet:
+            self._linger(tick)
+        return False
+
+    def may_fall(self, tick: Tick) -> bool:
+        """Return whether a vehicle whose rotors rest may be in the air, and not fall yet."""
+        if self._since is None:
+            self._since = tick.now
+        return tick.now - self._since < UNCLEAR and self._above(tick.estimate) > 0.0
+
+    def _falls(self, tick: Tick) -> bool:
+        known, above = tick.estimate, self._above(tick.estimate)
+        if known is None or above <= 0.0 or known.velocity[2] > -FALLING:
+            return False
+        reason = f"it disarmed in the air: its estimate has it {above:.2f} m above the ground"
+        self._events.tell("control_lost", self._name, self._at, reason=reason)
+        lost = Alarm("control_lost", Reaction.CUT, reason, is_failure=True)
+        return self._reactions.react(RaisedAlarm(lost, self._at), tick)
+
+    def _linger(self, tick: Tick) -> None:
+        """Follow a vehicle that has landed and is armed."""
+        if self._since is None:
+            self._since, self._told, self._forced = tick.now, False, False
+        waited = tick.now - self._since
+        stands = self._has_stood(tick.estimate, tick.now)
+        if waited >= TOLD and not self._told:
+            self._told = True
+            self._tell("it has landed, is asked to disarm, and stays armed")
+        if waited >= FORCED and not self._forced and stands:
+            self._forced = True
+            self._force(tick.now)
+        if waited >= GIVEN_UP and not self.gave_up:
+            self.gave_up = True
+            reason = f"it has landed, and is still armed after {GIVEN_UP // NS} s: disarm it"
+            self._tell(reason)
+            self._score.failure(reason)
+
+    def _force(self, now: Time) -> None:
+        try:
+            self._link.disarm_by_force(now)
+        except Refused as refusal:
+            self._tell(f"it can't be disarmed by force: {refusal}")
+        else:
+            self._tell("it stands still on the ground: disarmed by force")
+
+    def _has_stood(self, known: Estimate | None, now: Time) -> bool:
+        """Return whether the estimate has had it still, on the ground, for long enough."""
+        if known is None or known.age > FRESH or self._above(known) > 0.0:
+            self._stands = None
+            return False
+        before = self._stands
+        if before is None or distance(known.position, before.position) > STILL:
+            self._stands, self._stood = known, now
+        return self._stood is not None and now - self._stood >= STOOD
+
+    def _above(self, known: Estimate | None) -> float:
+        """Return how far the vehicle must be above the ground, zero where it may stand there."""
+        if known is None:
+            return 0.0
+        return height_in_the_air(self._activity.entry().context, known, ())
+
+    def _tell(self, reason: str) -> None:
+        self._events.tell("stays_armed", self._name, self._at, reason=reason)
