@@ -17,7 +17,9 @@ The reference may be what is wrong: dead reckoning drifts. So the gate opens for
     the first of them was within the formula above, without `widest`, of the last pose that passed:
     the vehicle can have got there,
 
-and no longer asks the estimate that is flown on, until that is the gate's own. Where the poses have
+and no longer asks the estimate that is flown on, until that is the gate's own. Poses that pass by
+the formula, and are refused for what their filter believes of its own spread, need agree for
+`AGREED_NEARBY` only: an IMU that has just gone wrong takes no position away. Where the poses have
 jumped to where they are now they must agree for `AGREED_ANEW`. Poses that jumped to where the
 vehicle can't have got stay out, and so do those after a gap that are nearer to them than to the
 reference. This is how a track is confirmed in radar, by measurements that fit one another rather
@@ -47,6 +49,7 @@ SAME_ATTITUDE = 0.9239
 """Cosine of half of 45 degrees: the least product of two quaternions that are the same."""
 UNKNOWN_PACE = 4.0
 AGREED, AGREED_ANEW, BREAK = 0.3, 1.0, 0.5
+AGREED_NEARBY = 0.1
 
 
 class Reference(NamedTuple):
@@ -129,7 +132,10 @@ class PoseGate:
         if first is None or last is not pose:
             return None  # by itself it begins nothing
         since = first.time if self.flown is None else max(first.time, self.flown.time)
-        agree = self._count >= CONFIRMED and pose.time - first.time >= self._wait * NS
+        wait = (
+            min(self._wait, AGREED_NEARBY) if self.passes(pose, reference, bounds) else self._wait
+        )
+        agree = self._count >= CONFIRMED and pose.time - first.time >= wait * NS
         if not (self._is_possible and agree) and pose.time - since < bounds.settled * NS:
             if self.refusal is None and self._count >= CONFIRMED:
                 self.refusal = Refusal(first.time, _reason(pose, reference, bounds))

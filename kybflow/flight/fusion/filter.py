@@ -183,6 +183,8 @@ class Filter:
             state = begun(fix, unknown, attitude, velocity)
         else:
             return
+        if velocity is not None and self._was_known:
+            state = state._replace(passed=max(state.passed, self._params.samples))
         self._replay.begin(state)
 
 

@@ -8,12 +8,14 @@ from math import radians
 import pytest
 from figure_eight_flight import Instant
 from plans import part, state, then, vehicle
-from short_flights import down, named, path, up
+from short_flights import down, hold, named, path, up
 from test_fusion import assert_consistent, nees
 
 from kybflow.core.geometry import ZERO, distance
 from kybflow.core.signals import NS
-from kybflow.dsl.plan import EstimatorPlan
+from kybflow.core.units import DURATION
+from kybflow.dsl.expressions import Compare, Quantity, Read
+from kybflow.dsl.plan import EstimatorPlan, FaultPlan
 from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
 
@@ -44,6 +46,18 @@ class Watch:
             self.nees[now // NS] = nees(fusion, Instant(now, *place, ZERO, ZERO))
         if flier.activity.state.name == "eight":
             self.errors.append(distance(flier.estimate.position, truth.position))
+
+
+def test_an_imu_that_goes_wrong_in_flight_takes_no_position_away(run) -> None:
+    """Poses a centimetre off are refused, for the filter believes its IMU too much."""
+    healthy = Compare("<", Read(None, "estimate.age"), Quantity(0.25, DURATION))
+    source = EstimatorPlan(part("estimators", "fusion"), healthy, 1.0, None)
+    bias = part("faults", "imu_bias_step", accelerometer=(-0.44, 0.33, -0.44))
+    flier = vehicle("a", [up("hold", 1.0), hold(6.0, "down"), down()], estimators=(source,))
+    _, told = run(flier, faults=(FaultPlan(bias, "a", 6.0),))
+    assert named(told, "fault_injected")
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    assert not named(told, "estimator_lost")
 
 
 def flown(run, seed: int) -> tuple[Watch, float]:
