@@ -132,7 +132,7 @@ nonsense = st.one_of(
     st.builds(Pose, moment, vector, rotation),
     st.builds(Position, moment, vector, vector),
     st.builds(Imu, moment, number, vector, vector),
-    st.builds(Battery, moment, number, number),
+    st.builds(Battery, moment, number, number, st.none()),
 )
 
 
