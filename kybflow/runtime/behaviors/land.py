@@ -49,6 +49,8 @@ _LOWER = 0.1
 """An average that is so much lower is progress."""
 _DEPTH = 0.05
 _LEASH = 0.3
+_LOOKS = 0.1
+"""Seconds between two looks for vehicles below: a fleet that lands together is long."""
 _ABOVE = 0.5
 """Seconds above the point before it descends."""
 
@@ -115,7 +117,8 @@ class Land(
         self._way, self._began = self._to(self._coast.end, goal), 0.0
         self._arrival = max(self._coast.duration, self._way.duration)
         self._descends = self._point is None
-        self._waited = self._barred = 0.0
+        self._waited = self._barred = self._look = 0.0
+        self._under: str | None = None
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
         if self._grounded:
@@ -146,8 +149,11 @@ class Land(
 
     def _below(self, tick: Tick, own: Vec3) -> str | None:
         """The vehicle that is under this one. Turns to a place beside it where it may choose."""
-        below = vehicle_below(self._context, own, tick.fleet) if len(tick.fleet) > 1 else None
-        self.waits_for = None if below is None else f"`{below}` is below"
+        if tick.elapsed >= self._look:
+            self._look = tick.elapsed + _LOOKS
+            self._under = vehicle_below(self._context, own, tick.fleet)
+            self.waits_for = None if self._under is None else f"`{self._under}` is below"
+        below = self._under
         if below is None or not self._descends or tick.elapsed < self._arrival:
             return below
         if self._point is not None:
