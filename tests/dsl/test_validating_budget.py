@@ -38,7 +38,7 @@ BUDGET = {
         "shape": 76040,
         "expressions": 32105,
         "read": 29525,
-        "judge": 15789,
+        "judge": 16304,
         "compiler": 1315,
     },
 }

@@ -1,5 +1,5 @@
 """Every mission in `missions/` is flown and judged by its own expectations: once in every run of
-the tests, with a second seed in the thorough ones, and with twenty in the slow. Those with
+the tests (the longest one in the thorough tests), with a second seed in the thorough ones, and with twenty in the slow. Those with
 `mass_guess` fly with a belief too low and, in the thorough tests, with one too high."""
 
 from pathlib import Path
@@ -13,6 +13,8 @@ from kybflow.parts.catalog import load_catalog
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 DRAWN = frozenset({"courier", "courier_hard"})
 """Camera frames are drawn for these, which takes long: they have no second seed but the slow."""
+LONG = frozenset({"courier_hard"})
+"""Flown in the thorough tests only: it takes a tenth of the time that all others have."""
 GUESSES = ("80 %", "120 %")
 
 
@@ -28,7 +30,7 @@ def flights():
                 marks = []
                 if seed >= (1 if path.stem in DRAWN else 2):
                     marks = [pytest.mark.slow]
-                elif seed or number:
+                elif seed or number or path.stem in LONG:
                     marks = [pytest.mark.thorough]
                 name = "-".join([path.stem, *sets, str(seed)])
                 yield pytest.param(path, sets, seed, marks=marks, id=name)
