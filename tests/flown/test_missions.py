@@ -1,6 +1,7 @@
 """Every mission in `missions/` is flown and judged by its own expectations: once in every run of
-the tests (the longest one in the thorough tests), with a second seed in the thorough ones, and with twenty in the slow. Those with
-`mass_guess` fly with a belief too low and, in the thorough tests, with one too high."""
+the tests (the longest in the thorough ones), with a second seed in the thorough ones, and with
+twenty in the slow. Those with `mass_guess` fly with a belief too low and, in the thorough tests,
+with one too high."""
 
 from pathlib import Path
 
