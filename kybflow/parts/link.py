@@ -190,12 +190,20 @@ class ShowsView(Protocol):
         """Return the true state of the vehicle from which this one's cameras see."""
 
 
-@runtime_checkable
-class ReportsCollisions(Protocol):
-    """A link to a simulator that detects collisions."""
+class Touch(NamedTuple):
+    """A vehicle begins to touch something. carries: whether that pushes it upward, as ground
+    does."""
 
-    def collisions(self) -> Sequence[str]:
-        """Return what the vehicle hit in flight since the last call."""
+    into: str
+    carries: bool
+
+
+@runtime_checkable
+class ReportsTouches(Protocol):
+    """A link to a simulator that knows what its vehicle touches."""
+
+    def report_touches(self, tell: Callable[[Touch], None]) -> None:
+        """Tell each touch from now on, in the tick in which it begins."""
 
 
 def truth_source(link: Link) -> Callable[[], Truth | None]:

@@ -10,6 +10,8 @@ from kybflow.report.data import Run
 
 BARS = frozenset({"behavior_started", "behavior_ended", "phase_started", "phase_ended"})
 """Events that are shown as bars."""
+IMPACTS = frozenset({"collided", "landed_hard"})
+"""Events of a vehicle that hit something, as the simulator knows."""
 COLLISION, ALARM, EVENT = "collision", "alarm", "event"
 _ALARMING = (
     "failed", "lost", "breached", "exceeded", "refused", "low", "failsafe_started", "clamp_started",
@@ -29,7 +31,7 @@ _LOOKS = {
 def kind_of(event: Mapping[str, Any]) -> str:
     """How an event is marked. One with a reaction and a bound is an alarm of a supervisor."""
     name = event["event"]
-    if name == "collided":
+    if name in IMPACTS:
         return COLLISION
     is_alarm = {"reaction", "bound"} <= event["fields"].keys()
     return ALARM if is_alarm or name.endswith(_ALARMING) else EVENT
@@ -40,6 +42,14 @@ def is_notable(event: Mapping[str, Any]) -> bool:
     if event["event"] == "estimator_changed":
         return event["fields"].get("previous") is not None
     return event["event"] not in _ROUTINE and not event["event"].endswith(".finished")
+
+
+def impact_text(event: Mapping[str, Any]) -> str:
+    """What a vehicle hit, as text."""
+    fields = event["fields"]
+    if event["event"] == "collided":
+        return f"ran into {fields.get('into')}"
+    return f"landed hard ({fields['speed']:.2f} m/s) on {fields['onto']}"
 
 
 def fields_text(event: Mapping[str, Any]) -> str:
@@ -98,9 +108,9 @@ def ending(run: Run, name: str) -> str:
         reason = _fault_reason([event for event in own if event["t_s"] <= last["start_s"]])
         parts.append(f"in fault: {reason}" if reason else "in fault")
     parts += [
-        f"ran into {event['fields'].get('into')} at {event['t_s']:.2f} s"
+        f"{impact_text(event)} at {event['t_s']:.2f} s"
         for event in own
-        if event["event"] == "collided"
+        if event["event"] in IMPACTS
     ]
     return ", ".join(parts)
 

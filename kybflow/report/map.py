@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kybflow.report.data import Run, Track
+from kybflow.report.events import IMPACTS, impact_text
 from kybflow.report.plot import Figure, coloured, dashed, line
 from kybflow.world.shapes import Box, Plane, Shape
 
@@ -119,13 +120,13 @@ def _parcels(run: Run) -> list[dict[str, Any]]:
 
 
 def _collisions(run: Run) -> list[dict[str, Any]]:
-    """A cross where each vehicle was when it ran into something."""
+    """A cross where each vehicle was when it ran into something or landed hard."""
     tracks = {track.name: track for track in run.tracks if len(track.time)}
-    hits = [e for e in run.events if e["event"] == "collided" and e["vehicle"] in tracks]
+    hits = [e for e in run.events if e["event"] in IMPACTS and e["vehicle"] in tracks]
     if not hits:
         return []
     places = [_place(tracks[e["vehicle"]], e["t_s"]) for e in hits]
-    texts = [f"{e['vehicle']} ran into {e['fields'].get('into')}" for e in hits]
+    texts = [f"{e['vehicle']} {impact_text(e)}" for e in hits]
     return [
         {
             "type": "scatter",

@@ -21,7 +21,7 @@ from kybflow.runtime.expectations import Judge
 from kybflow.runtime.fleet.action_context import RunControls
 from kybflow.runtime.fleet.callbacks import Callbacks
 from kybflow.runtime.fleet.flows import Flows
-from kybflow.runtime.fleet.ground_truth import Collisions, PayloadDrops
+from kybflow.runtime.fleet.ground_truth import Impacts, PayloadDrops
 from kybflow.runtime.fleet.injection import Injection
 from kybflow.runtime.fleet.operator import Operator
 from kybflow.runtime.options import Options
@@ -65,7 +65,7 @@ class Engine:
         links = {name: link for session in sessions for name, link in session.links.items()}
         rigs = {name: link.rig for name, link in links.items() if link.rig is not None}
         self.injection = Injection(plan.faults, rigs, self._condition, events, seed)
-        self.collisions = Collisions(links, events)
+        self.impacts = Impacts(self.vehicles, links, events)
         self.drops = PayloadDrops(self.vehicles, events)
         self._next_look: Time = 0
         self._ticked: Time | None = None
@@ -98,8 +98,7 @@ class Engine:
             if seconds >= landed_by:
                 break
             self.tick()
-        self.collisions.step()
-        return self._landing or self.injection.failure or self.collisions.first
+        return self._landing or self.injection.failure or self.impacts.first
 
     def _landing_timeout(self) -> float:
         height = 0.0 if self.plan.fence is None else self.plan.fence.high[2]
@@ -138,7 +137,6 @@ class Engine:
     def _advance(self) -> None:
         if self.clock.now >= self._next_look:
             self._next_look = self.clock.now + _OBSERVED_EVERY
-            self.collisions.step()
             self.drops.step()
             for observe in self._observers:
                 self._observed(observe)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from plans import part, plan, vehicle
+from plans import part, plan, state, then, vehicle
 from short_flights import down, hold, named, path, up
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.plan import EstimatorPlan, FaultPlan
 from kybflow.parts import Driver, Link
-from kybflow.parts.link import ReportsCollisions
+from kybflow.parts.link import ReportsTouches
 from kybflow.runtime.events import Events
 from kybflow.world.shapes import Box
 
@@ -109,6 +109,34 @@ def test_a_vehicle_that_runs_into_an_obstacle_has_not_flown_its_mission(run):
     assert flown.summary["outcome"] != "succeeded"
 
 
+def test_a_vehicle_that_hits_the_floor_in_flight_has_not_flown_its_mission(run):
+    """It is too heavy for a moment, drops onto the floor, and flies on to its end."""
+    low = vehicle("a", [up("hold", height=0.3), hold(4.0, "down"), down()])
+    flown, told = run(low, faults=(fault("mass_change", time=4.0, lasts=0.4, factor=3.0),))
+    [collided] = named(told, "collided")
+    assert collided.fields == {"into": "the floor"}
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    assert flown.summary["reason"] == "`a` ran into `the floor`"
+
+
+def test_on_the_way_to_where_it_lands_the_floor_is_no_place_to_touch_down(run):
+    there = part("behaviors", "land", position=(2.0, 0.0, 0.0))
+    states = [up("hold", height=0.3), hold(0.5, "down"), state("down", there, then("landed"))]
+    falls = fault("mass_change", time=6.0, lasts=0.4, factor=3.0)
+    _, told = run(vehicle("a", states), faults=(falls,))
+    [collided] = named(told, "collided")
+    assert path(told[: told.index(collided)], "a") == ["up", "hold", "down"]
+
+
+def test_a_landing_that_is_too_hard_is_told_with_its_speed_and_is_no_success(run):
+    flown, told = run(flier(), faults=(fault("mass_change", time=8.0, lasts=2.0, factor=4.0),))
+    [hard] = named(told, "landed_hard")
+    assert hard.fields["onto"] == "the floor"
+    assert 1.5 < hard.fields["speed"] < 3.0
+    assert named(told, "collided") == []
+    assert f"landed hard ({hard.fields['speed']:.2f} m/s)" in flown.summary["reason"]
+
+
 def test_nobody_hears_a_collision_but_who_records():
     told = []
     events = Events((told.append,))
@@ -119,7 +147,7 @@ def test_nobody_hears_a_collision_but_who_records():
     assert events.heard("a") == frozenset()
 
 
-def test_a_link_without_a_simulator_has_no_rig_and_no_collisions():
+def test_a_link_without_a_simulator_has_no_rig_and_knows_no_touches():
     class Wire(Link):
         def read(self, now):
             return ()
@@ -128,5 +156,5 @@ def test_a_link_without_a_simulator_has_no_rig_and_no_collisions():
             pass
 
     assert Wire().rig is None
-    assert not isinstance(Wire(), ReportsCollisions)
+    assert not isinstance(Wire(), ReportsTouches)
     assert Driver.watchdog(None) is None

@@ -114,6 +114,13 @@ def test_a_collision_is_marked_where_it_was(run):
     assert cross["text"] == ["mk ran into nano"]
 
 
+def test_a_hard_landing_is_marked_with_its_speed(run):
+    fields = {"onto": "the floor", "speed": 1.624}
+    hit = {"t_s": 6.0, "event": "landed_hard", "vehicle": "mk", "at": "", "fields": fields}
+    [cross] = [t for t in path_map(replace(run, events=[hit])).traces if t["name"] == "collision"]
+    assert cross["text"] == ["mk landed hard (1.62 m/s) on the floor"]
+
+
 def test_a_payload_is_marked_where_it_came_to_rest(run):
     place = {"x": 0.4, "y": -0.2, "z": 0.0}
     fell = {"t_s": 6.0, "event": "payload_rested", "vehicle": "mk", "at": "", "fields": place}

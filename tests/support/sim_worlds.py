@@ -42,6 +42,13 @@ def thrust(newtons, attitude=LEVEL, heading=0.0):
     return Command(attitude, newtons, ZERO, heading)
 
 
+def touches(link):
+    """What its vehicle begins to touch from now on, as a list that grows."""
+    told = []
+    link.report_touches(told.append)
+    return told
+
+
 STOPPED = Command(LEVEL, 0.0, ZERO, None, armed=False)
 
 

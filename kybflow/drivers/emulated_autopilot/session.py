@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from operator import attrgetter
 
@@ -19,6 +19,7 @@ from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
 from kybflow.drivers.mavlink.transport.router import Port, Router
 from kybflow.drivers.mavlink.transport.wire import MemoryWire, memory_wires
 from kybflow.parts import Link, Seat, Session
+from kybflow.parts.link import Touch
 
 LATENCY = Latency(position=0.04, acceleration=0.1)
 """How late an emulated autopilot follows its setpoints."""
@@ -88,8 +89,8 @@ class EmulatedLink(AutopilotLink):
     def view(self) -> Truth | None:
         return self._emulated.vehicle.view()
 
-    def collisions(self) -> Sequence[str]:
-        return self._emulated.vehicle.collisions()
+    def report_touches(self, tell: Callable[[Touch], None]) -> None:
+        self._emulated.vehicle.report_touches(tell)
 
 
 class EmulatedSession(Session):

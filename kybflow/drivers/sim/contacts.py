@@ -1,5 +1,4 @@
-"""What the vehicles of a world run into: each other, obstacles and parcels. The floor and stands
-are for standing on, and so is the top of an obstacle or a parcel."""
+"""What the vehicles of a world touch: each other, obstacles, parcels, stands and the floor."""
 
 from __future__ import annotations
 
@@ -7,68 +6,59 @@ from collections.abc import Sequence
 from typing import Any
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.sim.model import FIRST_BODY, OBSTACLE, PARCEL
+from kybflow.drivers.sim.model import FIRST_BODY, FLOOR, OBSTACLE, PARCEL
+from kybflow.parts.link import Touch
 
 FORGOTTEN: Time = NS // 2
-"""After so long without touching, the next touch is another collision."""
-
-
+"""After so long without touching, the next contact is another touch."""
 UPRIGHT = 0.8
 """A contact that pushes upward so far is one to stand on."""
 
 
 class Contacts:
-    """Finds collisions in MuJoCo's contacts; `vehicles` are the names in order of their bodies."""
+    """Finds touches in MuJoCo's contacts; `vehicles` are the names in order of their bodies."""
 
     def __init__(self, model: Any, vehicles: Sequence[str]) -> None:
-        self._vehicles = vehicles
-        self._bodies: list[int] = model.geom_bodyid.tolist()
-        names = [model.geom(number).name for number in range(model.ngeom)]
-        self._names = [_told(name) for name in names]
-        self._beyond = FIRST_BODY + len(vehicles)
-        self._matters = [
-            body >= FIRST_BODY or name != ""
-            for body, name in zip(self._bodies, self._names, strict=True)
-        ]
-        self._touched: dict[tuple[int, str], Time] = {}
-        self._new: list[list[str]] = [[] for _ in vehicles]
+        bodies: list[int] = model.geom_bodyid.tolist()
+        beyond = FIRST_BODY + len(vehicles)
+        self._vehicles = {
+            geom: body - FIRST_BODY
+            for geom, body in enumerate(bodies)
+            if FIRST_BODY <= body < beyond
+        }
+        self._names = [_told(model.geom(number).name) for number in range(model.ngeom)]
+        for geom, index in self._vehicles.items():
+            self._names[geom] = vehicles[index]
+        self._touched: dict[tuple[int, str, bool], Time] = {}
 
-    def look(self, data: Any, now: Time) -> None:
-        """Note who touches what at `now`."""
-        matters, contact = self._matters, data.contact
+    def begun(self, data: Any, now: Time) -> list[tuple[int, Touch]]:
+        """Return each vehicle that begins to touch something at `now`, with what it touches."""
+        vehicles, contact = self._vehicles, data.contact
+        found: list[tuple[int, Touch]] = []
         for (first, second), frame in zip(contact.geom.tolist(), contact.frame, strict=True):
-            if matters[first] and matters[second]:
-                up = float(frame[2])  # of the normal, which points from the first to the second
-                self._note(self._bodies[first], second, -up, now)
-                self._note(self._bodies[second], first, up, now)
+            up = float(frame[2])  # of the normal, which points from the first to the second
+            if first in vehicles:
+                self._note(vehicles[first], second, -up, now, found)
+            if second in vehicles:
+                self._note(vehicles[second], first, up, now, found)
+        return found
 
-    def _note(self, body: int, geom: int, up: float, now: Time) -> None:
-        """A body touches a geom, which pushes it upward by the part `up` of its force."""
-        if not FIRST_BODY <= body < self._beyond:
-            return
-        vehicle, other = body - FIRST_BODY, self._bodies[geom]
-        is_vehicle = FIRST_BODY <= other < self._beyond
-        if not is_vehicle and up > UPRIGHT:
-            return
-        name = self._vehicles[other - FIRST_BODY] if is_vehicle else self._names[geom]
-        if not name:
-            return
-        last = self._touched.get((vehicle, name))
+    def _note(
+        self, vehicle: int, geom: int, up: float, now: Time, found: list[tuple[int, Touch]]
+    ) -> None:
+        """A vehicle touches a geom, which pushes it upward by the part `up` of its force. Another
+        vehicle carries nobody."""
+        touch = Touch(self._names[geom], up > UPRIGHT and geom not in self._vehicles)
+        last = self._touched.get((vehicle, *touch))
+        self._touched[vehicle, *touch] = now
         if last is None or now - last > FORGOTTEN:
-            self._new[vehicle].append(name)
-        self._touched[vehicle, name] = now
-
-    def told(self, vehicle: int) -> Sequence[str]:
-        """What a vehicle ran into since the last call."""
-        new = self._new[vehicle]
-        if not new:
-            return ()
-        self._new[vehicle] = []
-        return new
+            found.append((vehicle, touch))
 
 
 def _told(geom: str) -> str:
-    """What a geom is called where it is told; empty for what may be stood on."""
+    """What a geom that is no vehicle's is called where it is told."""
     if geom.startswith(PARCEL):
         return f"the payload of {geom.removeprefix(PARCEL)}"
-    return geom.removeprefix(OBSTACLE) if geom.startswith(OBSTACLE) else ""
+    if geom.startswith(OBSTACLE):
+        return geom.removeprefix(OBSTACLE)
+    return "the floor" if geom == FLOOR else "a stand"

@@ -23,6 +23,8 @@ from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
 FIRST_BODY = 1
 """The number of the first vehicle's body; all that does not move belongs to body 0."""
+FLOOR = "floor"
+"""The name of the floor's geom."""
 OBSTACLE = "obstacle "
 """What the name of an obstacle's geom begins with."""
 PARCEL = "payload "
@@ -64,7 +66,7 @@ def world_text(
 </asset>
 <worldbody>
 <light pos="0 0 6" dir="0 0 -1" directional="true" castshadow="false" diffuse="0.6 0.6 0.6"/>
-<geom name="floor" type="plane" size="0 0 1" pos="0 0 {-LEGS}" material="tiles"/>
+<geom name="{FLOOR}" type="plane" size="0 0 1" pos="0 0 {-LEGS}" material="tiles"/>
 {"".join(_fence(box) for box in fences)}
 {"".join(_obstacle(name, shape) for name, shape in obstacles.items())}
 {vehicles}{"".join(parcel_text(context) for context in carrying)}

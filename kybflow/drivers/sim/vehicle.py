@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import exp, sqrt
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Protocol
@@ -37,6 +37,7 @@ from kybflow.drivers.sim.sensors import (
     draw_blocks,
 )
 from kybflow.parts import Link, Override, Rig, Seat
+from kybflow.parts.link import Touch
 from kybflow.world.vehicle_context import Airframe
 
 if TYPE_CHECKING:
@@ -63,7 +64,6 @@ class Surroundings(Protocol):
     def hurry(self, due: Time) -> None: ...
     def refit(self, index: int) -> None: ...
     def grip(self, index: int, is_open: bool, armed: bool) -> bool: ...
-    def collisions(self, index: int) -> Sequence[str]: ...
 
 
 class GustyWind:
@@ -131,6 +131,7 @@ class SimulatedVehicle(Link):
         self._subscribed = False
         self._receiver = Receiver(self.controller, context.airframe, p.watchdog)
         self._minded: Time = 0
+        self.tell_touch: Callable[[Touch], None] = _untold
         if context.payload is not None:
             self._arriving.append(
                 (0, Payload(0, not context.payload.aboard, context.payload.aboard))
@@ -264,8 +265,12 @@ class SimulatedVehicle(Link):
     def view(self) -> Truth:
         return self._world.truth(self._sees_as)
 
-    def collisions(self) -> Sequence[str]:
-        return self._world.collisions(self._index)
+    def report_touches(self, tell: Callable[[Touch], None]) -> None:
+        self.tell_touch = tell
+
+
+def _untold(touch: Touch) -> None:
+    """Nobody wants to know."""
 
 
 def build(airframe: Airframe, error: float, generator: Any) -> BuiltAirframe:

@@ -56,7 +56,7 @@ class SimulatedWorld(Session):
         self._winds = self._blowing()
         for index in self._parcels:
             self.refit(index)
-        self._solid = Contacts(self.model, [seat.context.vehicle for seat in seats])
+        self._contacts = Contacts(self.model, [seat.context.vehicle for seat in seats])
         self._blown: Time = 0
         self._due = 0
         self._measure(0)
@@ -85,7 +85,8 @@ class SimulatedWorld(Session):
             self._truths = {}
         data = self.data
         if data.ncon:
-            self._solid.look(data, now)
+            for index, touch in self._contacts.begun(data, now):
+                self._vehicles[index].tell_touch(touch)
         if data.time * self._rate < self.aboard.steps - 0.5:
             raise DriverError("the simulation diverged and MuJoCo started it again")
         if self._viewer is not None:
@@ -141,10 +142,6 @@ class SimulatedWorld(Session):
     def hurry(self, due: Time) -> None:
         """Let a vehicle measure at `due`, which is earlier than it said."""
         self._due = min(self._due, self._step_of(due))
-
-    def collisions(self, index: int) -> Sequence[str]:
-        """What a vehicle ran into since the last call."""
-        return self._solid.told(index)
 
     def refit(self, index: int) -> None:
         """Obey a vehicle's rig and its parcel: its mass and inertia, its wind. The thrust of its

@@ -1,4 +1,5 @@
-"""Publishes what only a simulator knows: collisions, and where released payloads come to rest.
+"""Publishes what only a simulator knows: collisions, hard landings, and where released payloads
+come to rest.
 
 Listeners such as a recording receive these events; vehicles, flows and callbacks don't.
 """
@@ -6,42 +7,52 @@ Listeners such as a recording receive these events; vehicles, flows and callback
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import PayloadState
 from kybflow.parts import Link
-from kybflow.parts.link import ReportsCollisions
+from kybflow.parts.link import ReportsTouches, Touch
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
+HARD = 1.5
+"""The vertical speed (m/s) above which a touch-down is too hard."""
 _STILL = 0.001
 """Metres that a payload at rest moves at most between two steps."""
 _STEPS = 10
 """Steps in a row that must find a payload at rest."""
 
 
-class Collisions:
-    """Publishes collisions. The engine calls `step` twenty times a second. `first` describes the
-    first collision, None without one; a collision fails the run."""
+class Impacts:
+    """Publishes what vehicles run into (`collided`) and landings that are too fast (`landed_hard`).
+    `first` describes the first of them, None without one; any of them fails the run.
 
-    def __init__(self, links: Mapping[str, Link], events: Events) -> None:
+    What carries a vehicle that comes down to land is where it touches down. Every other touch is a
+    collision, of the floor too. The speed is that of the tick before the touch.
+    """
+
+    def __init__(
+        self, vehicles: Sequence[Vehicle], links: Mapping[str, Link], events: Events
+    ) -> None:
         self.first: str | None = None
-        reporting = [(n, link) for n, link in links.items() if isinstance(link, ReportsCollisions)]
-        self._links, self._events = tuple(reporting), events
+        self._events = events
+        for vehicle in vehicles:
+            link = links.get(vehicle.name)
+            if isinstance(link, ReportsTouches):
+                link.report_touches(partial(self._touched, vehicle))
 
-    def step(self) -> None:
-        """Publish the collisions since the last step."""
-        for name, link in self._links:
-            for other in self._reported(link):
-                self.first = self.first or f"`{name}` ran into `{other}`"
-                self._events.note("collided", name, into=other)
-
-    def _reported(self, link: ReportsCollisions) -> Sequence[str]:
-        try:
-            return link.collisions()
-        except Exception:  # reporting must not stop the flight
-            self._links = tuple(other for other in self._links if other[1] is not link)
-            return ()
+    def _touched(self, vehicle: Vehicle, touch: Touch) -> None:
+        name, into = vehicle.name, touch.into
+        if not (touch.carries and vehicle.may_touch_down):
+            self.first = self.first or f"`{name}` ran into `{into}`"
+            self._events.note("collided", name, into=into)
+            return
+        truth = vehicle.truth
+        speed = 0.0 if truth is None else -truth.velocity[2]
+        if speed > HARD:
+            self.first = self.first or f"`{name}` landed hard ({speed:.2f} m/s) on `{into}`"
+            self._events.note("landed_hard", name, onto=into, speed=speed)
 
 
 class PayloadDrops:

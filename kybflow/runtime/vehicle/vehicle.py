@@ -49,6 +49,8 @@ from kybflow.world.vehicle_context import VehicleContext
 
 _ESCALATIONS = 5
 """Attempts to find a command: `go_home`, `land`, `land_blind`, `fault`, and a last one to steer."""
+_SINKS = -0.05
+"""The vertical speed (m/s) of a setpoint that comes down."""
 _STALE = 10.0
 """Seconds without a message after which the reported arming no longer counts."""
 
@@ -155,6 +157,18 @@ class Vehicle:
     def airborne(self) -> bool:
         """Whether the rotors turn and the vehicle is not on the ground."""
         return self._reactions.airborne
+
+    @property
+    def may_touch_down(self) -> bool:
+        """Whether the ground is where the vehicle should come to now: it is there by its own state,
+        it comes down to land, or somebody else has it. Until it descends, and while it is held, a
+        vehicle that lands flies like any other."""
+        activity, link = self.activity, self.link_out
+        if not activity.off_ground or activity.land_mode is not None or link.override is not None:
+            return True
+        wanted = self._control.followed
+        sinks = wanted is None or wanted.velocity is None or wanted.velocity[2] < _SINKS
+        return activity.leg.end is GROUND and sinks
 
     @property
     def rests(self) -> bool:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import random
 
 import pytest
-from sim_worlds import FRAME, PERIOD, QUIET, push, seat, thrust, world
+from sim_worlds import FRAME, PERIOD, QUIET, STOPPED, in_flight, push, seat, thrust, touches, world
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS
 from kybflow.drivers.sim import Sim
 from kybflow.parts import Seat
+from kybflow.parts.link import Touch
 from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -29,12 +30,11 @@ def flown_east(**obstacles):
         random.Random(1),
     )
     session.data.qpos[2], session.data.qvel[0] = 1.0, 1.0
-    met, now = [], 0
+    met, now = touches(session.links["a"]), 0
     for _ in range(200):
         session.links["a"].send(thrust(FRAME.mass * 9.81), now)
         now += PERIOD
         session.advance(now)
-        met += session.links["a"].collisions()
     return session.links["a"].truth().position[0], met
 
 
@@ -42,7 +42,7 @@ def flown_east(**obstacles):
 def test_an_obstacle_stops_a_vehicle_and_is_named(name):
     reached, met = flown_east(**{name: SHAPES[name]})
     assert reached < 0.45
-    assert met == [name]
+    assert met == [Touch(name, carries=False)]
 
 
 def test_without_an_obstacle_it_flies_past_and_meets_nothing():
@@ -61,14 +61,21 @@ def test_two_vehicles_that_meet_are_told_once_each():
     session = world(seat(), seat("b", (0.0, 0.45, 0.0)))
     session.data.qpos[[2, 9]] = 1.0
     session.data.qvel[1] = 1.5
+    a, b = touches(session.links["a"]), touches(session.links["b"])
     for now in range(PERIOD, NS // 5, PERIOD):
         session.advance(now)
-    a, b = session.links["a"], session.links["b"]
-    assert (list(a.collisions()), list(b.collisions())) == (["b"], ["a"])
-    assert (list(a.collisions()), list(b.collisions())) == ([], [])
+    assert (a, b) == ([Touch("b", carries=False)], [Touch("a", carries=False)])
 
 
-def test_standing_and_landing_on_the_floor_or_a_stand_is_no_collision():
-    session = world(seat(at=(0.0, 0.0, 0.6)))
-    push(session, session.links["a"], 1.0, thrust(8.0))
-    assert list(session.links["a"].collisions()) == []
+def test_what_a_vehicle_stands_on_carries_it_and_is_told_once():
+    session = world(seat(), seat("b", (1.0, 0.0, 0.6)))
+    a, b = touches(session.links["a"]), touches(session.links["b"])
+    push(session, session.links["b"], 1.0, thrust(8.0))
+    assert (a, b) == ([Touch("the floor", carries=True)], [Touch("a stand", carries=True)])
+
+
+def test_one_that_comes_back_to_the_floor_touches_it_again():
+    session, link, now = in_flight()
+    met = touches(link)
+    push(session, link, 2.0, STOPPED, now)
+    assert met == [Touch("the floor", carries=True)]

@@ -1,0 +1,62 @@
+"""What only a simulator knows: which touch is a collision, and which landing is too hard."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+
+from kybflow.core.geometry import LEVEL, ZERO
+from kybflow.core.signals import Truth
+from kybflow.parts.link import Touch
+from kybflow.runtime.events import Events
+from kybflow.runtime.fleet.ground_truth import Impacts
+
+FLOOR, WALL = Touch("the floor", carries=True), Touch("wall", carries=False)
+
+
+@dataclass
+class FakeVehicle:
+    sinks: float
+    may_touch_down: bool
+    name: str = "a"
+
+    @property
+    def truth(self):
+        return Truth(ZERO, (0.0, 0.0, -self.sinks), LEVEL, ZERO, None)
+
+
+class FakeLink:
+    def report_touches(self, tell):
+        self.tell = tell
+
+
+def told(touch, sinks, *, lands):
+    """The event of a touch, and why the run has failed."""
+    heard, link = [], FakeLink()
+    impacts = Impacts([FakeVehicle(sinks, lands)], {"a": link}, Events((heard.append,)))
+    link.tell(touch)
+    return [(event.name, event.fields) for event in heard], impacts.first
+
+
+@pytest.mark.parametrize("sinks", [0.0, 1.4])
+def test_a_landing_ends_on_the_ground(sinks):
+    assert told(FLOOR, sinks, lands=True) == ([], None)
+
+
+def test_a_landing_may_be_too_hard():
+    events, reason = told(FLOOR, 1.6, lands=True)
+    assert events == [("landed_hard", {"onto": "the floor", "speed": 1.6})]
+    assert reason == "`a` landed hard (1.60 m/s) on `the floor`"
+
+
+@pytest.mark.parametrize("sinks", [0.0, 1.6])
+def test_the_floor_in_flight_is_a_collision_at_any_speed(sinks):
+    events, reason = told(FLOOR, sinks, lands=False)
+    assert events == [("collided", {"into": "the floor"})]
+    assert reason == "`a` ran into `the floor`"
+
+
+@pytest.mark.parametrize("lands", [True, False])
+def test_what_carries_nobody_is_a_collision_of_one_that_lands_too(lands):
+    assert told(WALL, 0.2, lands=lands)[0] == [("collided", {"into": "wall"})]
