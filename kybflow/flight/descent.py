@@ -23,7 +23,8 @@ reference falls faster by twice that, so that no noise makes the vehicle climb:
 A constant error b of f makes an error of b t in v, which the growth of w outruns: the vehicle never
 climbs for b down to -0.25 m/s^2. For a larger error, or nonsense in f, the thrust's model bounds
 the descent: T <= 1.6 T0 for 1.5 s, which catches a vehicle whose rotors have become weak, then less
-by 0.2 T0 each second down to 1.12 T0, and after 7.5 s less by 0.06 T0 each second.
+by 0.2 T0 each second down to 1.12 T0, and after 7.5 s less by 0.06 T0 each second; when
+nothing is left, after 26 s, the rotors stop.
 
 The vehicle has touched down when the floor carries it: f exceeds l s by 8 m/s^2 and six times the
 noise (an impact, ignored in the first 0.2 s, when the rotors may still follow the command before);
@@ -95,7 +96,7 @@ class Descent:
         struck = self._time > DEAF and excess > max(IMPACT, CLEAR * sqrt(self._noise))
         self._predict(dt)
         self._correct(min(excess, HARDEST_STOP / dt))
-        if struck or self._is_carried(dt):
+        if struck or self._is_carried(dt) or _bound(LONGER, self._time) <= 0.0:
             return None
         return min(self._hover * self._ask(), self._most)
 

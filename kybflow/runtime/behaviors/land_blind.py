@@ -26,8 +26,9 @@ since the entry, for the rest of the way:
                - 2 vz0 / (g tau) max(1 - t / tau, 0)),      tau = 0.8 s
 
 T0 being the thrust that the tracker believed to hold the vehicle (the descent, once it has learnt
-it) and vz0 the vertical speed at entry, which the last term takes away. The rotors stop after
-`time_bound`, unless an estimate has the vehicle in the air. On the ground it is done at once.
+it) and vz0 the vertical speed at entry, which the last term takes away. Only open loop the rotors
+stop after `time_bound`, unless an estimate has the vehicle in the air: by the IMU the descent ends
+with the touch-down. On the ground it is done at once.
 
 Open loop the vehicle obeys z.. = g ((1 + e) T / T0 - 1) - d z.; a share of 90 % is the most that
 still lets a vehicle with e = +10 % sink, so e = -10 % falls with a net acceleration of 0.19 g.
@@ -79,8 +80,8 @@ class LandBlindParams:
         read_only=True,
     )
     time_bound: Duration = param(
-        "Time after which the rotors stop; long enough for the slowest descent from the mission's "
-        "greatest height.",
+        "Time after which the rotors stop where no IMU is heard; long enough for the slowest "
+        "descent from the mission's greatest height.",
         default=12.0,
         above=0.0,
         read_only=True,
@@ -108,9 +109,9 @@ class LandBlind(
         self._felt: float | None = None
 
     def update(self, tick: Tick) -> Command | Done:
-        if self._grounded or self._is_over(tick):
+        if self._grounded or (self._descent is not None and self._landed(self._descent, tick)):
             return Done(IDLE)
-        if self._descent is not None and self._landed(self._descent, tick):
+        if self._is_over(tick):
             return Done(IDLE)
         thrust = self._felt
         if thrust is None:
@@ -118,8 +119,9 @@ class LandBlind(
         return Command(LEVEL, min(max(thrust, 0.0), self._most), ZERO, None)
 
     def _is_over(self, tick: Tick) -> bool:
-        """Whether the time is over, and no estimate says that the vehicle is still in the air."""
-        if tick.elapsed < self.params.time_bound:
+        """Whether the time of the open loop is over, and no estimate says that the vehicle is still
+        in the air."""
+        if self._descent is not None or tick.elapsed < self.params.time_bound:
             return False
         known = tick.estimate
         return known is None or height_in_the_air(self._context, known, ()) <= 0.0

@@ -77,6 +77,16 @@ def test_after_its_time_bound_the_rotors_stop() -> None:
     assert behavior.update(tick(5.0)) == Done(Setpoint(SetpointKind.IDLE))
 
 
+def test_while_its_imu_is_heard_no_time_stops_the_rotors_in_the_air() -> None:
+    behavior = LandBlind(LandBlindParams(time_bound=1.0), entry((0.0, 0.0, 1.5)))
+    thrust = MASS * GRAVITY
+    for i in range(1, 300):
+        output = behavior.update(tick(i * DT)._replace(imu=felt(i, thrust)))
+        assert isinstance(output, Command)
+        thrust = output.thrust
+    assert i * DT > 1.0
+
+
 def test_on_the_ground_it_is_done_at_once() -> None:
     behavior = LandBlind(LandBlindParams(), entry(ZERO, flight=GROUND))
     assert behavior.update(tick()) == Done(Setpoint(SetpointKind.IDLE))
