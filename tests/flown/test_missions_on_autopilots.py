@@ -21,7 +21,7 @@ WAYS = {
     "courier": ["up", "out", "drop", "back", "down", "landed"],
 }
 MARKS = {
-    ("figure_eight", "emulated_ardupilot"): [],
+    ("figure_eight", "emulated_ardupilot"): [pytest.mark.thorough],
     ("courier", "emulated_px4"): [pytest.mark.thorough],
 }
 """The tier of each flight; those that aren't named are slow."""
