@@ -78,16 +78,16 @@ class RunFolder:
         """Write the resolved mission, the files that it names, and `provenance.json`. Raises
         RunUnwritten."""
         files = copies(plan.files, FILES)
-        _write(self.path / RESOLVED, plan.resolved)
-        _write(self.path / PROVENANCE, _json(provenance(plan, request, started, files)))
+        write_file(self.path / RESOLVED, plan.resolved)
+        write_file(self.path / PROVENANCE, _json(provenance(plan, request, started, files)))
         for name, file in files.items():
-            _write(self.path / name, contents(file))
+            write_file(self.path / name, contents(file))
 
     def add(self, name: str, data: bytes) -> Path:
         """Write one more file, `name` being its path within the folder; its whole path. Raises
         RunUnwritten, and leaves no half of the file then."""
         path = self.path / name
-        _write(path, data)
+        write_file(path, data)
         return path
 
     def finish(self, summary: dict[str, Any]) -> bool:
@@ -95,7 +95,7 @@ class RunFolder:
         can't be written, and leaves none then."""
         self.close()
         try:
-            _write(self.path / SUMMARY, _json(summary))
+            write_file(self.path / SUMMARY, _json(summary))
         except RunUnwritten as error:
             self._unwritten = str(error)
             return False
@@ -232,7 +232,8 @@ def _json(value: dict[str, Any]) -> str:
     return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _write(path: Path, what: str | bytes) -> None:
+def write_file(path: Path, what: str | bytes) -> None:
+    """Write a file of a run, or leave none. Raises RunUnwritten."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, what if isinstance(what, bytes) else what.encode())

@@ -14,9 +14,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
-from kybflow.core.files import write_whole
 from kybflow.core.units import DEG, format_measured
-from kybflow.recording.run_folder import REPORT, RunUnwritten
+from kybflow.recording.run_folder import REPORT, write_file
 from kybflow.report.data import Picture, Run, read_run
 from kybflow.report.estimator_pages import estimator_pages, statistics
 from kybflow.report.estimators import CHI_95
@@ -32,10 +31,7 @@ def write_report(folder: Path) -> Path:
     Raises RunFolderError where the run can't be read, RunUnwritten where the page can't be written.
     """
     page, path = render(read_run(folder)), folder / REPORT
-    try:
-        write_whole(path, page.encode())
-    except OSError as error:
-        raise RunUnwritten(f"`{path}` can't be written: {error.strerror or error}") from error
+    write_file(path, page)
     return path
 
 

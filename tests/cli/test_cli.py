@@ -299,14 +299,14 @@ def test_an_earlier_run_is_not_replaced(tmp_path: Path) -> None:
 def test_a_disk_that_is_full_at_the_end_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write = run_folder._write
+    write = run_folder.write_file
 
     def full(path: Path, text: str) -> None:
         if path.name == run_folder.SUMMARY:
             raise run_folder.RunUnwritten(f"`{path}` can't be written: No space left on device")
         write(path, text)
 
-    monkeypatch.setattr(run_folder, "_write", full)
+    monkeypatch.setattr(run_folder, "write_file", full)
     result = run("run", FIRST, "--out", str(tmp_path))
     assert result.exit_code == 1
     assert "first_flight failed: `" in result.output

@@ -93,7 +93,7 @@ def test_an_interrupt_while_the_report_is_written_loses_the_report_only(
     def interrupted(path: Path, data: bytes) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(page, "write_whole", interrupted)
+    monkeypatch.setattr(page, "write_file", interrupted)
     assert fly(tmp_path) == 130
     told = capfd.readouterr()
     assert "first_flight succeeded\n" in told.out
