@@ -10,12 +10,13 @@ from plans import part, state, then, vehicle
 from short_flights import NoParams, down, named, path, up
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.core.geometry import LEVEL, ZERO
+from kybflow.core.signals import NS, Command, CommandKind, Done, Setpoint, SetpointKind, Tick
 from kybflow.core.units import DURATION, LENGTH
 from kybflow.dsl.expressions import And, Compare, InState, Quantity, Read
 from kybflow.dsl.plan import FaultPlan, TransitionPlan
 from kybflow.flight.motion import IDLE
-from kybflow.parts import AIR, GROUND, Behavior, Entry
+from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry
 
 LOW = 0.06
 """Metres; the rotors may stop up to here."""
@@ -84,7 +85,11 @@ def test_a_vehicle_that_has_lost_half_its_mass_lands_on_the_floor(tmp_path):
     assert summary["outcome"] == "succeeded"
 
 
-class Boasting(Behavior[NoParams], flight=AIR >> GROUND, emits=SetpointKind.POSITION):
+class Boasting(
+    Behavior[NoParams],
+    flight=(AIR >> GROUND, MOVING >> GROUND),
+    emits=SetpointKind.POSITION,
+):
     """A lab's own landing, which says at once that it has landed."""
 
     def __init__(self, params: NoParams, entry: Entry) -> None:
@@ -104,6 +109,31 @@ def test_a_behavior_that_says_so_in_the_air_has_not_landed(run):
     assert path(told, "a")[:3] == ["up", "boast", "auto_land"]
     assert len(named(told, "landed")) == 1
     assert all(height < LOW for height in watch.stopped)
+
+
+class Lifting(Behavior[NoParams], flight=AIR >> AIR, emits=CommandKind.ATTITUDE_THRUST):
+    """Gives more thrust than the vehicle weighs."""
+
+    def __init__(self, params: NoParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self.thrust = 1.1 * entry.hover_thrust
+
+    def update(self, tick: Tick) -> Command:
+        return Command(LEVEL, self.thrust, ZERO, None)
+
+
+def test_a_landing_goes_on_with_nothing_of_what_was_before(run, monkeypatch):
+    """Neither the thrust of the state before, nor the time for which another landing waited."""
+    monkeypatch.setattr("kybflow.runtime.vehicle.activity.PATIENCE", 2 * NS)
+    watch, failed = Watch("a"), "failed"
+    lift = state("lift", Lifting, TransitionPlan("within", "boast", after=0.1))
+    boast = state("boast", Boasting, then("landed"), TransitionPlan(failed, "again"))
+    again = state("again", Boasting, then("landed"), TransitionPlan(failed, "auto_land"))
+    _, told = run(vehicle("a", [up("lift"), lift, boast, again, down()]), observers=(watch,))
+    assert [e.fields["behavior"] for e in named(told, "landing_refused")] == ["boast", "again"]
+    boasted, claimed = (e.time for e in named(told, "behavior_failed"))
+    assert claimed - boasted > 2 * NS
+    assert watch.top < 1.5
 
 
 def test_whom_its_own_watchdog_lands_it_has_not_landed_by_our_word(tmp_path):

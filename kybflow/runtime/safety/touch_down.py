@@ -20,7 +20,7 @@ UNCHARTED = 1.0
 LONG: Time = 5 * NS
 STILL = 0.03
 BREAK: Time = NS // 10
-"""Seconds without a claim that end it."""
+"""Time without a claim after which the next one begins anew."""
 
 
 class TouchDown:
@@ -34,7 +34,12 @@ class TouchDown:
         self._off = min(max(off, 0.0), take_off_tolerance.LEAST)
         self._since: Time = 0
         self._last: Time | None = None
+        self._refused: Time | None = None
         self._height = 0.0
+
+    def refused_for(self, now: Time) -> Time:
+        """Return how long ago a claim was refused first, zero before that."""
+        return 0 if self._refused is None else now - self._refused
 
     def refusal(self, estimate: Estimate | None, now: Time, *, is_pushed: bool) -> str:
         """Return why a claim that is made now is refused, empty if it counts. is_pushed: whether
@@ -46,6 +51,8 @@ class TouchDown:
         above = height_in_the_air(self._context, estimate, self._expected)
         if above <= 0.0 or (self._is_still(z, now, is_pushed) and above < UNCHARTED):
             return ""
+        if self._refused is None:
+            self._refused = now
         return f"its estimate has it {above:.2f} m above the ground"
 
     def _is_still(self, height: float, now: Time, is_pushed: bool) -> bool:

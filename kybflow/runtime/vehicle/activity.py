@@ -20,6 +20,7 @@ from kybflow.runtime.safety.hold import Hold, Holder, SetpointBlend
 from kybflow.runtime.safety.land_mode import LandMode
 from kybflow.runtime.safety.touch_down import TouchDown
 from kybflow.runtime.scores import VehicleScore
+from kybflow.world.vehicle_context import VehicleContext
 
 PATIENCE: Time = 10 * NS
 """How long a landing may be refused before it has failed."""
@@ -81,7 +82,6 @@ class Activity:
         self._given: Command | None = None
         self._off = 0.0
         self._touch_down: TouchDown | None = None
-        self._contradicted: Time | None = None
         self._waits_for: str | None = None
 
     def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
@@ -199,9 +199,10 @@ class Activity:
         landed = self.land_mode.has_landed(now)
         if landed:
             reason = self._refusal(estimate, now, is_pushed=False)
-            if reason and now - (self._contradicted or now) < UNCLEAR:
-                return False  # if it is in the air it falls now, which is noticed
             if reason:
+                assert self._touch_down is not None
+                if self._touch_down.refused_for(now) < UNCLEAR:
+                    return False  # if it is in the air it falls now, which is noticed
                 self._score.failure(f"its rotors rest, and {reason}")
             self.land_mode = None
             self._end(estimate)
@@ -210,8 +211,7 @@ class Activity:
     def _is_refused(self, tick: Tick) -> bool:
         """Whether a behavior's end is refused: it is a landing that the estimate contradicts, or
         nobody can tell, and the vehicle's own failsafe is still landing it."""
-        lands = self.leg.end is GROUND and self.leg.start is not GROUND
-        if lands and tick.estimate is None and self._lands_itself():
+        if self._touch_down is not None and tick.estimate is None and self._lands_itself():
             return True
         return bool(self._refusal(tick.estimate, tick.now, is_pushed=self._is_pushed(tick)))
 
@@ -226,22 +226,14 @@ class Activity:
 
     def _refusal(self, estimate: Estimate | None, now: Time, *, is_pushed: bool) -> str:
         """Return why a claim that the vehicle has landed is refused; the first one is told."""
-        start, end = self.leg
-        if start is end or end is not GROUND:
+        claims = self._touch_down
+        reason = "" if claims is None else claims.refusal(estimate, now, is_pushed=is_pushed)
+        if claims is None or not reason:
             return ""
-        state = self.state
-        if self._touch_down is None:
-            told = state.behavior.cls.footprint(self._params[state.behavior.label], None)
-            expected = () if told is None or told.exit is None else (told.exit[2],)
-            self._touch_down = TouchDown(self.entry().context, expected, self._off)
-            self._contradicted = None
-        reason = self._touch_down.refusal(estimate, now, is_pushed=is_pushed)
-        if not reason:
-            self._contradicted = None
-        elif self._contradicted is None:
-            self._contradicted = now
-            self._tell("landing_refused", state.at, reason=reason)
-        elif now - self._contradicted > PATIENCE and state.behavior.cls.needs_estimate:
+        refused_for = claims.refused_for(now)
+        if refused_for == 0:
+            self._tell("landing_refused", self.state.at, reason=reason)
+        elif refused_for > PATIENCE and self.behavior.needs_estimate:
             self.fail(f"it has landed, it says, but {reason}")
         return reason
 
@@ -307,7 +299,15 @@ class Activity:
         if self.leg.start is not self.leg.end:
             if self.flight is GROUND and entry.estimate is not None:
                 self._off = entry.estimate.position[2] - entry.context.start[2]
+            if self.leg.end is GROUND:
+                self._touch_down = self._landing(state, entry.context)
             self.flight = MOVING
+
+    def _landing(self, state: StatePlan, context: VehicleContext) -> TouchDown:
+        """The judge of the landing that begins."""
+        told = state.behavior.cls.footprint(self._params[state.behavior.label], None)
+        expected = () if told is None or told.exit is None else (told.exit[2],)
+        return TouchDown(context, expected, self._off)
 
     def _exit(self, reason: Exit) -> None:
         """Tell how the machine leaves the state, and clear what was kept for it."""
@@ -321,6 +321,7 @@ class Activity:
             self._refused = frozenset()
         self._outcome, self._reason = "running", ""
         self.hold = self.land_mode = self._blend = self._wanted = None
+        self._given = self._touch_down = None
         self._resumes, self.grip, self._waits_for = False, None, None
 
     def _starts(self, name: str) -> bool:
