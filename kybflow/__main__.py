@@ -3,7 +3,7 @@
 import os
 import signal
 
-from kybflow.cli import INTERRUPTED
+from kybflow.core.exit_codes import INTERRUPTED
 
 
 def main() -> None:

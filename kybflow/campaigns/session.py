@@ -22,18 +22,18 @@ from queue import SimpleQueue
 
 from kybflow.campaigns.cases import FlightCase, FlightResult, Verdict, fly_case
 from kybflow.campaigns.coverage import Coverage, covered
+from kybflow.core.exit_codes import DRIVER_FAILED, FAILED, INTERRUPTED, INVALID
 from kybflow.runtime.interrupts import Interrupts
 
 Fly = Callable[[FlightCase], FlightResult]
 _LOOK = 0.1
 """Seconds after which an interrupt is noticed at the latest."""
 _EXIT: tuple[tuple[Verdict, int], ...] = (
-    ("invalid", 2),
-    ("driver_failed", 3),
-    ("failed", 1),
+    ("invalid", INVALID),
+    ("driver_failed", DRIVER_FAILED),
+    ("failed", FAILED),
 )
 """What the exit code is, the gravest first."""
-INTERRUPTED = 130
 
 
 def run_cases(

@@ -2,6 +2,3 @@
 print much, `arguments` and `output` are what commands share; `app` gathers them. Only
 `python -m kybflow` and the console script import it.
 """
-
-INTERRUPTED = 130
-"""The exit code of a command that somebody interrupted."""

@@ -16,10 +16,9 @@ import click
 from click.exceptions import Exit
 
 from kybflow import __version__
-from kybflow.cli import INTERRUPTED
-from kybflow.cli.arguments import INVALID
-from kybflow.cli.output import UNWRITTEN, GuardedStream, Unwritable, echo
+from kybflow.cli.output import GuardedStream, Unwritable, echo
 from kybflow.core.errors import KybflowError
+from kybflow.core.exit_codes import FAILED, INTERRUPTED, INVALID
 
 YOUNG = 200_000
 """New objects between two collections of garbage. A command makes many and drops few; at Python's
@@ -92,7 +91,7 @@ def main() -> None:
             sys.stdout.flush()
     except Unwritable as error:
         echo(f"kybflow: the output can't be written: {error.strerror}", err=True)
-        sys.exit(UNWRITTEN)
+        sys.exit(FAILED)
     except (Exception, KeyboardInterrupt) as error:
         if interrupts:  # which whoever was called may have taken for a failure of his own
             sys.exit(INTERRUPTED)

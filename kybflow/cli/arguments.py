@@ -10,14 +10,13 @@ import click
 from click.exceptions import Exit
 
 from kybflow.cli.output import echo
+from kybflow.core.exit_codes import INVALID
 from kybflow.core.files import write_whole
 
 if TYPE_CHECKING:
     from kybflow.dsl.compiler import Result
     from kybflow.dsl.plan import Plan
 
-INVALID = 2
-"""The exit code of a mission or a command line that is invalid."""
 PATH = click.Path(path_type=Path)
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -11,9 +11,6 @@ from typing import IO, TYPE_CHECKING, Any, cast
 if TYPE_CHECKING:
     from rich.console import Console
 
-UNWRITTEN = 1
-"""The exit code of a command whose output can't be written."""
-
 _STYLES = (
     (r"(?m)^.*error\[KYB\d+\]:.*$", "bold"),
     (r"error\[KYB\d+\]", "bold red"),

@@ -1,3 +1,3 @@
-"""Signals, geometry, units, parameters, files, hints for unknown names, and errors. Imports nothing
-from the rest of kybflow; every module may import it.
+"""Signals, geometry, units, parameters, files, hints for unknown names, errors and exit codes.
+Imports nothing from the rest of kybflow; every module may import it.
 """

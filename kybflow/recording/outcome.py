@@ -25,6 +25,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from kybflow.core.exit_codes import DRIVER_FAILED, FAILED, INTERRUPTED
 from kybflow.dsl.plan import Plan
 from kybflow.runtime.scores import Score, rounded
 
@@ -35,12 +36,10 @@ Outcome = Literal["succeeded", "failed", "interrupted", "driver_failed"]
 
 EXIT_CODES: Mapping[Outcome, int] = {
     "succeeded": 0,
-    "failed": 1,
-    "driver_failed": 3,
-    "interrupted": 130,
+    "failed": FAILED,
+    "driver_failed": DRIVER_FAILED,
+    "interrupted": INTERRUPTED,
 }
-INVALID = 2
-"""The exit code for a mission or a command line that is not valid: nothing ran."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 from click.exceptions import Exit
 
-from kybflow.cli.arguments import INVALID, PATH, Subcommand, examples, seed_option
+from kybflow.cli.arguments import PATH, Subcommand, examples, seed_option
 from kybflow.cli.output import echo
+from kybflow.core.exit_codes import DRIVER_FAILED, INVALID
 from kybflow.drivers import firmware_names
 
 if TYPE_CHECKING:
@@ -32,7 +33,6 @@ EXAMPLES = examples(
     "kybflow emulate autopilot --vehicle px4 --address udpin:127.0.0.1:14600 --fail blind@20",
 )
 RATE = 250
-FAILED = 3
 APART = 2.0
 """Metres between vehicles that no mission places."""
 MISSION = """kybflow: 1
@@ -161,7 +161,7 @@ def autopilot(
             _serve(fleet, breaks, speed)
     except DriverError as error:
         echo(f"error: {error}", err=True)
-        raise Exit(FAILED) from None
+        raise Exit(DRIVER_FAILED) from None
 
 
 def _opened(

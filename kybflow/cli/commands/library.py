@@ -7,9 +7,10 @@ from pathlib import Path
 import click
 from click.exceptions import Exit
 
-from kybflow.cli.arguments import INVALID, Subcommand, argument, examples
+from kybflow.cli.arguments import Subcommand, argument, examples
 from kybflow.cli.output import echo
 from kybflow.core.errors import KybflowError
+from kybflow.core.exit_codes import INVALID
 
 EXAMPLES = examples(
     "kybflow library",

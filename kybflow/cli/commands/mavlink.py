@@ -12,6 +12,7 @@ from click.exceptions import Exit
 
 from kybflow.cli.arguments import PATH, Subcommand, examples
 from kybflow.cli.output import echo
+from kybflow.core.exit_codes import DRIVER_FAILED, FAILED
 from kybflow.drivers import firmware_names
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ LISTEN = examples(
     "kybflow mavlink listen --address udpin:127.0.0.1:14540",
     "kybflow mavlink listen --address serial:/dev/ttyUSB0:57600 --for 20s",
 )
-WRONG, FAILED = 1, 3
 RATE = 100
 LONGEST = 3600
 Given = TypeVar("Given")
@@ -93,7 +93,7 @@ def setup(
     with _opened(place, system, own_system, key, note) as discovery:
         parameters = ParameterSetup(profile, own_system, simulator=simulator)
         is_right = set_up(discovery, ticks(), parameters, write=write)
-    raise Exit(0 if is_right else WRONG)
+    raise Exit(0 if is_right else FAILED)
 
 
 @command.command("listen", cls=Subcommand, epilog=LISTEN)
@@ -146,7 +146,7 @@ def _opened(
             yield Discovery(wire, system, own_system, secret)
     except DriverError as error:
         echo(f"error: {error}{note}", err=True)
-        raise Exit(FAILED) from None
+        raise Exit(DRIVER_FAILED) from None
 
 
 def _given(option: str, read: Callable[[Given], Read], text: Given) -> Read:

@@ -12,7 +12,6 @@ import click
 from click.exceptions import Exit
 
 from kybflow.cli.arguments import (
-    INVALID,
     PATH,
     Subcommand,
     argument,
@@ -25,6 +24,7 @@ from kybflow.cli.arguments import (
 )
 from kybflow.cli.output import console, teller
 from kybflow.core.errors import KybflowError, UnitError
+from kybflow.core.exit_codes import FAILED, INTERRUPTED, INVALID
 from kybflow.core.units import DURATION, parse_quantity
 
 if TYPE_CHECKING:
@@ -109,7 +109,6 @@ def fly_plan(
     plain: events as lines also on a terminal."""
     from kybflow.api.flight import fly
     from kybflow.cli.printing.run import outcome
-    from kybflow.recording.outcome import EXIT_CODES
     from kybflow.recording.run_folder import RunUnwritten
 
     tell, complain = teller(sys.stdout), teller(sys.stderr)
@@ -119,7 +118,7 @@ def fly_plan(
             flown = fly(plan, request, (shown.hear,), (shown.look,))
     except RunUnwritten as error:
         complain(f"error: {error}")
-        return EXIT_CODES["failed"]
+        return FAILED
     except KybflowError as error:
         complain(f"error: {error}")
         return INVALID
@@ -141,18 +140,16 @@ def _panel(tell: Callable[[str], None], *, plain: bool) -> PlainPanel | LivePane
 
 def _reported(flown: Flown, tell: Callable[[str], None], complain: Callable[[str], None]) -> int:
     """Write the report, now that the verdict can be read: plotly takes its time. The exit code."""
-    from kybflow.recording.outcome import EXIT_CODES
-
     try:
         from kybflow.report.page import write_report
 
         page = write_report(flown.folder)
     except KybflowError as error:
         complain(f"error: {error}")
-        return flown.exit_code or EXIT_CODES["failed"]
+        return flown.exit_code or FAILED
     except KeyboardInterrupt:
         complain(f"interrupted: there is no report, all else is in {flown.folder}")
-        return EXIT_CODES["interrupted"]
+        return INTERRUPTED
     tell(f"report: {page}")
     return flown.exit_code
 

@@ -14,7 +14,6 @@ import click
 from click.exceptions import Exit
 
 from kybflow.cli.arguments import (
-    INVALID,
     PATH,
     Subcommand,
     argument,
@@ -23,6 +22,7 @@ from kybflow.cli.arguments import (
     target_option,
 )
 from kybflow.cli.output import console, echo
+from kybflow.core.exit_codes import INVALID
 
 if TYPE_CHECKING:
     from kybflow.campaigns.cases import FlightCase, FlightResult

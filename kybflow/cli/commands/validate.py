@@ -8,7 +8,6 @@ import click
 from click.exceptions import Exit
 
 from kybflow.cli.arguments import (
-    INVALID,
     PATH,
     Subcommand,
     argument,
@@ -17,6 +16,7 @@ from kybflow.cli.arguments import (
     target_option,
 )
 from kybflow.cli.output import echo
+from kybflow.core.exit_codes import INVALID
 
 EXAMPLES = examples(
     "kybflow validate missions/figure_eight.yaml",
