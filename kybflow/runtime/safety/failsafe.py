@@ -52,6 +52,13 @@ class RaisedAlarm(NamedTuple):
     at: str
 
 
+class _Brake(NamedTuple):
+    """A braking alarm: when it was heard last, and what it said then."""
+
+    heard: Time
+    reason: str
+
+
 class Failsafe:
     """latched: the reaction that only a severer one can replace in the air, None without one. due:
     when a supervisor must be called next. lines: the mission lines of the parts, by label."""
@@ -71,8 +78,7 @@ class Failsafe:
         self._all_due: Time = 0
         self._failed: RaisedAlarm | None = None
         self._last: dict[str, Time] = {}
-        self._braking: dict[str, Time] = {}
-        self._reasons: dict[str, str] = {}
+        self._braking: dict[str, _Brake] = {}
         self._released: dict[str, Time] = {}
         self._waived: dict[str, Time] = {}
         self._lost = False
@@ -133,7 +139,7 @@ class Failsafe:
         last = self._last.get(alarm.event)
         self._last[alarm.event] = now
         if alarm.reaction is Reaction.BRAKE and alarm.event in self._braking:
-            self._braking[alarm.event], self._reasons[alarm.event] = now, alarm.reason
+            self._braking[alarm.event] = _Brake(now, alarm.reason)
         waived = self._waived.pop(alarm.event, None)
         if waived is not None and now - waived < RELEASED_AFTER * NS:
             self._waived[alarm.event] = now
@@ -195,7 +201,7 @@ class Failsafe:
         braked, released = bool(self._braking), self._released.get(event)
         if released is not None and now - released <= AGAIN * NS:
             self._for_good = True
-        self._braking[event], self._reasons[event] = now, alarm.reason
+        self._braking[event] = _Brake(now, alarm.reason)
         return braked
 
     @property
@@ -206,13 +212,13 @@ class Failsafe:
     @property
     def brakes_because(self) -> str:
         """What the braking alarms said last."""
-        return " and ".join(self._reasons[event] for event in self._braking)
+        return " and ".join(brake.reason for brake in self._braking.values())
 
     def release(self, now: Time) -> bool:
         """End the brake if its alarms have been silent for long enough; return whether it ended."""
         if not self._braking or self._for_good:
             return False
-        if any(now - last < RELEASED_AFTER * NS for last in self._braking.values()):
+        if any(now - brake.heard < RELEASED_AFTER * NS for brake in self._braking.values()):
             return False
         self._released.update(dict.fromkeys(self._braking, now))
         self._events.tell("failsafe_ended", self._vehicle, reaction="brake", alarm=self.braking)
@@ -227,7 +233,7 @@ class Failsafe:
     def waive_brake(self) -> None:
         """Forget the brake, because somebody who knows of it brings the vehicle down. What brakes
         it now brakes it again only after it has been silent."""
-        self._waived = dict(self._braking)
+        self._waived = {event: brake.heard for event, brake in self._braking.items()}
         self.clear_brake()
 
     def is_latched(self) -> bool:
