@@ -6,7 +6,8 @@ compared, commands that are sent again. All of it happens in the engine's tick a
 Two heartbeats are sent: a ground station's, without which PX4 sends no texts, and an onboard
 computer's. What an autopilot may have forgotten, because it rebooted or was not heard for a while,
 is asked for again. What it sends unasked, often, and nobody reads is switched off, unless somebody
-else listens on the same wire, and on again when the link is closed."""
+else listens on the same wire. When the link is closed, every stream comes as often again as it did
+unasked; a program that is killed leaves them as they are."""
 
 from __future__ import annotations
 
@@ -218,7 +219,7 @@ class Upkeep:
         self._round: Time = 0
         self._rounds = 0
         self._reboots = 0
-        self._stopped: set[int] = set()
+        self._asked: dict[int, None] = {}
         self._settled: Time | None = None
 
     def stream(self, name: str, rate: float, now: Time) -> None:
@@ -268,8 +269,8 @@ class Upkeep:
             self._requests.ask(mavlink.MAV_CMD_REQUEST_MESSAGE, number, now=now, attempts=2)
 
     def close(self) -> None:
-        """Let the autopilot send again what was switched off."""
-        for number in sorted(self._stopped):
+        """Let the autopilot send every stream again as often as without a request of ours."""
+        for number in self._asked:
             params = (SET_MESSAGE_INTERVAL, 0, number, USUAL, 0.0, 0.0, 0.0, 0.0, 0.0)
             self._port.send(mavlink.MAVLink_command_long_message(*self._target, *params))
 
@@ -278,10 +279,13 @@ class Upkeep:
         self._settled = None
         often = (number for number, count in self._port.unread().items() if count >= OFTEN)
         for number in sorted(often):
-            self._stopped.add(number)
-            self._requests.ask(SET_MESSAGE_INTERVAL, number, STOPPED, now=now, attempts=3)
+            self._ask_every(STOPPED, number, now)
 
     def _ask_for(self, name: str, now: Time) -> None:
         number = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
-        interval = round(1e6 / self._rates[name])
+        self._ask_every(round(1e6 / self._rates[name]), number, now)
+
+    def _ask_every(self, interval: float, number: int, now: Time) -> None:
+        """Request a message by its number every `interval` microseconds."""
+        self._asked[number] = None
         self._requests.ask(SET_MESSAGE_INTERVAL, number, interval, now=now, attempts=3)

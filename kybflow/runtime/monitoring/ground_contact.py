@@ -18,7 +18,7 @@ _SINKS, _STAYS = -0.05, 0.25
 
 
 class GroundContact:
-    """Of the take-off or landing `leg`, which begins at the height `stood`; metres."""
+    """Judges one take-off or landing, the `leg`, which begins at the height `stood`, metres."""
 
     def __init__(self, leg: Leg, stood: float) -> None:
         self.leg, self._stood = leg, stood

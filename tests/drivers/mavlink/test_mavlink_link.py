@@ -130,6 +130,16 @@ def test_what_comes_often_and_unread_is_switched_off_and_on_again_at_the_end():
     assert back == [(36.0, 0.0), (74.0, 0.0)]
 
 
+def test_every_stream_comes_as_before_once_the_link_is_closed():
+    bench = Bench()
+    bench.run(1.0)
+    asked = {m.param1 for m in bench.fake.commands(511)}
+    assert len(asked) > 5
+    bench.session.close()
+    bench.fake.step(bench.now + PERIOD)
+    assert {m.param1 for m in bench.fake.commands(511) if m.param2 == 0.0} == asked
+
+
 def test_an_autopilot_that_does_not_switch_off_is_flown_all_the_same():
     bench = Bench()
     bench.fake.refuses[511] = (UNSUPPORTED, "")
