@@ -243,12 +243,12 @@ main()
     ("module", "number"),
     [
         ("click", signal.SIGINT),
-        ("kybflow.cli.app", signal.SIGINT),
-        ("kybflow.dsl.compiler", signal.SIGINT),
         ("kybflow.dsl.compiler", signal.SIGTERM),
-        ("mujoco", signal.SIGINT),
-        ("kybflow.report.page", signal.SIGTERM),
         ("kybflow.report.page", signal.SIGHUP),
+        pytest.param("kybflow.cli.app", signal.SIGINT, marks=pytest.mark.thorough),
+        pytest.param("kybflow.dsl.compiler", signal.SIGINT, marks=pytest.mark.thorough),
+        pytest.param("mujoco", signal.SIGINT, marks=pytest.mark.thorough),
+        pytest.param("kybflow.report.page", signal.SIGTERM, marks=pytest.mark.thorough),
     ],
 )
 def test_an_interrupt_while_a_command_loads_is_no_traceback(
