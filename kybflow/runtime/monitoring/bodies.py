@@ -7,7 +7,7 @@ stands still may be measured without noise, as a simulator can. jumped: three po
 where no flight could have brought the vehicle since the last one (`kybflow.flight.pose_track`).
 swapped: it jumped to where another body was: within `near` + `pace` * t of its last place, or of
 the one that it has just left; or it comes back after more than `MEMORY` where another vehicle
-believes to be. Then its poses are withheld until it jumps or is lost again.
+believes itself to be. Then its poses are withheld until it jumps or is lost again.
 
 In the air, a pose that is the one before it bit by bit is no measurement and is withheld, from the
 first on, so that an estimate ages from when its body froze, not from when that is told; once it was
@@ -124,8 +124,8 @@ class Bodies:
         body.left, body.of = last, ""
 
     def _believer(self, name: str, pose: Pose) -> str:
-        """The other vehicle that believes to be at `pose`; empty where none does, or less than the
-        body's own."""
+        """The other vehicle that believes itself to be at `pose`; empty where none does, or where
+        the body's own vehicle is nearer."""
         believed = ((other, estimate()) for other, estimate in self._believed.items())
         near = self._bounds.near
         places = ((o, e.position, near + 4.0 * e.spread) for o, e in believed if e is not None)

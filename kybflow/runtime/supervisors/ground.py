@@ -1,11 +1,11 @@
 """Report a vehicle that lies on the ground while it should fly.
 
-Alarm `ground_touched` for one that has flown (more than 15 cm above where it last stood), is now
-within 5 cm of that height or below it, moves up or down by less than 5 cm/s, and doesn't follow its
-setpoint: that is more than `gap` above or below it and does not sink, or climbs by more than 10
-cm/s where it has no position; all of this for half a second. The setpoint of a landing sinks. What
-it knows is the estimate, and the ground where the vehicle stood: not a table that it sank upon.
-World frame, metres.
+Alarm `ground_touched` when all of this has been true for half a second: the vehicle has flown (more
+than 15 cm above where it last stood); it is within 5 cm of that height, or below it; it climbs or
+sinks by less than 5 cm/s; and it doesn't follow its setpoint, which is more than `gap` above or
+below it and does not sink, or which has no position and climbs by more than 10 cm/s. The setpoint
+of a landing sinks. The supervisor knows the estimate and the ground where the vehicle stood, not a
+table on which it came down. World frame, metres.
 
 The default reaction is `land`, which stops the rotors soon: what brought it down may bring it down
 again. The mission has then failed, however softly the vehicle lies there.
