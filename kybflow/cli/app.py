@@ -78,7 +78,7 @@ def app() -> None:
 def main() -> None:
     """The console's entry."""
     gc.set_threshold(YOUNG)
-    interrupts = _heard()
+    interrupts = _counted_interrupts()
     warnings.showwarning = _warn
     os.environ.update(UNUSED | os.environ)
     # a reader that went away (`| head`) has seen enough: the command goes on and ends as usual
@@ -93,7 +93,7 @@ def main() -> None:
         echo(f"kybflow: the output can't be written: {error.strerror}", err=True)
         sys.exit(FAILED)
     except (Exception, KeyboardInterrupt) as error:
-        if interrupts:  # which whoever was called may have taken for a failure of his own
+        if interrupts:  # a library may have turned the interrupt into an error of its own
             sys.exit(INTERRUPTED)
         if not isinstance(error, KybflowError):
             raise
@@ -101,7 +101,7 @@ def main() -> None:
         sys.exit(INVALID)
 
 
-def _heard() -> list[int]:
+def _counted_interrupts() -> list[int]:
     """Make SIGTERM and a closed terminal what Ctrl-C is, KeyboardInterrupt; the signals so far."""
     numbers: list[int] = []
 

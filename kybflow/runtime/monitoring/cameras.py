@@ -28,8 +28,8 @@ it looks when a camera was knocked aside, and when the floor was. swapped: it ju
 is within that of where another vehicle believed to be.
 
 recovered: so many good frames in a row since it was lost or froze. After a jump: the poses went
-back, or were lost meanwhile, and so many in a row are where the vehicle believes to be. Where an
-estimator followed the camera they are not, and it is told of another jump.
+back, or were lost meanwhile, and so many in a row are where the vehicle believes itself to be.
+Where an estimator followed the camera they are not, and it is told of another jump.
 """
 
 from __future__ import annotations
