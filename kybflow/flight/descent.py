@@ -20,11 +20,26 @@ reference falls faster by twice that, so that no noise makes the vehicle climb:
     a = k (w - v),  k = 3 1/s             within -2 and +2 m/s^2
     T = T0 (g + a) / l
 
-A constant error b of f makes an error of b t in v, which the growth of w outruns: the vehicle never
-climbs for b down to -0.25 m/s^2. For a larger error, or nonsense in f, the thrust's model bounds
-the descent: T <= 1.6 T0 for 1.5 s, which catches a vehicle whose rotors have become weak, then less
-by 0.2 T0 each second down to 1.12 T0, and after 7.5 s less by 0.06 T0 each second; when
-nothing is left, after 26 s, the rotors stop.
+A constant error b of f makes an error of b t in v, which the growth of w outruns down to -0.25
+m/s^2. Against a larger one the thrust's model bounds the descent. By itself, with the least thrust
+that may hover, (1 - `unsure`) T0, it has the vehicle rise at u:
+
+    u' = (s (1 - unsure) / c - 1) g,    u <= w + u1 (t),    u1 = 1.0 m/s for 1.2 s, then less by
+                                                            0.5 m/s each second down to 0
+
+so what the IMU asks for beyond the model is granted briefly and then taken back. No accelerometer
+is wrong by more than 2 m/s^2: a lift l that is lower by so much is believed, and c, the thrust that
+it takes to hover over T0, is g / l; where l is lower by 1 m/s^2 at most, c is 1. Whatever the model
+says, T <= 1.6 T0 for 1.5 s, which catches a vehicle whose rotors have become weak, then less by
+0.2 T0 each second down to 1.12 T0, and after 7.5 s less by 0.06 T0 each second; when nothing is
+left, after 26 s, the rotors stop.
+
+Nobody can tell an accelerometer that begins to feel too little from rotors that become weak: the
+bound decides between them. Where T0 was learnt in flight and `unsure` is 0, b = -0.5 m/s^2 makes
+the vehicle climb by 0.03 m and b = -1 by 0.54 m, while rotors that lose 5 or 10 % of their thrust
+at that moment touch down with 0.95 or 1.35 m/s from 1 m, 1.6 or 2.1 m/s from 1.8 m. Where it is
+0.1, such rotors touch down as gently as others, and those b climb by 12 and 51 m. Both errors at
+once, b = -1 and a T0 that is wrong by 10 %, climb by 10 to 50 m in either case.
 
 The vehicle has touched down when the floor carries it: f exceeds l s by 8 m/s^2 and six times the
 noise (an impact, ignored in the first 0.2 s, when the rotors may still follow the command before);
@@ -54,6 +69,11 @@ averaged."""
 BRIEFLY, LONGER = (1.6, 1.5, 0.2), (1.12, 7.5, 0.06)
 """Two bounds of the thrust over the hover thrust, of which the larger counts: the bound at first,
 seconds for which it stays, and how much it falls each second then."""
+TRUSTED = (1.0, 1.2, 0.5)
+"""Upward speed beyond w(t) that the IMU alone may ask for, m/s: at first, seconds for which it
+stays, and how much it falls each second then."""
+WRONG = 1.0
+"""How much less than it should an accelerometer may feel, m/s^2."""
 LEAST = 0.25
 ERROR = 0.12
 """Largest relative correction of the initial hover thrust in `Descent.hover`."""
@@ -63,14 +83,17 @@ IDLE, WEIGHT, RESTED = 0.33, 0.9 * GRAVITY, 0.1
 
 class Descent:
     """hover: the estimated hover thrust, N. most: the rotors' largest thrust, N. climb: the initial
-    upward speed, m/s. rest: the specific force along body z at rest, m/s^2."""
+    upward speed, m/s. rest: the specific force along body z at rest, m/s^2. unsure: the part of
+    its weight that `hover` may not carry."""
 
     __slots__ = (
-        "_both", "_error", "_given", "_hover", "_last", "_lift", "_most", "_noise", "_rested",
-        "_share", "_slow", "_speed", "_time", "_unsure",
+        "_both", "_error", "_given", "_hover", "_last", "_lift", "_most", "_noise", "_pushed",
+        "_rested", "_share", "_slow", "_speed", "_sure", "_time", "_unsure", "_weakness",
     )  # fmt: skip
 
-    def __init__(self, hover: float, most: float, climb: float, rest: float = GRAVITY) -> None:
+    def __init__(
+        self, hover: float, most: float, climb: float, rest: float = GRAVITY, unsure: float = 0.1
+    ) -> None:
         self._hover, self._most = hover, most
         self._error = rest - GRAVITY
         self._speed, self._lift = climb, GRAVITY
@@ -78,7 +101,8 @@ class Descent:
         self._noise = FIRST_NOISE**2
         self._last: float | None = None
         self._time = self._rested = 0.0
-        self._share = self._given = 1.0
+        self._share = self._given = self._weakness = 1.0
+        self._pushed, self._sure = max(climb, 0.0), 1.0 - unsure
 
     @property
     def hover(self) -> float:
@@ -111,6 +135,7 @@ class Descent:
     def _predict(self, dt: float) -> None:
         pushed = self._given * dt
         self._speed += self._lift * pushed - GRAVITY * dt
+        self._pushed += GRAVITY * (pushed * self._sure / self._weakness - dt)
         self._slow += pushed * (2.0 * self._both + pushed * self._unsure)
         self._both += pushed * self._unsure
         self._unsure += WANDER * WANDER * dt
@@ -139,7 +164,10 @@ class Descent:
         wanted = -(SPEED + time * (GROWTH + time * BEND) + SURE * sqrt(max(self._slow, 0.0)))
         pull = STIFFNESS * (wanted - self._speed)
         pull = -HARDEST if pull < -HARDEST else HARDEST if pull > HARDEST else pull
-        most = max(_bound(BRIEFLY, time), _bound(LONGER, time))
+        self._weakness = weakness = _weakness(self._lift)
+        highest = wanted + max(_bound(TRUSTED, time), 0.0)
+        most = weakness / self._sure * (1.0 + STIFFNESS * (highest - self._pushed) / GRAVITY)
+        most = min(most, max(_bound(BRIEFLY, time), _bound(LONGER, time)))
         self._share = share = max(min((GRAVITY + pull) / self._lift, most), LEAST)
         return share
 
@@ -147,3 +175,10 @@ class Descent:
 def _bound(bound: tuple[float, float, float], time: float) -> float:
     most, full, fade = bound
     return most - fade * max(time - full, 0.0)
+
+
+def _weakness(lift: float) -> float:
+    """The hover thrust over the one that was learnt, as far as no accelerometer can be so wrong:
+    not at all where it feels 1 m/s^2 too little, wholly where it feels 2."""
+    wrong = min(WRONG, max(2.0 * WRONG + lift - GRAVITY, 0.0))
+    return max(GRAVITY / (lift + wrong), 1.0)

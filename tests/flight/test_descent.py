@@ -42,11 +42,12 @@ def fall(
     dt: float = 0.004,
     seed: int = 0,
     sigma: float = QUIET,
+    unsure: float = 0.1,
 ) -> Fall:
     """A body whose thrust is wrong by `error` over a stiff floor; `unknown` is a vertical speed at
     the beginning that nobody knows of."""
     noise = random.Random(seed)
-    descent = Descent(MASS * GRAVITY, MOST, climb)
+    descent = Descent(MASS * GRAVITY, MOST, climb, unsure=unsure)
     z, v, top, touch = height, climb + unknown, height, None
     low, rose = height, 0.0
     thrust = command = MASS * GRAVITY
@@ -108,6 +109,18 @@ def test_a_speed_of_entry_that_is_not_known_does_little(unknown):
 @pytest.mark.parametrize("bias", [-3.0, -1.0, -0.5])
 def test_whatever_the_imu_says_it_comes_down_in_the_end(bias):
     assert fall(1.0, bias=bias).stopped < 35.0
+
+
+@pytest.mark.parametrize(("bias", "most"), [(-0.5, 0.05), (-0.75, 0.35), (-1.0, 0.6)])
+@pytest.mark.parametrize("height", HEIGHTS)
+def test_by_a_hover_thrust_that_was_learnt_no_accelerometer_makes_it_climb(height, bias, most):
+    landing = fall(height, bias=bias, unsure=0.0)
+    assert landing.climbed < most
+    assert landing.speed < 1.5
+
+
+def test_rotors_that_weaken_as_much_as_no_accelerometer_errs_are_believed():
+    assert fall(1.0, -0.2, unsure=0.0).speed < 0.8
 
 
 @pytest.mark.parametrize("unknown", [0.0, 0.2])

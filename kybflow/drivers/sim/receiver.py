@@ -17,9 +17,17 @@ FORGOTTEN = 2.0
 """Seconds in which a speed that the IMU has felt is forgotten: an accelerometer that is wrong by b
 is never mistaken for more than 2 b, however long the flight."""
 LEARNT = 5.0
-"""Seconds over which the specific force is averaged in flight. Who commands the vehicle keeps its
-speed bounded, so that in the long run the average is gravity and what the accelerometer is wrong by
-now, whatever it felt at rest."""
+"""Seconds over which the specific force and the commanded thrust are averaged in flight. Who
+commands the vehicle keeps its speed bounded, so that in the long run the force is gravity and what
+the accelerometer is wrong by now, whatever it felt at rest, and the thrust is what carries the
+vehicle as it is, on the battery that it has."""
+SETTLED = 1.0
+"""Seconds for which the airframe's weight counts in that average."""
+UNSURE = 0.1
+"""The part of a vehicle's weight that the thrust of its airframe's may not carry."""
+LEAVES = 0.9
+"""The thrust over the airframe's weight from which it may fly. What is asked for while the mean
+force differs from that at rest by more than 1 m/s^2 doesn't count: it carries no weight."""
 
 
 class Receiver:
@@ -35,6 +43,9 @@ class Receiver:
         self._heard: Time = 0
         self._deaf = False
         self._climb = self._wrong = 0.0
+        self._hover, self._flown = airframe.hover_thrust, 0.0
+        self._thrust = self._asked = 0.0
+        self._counted: Time = 0
         self._on_the_way: deque[tuple[Time, Command]] = deque()
 
     def put_off(self, late: Time) -> None:
@@ -56,7 +67,15 @@ class Receiver:
             if command.armed or self.descent is not None:
                 return
             self._deaf = False
+        self._count(now)
+        _, x, y, _ = command.attitude
+        self._thrust = command.thrust * (1.0 - 2.0 * (x * x + y * y))
         self._controller.receive(command)
+
+    def _count(self, now: Time) -> None:
+        """The upward thrust that was asked for until now counts."""
+        self._asked += self._thrust * (now - self._counted)
+        self._counted = now
 
     def stop(self) -> None:
         """Stop the rotors at once."""
@@ -77,20 +96,29 @@ class Receiver:
         since = now
         if not self._controller.armed:
             self._climb = self._wrong = 0.0
+            self._hover, self._flown = self._airframe.hover_thrust, 0.0
         elif not self._deaf:
+            self._count(now)
             self._feel(*self._controller.gained())
             since = self._heard
             if now - since >= WATCHDOG:
-                frame, rest = self._airframe, self._controller.rest + self._wrong
-                self.descent = Descent(frame.hover_thrust, frame.max_thrust, self._climb, rest)
+                most, rest = self._airframe.max_thrust, self._controller.rest + self._wrong
+                unsure = UNSURE * exp(-2.0 * self._flown / LEARNT)
+                self.descent = Descent(self._hover, most, self._climb, rest, unsure)
                 self._deaf, since = True, now
         return min(due, since + WATCHDOG)
 
     def _feel(self, gained: float, seconds: float) -> None:
-        """Take the upward speed that the IMU has felt in flight, m/s, in so many seconds."""
-        keep = exp(-seconds / LEARNT)
+        """Take the upward speed that the IMU has felt in flight, m/s, in so many seconds, and the
+        thrust that was asked for meanwhile."""
+        keep, asked = exp(-seconds / LEARNT), self._asked / NS
+        self._asked = 0.0
         if seconds > 0.0:
             self._wrong = keep * self._wrong + (1.0 - keep) * gained / seconds
+            if asked > LEAVES * self._airframe.hover_thrust * seconds and abs(gained) < seconds:
+                self._flown += seconds
+                share = seconds / min(self._flown + SETTLED, LEARNT)
+                self._hover += share * (asked / seconds - self._hover)
         self._climb = self._climb * exp(-seconds / FORGOTTEN) + gained - self._wrong * seconds
 
     def come_down(self, lift: float, dt: float) -> None:

@@ -74,6 +74,13 @@ def test_an_accelerometer_that_went_wrong_in_flight_does_not_make_it_climb(bias,
     assert_gently_down(*cut_after(20.0, 300, bias=bias, since=since))
 
 
+@pytest.mark.parametrize(("bias", "since"), [(-0.5, 1.0), (-1.0, 0.0)])
+def test_an_accelerometer_that_goes_wrong_with_the_link_makes_it_climb_little(bias, since):
+    climbed, fastest, _ = cut_after(8.0, 300, bias=bias, since=since)
+    assert climbed <= 1.6
+    assert 0.1 < fastest <= 1.5
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seconds", [5.0, 60.0, 150.0, 600.0])
 @pytest.mark.parametrize("seed", range(200, 220))
