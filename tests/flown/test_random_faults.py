@@ -124,6 +124,11 @@ def test_a_number_is_always_the_same_flight(tmp_path: Path) -> None:
     assert first.faults
 
 
+def test_each_fault_has_a_line_of_its_own_by_which_events_name_it(tmp_path: Path) -> None:
+    faults = draw(200070, with_library(tmp_path)).plan.faults
+    assert len({fault.at for fault in faults}) == len(faults) > 2
+
+
 HARDLY_DRAWN = {"camera_swapped"}
 """Not drawn in 700 flights: it takes two vehicles with cameras."""
 

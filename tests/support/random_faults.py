@@ -120,6 +120,7 @@ def _extend(mapping: yaml.MappingNode, key: str, more: list[yaml.Node]) -> None:
     found = _value(mapping, key)
     assert found is not None
     found.value = [*found.value, *more]
+    found.flow_style = False  # a line each: events name a fault by its line
 
 
 def _vehicles(text: yaml.MappingNode) -> list[yaml.MappingNode]:
