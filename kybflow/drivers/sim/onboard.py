@@ -5,10 +5,12 @@ eq. 34), gyroscope and accelerometer; its heading follows the one that the sende
 autopilot's follows external vision. From a sender that knows none it takes the tilt alone, and
 holds the heading that it has.
 
-Control, per body axis: angular acceleration = P e + I integral(e) + D (rates - gyro), e twice the
-vector part of the attitude error; torque = inertia x angular acceleration, led by the rotors' time
-constant. The gains scale with the airframe's rotor time and inertia. Where a rotor would saturate,
-all give way, so that attitude comes before height.
+Control, per body axis: angular acceleration = P e + I integral(e) + D (rates - gyro); torque =
+inertia x angular acceleration, led by the rotors' time constant. The attitude error is a tilt and
+then a turn about the body z that is wanted (Brescianini, Hehn and D'Andrea, Nonlinear Quadrocopter
+Attitude Control, ETH 2013); e is twice the vector part of each, so that a heading that is far off
+tilts nothing. The gains scale with the airframe's rotor time and inertia. Where a rotor would
+saturate, all give way, so that attitude comes before height.
 """
 
 from __future__ import annotations
@@ -53,6 +55,8 @@ MOST_YAW = 0.1
 """The part of a rotor's largest thrust that yaw may take."""
 
 STOPPED: Numbers = (0.0, 0.0, 0.0, 0.0)
+NOTHING = 1e-30
+"""Keeps a division by zero away where the vehicle is upside down."""
 AT_REST: Numbers = (0.0, 0.0, 0.0, *STOPPED)
 
 
@@ -162,10 +166,13 @@ def control(
     p, py, d, dyaw, i, iyaw, bound, kx, ky, kz, blend = gains
     if armed == 0.0:
         return AT_REST, STOPPED
-    two = 2.0 if w * dw + x * dx + y * dy + z * dz >= 0.0 else -2.0
-    ex = two * (w * dx - x * dw - y * dz + z * dy)
-    ey = two * (w * dy + x * dz - y * dw - z * dx)
-    ez = two * (w * dz - x * dy + y * dx - z * dw)
+    ec = w * dw + x * dx + y * dy + z * dz
+    ea = w * dx - x * dw - y * dz + z * dy
+    eb = w * dy + x * dz - y * dw - z * dx
+    ez = w * dz - x * dy + y * dx - z * dw
+    two = 2.0 / sqrt(ec * ec + ez * ez + NOTHING)
+    ex, ey = two * (ec * ea - ez * eb), two * (ec * eb + ez * ea)
+    ez *= two if ec >= 0.0 else -two
     ix += i * ex
     iy += i * ey
     iz += iyaw * ez
