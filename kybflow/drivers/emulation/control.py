@@ -1,13 +1,17 @@
 """The position controller of an emulated computer: a target in, attitude and thrust out.
 
 Per axis: v = P (target - position) + target velocity; a = PV (v - velocity) + integral + target
-acceleration; thrust along a + g. What the target leaves out is not controlled. ENU, SI.
+acceleration; thrust along a + g. What the target leaves out is not controlled. While tilt or thrust
+is at its bound, no integral grows. ENU, SI.
 
 The thrust is T0 |a + g| / g, T0 the hover thrust, which is learnt in the air, because what the
 rotors give follows the battery's voltage: T0 is the mean of T z / (1 + a / g), with z the part of
 the thrust T that points up and a the measured vertical acceleration, over the time since take-off
 at first and over about 10 s later (PX4's hover thrust estimator, a Kalman filter of one state, has
-this gain for its initial variance and process noise; 10 s is ArduPilot's for MOT_THST_HOVER).
+this gain for its initial variance and process noise; 10 s is ArduPilot's for MOT_THST_HOVER). Where
+it is another at once, as with a load or a weak rotor, it is learnt anew, as by PX4 once innovations
+leave its gate on one side for a quarter of a second. What the floor carries in a landing is not
+taken for a lighter vehicle.
 """
 
 from __future__ import annotations
@@ -45,8 +49,11 @@ TURNS = 90.0 * DEG
 BELIEVED, LEARNING = 0.5, 10.0
 """Over how many seconds the hover thrust is averaged: for how many the one that it begins with
 counts, and the most."""
-STEADY = 0.6
-"""The vertical speed up to which the hover thrust is learnt, m/s; ArduPilot's."""
+STEADY = 2.0
+"""The vertical speed up to which the hover thrust is learnt, m/s; PX4's."""
+SUDDEN, NOTICED = 0.15, 0.25
+"""The part of the weight by which the hover thrust is suddenly another, and over how many seconds
+that is noticed."""
 LEAST_HOVER, MOST_HOVER = 0.5, 2.0
 """Bounds of the learnt hover thrust, as parts of the weight."""
 LIGHTEST = 0.15
@@ -80,7 +87,8 @@ class PositionControl:
         self._integral = [0.0, 0.0, 0.0]
         self._heading = heading
         self.thrust, self.hover = 0.0, airframe.hover_thrust
-        self._averaged = BELIEVED
+        self._averaged, self._surprise = BELIEVED, 0.0
+        self._saturates = False
 
     def begin(self, heading: float) -> None:
         """Reset the integrals and the heading."""
@@ -112,7 +120,9 @@ class PositionControl:
         turn = self._turn(target, dt)
         force = (ax, ay, up)
         attitude = from_thrust_direction(force, self._heading)
-        self.thrust = self._bounded(self.hover * norm(force) / GRAVITY)
+        asked = self.hover * norm(force) / GRAVITY
+        self.thrust = self._bounded(asked)
+        self._saturates = along > most or self.thrust != asked or up != az + GRAVITY
         return Command(attitude, self.thrust, (0.0, 0.0, turn), heading)
 
     def hold(self, attitude: Quat, thrust: float, rates: Vec3, heading: float) -> Command:
@@ -121,13 +131,17 @@ class PositionControl:
         self.thrust = self._bounded(thrust)
         return Command(attitude, self.thrust, rates, heading)
 
-    def learn(self, upright: float, acceleration: float, dt: float) -> None:
+    def learn(self, upright: float, acceleration: float, clear: bool, dt: float) -> None:
         """Learn the hover thrust from `dt` seconds in the air. upright: the part of the thrust that
-        points up. acceleration: upward, m/s^2."""
+        points up. acceleration: upward, m/s^2. clear: whether nothing can carry it from below."""
         weight = self._airframe.hover_thrust
         lift = self.thrust * upright / max(LIGHTEST, 1.0 + acceleration / GRAVITY)
-        self._averaged = min(LEARNING, self._averaged + dt)
-        learnt = self.hover + (lift - self.hover) * dt / self._averaged
+        lacks = lift - self.hover
+        surprise = lacks if clear else max(0.0, lacks)
+        self._surprise += (surprise - self._surprise) * dt / NOTICED
+        is_sudden = abs(self._surprise) > SUDDEN * weight
+        self._averaged = BELIEVED if is_sudden else min(LEARNING, self._averaged + dt)
+        learnt = self.hover + lacks * dt / self._averaged
         self.hover = max(LEAST_HOVER * weight, min(MOST_HOVER * weight, learnt))
 
     def _bounded(self, thrust: float) -> float:
@@ -159,7 +173,8 @@ class PositionControl:
             if to is not None:
                 most = MOST_INTEGRAL[axis]
                 grown = self._integral[axis] + INTEGRAL[axis] * (to - at) * dt
-                self._integral[axis] = max(-most, min(most, grown))
+                if not self._saturates or abs(grown) < abs(self._integral[axis]):
+                    self._integral[axis] = max(-most, min(most, grown))
                 out[axis] += VELOCITY[axis] * (to - at)
             out[axis] += self._integral[axis]
         return (out[0], out[1], out[2])

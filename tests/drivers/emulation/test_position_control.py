@@ -2,9 +2,10 @@
 
 from math import isclose
 
+import pytest
 from plans import NANO
 
-from kybflow.core.geometry import GRAVITY, ZERO
+from kybflow.core.geometry import GRAVITY, ZERO, body_z
 from kybflow.drivers.emulation.control import PositionControl, PositionTarget, Speeds
 
 LEVEL = PositionTarget(acceleration=(0.0, 0.0, 0.0))
@@ -12,14 +13,17 @@ SPEEDS = Speeds(1.0, 1.0, 1.0)
 DT = 0.002
 
 
-def acceleration_after(seconds: float, *, given: float) -> float:
-    """The vertical acceleration of a vehicle that is asked for none, `seconds` after take-off, with
-    rotors that give the part `given` of what they should."""
-    control, acceleration = PositionControl(NANO, 0.0), 0.0
+def acceleration_after(
+    seconds: float, *, given: float, control: PositionControl | None = None
+) -> float:
+    """The vertical acceleration of a vehicle that is asked for none, after `seconds` in the air,
+    with rotors that give the part `given` of what they should; after its take-off, unless with a
+    `control` that has flown."""
+    control, acceleration = control or PositionControl(NANO, 0.0), 0.0
     for _ in range(round(seconds / DT)):
         control.follow(LEVEL, ZERO, ZERO, 0.0, SPEEDS, DT)
         acceleration = given * control.thrust / NANO.mass - GRAVITY
-        control.learn(1.0, acceleration, DT)
+        control.learn(1.0, acceleration, True, DT)
     return acceleration
 
 
@@ -35,11 +39,39 @@ def test_rotors_that_give_more_are_driven_less():
     assert abs(acceleration_after(5.0, given=1.2)) < 0.25
 
 
+@pytest.mark.parametrize("given", [0.6, 1.5], ids=["a load", "without a load"])
+def test_what_is_suddenly_another_is_learnt_within_a_second(given: float):
+    control = PositionControl(NANO, 0.0)
+    acceleration_after(20.0, given=1.0, control=control)
+    assert (
+        abs(acceleration_after(1.0, given=given, control=control))
+        < 0.2 * abs(1.0 - given) * GRAVITY
+    )
+
+
+def test_a_floor_that_carries_it_is_not_learnt_so_soon():
+    control = PositionControl(NANO, 0.0)
+    acceleration_after(20.0, given=1.0, control=control)
+    control.thrust = 0.5 * NANO.hover_thrust
+    for _ in range(round(1.0 / DT)):
+        control.learn(1.0, 0.0, False, DT)
+    assert control.hover > 0.9 * NANO.hover_thrust
+
+
+def test_no_integral_grows_while_the_tilt_is_at_its_bound():
+    """A gust that it can't fly against for five seconds leaves nothing for later."""
+    control, still = PositionControl(NANO, 0.0), PositionTarget(velocity=ZERO)
+    for _ in range(round(5.0 / DT)):
+        control.follow(still, ZERO, (6.0, 0.0, 0.0), 0.0, SPEEDS, DT)
+    leaning = body_z(control.follow(still, ZERO, ZERO, 0.0, SPEEDS, DT).attitude)
+    assert abs(leaning[0]) < 0.01
+
+
 def test_what_is_learnt_stays_plausible():
     control = PositionControl(NANO, 0.0)
     for _ in range(5000):
         control.thrust = 0.0
-        control.learn(1.0, 0.0, DT)
+        control.learn(1.0, 0.0, False, DT)
     assert isclose(control.hover, 0.5 * NANO.hover_thrust)
 
 
@@ -47,7 +79,7 @@ def test_what_was_learnt_outlives_a_landing():
     control = PositionControl(NANO, 0.0)
     control.thrust = 1.2 * NANO.hover_thrust
     for _ in range(2500):
-        control.learn(1.0, 0.0, DT)
+        control.learn(1.0, 0.0, False, DT)
     learnt = control.hover
     control.ground(0.0)
     assert control.hover == learnt > 1.15 * NANO.hover_thrust

@@ -30,6 +30,8 @@ and a climb or descent slower than this."""
 LIFTS, LIFTED = 0.9, 0.08
 """It counts as flying with more thrust than this share of its hover thrust, this far above where it
 stood."""
+CLEAR = 0.5
+"""This far above where it stood, and while it doesn't land, it stands on nothing."""
 REACHED = 0.15
 SPOOLS: Time = NS
 """How long the rotors spool up before a take-off."""
@@ -104,14 +106,15 @@ class EmulatedFlight:
 
     def watch(self, now: Time, dt: float) -> None:
         """Notice a lift-off or a landing; in the air, learn the hover thrust."""
-        state, control, climb = self._state, self._control, self._state.estimator.velocity[2]
+        state, control, estimator = self._state, self._control, self._state.estimator
+        climb, height = estimator.velocity[2], estimator.position[2] - state.ground
         if not state.is_down and abs(climb) < STEADY:
-            estimator = state.estimator
-            control.learn(body_z(estimator.attitude.value)[2], estimator.acceleration[2], dt)
+            clear = height > CLEAR and state.flying.role not in (Role.LAND, Role.RETURN)
+            up = body_z(estimator.attitude.value)[2]
+            control.learn(up, estimator.acceleration[2], clear, dt)
         share = control.thrust / control.hover
         if state.is_down:
-            high = state.estimator.position[2] - state.ground > LIFTED
-            if share > LIFTS and high:
+            if share > LIFTS and height > LIFTED:
                 state.landed, state.has_flown, self._slight = LandedState.AIR, True, None
         elif share < SLIGHT and abs(climb) < SLOW:
             self._slight = now if self._slight is None else self._slight
