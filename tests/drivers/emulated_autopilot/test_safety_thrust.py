@@ -1,0 +1,52 @@
+"""An emulated vehicle that suddenly needs more thrust, or thrust elsewhere, stays in the air."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from flight_judge import judge
+
+from kybflow.api.flight import RunRequest, fly
+from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
+
+pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is not installed")
+pytestmark = pytest.mark.thorough
+
+MISSION = """
+kybflow: 1
+mission: burdened
+import: {{std: kybflow/airframes}}
+world: {{fence: {{from: [-2, -2, 0], to: [2, 2, 3]}}}}
+vehicles:
+  a:
+    like: std.nano_plus
+    start: {{at: [0, 0, 0]}}
+    behaviors:
+      up: {{do: take_off, height: {height} m, within: 15 s, then: still}}
+      still: {{do: hover, for_time: 15 s, then: down}}
+      down: {{do: land}}
+faults:
+- {{when: behavior == still and elapsed > 2 s, on: a, inject: {fault}}}
+"""
+BURDENS = {
+    "a load": (1.0, "mass_change, factor: 1.6"),
+    "a rotor, for long": (2.0, "rotor_weak, rotor: rear_right, left: 0.45, for: 8 s"),
+    "a rotor, which recovers": (1.0, "rotor_weak, rotor: rear_right, left: 0.4, for: 0.9 s"),
+}
+
+
+@pytest.mark.parametrize("target", ["emulated_px4", "emulated_ardupilot"])
+@pytest.mark.parametrize("burden", BURDENS)
+def test_it_stays_in_the_air(burden: str, target: str, tmp_path: Path) -> None:
+    height, fault = BURDENS[burden]
+    path = tmp_path / "burdened.yaml"
+    path.write_text(MISSION.format(height=height, fault=fault), encoding="utf-8")
+    plan = compile_mission(path, catalog=load_catalog(), target=target).plan
+    assert plan is not None
+    told: list[str] = []
+    run = fly(plan, RunRequest(out=tmp_path / "run"), (lambda event: told.append(event.name),))
+    assert judge(plan, run.folder, run.summary).findings == ()
+    assert "collided" not in told
+    assert run.summary["vehicles"]["a"]["final"] == "ground"
