@@ -21,7 +21,7 @@ from kybflow.drivers.mavlink.discovery import Discovery
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.preflight.required_parameters import ParameterSetup
 from kybflow.drivers.mavlink.protocol.framing import Packer, Parser
-from kybflow.drivers.mavlink.transport.wire import memory_wires
+from kybflow.drivers.mavlink.transport.wire import Wire, memory_wires
 
 PX4, ARDUPILOT = 12, 3
 HOLD = 4 << 16 | 3 << 24
@@ -76,8 +76,8 @@ class Table:
     """A discovery and those whom it hears, on one wire."""
 
     def __init__(self, *peers: Peer, system: int | None = None) -> None:
-        ours, self._theirs = memory_wires("udpin:127.0.0.1:14540")
-        self.discovery = Discovery(ours, system, OURS)
+        self.wire, self._theirs = memory_wires("udpin:127.0.0.1:14540")
+        self.discovery = Discovery(self.wire, system, OURS)
         self._peers, self._parser = peers, Parser()
 
     def ticks(self) -> Iterator[Time]:
@@ -282,6 +282,25 @@ def test_where_a_system_was_looked_for_without_an_address_is_told(monkeypatch) -
     )
     words += ["--address", "tcp:127.0.0.1:5760"]
     assert CliRunner().invoke(app, words).output == "error: tcp:127.0.0.1:5760 refuses\n"
+
+
+def test_who_is_where_the_first_one_is_looked_for_is_told_to_who_looked_elsewhere(
+    monkeypatch,
+) -> None:
+    table = Table(Peer(1))
+
+    def opened(address: str) -> Wire:
+        if address == "udpin:127.0.0.1:14540":
+            return table.wire
+        raise DriverError(f"nothing is heard at {address}")
+
+    monkeypatch.setattr("kybflow.drivers.mavlink.transport.open_wire", opened)
+    monkeypatch.setattr("kybflow.cli.commands.mavlink.ticks", table.ticks)
+    words = ["mavlink", "setup", "--vehicle", "px4", "--system", "7"]
+    assert CliRunner().invoke(app, words).output == (
+        "error: nothing is heard at udpin:127.0.0.1:14546; without --address system 7 is looked for"
+        " there; at udpin:127.0.0.1:14540 is system 1\n"
+    )
 
 
 def test_a_port_that_cannot_be_had_ends_with_3() -> None:

@@ -88,8 +88,14 @@ def setup(
     from kybflow.drivers.mavlink.preflight.required_parameters import ParameterSetup
 
     profile = profile_of(vehicle)
-    place = address or profile.default_address(system or 1)
-    note = "" if address else f"; without --address system {system or 1} is looked for there"
+    first, place = profile.default_address(1), address or profile.default_address(system or 1)
+
+    def note() -> str:
+        if address:
+            return ""
+        others = "" if place == first else _heard(first, own_system, key)
+        return f"; without --address system {system or 1} is looked for there{others}"
+
     with _opened(place, system, own_system, key, note) as discovery:
         parameters = ParameterSetup(profile, own_system, simulator=simulator)
         is_right = set_up(discovery, ticks(), parameters, write=write)
@@ -128,8 +134,9 @@ def ticks() -> Iterator[Time]:
 
 @contextmanager
 def _opened(
-    address: str, system: int | None, own_system: int, key: Path | None, note: str = ""
-) -> Iterator[Discovery]:
+    address: str, system: int | None, own_system: int, key: Path | None,
+    note: Callable[[], str] = str,
+) -> Iterator[Discovery]:  # fmt: skip
     """The discovery on the wire of that address; its failures end the command. note: what to add to
     them."""
     from kybflow.core.errors import DriverError
@@ -145,8 +152,24 @@ def _opened(
         with closing(open_wire(place)) as wire:
             yield Discovery(wire, system, own_system, secret)
     except DriverError as error:
-        echo(f"error: {error}{note}", err=True)
+        echo(f"error: {error}{note()}", err=True)
         raise Exit(DRIVER_FAILED) from None
+
+
+def _heard(address: str, own_system: int, key: Path | None) -> str:
+    """Who is heard at another address, for one who looked in vain; empty where nobody is."""
+    from kybflow.core.errors import DriverError
+    from kybflow.drivers.mavlink.discovery import Discovery
+    from kybflow.drivers.mavlink.protocol.signing import read_key
+    from kybflow.drivers.mavlink.transport import open_wire
+
+    try:
+        with closing(open_wire(address)) as wire:
+            secret = None if key is None else read_key(key)
+            systems = Discovery(wire, None, own_system, secret).find(ticks())
+    except DriverError:
+        return ""
+    return f"; at {address} is system {', '.join(map(str, systems))}"
 
 
 def _given(option: str, read: Callable[[Given], Read], text: Given) -> Read:
