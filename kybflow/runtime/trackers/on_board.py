@@ -12,7 +12,7 @@ so that the position is kept on this program's estimate and an autopilot stops w
     a = a_des + D (v_des - v) + K (p_des - p) + I integral(p_des - p) + drag v_des,
 
 where D is `damping`, K `stiffness`, drag horizontal; a VELOCITY setpoint has no K term, and leaves
-the integral as it is. The integral has all three axes, and is three times as quick along z, because
+the integral as it is. The integral has all three axes, and is half as quick again along z, because
 no mass is learnt here; it stands still on the ground, at a limit and in steps longer than 40 ms.
 An autopilot that keeps to the height that it sums up from the accelerations (`keeps_height`) needs
 no such help, and answers too late for it. Along z the loop is half as quick then: D is halved, K a
@@ -63,7 +63,7 @@ _COMMANDS = {
 UP: Vec3 = (0.0, 0.0, 1.0)
 LEAST_UPRIGHT = 0.5
 """The cosine of 60 degrees."""
-LIFT = 3.0
+LIFT = 1.5
 """How much quicker the integral is along z."""
 KEPT = (0.5, 0.25, 0.0)
 """Parts of D, K and I along z where the height is kept on board. Such a loop, as Copter's with the
@@ -93,10 +93,10 @@ class OnBoardParams:
     )
     integral: Number = param(
         "Acceleration per metre and second of position error, by acceleration.",
-        default=1.0, at_least=0,
+        default=2.0, at_least=0,
     )  # fmt: skip
     integral_limit: Acceleration = param(
-        "Limit of the integral term along each axis.", default=1.0, at_least=0
+        "Limit of the integral term along each axis.", default=2.5, at_least=0
     )
     tilt: Number = param(
         "How much of what the tilt lacks of an acceleration is asked for besides, by acceleration.",

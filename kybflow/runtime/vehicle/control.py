@@ -93,7 +93,7 @@ class Control:
             self._clamps.settle(tick.now)
         if self._output.arming is not None:
             activity.wait(tick.dt)
-            return self._output.arming, None
+            return self._kept(self._output.arming, tick), None
         if activity.land_mode is not None:
             return self._landing(tick)
         if tick.estimate is None and activity.behavior.needs_estimate:
@@ -113,6 +113,16 @@ class Control:
             return RESTING, output
         command = self._tracked(checked_setpoint(output), tick)
         return None if command is None else (command, output)
+
+    def _kept(self, waiting: Command, tick: Tick) -> Command:
+        """The command that waits for arming, tracked anew: the vehicle may be on its way up, where
+        the wind takes it."""
+        if self.followed is None or tick.estimate is None:
+            return waiting
+        self._raised = self._tracker_label
+        command = checked_command(self._tracker.update(self.followed, tick))
+        self._raised = ""
+        return command
 
     def _tracked(self, setpoint: Setpoint, tick: Tick) -> Command | None:
         """Process and track a setpoint; return None if a processor's alarm changed the state."""

@@ -75,12 +75,12 @@ def test_commands_of_velocity_lift_it_themselves():
 
 
 @pytest.mark.parametrize(("seconds", "push"), [(0.0, 1.5), (2.0, 2.5), (60.0, 4.0)])
-def test_an_acceleration_becomes_a_push_up_that_grows_to_a_bound(seconds, push):
+def test_an_acceleration_is_pushed_up_by_what_grows_to_a_bound_and_keeps_its_place(seconds, push):
     sideways = Setpoint(
         SetpointKind.ACCELERATION, None, None, (0.3, 0.0, -1.0), (0.0, 0.0, 9.0), 0.7
     )
     command = pushed(0.0)._replace(setpoint=sideways)
-    harder = sideways._replace(acceleration=(0.0, 0.0, push), jerk=ZERO)
+    harder = sideways._replace(acceleration=(0.3, 0.0, push), jerk=ZERO)
     assert raised(command, 0.5, seconds) == command._replace(setpoint=harder)
 
 

@@ -37,6 +37,7 @@ class Autopilot(Link):
         self.asked: float | None = None
         self.calls: list[tuple[float, str]] = []
         self.told: list[Estimate] = []
+        self.arming: list[Command] = []
         self.reclaimed = False
         self.asked_to_land: float | None = None
         self._last: Command | None = None
@@ -68,6 +69,7 @@ class Autopilot(Link):
 
     def arm(self, command, now):
         self.calls.append((now / NS, "arm"))
+        self.arming.append(command)
         if self.way == "breaks":
             raise DriverError("the cable is out")
         self.asked = now / NS if self.asked is None else self.asked
@@ -130,6 +132,7 @@ def test_a_behaviors_time_stands_still_until_the_vehicle_obeys(run):
     assert asked(opened) == ["arm", "send", "rest"]
     assert path(told, "a") == ["up", "hold", "down", "landed"]
     assert flown.exit_code == 0
+    assert len(set(opened[0].arming)) > 100  # tracked anew, since it may be on its way up
 
 
 def test_one_that_falls_silent_for_good_is_not_waited_for_to_say_that_it_is_disarmed(run):

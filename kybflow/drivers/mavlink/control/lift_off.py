@@ -6,7 +6,8 @@ above it, and accelerations until they are not downward, for five seconds at mos
 enough to be commanded down.
 
 One that takes off by setpoints is given others until it has lifted: a position above, or a push
-up that grows, since what it believes to hover with may be too little.
+up that grows, since what it believes to hover with may be too little. What the command pushes
+sideways goes along, against the wind.
 """
 
 from __future__ import annotations
@@ -82,8 +83,8 @@ class LiftOff:
 
 def raised(command: Command, height: float, seconds: float) -> Command:
     """The command that lifts the vehicle: a position command becomes a rest `height` metres above
-    it, an acceleration command a push straight up that grows with the seconds. Others stay as they
-    are."""
+    it, an acceleration command a push up that grows with the seconds and leaves the rest. Others
+    stay as they are."""
     setpoint, position = command.setpoint, _position(command)
     if setpoint is None:
         return command
@@ -92,8 +93,8 @@ def raised(command: Command, height: float, seconds: float) -> Command:
         place = (x, y, z + height)
         higher = setpoint._replace(position=place, velocity=ZERO, acceleration=ZERO, jerk=ZERO)
         return command._replace(setpoint=higher)
-    if _acceleration(command) is not None:
-        push = (0.0, 0.0, min(PUSH + GROWTH * seconds, HARDEST))
+    if (wanted := _acceleration(command)) is not None:
+        push = (wanted[0], wanted[1], min(PUSH + GROWTH * seconds, HARDEST))
         return command._replace(setpoint=setpoint._replace(acceleration=push, jerk=ZERO))
     return command
 
