@@ -38,12 +38,11 @@ def parameters_of(autopilot: str, system: int, values: dict[str, float]) -> Iter
 def _written(autopilot: str, system: int, values: dict[str, float]) -> dict[str, float]:
     """What they were before."""
     profile, steps = profile_of(autopilot), ticks()
-    bytewise = profile.integer_parameters_bytewise
     with closing(open_wire(profile.default_address(system))) as wire:
         discovery = Discovery(wire, system, 245)
         discovery.find(steps)
-        before = dict(discovery.settle(system, bytewise, steps, values).values)
-        discovery.settle(system, bytewise, steps, values, values)
+        before = dict(discovery.settle(system, profile, steps, values).values)
+        discovery.settle(system, profile, steps, values, values)
     return before
 
 
