@@ -8,9 +8,10 @@ holds the heading that it has.
 Control, per body axis: angular acceleration = P e + I integral(e) + D (rates - gyro); torque =
 inertia x angular acceleration, led by the rotors' time constant. The attitude error is a tilt and
 then a turn about the body z that is wanted (Brescianini, Hehn and D'Andrea, Nonlinear Quadrocopter
-Attitude Control, ETH 2013); e is twice the vector part of each, so that a heading that is far off
-tilts nothing. The gains scale with the airframe's rotor time and inertia. Where a rotor would
-saturate, all give way, so that attitude comes before height.
+Attitude Control, ETH 2013), so that a heading that is far off tilts nothing: e is the sine of the
+tilt, about body x and y, and twice the vector part of the attitude error about body z. The gains
+scale with the airframe's rotor time and inertia. Where a rotor would saturate, all give way, so
+that attitude comes before height.
 """
 
 from __future__ import annotations
@@ -55,8 +56,6 @@ MOST_YAW = 0.1
 """The part of a rotor's largest thrust that yaw may take."""
 
 STOPPED: Numbers = (0.0, 0.0, 0.0, 0.0)
-NOTHING = 1e-30
-"""Keeps a division by zero away where the vehicle is upside down."""
 AT_REST: Numbers = (0.0, 0.0, 0.0, *STOPPED)
 
 
@@ -170,9 +169,9 @@ def control(
     ea = w * dx - x * dw - y * dz + z * dy
     eb = w * dy + x * dz - y * dw - z * dx
     ez = w * dz - x * dy + y * dx - z * dw
-    two = 2.0 / sqrt(ec * ec + ez * ez + NOTHING)
-    ex, ey = two * (ec * ea - ez * eb), two * (ec * eb + ez * ea)
-    ez *= two if ec >= 0.0 else -two
+    ex = 2.0 * (ec * ea - ez * eb)
+    ey = 2.0 * (ec * eb + ez * ea)
+    ez *= 2.0 if ec >= 0.0 else -2.0
     ix += i * ex
     iy += i * ey
     iz += iyaw * ez

@@ -31,5 +31,5 @@ def test_a_heading_that_is_far_off_changes_nothing_about_the_tilt(turned: float,
     assert (a - b + c - d) * turned >= 0.0, "it turns the shorter way"
 
 
-def test_upside_down_it_divides_by_nothing():
+def test_upside_down_its_controls_stay_in_bounds():
     assert all(0.0 <= part <= 1.0 for part in rotors((0.0, 1.0, 0.0, 0.0), from_heading(0.0)))
