@@ -15,7 +15,9 @@ setpoint at least 5 cm below (after TeleKyb's ViconFreeLand, which judged the ve
 height is less noisy, and the setpoint's depth is a second witness against gusts). Where the
 estimate is too noisy for that, the height averaged over a second stays within 5 cm for four times
 as long. The setpoint never runs more than 0.3 m ahead, so that no position error builds up on the
-ground. A descent that comes no lower for `patience` has failed: what follows needs no height.
+ground, and on the way down it never stays more than 0.3 m behind: a vehicle that is lower already,
+because a fence or a fall brought it there, waits for nothing. A descent that comes no lower for
+`patience` has failed: what follows needs no height.
 
 Nor does it land on another vehicle (`kybflow.flight.landing_place`): while one is under it the
 descent waits. Without a `position` it flies to a free place beside; over a point it waits for
@@ -227,8 +229,9 @@ class Land(
         step = p.acceleration * dt
         climb = self._climb + min(max(wanted - self._climb, -step), step)
         pull = (climb - self._climb) / dt if dt > 0.0 else 0.0
-        self._height = max(self._height + 0.5 * (self._climb + climb) * dt, own - _LEASH)
-        self._climb = climb
+        lower = self._height + 0.5 * (self._climb + climb) * dt
+        lower = lower if waits else min(lower, own + _LEASH)
+        self._height, self._climb = max(lower, own - _LEASH), climb
         return pull
 
     @classmethod

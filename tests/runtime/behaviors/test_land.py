@@ -49,6 +49,15 @@ def test_it_notices_the_ground_soon_and_asks_for_little_more() -> None:
     assert min(s.setpoint.position[2] for s in flown.moving) >= -0.3
 
 
+def test_a_vehicle_that_is_far_lower_than_its_setpoint_waits_for_nothing() -> None:
+    behavior, low = Land(LandParams(), entry((0.3, 0.4, 9.0))), estimate((0.3, 0.4, 1.5))
+    for step in range(round(1.2 / DT)):
+        setpoint = behavior.update(tick(step * DT, low))
+    assert isinstance(setpoint, Setpoint)
+    assert setpoint.position is not None
+    assert setpoint.position[2] < 1.5
+
+
 @pytest.mark.parametrize("noise", [0.05, 0.1])
 def test_it_notices_the_ground_by_a_noisy_height_and_nothing_else(noise: float) -> None:
     body, chance, wander = point_mass(START, ground=0.0), random.Random(4), [0.0]
