@@ -27,7 +27,7 @@ def flight(*supervisors, **more):
         (BRAKE, ["down", "landed"]),
         (GO_HOME, ["auto_home", "auto_land", "fault"]),
         (LAND, ["auto_land", "fault"]),
-        (LAND_BLIND, ["land_blind", "fault"]),
+        (LAND_BLIND, ["land_blind", "auto_land", "fault"]),
         (CUT, ["fault"]),
     ],
 )
@@ -49,7 +49,8 @@ def test_its_event_carries_the_reason_the_value_the_bound_and_the_mission_line(r
 def test_the_severest_of_a_tick_wins(run):
     first, second = (alarming((8.0, 8.2, r), event=r.name.lower()) for r in (GO_HOME, LAND_BLIND))
     _, told = run(flight(first, second))
-    assert [e.fields["reaction"] for e in named(told, "failsafe_started")] == ["land_blind"]
+    reactions = [e.fields["reaction"] for e in named(told, "failsafe_started")]
+    assert reactions == ["land_blind", "land"]
     assert {e.name for e in told} >= {"go_home", "land_blind"}
 
 
@@ -149,6 +150,16 @@ def test_a_latched_vehicle_accepts_only_what_is_severer(run, reaction):
     assert pause.fields["reason"] == f"failsafe active ({reaction.name.lower()})"
     assert reset.fields["reason"] == "it is in the air"
     assert path(told, "a")[-2:] == ["land_blind", "fault"]
+
+
+def test_no_brake_for_the_estimates_sake_stops_a_vehicle_that_comes_down(run):
+    alarms = alarming((14.0, 14.5, BRAKE), event="estimate_lost")
+    _, told = run(flight(alarms))
+    [lost] = named(told, "estimate_lost")
+    assert [e.fields["behavior"] for e in named(told, "behavior_started") if e.time < lost.time][
+        -1
+    ] == "down"
+    assert named(told, "failsafe_started") == []
 
 
 def test_a_reset_on_the_ground_makes_it_fly_again(run):

@@ -4,9 +4,12 @@ Severest first: `cut`, `land_blind`, `land`, `go_home`, `brake`, `warn`. A persi
 reported once. `brake` holds the vehicle until every alarm that braked it has been silent for 1 s;
 an alarm that returns within 5 s of the release holds it for good. A reaction from `go_home` upwards
 latches: only a severer one takes effect until the vehicle is reset in `fault`, on the ground.
-Without an estimate, `land_blind` replaces any reaction that needs a position; it becomes `land`
-when the estimate has been back for 0.5 s. A part that raises lands its vehicle; a supervisor that
-raises is not called again.
+Without an estimate, `land_blind` replaces any reaction that needs a position. It becomes `land`
+when there has been an estimate for 0.5 s and no alarm that asks for it, because what it lands by,
+the IMU alone, may be wrong too; not where a landing by the estimate failed or a person asked for
+it. `brake` doesn't stop a vehicle that comes down to land for its estimate's sake: waiting in the
+air makes that no better. A part that raises lands its vehicle; a supervisor that raises is not
+called again.
 """
 
 from __future__ import annotations
@@ -32,7 +35,7 @@ RELEASED_AFTER = 1.0
 AGAIN = 5.0
 """Seconds after a release within which a returning alarm holds the vehicle for good."""
 SEEN: Time = NS // 2
-"""How long a lost estimate must have been back before the vehicle lands by it."""
+"""How long there must have been an estimate, and no alarm, before a blind vehicle lands by it."""
 _UNHURRIED = NS // 50
 """Period of the calls of an unhurried supervisor."""
 _QUIET = NS // 2
@@ -81,7 +84,7 @@ class Failsafe:
         self._braking: dict[str, _Brake] = {}
         self._released: dict[str, Time] = {}
         self._waived: dict[str, Time] = {}
-        self._lost = False
+        self._may_see = False
         self._blind: Time = 0
         self._for_good = False
 
@@ -176,22 +179,24 @@ class Failsafe:
                 return None
         else:
             self.latched = reaction
-            self._lost = tick.estimate is None or alarm.event == "estimate_lost"
+            blind = reaction is Reaction.LAND_BLIND
+            self._may_see = blind and alarm.event != "part_failed"
             self.clear_brake()
         self._tell("failsafe_started", heard, reaction)
         return reaction
 
     def sees_again(self, tick: Tick) -> bool:
-        """Return whether a vehicle that lands blind for want of an estimate can land by one again;
-        the reaction is then `land`."""
-        if self.latched is not Reaction.LAND_BLIND or not self._lost:
+        """Return whether a vehicle that lands blind can land by its estimate again; the reaction is
+        then `land`."""
+        if self.latched is not Reaction.LAND_BLIND or not self._may_see:
             return False
         if tick.estimate is None:
             self._blind = tick.now
         if tick.now - self._blind < SEEN:
             return False
-        self.latched = Reaction.LAND
-        back = Alarm("estimate_lost", Reaction.LAND, f"the estimate is back for {SEEN / NS:g} s")
+        self.latched, self._may_see = Reaction.LAND, False
+        reason = f"there is an estimate, and no alarm, for {SEEN / NS:g} s"
+        back = Alarm("estimate_lost", Reaction.LAND, reason)
         self._tell("failsafe_started", RaisedAlarm(back, ""), Reaction.LAND)
         return True
 

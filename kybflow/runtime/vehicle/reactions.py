@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from kybflow.core.errors import PartFailed
-from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Tick, Time
+from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Setpoint, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.flight.landing_place import vehicle_below
 from kybflow.parts import GROUND
@@ -49,6 +49,8 @@ class Reactions:
     def react(self, heard: RaisedAlarm, tick: Tick) -> bool:
         """Carry out the failsafe's decision on an alarm; return whether it changed anything."""
         activity, airborne = self._activity, self.airborne
+        if _brakes_for_sight(heard.alarm) and activity.leg.end is GROUND and _sinks(tick.setpoint):
+            return False
         reaction = self._failsafe.decide(heard, tick, airborne, activity.machine.state)
         if reaction is None:
             return False
@@ -82,11 +84,11 @@ class Reactions:
         return self.react(RaisedAlarm(lost, self._activity.state.at), tick)
 
     def regain_sight(self, tick: Tick) -> None:
-        """Land by the estimate again, where the vehicle lands blind and the estimate is back. Its
-        own land mode finds that out by itself."""
+        """Land by the estimate again, where the vehicle lands blind and nothing speaks against the
+        estimate. Its own land mode finds that out by itself."""
         activity = self._activity
         blind = activity.machine.state == "land_blind" and activity.land_mode is None
-        if blind and self._failsafe.sees_again(tick):
+        if blind and activity.off_ground and self._failsafe.sees_again(tick):
             activity.go("auto_land")
 
     def react_to_failure(self, failure: PartFailed, is_needed: bool, tick: Tick) -> None:
@@ -121,6 +123,15 @@ class Reactions:
             self._score.failure(f"held for {limit:g} s{': ' if why else ''}{why}")
             failsafe.clear_brake()
             self._activity.go("auto_land")
+
+
+def _brakes_for_sight(alarm: Alarm) -> bool:
+    return alarm.reaction is Reaction.BRAKE and alarm.event == "estimate_lost"
+
+
+def _sinks(setpoint: Setpoint | None) -> bool:
+    """Whether a setpoint comes down."""
+    return setpoint is not None and setpoint.velocity is not None and setpoint.velocity[2] < 0.0
 
 
 def _height(estimate: Estimate | None, ground: float) -> float:

@@ -1,4 +1,4 @@
-"""A vehicle that lands blind for want of an estimate lands by it when it is back."""
+"""A vehicle that lands blind lands by its estimate once nothing speaks against it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_half_a_second_with_an_estimate_is_enough(
     assert not failsafe.sees_again(tick(2 * NS + SEEN - 1))
     assert failsafe.sees_again(tick(2 * NS + SEEN))
     assert failsafe.latched is Reaction.LAND
-    assert told[-1].fields["reason"] == "the estimate is back for 0.5 s"
+    assert told[-1].fields["reason"] == "there is an estimate, and no alarm, for 0.5 s"
     assert not failsafe.sees_again(tick(9 * NS))
     assert decide(failsafe, LOST, 9 * NS) is Reaction.LAND_BLIND
 
@@ -54,6 +54,14 @@ def test_an_alarm_of_the_estimate_begins_the_wait_anew(failsafe: Failsafe) -> No
     assert failsafe.sees_again(tick(2 * NS + SEEN))
 
 
-def test_what_is_no_want_of_an_estimate_stays_blind(failsafe: Failsafe) -> None:
+def test_an_alarm_that_is_over_keeps_nobody_blind(failsafe: Failsafe) -> None:
     assert decide(failsafe, TILTED, NS, known=True) is Reaction.LAND_BLIND
+    assert decide(failsafe, TILTED, 2 * NS, known=True) is None
+    assert not failsafe.sees_again(tick(2 * NS + SEEN - 1))
+    assert failsafe.sees_again(tick(2 * NS + SEEN))
+
+
+def test_a_landing_that_failed_stays_blind(failsafe: Failsafe) -> None:
+    failed = Alarm("part_failed", Reaction.LAND_BLIND, "`land` failed")
+    assert decide(failsafe, failed, NS, known=True) is Reaction.LAND_BLIND
     assert not failsafe.sees_again(tick(9 * NS))

@@ -128,7 +128,7 @@ def test_a_mode_that_does_not_land_it_gives_way_to_our_own_landing(run, way, rea
 
 @pytest.mark.parametrize(
     ("severer", "way", "then"),
-    [(Reaction.LAND_BLIND, ["land_blind", "fault"], ["land", "send", "rest"]),
+    [(Reaction.LAND_BLIND, ["land_blind", "auto_land", "fault"], ["land", "send", "rest"]),
      (Reaction.CUT, ["fault"], ["land", "rest"])],
 )  # fmt: skip
 def test_what_is_severer_ends_the_mode(run, severer, way, then):
@@ -146,7 +146,7 @@ def test_one_that_lands_without_a_position_lands_blind_by_its_own_mode(run, way)
     flown, told = run(flight(own, alarming((AT, AT + 0.2, Reaction.LAND_BLIND))))
     refuses = way == "refuses"
     assert asked(opened) == (["land", "send", "rest"] if refuses else ["land", "rest"])
-    again = ["land_blind"] if refuses else []
+    again = ["land_blind", "auto_land"] if refuses else []
     assert path(told, "a") == ["up", "hold", "land_blind", *again, "fault"]
     assert len(named(told, "land_mode_refused")) == refuses
     assert is_down(flown)
