@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy
@@ -10,6 +11,7 @@ import numpy
 from kybflow.core.geometry import norm
 from kybflow.core.signals import Frame, Measurement, Pose, Position, Time
 from kybflow.flight.fusion.covariance import Matrix
+from kybflow.flight.fusion.jitter import Jitter
 from kybflow.flight.fusion.params import FusionParams
 from kybflow.flight.fusion.replay import Belief, Fix
 from kybflow.world.vehicle_context import VehicleContext
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
 
 FARTHEST = 1e5
 """Metres from the origin at which no vehicle is."""
+
+CLEARLY = 4.0
+"""How many times the declared variance poses have at least where they are noisier than declared."""
 
 Read = Callable[[Sequence[Measurement]], list[Fix]]
 Believed = Callable[[Time], Belief | None]
@@ -33,23 +38,41 @@ def source(params: FusionParams, context: VehicleContext, believed: Believed, sa
     noise: Matrix = numpy.diag(numpy.square(noises))
     if params.source == "tags":
         return _Tags(context, believed, noise, saw).read
-    read, size = (_pose, 6) if params.source == "mocap" else (_position, 3)
-    noise = noise[:size, :size]
-    return lambda measured: [fix for m in measured if (fix := read(m, noise)) is not None]
+    read = _Poses(noise).read if params.source == "mocap" else partial(_position, noise[:3, :3])
+    return lambda measured: [fix for m in measured if (fix := read(m)) is not None]
 
 
-def _pose(measured: Measurement, noise: Matrix) -> Fix | None:
-    if not isinstance(measured, Pose):
-        return None
-    w, x, y, z = measured.attitude
-    square = w * w + x * x + y * y + z * z
-    if not 0.9 < square < 1.1:
-        return None
-    n = square**-0.5
-    return _checked(Fix(measured.time, measured.position, (w * n, x * n, y * n, z * n), noise))
+class _Poses:
+    """Poses, and how noisy they are where that is clearly more than what is declared."""
+
+    def __init__(self, noise: Matrix) -> None:
+        self._noise, self._jitter = noise, Jitter()
+        self._position, self._attitude = CLEARLY * noise[0, 0], CLEARLY * noise[3, 3]
+
+    def read(self, measured: Measurement) -> Fix | None:
+        if not isinstance(measured, Pose):
+            return None
+        w, x, y, z = measured.attitude
+        square = w * w + x * x + y * y + z * z
+        if not 0.9 < square < 1.1 or not norm(measured.position) < FARTHEST:
+            return None
+        n = square**-0.5
+        pose = Pose(measured.time, measured.position, (w * n, x * n, y * n, z * n))
+        self._jitter.see(pose)
+        return Fix(*pose, self._now())
+
+    def _now(self) -> Matrix:
+        """The noise of a pose."""
+        position, attitude = self._jitter.position, self._jitter.attitude
+        if position <= self._position and attitude <= self._attitude:
+            return self._noise
+        declared = self._noise.diagonal()
+        found = numpy.repeat((position, attitude), 3)
+        noise: Matrix = numpy.diag(numpy.maximum(declared, found))
+        return noise
 
 
-def _position(measured: Measurement, noise: Matrix) -> Fix | None:
+def _position(noise: Matrix, measured: Measurement) -> Fix | None:
     if not isinstance(measured, Position) or not norm(measured.spread) < FARTHEST:
         return None
     own: Matrix = numpy.diag(numpy.square(measured.spread))

@@ -3,6 +3,7 @@ noise. Where it is, and how well the filter knows it."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import radians
 
 import pytest
@@ -58,6 +59,22 @@ def test_an_imu_that_goes_wrong_in_flight_takes_no_position_away(run) -> None:
     assert named(told, "fault_injected")
     assert path(told, "a") == ["up", "hold", "down", "landed"]
     assert not named(told, "estimator_lost")
+
+
+@pytest.mark.thorough
+def test_poses_noisier_than_declared_are_flown_on(run) -> None:
+    """And no IMU that goes wrong at the same time has it land blind."""
+    healthy = Compare("<", Read(None, "estimate.age"), Quantity(0.25, DURATION))
+    source = EstimatorPlan(part("estimators", "fusion"), healthy, 1.0, None)
+    bias = part("faults", "imu_bias_step", accelerometer=(0.0, 0.5, -0.5))
+    noise = part("faults", "mocap_noise")
+    jump = part("supervisors", "jump")
+    flier = vehicle("a", [up("hold", 1.0), hold(6.0, "down"), down()], estimators=(source,))
+    flier = replace(flier, supervisors=(*flier.supervisors, jump))
+    _, told = run(flier, faults=(FaultPlan(bias, "a", 6.0), FaultPlan(noise, "a", 8.0)))
+    assert len(named(told, "fault_injected")) == 2
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    assert len(named(told, "position_refused")) <= 3
 
 
 def flown(run, seed: int) -> tuple[Watch, float]:
