@@ -217,8 +217,11 @@ def _hard(name: str, track: Track) -> Iterator[Finding]:
 
 
 def _least_lift(plan: Plan, vehicle: VehiclePlan, track: Track, events: list[Any]) -> float:
-    """The least that the faults at work left a vehicle in the air; infinite if none was."""
+    """The least that the faults at work left a vehicle in the air; infinite if none was. Events
+    name a fault by its line. Raises ValueError where one line has several."""
     rig, parts, lift = Rig(vehicle.name), {fault.at: fault for fault in plan.faults}, np.inf
+    if len(parts) < len(plan.faults):
+        raise ValueError("several faults are on one line")
     working: dict[str, Any] = {}
     told = [e for e in events if e["event"] in ("fault_injected", "fault_ended", "fault_failed")]
     for event, until in zip_longest(told, told[1:]):
