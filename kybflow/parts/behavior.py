@@ -145,6 +145,7 @@ class Behavior(Part[P]):
     needs_estimate: whether it can fly only with an estimate. needs: kinds of measurement to
     subscribe to while it is active, if the driver provides them. grips: `update` may return a Grip.
     waits_for: what it waits for, in words, None while it goes on; told as `behavior_waits`.
+    lets_go: whether no command is sent now, so that the vehicle's own watchdog brings it down.
     """
 
     kind = "behaviors"
@@ -154,6 +155,7 @@ class Behavior(Part[P]):
     needs: ClassVar[frozenset[MeasurementKind]] = frozenset()
     grips: ClassVar[bool] = False
     waits_for: str | None = None
+    lets_go: bool = False
 
     def __init_subclass__(
         cls,

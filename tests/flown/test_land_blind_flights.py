@@ -126,6 +126,19 @@ def test_lost_while_it_climbs_it_lands(run) -> None:
     assert landing.climbed <= 0.3
 
 
+def test_one_that_is_not_heard_and_loses_its_load_comes_down_by_its_own_watchdog(run) -> None:
+    watch = Watch()
+    cut = FaultPlan(part("faults", "link_cut", way="from_vehicle"), "a", time=LOST)
+    lighter = FaultPlan(part("faults", "mass_change", factor=0.6), "a", time=LOST + 0.3)
+    states = [up("hold", 1.0), hold(30.0, "down"), down()]
+    _, told = run(vehicle("a", states), faults=(cut, lighter), observers=(watch,))
+    [waits] = named(told, "behavior_waits")
+    assert waits.fields["reason"] == "its own watchdog, as nothing is heard of it"
+    assert watch.landing().climbed < 2.5
+    assert watch.landing().speed < 1.5
+    assert watch.seen[-1][1].position[2] < 0.05
+
+
 class Feels(MOCAP.cls):
     """Motion capture, by an estimator that has the IMU too, on the ground already."""
 

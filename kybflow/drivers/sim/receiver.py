@@ -21,6 +21,9 @@ LEARNT = 5.0
 commands the vehicle keeps its speed bounded, so that in the long run the force is gravity and what
 the accelerometer is wrong by now, whatever it felt at rest, and the thrust is what carries the
 vehicle as it is, on the battery that it has."""
+MOTION = 2.0
+"""No accelerometer is wrong by more, m/s^2: since the last command, when nobody holds the speed any
+more, such a force is motion."""
 SETTLED = 1.0
 """Seconds for which the airframe's weight counts in that average."""
 UNSURE = 0.1
@@ -99,10 +102,13 @@ class Receiver:
             self._hover, self._flown = self._airframe.hover_thrust, 0.0
         elif not self._deaf:
             self._count(now)
-            self._feel(*self._controller.gained())
-            since = self._heard
+            since, wrong = self._heard, self._wrong
+            gained, seconds = self._controller.gained()
+            self._feel(gained, seconds)
             if now - since >= WATCHDOG:
-                most, rest = self._airframe.max_thrust, self._controller.rest + self._wrong
+                if abs(gained) < MOTION * seconds:
+                    wrong = self._wrong
+                most, rest = self._airframe.max_thrust, self._controller.rest + wrong
                 unsure = UNSURE * exp(-2.0 * self._flown / LEARNT)
                 self.descent = Descent(self._hover, most, self._climb, rest, unsure)
                 self._deaf, since = True, now

@@ -58,8 +58,8 @@ _ABOVE = 0.5
 
 
 _HEARD = 0.3
-"""Seconds of silence on the link beyond which an estimate that stands still tells nothing of the
-ground."""
+"""Seconds since link and estimate heard anything new beyond which a height that stands still tells
+nothing of the ground."""
 
 
 @params
@@ -125,8 +125,8 @@ class Land(
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
         if self._grounded:
             return Done(IDLE)
-        own = tick.known().position
-        heard = tick.link_age <= _HEARD
+        estimate = tick.known()
+        own, heard = estimate.position, min(tick.link_age, estimate.age) <= _HEARD
         if self._descends and heard and self._has_stopped(own[2], tick.dt):
             return Done(IDLE)
         below = self._below(tick, own)

@@ -19,7 +19,10 @@ does that.
 
 It begins at the vertical speed of the last setpoint, or of the estimate.
 
-Where no IMU is heard, or none any more for 0.1 s, the thrust is an open-loop function of the time
+Where nothing at all has been heard of the vehicle for 0.25 s, no command is sent either: its own
+watchdog feels its IMU, which the preflight has checked, and comes down by that.
+
+Where only its IMU isn't heard, or not any more for 0.1 s, the thrust is an open-loop function of the time
 since the entry, for the rest of the way:
 
     T(t) = T0 (1 - (1 - share) min(t / settle, 1) - fade max(t - settle, 0)
@@ -59,6 +62,8 @@ _LONGEST = 0.25
 """Seconds that one sample of an IMU may stand for."""
 _SILENT = NS // 10
 """An IMU that was not heard for so long is not waited for."""
+_UNHEARD = 0.25
+"""Seconds without a message of the vehicle after which its own watchdog knows better."""
 
 
 @params
@@ -113,6 +118,8 @@ class LandBlind(
             return Done(IDLE)
         if self._is_over(tick):
             return Done(IDLE)
+        self.lets_go = self._descent is None and tick.link_age > _UNHEARD
+        self.waits_for = "its own watchdog, as nothing is heard of it" if self.lets_go else None
         thrust = self._felt
         if thrust is None:
             thrust = self._hover * self._share_at(tick.elapsed)

@@ -15,7 +15,8 @@ from kybflow.runtime.vehicle.payload import PayloadTracker
 RESTING = Command(LEVEL, 0.0, ZERO, None, False)
 """The command of a vehicle on the ground: rotors at rest."""
 HANDED_OVER = Command(LEVEL, 0.0, ZERO, None)
-"""What is recorded while a land mode or a pilot flies the vehicle: armed, no thrust requested."""
+"""What is recorded while a land mode, its watchdog or a pilot flies the vehicle: armed, no thrust
+requested."""
 
 
 class CommandOutput:
@@ -43,7 +44,10 @@ class CommandOutput:
         """Send the command of a tick over the link; return what was sent. The first command with
         thrust arms the vehicle, which may take seconds; meanwhile, and if the vehicle refuses, its
         rotors rest."""
-        if self._activity.land_mode is None:
+        activity = self._activity
+        if activity.behavior.lets_go:
+            command = HANDED_OVER
+        elif activity.land_mode is None:
             if command.armed and not self.sent.armed and not self._armed(command, now):
                 command = RESTING
             else:

@@ -201,7 +201,15 @@ def test_an_estimate_that_stands_still_while_nothing_is_heard_is_no_ground() -> 
     landing = Land(LandParams(), entry(START))
     frozen = estimate(START)
     for i in range(1, 2000):
-        silent = tick(i * DT, frozen)._replace(link_age=0.31)
+        silent = tick(i * DT, frozen._replace(age=0.31))._replace(link_age=0.31)
         assert landing.update(silent) != Done(IDLE), i * DT
     heard = [landing.update(tick((2000 + i) * DT, frozen)) for i in range(300)]
     assert Done(IDLE) in heard
+
+
+def test_poses_from_elsewhere_show_the_ground_while_the_link_is_silent() -> None:
+    landing = Land(LandParams(), entry(START))
+    ends = [
+        landing.update(tick(i * DT, estimate(START))._replace(link_age=3.0)) for i in range(1, 2000)
+    ]
+    assert Done(IDLE) in ends

@@ -151,3 +151,14 @@ def test_an_imu_that_is_stuck_or_mad_is_not_believed(lift: float) -> None:
         output = behavior.update(tick(i * DT)._replace(imu=felt(i, lift)))
         assert isinstance(output, Command)
         assert 0.8 * MASS * GRAVITY < output.thrust < 1.2 * MASS * GRAVITY
+
+
+def test_a_vehicle_that_is_not_heard_at_all_is_left_to_its_own_watchdog() -> None:
+    behavior = LandBlind(LandBlindParams(), entry((0.0, 0.0, 1.0)))
+    behavior.update(tick(0.15)._replace(link_age=0.24))
+    assert not behavior.lets_go
+    behavior.update(tick(0.2)._replace(link_age=0.26))
+    assert behavior.lets_go
+    behavior.update(tick(0.3)._replace(link_age=0.0))
+    assert not behavior.lets_go
+    assert behavior.waits_for is None
