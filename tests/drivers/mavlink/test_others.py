@@ -88,6 +88,21 @@ def test_what_was_sent_long_ago_counts_no_more(others: OtherCommanders) -> None:
     assert len(others.take()) == 1
 
 
+def test_its_rest_once_set_points_have_stopped_is_nobody_elses(others: OtherCommanders) -> None:
+    """As Copter rests after GUID_TIMEOUT, and as its buffered words come after a hang of ours."""
+    others.sent(sent(ACCELERATION, *STILL, *STILL, 1.5, 0.0, 0.0), 0)
+    for step in range(8):
+        others.follows(followed(ACCELERATION, *STILL, *STILL, *STILL), step * NS // 4)
+    assert others.take() == []
+
+
+def test_our_last_set_point_is_ours_however_late_it_is_heard(others: OtherCommanders) -> None:
+    others.sent(sent(ACCELERATION, *STILL, *STILL, 1.5, 0.0, 0.0), 0)
+    for _ in range(4):
+        others.follows(followed(ACCELERATION, *STILL, *STILL, 1.5, 0.0, 0.0), 2 * NS)
+    assert others.take() == []
+
+
 def test_a_target_without_a_field_tells_nothing(others: OtherCommanders) -> None:
     nan = float("nan")
     for step in range(9):

@@ -5,7 +5,8 @@ and forward to us no more than the others' heartbeats. So this looks at what the
 
 - the target that it says to follow (POSITION_TARGET_LOCAL_NED), while it follows set-points in the
   air: its highest field, position, velocity or acceleration, must be near one that we sent in the
-  last second. Both firmwares take turns between two senders, and report what they follow;
+  last second, or near our last one. Both firmwares take turns between two senders, and report what
+  they follow. No velocity and no acceleration is nobody's: so Copter rests once set-points stop;
 - answers to commands that are addressed to others (PX4 sends them to everybody);
 - parameters that keep it safe and are read again in flight: none of them changes by itself;
 - commands that are overheard on a wire that is shared.
@@ -22,7 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.core.geometry import Vec3, distance
+from kybflow.core.geometry import Vec3, distance, norm
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.control.requests import name_of
 from kybflow.drivers.mavlink.protocol.codec import NO_ACCELERATION, NO_POSITION, NO_VELOCITY
@@ -45,6 +46,8 @@ SENT: Time = NS
 MOST_SENT = 256
 NEAR = (0.3, 0.3, 1.0)
 """How far it may be from that: metres, m/s, m/s^2."""
+RESTS = 0.05
+"""A velocity or an acceleration below is that of a rest, m/s or m/s^2."""
 OFTEN, WITHIN = 2, 3 * NS
 """So many foreign targets within so long are told."""
 AGAIN: Time = 10 * NS
@@ -87,10 +90,7 @@ class OtherCommanders:
         """Look at the target that the autopilot follows (POSITION_TARGET_LOCAL_NED), while it
         follows set-points in the air."""
         target = _target(message)
-        if target is None or any(
-            now - sent <= SENT and _is_near(target, _target(ours))
-            for sent, ours in reversed(self._sent)
-        ):
+        if target is None or _rests(target) or self._is_ours(target, now):
             return
         self._foreign.append(now)
         if len(self._foreign) == OFTEN and now - self._foreign[0] <= WITHIN:
@@ -102,6 +102,13 @@ class OtherCommanders:
                 now,
                 about=f"set-points of {kind}",
             )
+
+    def _is_ours(self, target: _Target, now: Time) -> bool:
+        last = self._sent[-1][0] if self._sent else now
+        return any(
+            (now - sent <= SENT or sent == last) and _is_near(target, _target(ours))
+            for sent, ours in reversed(self._sent)
+        )
 
     def answered(self, message: Message, now: Time) -> None:
         """Look at a COMMAND_ACK."""
@@ -153,6 +160,10 @@ def _target(message: Message) -> _Target | None:
         if mask & ignored != ignored and all(map(isfinite, value)):
             return _Target(field, value)
     return None
+
+
+def _rests(target: _Target) -> bool:
+    return target.field > 0 and norm(target.value) <= RESTS
 
 
 def _is_near(target: _Target, ours: _Target | None) -> bool:
