@@ -206,7 +206,7 @@ EVENTS: dict[str, str] = {
     "behavior_started": "A behavior was entered.",
     "behavior_ended": "A behavior was left.",
     "behavior_failed": "A behavior failed.",
-    "behavior_waits": "A behavior waits: until something is out of its way, or for the vehicle itself.",
+    "behavior_waits": "A behavior waits for something to get out of its way, or for the vehicle.",
     "took_off": "The vehicle is in the air.",
     "landed": "The vehicle is on the ground again.",
     "landing_refused": "A claim that the vehicle has landed contradicts its estimate: it flies on.",

@@ -22,8 +22,8 @@ It begins at the vertical speed of the last setpoint, or of the estimate.
 Where nothing at all has been heard of the vehicle for 0.25 s, no command is sent either: its own
 watchdog feels its IMU, which the preflight has checked, and comes down by that.
 
-Where only its IMU isn't heard, or not any more for 0.1 s, the thrust is an open-loop function of the time
-since the entry, for the rest of the way:
+Where only its IMU isn't heard, or not any more for 0.1 s, the thrust is an open-loop function of
+the time since the entry, for the rest of the way:
 
     T(t) = T0 (1 - (1 - share) min(t / settle, 1) - fade max(t - settle, 0)
                - 2 vz0 / (g tau) max(1 - t / tau, 0)),      tau = 0.8 s
