@@ -6,7 +6,7 @@ from __future__ import annotations
 import gc
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from math import hypot
@@ -21,7 +21,7 @@ from kybflow.api.opening import (
     open_devices,
     real_time_sensor,
 )
-from kybflow.core.errors import DriverError, PartFailed
+from kybflow.core.errors import DriverError, PartFailed, described
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Event, Time
 from kybflow.dsl.expressions import (
@@ -41,6 +41,7 @@ from kybflow.recording.outcome import EXIT_CODES, Ending, summarise
 from kybflow.recording.pictures import Pictures
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import RunFolder, create_run_folder
+from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
@@ -54,6 +55,8 @@ from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.ground import STANDS, height_above_ground
 from kybflow.world.vehicle_context import LEGS
 
+Server = Callable[[CommandQueue, Path], AbstractContextManager[object]]
+"""Serves the commands of a run for as long as the context lasts, in the given run folder."""
 FAULT = "fault"
 COLLECTED_IN_FLIGHT = (700, 10, 10)
 """How many new objects are searched for garbage at a time in flight, as Python has it by default;
@@ -106,8 +109,10 @@ def fly(
     request: RunRequest,
     listeners: Sequence[Callable[[Event], None]] = (),
     observers: Sequence[Observer] = (),
+    servers: Sequence[Server] = (),
 ) -> Flown:
-    """Fly `plan`. listeners hear every event, observers look at the engine between ticks. Raises
+    """Fly `plan`. listeners hear every event, observers look at the engine between ticks, servers
+    give commands. Raises
     RunFolderError when the folder can't be used, RunUnwritten when it can't be written,
     OptionRefused for an option that can't be changed, EventRefused for an event that nothing waits
     for; whatever happens later is in the summary."""
@@ -119,7 +124,7 @@ def fly(
     try:
         events = Events((recorder.event, folder.event, *listeners))
         run = _Run(plan, request, events, recorder)
-        with Interrupts(run):
+        with Interrupts(run), _served(servers, run.commands, folder.path, events):
             run.fly((record, *observers, *_pictures(plan, folder)))
             record.close()
             wall_time_s = time.monotonic() - began
@@ -129,6 +134,22 @@ def fly(
     finally:
         record.close()
     return Flown(folder.path, summary, run.never_given)
+
+
+@contextmanager
+def _served(
+    servers: Sequence[Server], commands: CommandQueue, folder: Path, events: Events
+) -> Iterator[None]:
+    """Let the servers give commands. One that can't begin is told and left out; whatever waits at
+    the end is answered."""
+    with ExitStack() as stack:
+        for serve in servers:
+            try:
+                stack.enter_context(serve(commands, folder))
+            except Exception as error:  # who serves commands must not stop the flight
+                events.tell("commands_failed", reason=described(error))
+        stack.callback(commands.close)
+        yield
 
 
 class _Record:
@@ -249,6 +270,7 @@ class _Run:
         self._plan, self._request = plan, request
         self._events, self._recorder = events, recorder
         self._score = Score(plan)
+        self.commands = CommandQueue()
         self.interrupts = 0
         self._engine: Engine | None = None
         self._reason: str | None = None

@@ -9,6 +9,7 @@ KybflowError
 ├── PartFailed      a part raised during a run
 ├── OptionRefused   a run-time option was not changed
 ├── EventRefused    an event was not emitted
+├── CommandUnreadable a person's command can't be read
 └── DriverError     a driver, link or device failed
 
 Mistakes in a mission are not exceptions: they are collected as diagnostics
@@ -67,6 +68,10 @@ class OptionRefused(KybflowError):
 
 class EventRefused(KybflowError):
     """An operator's event was not emitted; the message says why."""
+
+
+class CommandUnreadable(KybflowError):
+    """What a person asked of a run is no command; the message says how it is written."""
 
 
 class DriverError(KybflowError):

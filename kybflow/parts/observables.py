@@ -201,6 +201,7 @@ EVENTS: dict[str, str] = {
     "run_ended": "The run is over.",
     "observer_failed": "Something that looks on was left out, because it raised.",
     "recording_stopped": "A part of the record is lost; the flight goes on.",
+    "commands_failed": "Commands to the run are no longer served: the flight goes on.",
     "preflight_passed": "A check before take-off is green.",
     "preflight_failed": "A check before take-off stayed red.",
     "behavior_started": "A behavior was entered.",
@@ -277,7 +278,7 @@ EVENTS: dict[str, str] = {
 OF_THE_RUN = frozenset(
     {
         "run_started", "run_ended", "run_stopped", "observer_failed", "recording_stopped", "logged",
-        "action_failed",
+        "action_failed", "commands_failed",
         "phase_started", "phase_ended", "phase_refused", "flow_ended",
         "flow_failed",
     }
@@ -295,6 +296,7 @@ EVENT_FIELDS: dict[str, tuple[str, ...]] = {
     "run_ended": ("reason",),
     "observer_failed": ("reason",),
     "recording_stopped": ("reason",),
+    "commands_failed": ("reason",),
     "run_stopped": ("reason",),
     "logged": ("text",),
     "action_failed": ("action", "reason"),

@@ -1,0 +1,168 @@
+"""Commands: what a person can ask of a run, each a frozen value with one spelling.
+
+    emit operator.go                         switch mk hold
+    set mk.processors.limit_speed.speed 50cm/s
+    enable mk.processors.limit_speed         disable mk.processors.limit_speed
+    phase swarm gather                       pause [VEHICLE ...]
+    resume [VEHICLE ...]                     reset [VEHICLE ...]
+    land [VEHICLE ...]                       stop [REASON]
+    release
+
+The command line, the socket and the record of a run use these words. What a callback may do too is
+the plan's value for it (`kybflow.dsl.plan`); its names are checked when the command is heard.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from kybflow.core.errors import CommandUnreadable
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.plan import Emit, Enable, EnterPhase, SetOption, Stop, Switch
+
+PREFIX = "operator."
+LONGEST = 1000
+"""The letters that a command may have."""
+
+
+@dataclass(frozen=True, slots=True)
+class PauseOrder:
+    """Hold vehicles, all where none is named, with what they do frozen."""
+
+    vehicles: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ResumeOrder:
+    """Let vehicles, all where none is named, go on after a pause; ask a pilot's back."""
+
+    vehicles: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ResetOrder:
+    """Take vehicles on the ground, all where none is named, out of `fault`."""
+
+    vehicles: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LandOrder:
+    """Land vehicles, all where none is named. They stay down for the rest of the run."""
+
+    vehicles: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ReleaseLease:
+    """Give up the lease, so that the next commander needn't take it."""
+
+
+VehicleOrder = PauseOrder | ResumeOrder | ResetOrder | LandOrder
+Order = Emit | Switch | SetOption | Enable | EnterPhase | VehicleOrder | Stop | ReleaseLease
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The answer to a command. reason: why it was refused, in the words of the event that says so;
+    with an accepted command, what of it was not done, or why it has no effect now."""
+
+    accepted: bool
+    reason: str = ""
+
+
+OF_VEHICLES: Mapping[str, type[VehicleOrder]] = {
+    "pause": PauseOrder,
+    "resume": ResumeOrder,
+    "reset": ResetOrder,
+    "land": LandOrder,
+}
+"""The commands to some or all vehicles, by their word."""
+_WORD = {kind: word for word, kind in OF_VEHICLES.items()}
+COMMANDS = (*(f"{PREFIX}{word}" for word in OF_VEHICLES), f"{PREFIX}stop")
+"""The operator's events that act whether or not the mission waits for them."""
+
+
+def named(name: str) -> Order:
+    """Return the command that giving the event `name` is: one of COMMANDS acts on all vehicles."""
+    if name == f"{PREFIX}stop":
+        return Stop("")
+    kind = OF_VEHICLES.get(name.removeprefix(PREFIX)) if name.startswith(PREFIX) else None
+    return Emit(name) if kind is None else kind()
+
+
+def text(order: Order) -> str:
+    """Return a command in its one spelling, on one line, which `parse` reads back."""
+    match order:
+        case Emit(name):
+            words = ["emit", name]
+        case Switch(vehicle, state):
+            words = ["switch", vehicle, state]
+        case SetOption(option, value):
+            words = ["set", option, str(value)]
+        case Enable(vehicle, label, on):
+            words = ["enable" if on else "disable", f"{vehicle}.{label}"]
+        case EnterPhase(flow, phase):
+            words = ["phase", flow, phase]
+        case Stop(reason):
+            words = ["stop", reason]
+        case ReleaseLease():
+            words = ["release"]
+        case _:
+            words = [_WORD[type(order)], *order.vehicles]
+    return " ".join(" ".join(words).split())
+
+
+def parse(words: str) -> Order:
+    """Return the command that `words` spell. Raises CommandUnreadable, which says what is wrong and
+    how the command is written."""
+    if len(words) > LONGEST:
+        raise CommandUnreadable(f"a command has at most {LONGEST} letters, not {len(words)}")
+    command, *rest = words.split() or [""]
+    form = _FORMS.get(command)
+    if form is None:
+        hint = did_you_mean(command, _FORMS)
+        raise CommandUnreadable(f"there is no command `{command[:40]}`; {hint}")
+    order = form.read(rest)
+    if order is None:
+        raise CommandUnreadable(f"`{command}` is written `{command}{form.arguments}`")
+    return order
+
+
+@dataclass(frozen=True, slots=True)
+class _Form:
+    """How a command is written: what follows its word, and what reads that; None where it can't."""
+
+    arguments: str
+    read: Callable[[list[str]], Order | None]
+
+
+def _of_vehicles(kind: type[VehicleOrder]) -> _Form:
+    return _Form(" [VEHICLE ...]", lambda rest: kind(tuple(dict.fromkeys(rest))))
+
+
+def _enable(on: bool) -> _Form:
+    def read(rest: list[str]) -> Order | None:
+        vehicle, _, label = rest[0].partition(".") if len(rest) == 1 else ("", "", "")
+        return Enable(vehicle, label, on) if label else None
+
+    return _Form(" VEHICLE.processors.NAME", read)
+
+
+_FORMS: Mapping[str, _Form] = {
+    "emit": _Form(" EVENT", lambda rest: named(rest[0]) if len(rest) == 1 else None),
+    "switch": _Form(" VEHICLE STATE", lambda rest: Switch(*rest) if len(rest) == 2 else None),
+    "set": _Form(
+        " OPTION VALUE",
+        lambda rest: SetOption(rest[0], " ".join(rest[1:])) if len(rest) > 1 else None,
+    ),
+    "enable": _enable(True),
+    "disable": _enable(False),
+    "phase": _Form(" FLOW PHASE", lambda rest: EnterPhase(*rest) if len(rest) == 2 else None),
+    **{word: _of_vehicles(kind) for word, kind in OF_VEHICLES.items()},
+    "stop": _Form(" [REASON]", lambda rest: Stop(" ".join(rest))),
+    "release": _Form("", lambda rest: None if rest else ReleaseLease()),
+}
+WORDS = tuple(_FORMS)
+"""The word with which each command begins."""
