@@ -41,11 +41,11 @@ from kybflow.recording.outcome import EXIT_CODES, Ending, summarise
 from kybflow.recording.pictures import Pictures
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import RunFolder, create_run_folder
-from kybflow.runtime.commanding.command_queue import CommandQueue
+from kybflow.runtime.commanding.awaited import check_emitted
+from kybflow.runtime.commanding.command_queue import CommandQueue, RecordedCommand
 from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
-from kybflow.runtime.fleet.operator import check_emitted
 from kybflow.runtime.interrupts import Interrupts
 from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.options import check_options
@@ -70,7 +70,8 @@ class RunRequest:
     speed: pace of a simulated clock, 1 for real time, None for as fast as possible. options:
     changes of parts' parameters before take-off, as (name, value). emitted: the operator's events,
     as (seconds, name). out: the run folder, None for one under `runs/`. sets: the `NAME=VALUE` that
-    the plan was compiled with, for `provenance.json` only.
+    the plan was compiled with, for `provenance.json` only. again: the commands of an earlier run,
+    given at the same ticks.
     """
 
     seed: int = 0
@@ -79,6 +80,7 @@ class RunRequest:
     options: tuple[tuple[str, str], ...] = ()
     emitted: tuple[tuple[float, str], ...] = ()
     sets: tuple[str, ...] = ()
+    again: tuple[RecordedCommand, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """The request as `provenance.json` holds it: options as the command line takes them."""
@@ -270,7 +272,7 @@ class _Run:
         self._plan, self._request = plan, request
         self._events, self._recorder = events, recorder
         self._score = Score(plan)
-        self.commands = CommandQueue()
+        self.commands = CommandQueue(request.emitted, request.again)
         self.interrupts = 0
         self._engine: Engine | None = None
         self._reason: str | None = None
@@ -308,7 +310,7 @@ class _Run:
             events,
             observers,
             request.seed,
-            request.emitted,
+            self.commands,
         )
         engine.interrupts = self.interrupts
         for name, value in request.options:
@@ -331,8 +333,8 @@ class _Run:
 
     @property
     def never_given(self) -> tuple[tuple[float, str], ...]:
-        """The operator's events whose time did not come."""
-        return self._engine.operator.waiting if self._engine is not None else ()
+        """What was scheduled and whose time did not come."""
+        return self.commands.never_given
 
     def summary(self, wall_time_s: float, recording: str | None) -> dict[str, Any]:
         """The content of `summary.json`."""

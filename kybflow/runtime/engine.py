@@ -15,6 +15,9 @@ from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Session
 from kybflow.runtime.clock import Clock
+from kybflow.runtime.commanding.command_queue import CommandQueue
+from kybflow.runtime.commanding.commander import Commander
+from kybflow.runtime.commanding.legal import Watched
 from kybflow.runtime.conditions import bind
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Judge
@@ -23,7 +26,6 @@ from kybflow.runtime.fleet.callbacks import Callbacks
 from kybflow.runtime.fleet.flows import Flows
 from kybflow.runtime.fleet.ground_truth import Impacts, PayloadDrops
 from kybflow.runtime.fleet.injection import Injection
-from kybflow.runtime.fleet.operator import Operator
 from kybflow.runtime.options import Options
 from kybflow.runtime.preflight import PreflightResult, PreflightTimeout, preflight
 from kybflow.runtime.vehicle.vehicle import Vehicle
@@ -49,7 +51,7 @@ class Engine:
         events: Events,
         observers: Sequence[Observer] = (),
         seed: int = 0,
-        emitted: Sequence[tuple[float, str]] = (),
+        commands: CommandQueue | None = None,
     ) -> None:
         self.plan, self.clock, self.events = plan, clock, events
         self.vehicles = tuple(vehicles)
@@ -57,8 +59,14 @@ class Engine:
         self.options = Options(self.vehicles, events)
         self.judge = Judge(plan.expectations, _views(TrueView, vehicles), self.seconds)
         self.flows = Flows(plan, self.vehicles, self._condition(None), events, self.options)
-        self.operator = Operator([v.requests for v in vehicles], events, self.stop, emitted)
-        self.callbacks = Callbacks(plan.callbacks, self._run_controls(), self._condition(None))
+        controls = self._run_controls()
+        self.commander = Commander(
+            Watched(plan, self.vehicles, self.flows),
+            controls,
+            self.flows.give_up,
+            commands or CommandQueue(),
+        )
+        self.callbacks = Callbacks(plan.callbacks, controls, self._condition(None))
         self.interrupts = 0
         self.flying = False
         self._sessions, self._observers = tuple(sessions), tuple(observers)
@@ -82,6 +90,8 @@ class Engine:
         red = self._preflight()
         if self.interrupts:
             return "interrupted"
+        if self._stopped is not None:
+            return f"{self._stopped}, before the preflight was over"
         if red:
             return "preflight: " + "; ".join(f"{x.vehicle}: {x.check}: {x.reason}" for x in red)
         self._begin()
@@ -120,8 +130,8 @@ class Engine:
         dt = (self.clock.period if self._ticked is None else now - self._ticked) / NS
         self._ticked = now
         self.events.turn(now)
+        self.commander.step(now)
         self.options.apply()
-        self.operator.step(now)
         if self.plan.faults:
             self.injection.step(now)
         fleet = {vehicle.name: vehicle.sense(now) for vehicle in self.vehicles}
@@ -153,10 +163,11 @@ class Engine:
 
     def inspect(self) -> list[PreflightResult]:
         """Return the preflight's lines once all are green or it has timed out; none after an
-        interrupt. No vehicle arms."""
+        interrupt or a stop. No vehicle arms."""
         timeout = PreflightTimeout(self.plan, self.events)
-        while not self.interrupts:
+        while not self.interrupts and self._stopped is None:
             self.events.turn(self.clock.now)
+            self.commander.stand_by(self.clock.now)
             for vehicle in self.vehicles:
                 vehicle.sense(self.clock.now)
             lines = [line for v in self.vehicles for line in preflight(v, self.vehicles)]
@@ -170,7 +181,7 @@ class Engine:
         if self._stopped is None:
             self._stopped = reason
             self.events.tell("run_stopped", at=at, reason=reason)
-            for vehicle in self.vehicles:
+            for vehicle in self.vehicles if self.flying else ():
                 vehicle.requests.retire(reason)
 
     def _preflight(self) -> list[PreflightResult]:

@@ -12,7 +12,7 @@ import dataclasses
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from math import isfinite
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, UnitError
 from kybflow.core.params import Field, fields_of, type_of
@@ -20,6 +20,7 @@ from kybflow.core.units import format_quantity, parse_quantity
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.runtime.events import Events
 from kybflow.runtime.making import parts_of
+from kybflow.runtime.vehicle.requests import Answered, unheard
 
 
 class Holder(Protocol):
@@ -38,13 +39,25 @@ class Holder(Protocol):
         """Replace the parameters of a part."""
 
 
+class _Change(NamedTuple):
+    """A change that waits for the tick."""
+
+    holder: Holder
+    label: str
+    field: str
+    value: Any
+    by: str
+    at: str
+    answered: Answered
+
+
 class Options:
     """The options of every vehicle. Changes wait for the next tick."""
 
     def __init__(self, holders: tuple[Holder, ...], events: Events) -> None:
         self._holders = {holder.name: holder for holder in holders}
         self._events = events
-        self._waiting: list[tuple[Holder, str, str, Any, str, str]] = []
+        self._waiting: list[_Change] = []
 
     def names(self) -> Iterator[str]:
         for name, holder in self._holders.items():
@@ -57,9 +70,12 @@ class Options:
         holder, label, field = self._find(name)
         return getattr(holder.parameters()[label], field.name)
 
-    def set(self, name: str, value: Any, by: str, at: str = "") -> None:
+    def set(
+        self, name: str, value: Any, by: str, at: str = "", answered: Answered = unheard
+    ) -> None:
         """Request a change. `value` is SI, or text with a unit; `by` is the requester and `at` its
-        mission line. Raises OptionRefused with the reason."""
+        mission line. `answered` hears whether it was applied. Raises OptionRefused with the reason
+        when it is refused at once."""
         try:
             holder, label, field = self._find(name)
             if field.read_only:
@@ -74,26 +90,28 @@ class Options:
             reason = str(refusal)
             self._events.tell("option_refused", whose, at, option=name, by=by, reason=reason)
             raise
-        self._waiting.append((holder, label, field.name, value, by, at))
+        self._waiting.append(_Change(holder, label, field.name, value, by, at, answered))
 
     def apply(self) -> None:
         """Apply the requested changes. The engine calls it at the start of a tick."""
         if not self._waiting:
             return
         waiting, self._waiting = self._waiting, []
-        for holder, label, field, value, by, at in waiting:
-            name = f"{holder.name}.{label}.{field}"
-            reason = self._loosened(holder, label, field, value)
-            if reason is not None:  # it took off meanwhile, or another change came first
-                self._events.tell(
-                    "option_refused", holder.name, at, option=name, by=by, reason=reason
-                )
-                continue
-            parameters = holder.parameters()[label]
-            holder.change(label, dataclasses.replace(parameters, **{field: value}))
-            self._events.tell(
-                "option_changed", holder.name, at, option=name, value=str(value), by=by
-            )
+        for change in waiting:
+            change.answered(self._applied(change))
+
+    def _applied(self, change: _Change) -> str | None:
+        """Apply a change; return why it is refused now."""
+        holder, label, field, value, by, at, _ = change
+        name = f"{holder.name}.{label}.{field}"
+        reason = self._loosened(holder, label, field, value)
+        if reason is not None:  # it took off meanwhile, or another change came first
+            self._events.tell("option_refused", holder.name, at, option=name, by=by, reason=reason)
+            return reason
+        parameters = holder.parameters()[label]
+        holder.change(label, dataclasses.replace(parameters, **{field: value}))
+        self._events.tell("option_changed", holder.name, at, option=name, value=str(value), by=by)
+        return None
 
     def _loosened(self, holder: Holder, label: str, field_name: str, value: Any) -> str | None:
         """Return why a safety parameter can't be set to `value` now, None if it can."""

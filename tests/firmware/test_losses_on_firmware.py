@@ -159,7 +159,7 @@ def test_a_pilot_takes_one_and_gives_it_back(two: str, tmp_path: Path, beside: B
             witness.of[1].fly_in(mode, now)
         if taken and not back and now - taken[0] > seconds * NS:
             back.append(now)
-            engine.operator.give("operator.resume")
+            engine.vehicles[0].requests.resume("operator")
 
     plan = plan_of(MISSIONS / "figure_eight.yaml", two)
     flight, told, engine = flown(plan, tmp_path, look)

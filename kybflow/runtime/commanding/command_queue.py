@@ -1,71 +1,128 @@
-"""The queue between those who serve commands, in any thread, and the tick that hears them."""
+"""The queue between those who give commands, in any thread, and the tick that hears them."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from threading import Lock
 from typing import NamedTuple
 
-from kybflow.runtime.commanding.orders import Answer, Order
+from kybflow.core.signals import NS, Time
+from kybflow.runtime.commanding.lease import SCHEDULE
+from kybflow.runtime.commanding.orders import Answer, Order, named, parse, text
 from kybflow.runtime.commanding.situation import Situation
 
 OVER = "the run is over"
-FULL = "too many commands wait for an answer"
 MOST_WAITING = 1000
+"""How much may wait for one tick."""
 
 Answered = Callable[[Answer], None]
-"""Receives the answer to a command, exactly once, in the thread of the flight or, when the run is
-over, of the caller. It hands the answer on, doesn't wait and doesn't raise."""
+"""Receives the answer to a command, exactly once, in the thread of the flight or, where it is
+refused at once, of the caller. It hands the answer on, doesn't wait and doesn't raise."""
+Shown = Callable[[Situation | None], None]
+"""Receives the situation as `Answered` does an answer; None instead when the run is over."""
 
 
 class GivenCommand(NamedTuple):
-    """A command that waits for the tick: who gives it, and whether they take the lease."""
+    """A command as it was given: by whom, and whether they take the lease from another. `name`: the
+    event, where it was given as one."""
 
     order: Order
     by: str
+    take: bool = False
+    answered: Answered = lambda _: None
+    name: str = ""
+
+
+class Question(NamedTuple):
+    """Somebody asks for the situation."""
+
+    shown: Shown
+
+
+class Departure(NamedTuple):
+    """Who gave commands is gone, and their lease with them."""
+
+    by: str
+
+
+class ServerFailure(NamedTuple):
+    """Commands are no longer served."""
+
+    reason: str
+
+
+class RecordedCommand(NamedTuple):
+    """A command of an earlier run, in words, and when that run heard it."""
+
+    heard: Time
+    command: str
+    by: str
     take: bool
-    answered: Answered
 
 
 class CommandQueue:
-    """What waits for the tick. Every method may be called in any thread and returns at once."""
+    """What waits for the tick. `ask`, `look`, `leave` and `complain` may be called in any thread
+    and return at once.
 
-    def __init__(self) -> None:
-        self._lock = Lock()
-        self._closed = False
-        self.commands: deque[GivenCommand] = deque()
-        self.questions: deque[Callable[[Situation | None], None]] = deque()
-        self.troubles: deque[str] = deque()
+    emitted: events to give, each with its time in seconds of the run; their time counts in flight
+    only. recorded: the commands of an earlier run, to be given at the same ticks. Raises
+    CommandUnreadable for one of these that is no command.
+    """
+
+    def __init__(
+        self,
+        emitted: Iterable[tuple[float, str]] = (),
+        recorded: Iterable[RecordedCommand] = (),
+    ) -> None:
+        events = ((round(s * NS), GivenCommand(named(n), SCHEDULE, name=n)) for s, n in emitted)
+        again = ((r.heard, GivenCommand(parse(r.command), r.by, r.take)) for r in recorded)
+        self.scheduled = deque(sorted((*events, *again), key=lambda due: due[0]))
+        self.waiting: deque[GivenCommand | Question | Departure | ServerFailure] = deque()
+        self._lock, self._closed = Lock(), False
 
     def ask(self, order: Order, by: str, answered: Answered, *, take: bool = False) -> None:
         """Give a command. by: the name of who gives it. take: take the lease from another."""
-        with self._lock:
-            full = len(self.commands) >= MOST_WAITING
-            if not (self._closed or full):
-                self.commands.append(GivenCommand(order, by, take, answered))
-                return
-        answered(Answer(False, OVER if self._closed else FULL))
+        if by == SCHEDULE:
+            answered(Answer(False, f"nobody may be called `{SCHEDULE}`"))
+        elif not self._put(GivenCommand(order, by, take, answered)):
+            busy = f"{MOST_WAITING} commands wait already"
+            answered(Answer(False, OVER if self._closed else busy))
 
-    def look(self, shown: Callable[[Situation | None], None]) -> None:
-        """Ask for the situation in the next tick: `shown` receives it as `Answered` receives an
-        answer; None when the run is over, or too many ask."""
-        with self._lock:
-            full = len(self.questions) >= MOST_WAITING
-            if not (self._closed or full):
-                self.questions.append(shown)
-                return
-        shown(None)
+    def look(self, shown: Shown) -> None:
+        """Ask for the situation in the next tick."""
+        if not self._put(Question(shown)):
+            shown(None)
+
+    def leave(self, by: str) -> None:
+        """Release the lease if `by` holds it, because their connection has ended."""
+        self._put(Departure(by), bounded=False)
 
     def complain(self, reason: str) -> None:
         """Tell, as the event `commands_failed`, that commands are no longer served."""
-        self.troubles.append(reason)
+        self._put(ServerFailure(reason), bounded=False)
 
     def close(self) -> None:
         """The run is over: answer what waits, and everything that is asked from now on."""
         with self._lock:
             self._closed = True
-        while self.commands:
-            self.commands.popleft().answered(Answer(False, OVER))
-        while self.questions:
-            self.questions.popleft()(None)
+        while self.waiting:
+            match self.waiting.popleft():
+                case GivenCommand() as given:
+                    given.answered(Answer(False, OVER))
+                case Question(shown):
+                    shown(None)
+
+    @property
+    def never_given(self) -> tuple[tuple[float, str], ...]:
+        """What was scheduled and hasn't been given, each with its seconds of the run."""
+        return tuple((due / NS, given.name or text(given.order)) for due, given in self.scheduled)
+
+    def _put(
+        self, item: GivenCommand | Question | Departure | ServerFailure, *, bounded: bool = True
+    ) -> bool:
+        with self._lock:
+            if self._closed or (bounded and len(self.waiting) >= MOST_WAITING):
+                return False
+            self.waiting.append(item)
+            return True

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from kybflow.core.errors import CommandUnreadable
 from kybflow.core.text import did_you_mean
@@ -63,8 +64,7 @@ VehicleOrder = PauseOrder | ResumeOrder | ResetOrder | LandOrder
 Order = Emit | Switch | SetOption | Enable | EnterPhase | VehicleOrder | Stop | ReleaseLease
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(NamedTuple):
     """The answer to a command. reason: why it was refused, in the words of the event that says so;
     with an accepted command, what of it was not done, or why it has no effect now."""
 
@@ -92,6 +92,11 @@ def named(name: str) -> Order:
     return Emit(name) if kind is None else kind()
 
 
+def word(order: VehicleOrder) -> str:
+    """Return the word with which a command to vehicles begins."""
+    return _WORD[type(order)]
+
+
 def text(order: Order) -> str:
     """Return a command in its one spelling, on one line, which `parse` reads back."""
     match order:
@@ -110,7 +115,7 @@ def text(order: Order) -> str:
         case ReleaseLease():
             words = ["release"]
         case _:
-            words = [_WORD[type(order)], *order.vehicles]
+            words = [word(order), *order.vehicles]
     return " ".join(" ".join(words).split())
 
 

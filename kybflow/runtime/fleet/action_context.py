@@ -18,12 +18,12 @@ _OPERATOR = "operator."
 
 class RunControls(NamedTuple):
     """The parts of a run that callbacks may use. phase(flow, phase, requester, mission line) enters
-    a phase; stop(reason, mission line) ends the run."""
+    a phase and returns why it can't; stop(reason, mission line) ends the run."""
 
     requests: Mapping[str, Requests]
     options: Options
     events: Events
-    phase: Callable[[str, str, str, str], None]
+    phase: Callable[[str, str, str, str], str | None]
     stop: Callable[[str, str], None]
 
 

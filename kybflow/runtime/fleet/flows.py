@@ -4,7 +4,7 @@ Each flow has a state machine, whose states are its phases. On entry a phase giv
 flows, sets options and asks vehicles to enter states, which they decide on in the next tick. One
 flow at a time drives a vehicle: what another asks of it is refused, and told. A flow that ends
 gives back the vehicles that it was given. Its time stands still while a vehicle that it drives is
-paused. When a person lands the vehicles, every flow ends.
+paused. When a person lands every vehicle, every flow ends.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from kybflow.dsl.machine import Exit, FlowMachine
 from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan
 from kybflow.parts.observables import is_in
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.operator import LAND
 from kybflow.runtime.scores import rounded
 from kybflow.runtime.vehicle.requests import Requester, Requests
 
@@ -120,25 +119,46 @@ class Flows:
         if not self._begun:
             self._begin()
             return
-        if LAND in self._events.heard(""):
-            self._give_up()
         for flow in self._flows.values():
             if not flow.active or flow.entered == now:
                 continue  # vehicles learn what a phase asks of them in the next tick
-            if any(self._vehicles[v].requests.paused for v in self._driven(flow)):
+            if any(self._vehicles[v].requests.paused for v in self.driven(flow.plan.name)):
                 flow.wait(dt)
             else:
                 self._guarded(flow, now, dt)
 
-    def enter(self, flow: str, phase: str, by: str, at: str = "") -> None:
+    def enter(self, flow: str, phase: str, by: str, at: str = "") -> str | None:
         """Enter a phase that a callback or a person asked for, whatever the flow does now. Refused,
-        and told, for a flow that waits for a vehicle and has none."""
+        and told, for a flow that waits for a vehicle and has none; return why."""
+        reason = self.objection(flow)
+        if reason is None:
+            self._flows[flow].machine.switch(phase, at)
+        else:
+            tell = self._events.tell
+            tell("phase_refused", at=at, flow=flow, phase=phase, by=by, reason=reason)
+        return reason
+
+    def objection(self, flow: str) -> str | None:
+        """Return why no phase of a flow can be entered now, None if each can."""
         running = self._flows[flow]
         if running.active or not running.plan.waits:
-            running.machine.switch(phase, at)
-            return
-        reason = f"no flow has given `{flow}` a vehicle"
-        self._events.tell("phase_refused", at=at, flow=flow, phase=phase, by=by, reason=reason)
+            return None
+        return f"no flow has given `{flow}` a vehicle"
+
+    def running(self, flow: str) -> RunningFlow:
+        """Return a flow, to look at."""
+        return self._flows[flow]
+
+    def driven(self, flow: str) -> list[str]:
+        """Return the vehicles that a flow drives now."""
+        return [v for v, drivers in self._drivers.items() if drivers[-1] == flow]
+
+    def give_up(self) -> None:
+        """End every flow, because a person lands every vehicle: none may start it again."""
+        self._begun = True
+        for flow in self._flows.values():
+            if flow.active:
+                flow.machine.end("operator")
 
     def close(self, now: Time) -> None:
         """The run is over: what still lasts ends here."""
@@ -170,15 +190,6 @@ class Flows:
         for flow in self._flows.values():
             if not (flow.plan.waits or flow.active):
                 flow.machine.begin()
-
-    def _give_up(self) -> None:
-        """A person lands every vehicle: no flow may start it again."""
-        for flow in self._flows.values():
-            if flow.active:
-                flow.machine.end("operator")
-
-    def _driven(self, flow: RunningFlow) -> list[str]:
-        return [v for v, drivers in self._drivers.items() if drivers[-1] == flow.plan.name]
 
     def _guarded(self, flow: RunningFlow, now: Time, dt: float) -> None:
         """One flow that fails ends, and no other with it; its vehicles do what they do."""

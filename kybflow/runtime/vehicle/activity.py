@@ -338,24 +338,30 @@ class Activity:
     def _built(self, state: StatePlan, entry: Entry) -> Behavior[Any]:
         """Return the behavior of `state`. Raises Refused where it can't start."""
         reason = unfit(state, self.flight, entry.estimate is not None or self.off_ground)
-        reason = reason or self._misplaced(state, entry.estimate)
+        reason = reason or self.misplaced(state, entry.estimate) or self._doubted(state, entry)
         if reason is not None:
             raise Refused(reason)
         behavior: Behavior[Any] = state.behavior.cls(self._params[state.behavior.label], entry)
         return behavior
 
-    def _misplaced(self, state: StatePlan, estimate: Estimate | None) -> str | None:
+    def misplaced(self, state: StatePlan, estimate: Estimate | None) -> str | None:
         """Return why a take-off can't start from where the vehicle is, None when it can."""
-        leaves = any(leg == (GROUND, AIR) for leg in state.legs)
-        if self.flight is not GROUND or not leaves or estimate is None:
+        if estimate is None or self.resting_place is None or not self._leaves_ground(state):
             return None
-        away = (
-            0.0 if self.resting_place is None else distance(estimate.position, self.resting_place)
-        )
+        away = distance(estimate.position, self.resting_place)
         if away <= take_off_tolerance.allowed(estimate):
-            return self._objection()
+            return None
         allowed = take_off_tolerance.said(estimate)
         return f"the estimate is {away:.2f} m from where it stood ({allowed})"
+
+    def _doubted(self, state: StatePlan, entry: Entry) -> str | None:
+        """Return what else speaks against a take-off, None when nothing does."""
+        leaves = entry.estimate is not None and self._leaves_ground(state)
+        return self._objection() if leaves else None
+
+    def _leaves_ground(self, state: StatePlan) -> bool:
+        """Whether entering `state` now is a take-off."""
+        return self.flight is GROUND and any(leg == (GROUND, AIR) for leg in state.legs)
 
     def _score_unforeseen(self, reason: Exit) -> None:
         """Count the failure when the mission does not say what follows it."""

@@ -1,18 +1,20 @@
 """Requests of people, flows and callbacks: switch, pause, resume, enable, reset, retire.
 
 A request waits for the vehicle's next `act`, which answers it after the supervisors and before the
-mission's transitions. A refusal is published as an event with its reason and changes nothing. With
-a latched reaction, a vehicle accepts only severer states; while braked, only those that land it.
+mission's transitions. A refusal is published as an event with its reason and changes nothing; who
+asked may hear the answer too. With a latched reaction, a vehicle accepts only severer states; while
+braked, only those that land it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from enum import IntEnum
 from functools import partial
 from typing import NamedTuple
 
-from kybflow.core.errors import Refused
+from kybflow.core.errors import Refused, described
 from kybflow.core.signals import Reaction, Time
 from kybflow.dsl.plan import StatePlan, VehiclePlan
 from kybflow.parts import GROUND
@@ -31,6 +33,16 @@ _SAFER = {
 _STAYS = frozenset({"auto_land", "landed", "fault"})
 
 
+Answered = Callable[[str | None], None]
+"""Receives the answer to a request: why it was refused, None when it was granted."""
+_Order = Callable[[Time], str | None]
+"""Does what a request asks for; returns why it was refused."""
+
+
+def unheard(_: str | None) -> None:
+    """Take an answer that nobody waits for: the events tell it."""
+
+
 class Requester(IntEnum):
     """The source of a request; of several in one tick, the lowest value wins."""
 
@@ -44,7 +56,8 @@ class SwitchRequest(NamedTuple):
 
     state: str
     by: Requester
-    at: str
+    at: str = ""
+    answered: Answered = unheard
 
 
 class Requests:
@@ -67,31 +80,33 @@ class Requests:
         self.off: set[str] = set()
         self.retired: str | None = None
         self._switches: list[SwitchRequest] = []
-        self._orders: list[Callable[[Time], None]] = []
+        self._orders: deque[tuple[_Order, Answered]] = deque()
         self._plan, self._activity, self._failsafe = plan, activity, failsafe
         self._reactions, self._override, self._events = reactions, override, events
 
-    def switch(self, state: str, by: Requester, at: str = "") -> None:
+    def switch(self, state: str, by: Requester, at: str = "", answered: Answered = unheard) -> None:
         """Request one of the vehicle's states."""
-        self._switches.append(SwitchRequest(state, by, at))
+        self._switches.append(SwitchRequest(state, by, at, answered))
         self.waiting = True
 
-    def pause(self, by: str, at: str = "") -> None:
+    def pause(self, by: str, at: str = "", answered: Answered = unheard) -> None:
         """Request a hold, with the behavior and its timers frozen, until `resume`."""
-        self._order(partial(self._pause, by, at))
+        self._order(partial(self._pause, by, at), answered)
 
-    def resume(self, by: str, at: str = "") -> None:
+    def resume(self, by: str, at: str = "", answered: Answered = unheard) -> None:
         """Request that the behavior resumes that a pause or a pilot interrupted."""
-        self._order(partial(self._resume, by, at))
+        self._order(partial(self._resume, by, at), answered)
 
-    def enable(self, label: str, on: bool, by: str, at: str = "") -> None:
+    def enable(
+        self, label: str, on: bool, by: str, at: str = "", answered: Answered = unheard
+    ) -> None:
         """Request to switch the processor `label` on or off."""
-        self._order(partial(self._enable, label, on, by, at))
+        self._order(partial(self._enable, label, on, by, at), answered)
 
-    def reset(self, by: str, at: str = "") -> None:
+    def reset(self, by: str, at: str = "", answered: Answered = unheard) -> None:
         """Request to clear the fault and the resting place of a vehicle on the ground, after a
         person has checked it."""
-        self._order(partial(self._reset, by, at))
+        self._order(partial(self._reset, by, at), answered)
 
     def retire(self, reason: str) -> None:
         """Land and stay on the ground, because the run ends as planned."""
@@ -109,9 +124,9 @@ class Requests:
 
     def answer(self, now: Time) -> None:
         """Answer the waiting requests: in order, then one switch of state."""
-        orders, self._orders = self._orders, []
-        for order in orders:
-            order(now)
+        for _ in range(len(self._orders)):
+            order, answered = self._orders.popleft()
+            _answer(partial(order, now), [answered])
         asked, self._switches, self.waiting = self._switches, [], bool(self._orders)
         if not asked:
             return
@@ -119,37 +134,61 @@ class Requests:
         for loser in asked:
             if loser.state != heard.state:
                 winner = f"the {heard.by.name.lower()} asked for `{heard.state}`"
-                self._refuse(loser, f"{winner} in the same tick")
-        reason = self._against(heard) or self._granted(heard)
-        if reason is not None:
-            self._refuse(heard, reason)
+                loser.answered(self._refuse(loser, f"{winner} in the same tick"))
+        same = [request.answered for request in asked if request.state == heard.state]
+        _answer(partial(self._switch, heard), same)
 
-    def _order(self, order: Callable[[Time], None]) -> None:
-        self._orders.append(order)
-        self.waiting = True
-
-    def _against(self, request: SwitchRequest) -> str | None:
-        """Return why the request can't be granted, None if it can."""
-        state, latched = self._plan.states.get(request.state), self._failsafe.latched
+    def objection(self, state: str, by: Requester = Requester.OPERATOR) -> str | None:
+        """Return why a request for `state` would be refused now, None if nothing is known that
+        speaks against it: its behavior may still refuse to start."""
+        plan, latched = self._plan.states.get(state), self._failsafe.latched
         if self._override.is_somebodys:
             return "somebody else has control, until `operator.resume`"
-        if state is None or request.state == "fault":
+        if plan is None or state == "fault":
             return "it is not a state that can be requested"
         if self._activity.machine.state == "fault":
             return "it is in `fault`, until a person resets it"
-        if latched is not None and _SAFER.get(request.state, Reaction.WARN) <= latched:
+        if latched is not None and _SAFER.get(state, Reaction.WARN) <= latched:
             return f"failsafe active (`{latched.name.lower()}`)"
         entry = self._activity.entry()
-        held = None if _comes_down(state) else self._held(request)
-        return held or unfit(state, entry.flight, entry.estimate is not None)
+        held = None if _comes_down(plan) else self._held(by)
+        fit = held or unfit(plan, entry.flight, entry.estimate is not None)
+        return fit or self._activity.misplaced(plan, entry.estimate)
 
-    def _held(self, request: SwitchRequest) -> str | None:
+    def pause_objection(self) -> str | None:
+        """Return why a pause would be refused now."""
+        latched = self._failsafe.latched
+        if self._activity.machine.state == "fault":
+            return "it is in `fault`"
+        return None if latched is None else f"failsafe active ({latched.name.lower()})"
+
+    def resume_objection(self) -> str | None:
+        """Return why there is nothing to resume now."""
+        if self._override.is_somebodys or self.paused:
+            return None
+        braking = self._failsafe.braking
+        return "it is not paused" if braking is None else f"the failsafe brakes it ({braking})"
+
+    def reset_objection(self, now: Time) -> str | None:
+        """Return why a reset would be refused now."""
+        in_the_air = self._activity.off_ground or self._reactions.falls(now)
+        return "it is in the air" if in_the_air else None
+
+    def _order(self, order: _Order, answered: Answered) -> None:
+        self._orders.append((order, answered))
+        self.waiting = True
+
+    def _switch(self, request: SwitchRequest) -> str | None:
+        reason = self.objection(request.state, request.by) or self._granted(request)
+        return None if reason is None else self._refuse(request, reason)
+
+    def _held(self, by: Requester) -> str | None:
         """Return why the vehicle may only enter states that land it, None if it may enter any."""
         if self.retired is not None:
             return f"the run ends: {self.retired}"
         if self._failsafe.braking is not None:
             return f"the failsafe brakes it ({self._failsafe.braking})"
-        if self.paused and request.by is not Requester.OPERATOR:
+        if self.paused and by is not Requester.OPERATOR:
             return "it is paused"
         return None
 
@@ -164,27 +203,30 @@ class Requests:
             self._failsafe.latched = _SAFER.get(request.state)
         return None
 
-    def _refuse(self, request: SwitchRequest, reason: str) -> None:
+    def _refuse(self, request: SwitchRequest, reason: str) -> str:
         by = request.by.name.lower()
         self._tell("switch_refused", request.at, state=request.state, by=by, reason=reason)
+        return reason
 
-    def _pause(self, by: str, at: str, _: Time) -> None:
-        latched = self._failsafe.latched
-        if self._activity.machine.state == "fault" or latched is not None:
-            has = "it is in `fault`" if latched is None else f"failsafe active ({latched.name})"
-            self._tell("pause_refused", at, by=by, reason=has.lower())
+    def _pause(self, by: str, at: str, _: Time) -> str | None:
+        reason = self.pause_objection()
+        if reason is not None:
+            self._tell("pause_refused", at, by=by, reason=reason)
         elif not self.paused:
             self._activity.freeze("pause")
             self._tell("paused", at, by=by)
+        return reason
 
-    def _resume(self, by: str, at: str, now: Time) -> None:
+    def _resume(self, by: str, at: str, now: Time) -> str | None:
+        reason = self.resume_objection()
         self._override.reclaim(now)
         hold = self._activity.hold
         if hold is not None and self.paused:
             hold.leave("pause", now)
             self._tell("resumed", at, by=by)
+        return reason
 
-    def _enable(self, label: str, on: bool, by: str, at: str, _: Time) -> None:
+    def _enable(self, label: str, on: bool, by: str, at: str, _: Time) -> str | None:
         parts = {part.label: part.cls for part in self._plan.processors}
         reason = None
         if label not in parts:
@@ -200,19 +242,34 @@ class Requests:
                 self._tell("processor_enabled", at, processor=label, by=by)
             else:
                 self._tell("processor_disabled", at, processor=label, by=by)
+        return reason
 
-    def _reset(self, by: str, at: str, now: Time) -> None:
-        if self._activity.off_ground or self._reactions.falls(now):
-            self._tell("reset_refused", at, by=by, reason="it is in the air")
-            return
+    def _reset(self, by: str, at: str, now: Time) -> str | None:
+        reason = self.reset_objection(now)
+        if reason is not None:
+            self._tell("reset_refused", at, by=by, reason=reason)
+            return reason
         self._failsafe.reset()
         self._activity.resting_place = None
         if self._activity.machine.state == "fault":
             self._activity.go("landed")
         self._tell("reset", at, by=by)
+        return None
 
     def _tell(self, event: str, at: str, **fields: str) -> None:
         self._events.tell(event, self._plan.name, at, **fields)
+
+
+def _answer(order: Callable[[], str | None], asking: Sequence[Answered]) -> None:
+    """Do what a request asks for and answer those who asked, also when a part raises."""
+    try:
+        reason = order()
+    except Exception as error:
+        for answered in asking:
+            answered(described(error))
+        raise
+    for answered in asking:
+        answered(reason)
 
 
 def _comes_down(state: StatePlan) -> bool:

@@ -265,7 +265,7 @@ def test_a_person_who_lands_ends_every_flow() -> None:
     team, solo = two()
     stage = Stage(team, solo)
     stage.step(2)
-    stage.events.tell("operator.land")
+    stage.flows.give_up()
     stage.step()
     assert stage.flows.ended
     assert (stage.phases("team"), stage.phases("solo")) == (["part: operator"], ["alone: operator"])

@@ -9,7 +9,7 @@ from short_flights import down, hold, named, path, up
 from kybflow.core.errors import EventRefused
 from kybflow.core.signals import NS
 from kybflow.dsl.plan import CallbackPlan, Emit, LogText, TransitionPlan
-from kybflow.runtime.fleet.operator import check_emitted
+from kybflow.runtime.commanding.awaited import check_emitted
 
 
 def idle(target: str):

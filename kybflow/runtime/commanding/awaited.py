@@ -1,0 +1,65 @@
+"""The events that a person can give: what the mission waits for, ever and now."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from kybflow.core.errors import EventRefused
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.plan import ActionPlan, Call, Emit, Plan, TransitionPlan
+from kybflow.parts.observables import EVENTS
+from kybflow.runtime.commanding.orders import COMMANDS, PREFIX
+
+
+def check_emitted(plan: Plan, names: Iterable[str]) -> None:
+    """Raises EventRefused for the first of `names` that the mission doesn't wait for."""
+    known = {*awaited(plan), *COMMANDS}
+    for name in names:
+        if name in EVENTS:
+            raise EventRefused(
+                f"the mission doesn't wait for a person's `{name}`: kybflow tells it"
+            )
+        if name not in known:
+            hint = did_you_mean(name, known)
+            raise EventRefused(f"the mission doesn't wait for `{name}`; {hint}")
+
+
+def awaited(plan: Plan) -> Iterator[str]:
+    """Yield the operator's and the mission's own events that a transition or a callback hears."""
+    own = {name for one in plan.callbacks for action in one.actions for name in _emitted(action)}
+    states = (state for vehicle in plan.vehicles for state in vehicle.states.values())
+    phases = (phase for flow in plan.flows for phase in flow.phases.values())
+    heard = {name for state in states for name in heard_by(state.transitions)}
+    heard |= {name for phase in phases for name in heard_by(phase.transitions)}
+    for name in sorted(heard | heard_always(plan)):
+        if name in own or name.startswith(PREFIX):
+            yield name
+
+
+def awaited_now(plan: Plan, states: Mapping[str, str], phases: Mapping[str, str]) -> set[str]:
+    """Return the events that something hears now. states: the state of each vehicle that is in one;
+    phases: the phase of each flow that is in one."""
+    heard = heard_always(plan)
+    for vehicle in plan.vehicles:
+        if vehicle.name in states:
+            heard.update(heard_by(vehicle.states[states[vehicle.name]].transitions))
+    for flow in plan.flows:
+        if flow.name in phases:
+            heard.update(heard_by(flow.phases[phases[flow.name]].transitions))
+    return heard
+
+
+def heard_by(transitions: Iterable[TransitionPlan]) -> tuple[str, ...]:
+    """Return the events that transitions hear, each once."""
+    return tuple(dict.fromkeys(t.event for t in transitions if t.event is not None))
+
+
+def heard_always(plan: Plan) -> set[str]:
+    """Return the events of the run that callbacks hear."""
+    return {callback.event for callback in plan.callbacks if callback.vehicles == ("",)}
+
+
+def _emitted(action: ActionPlan) -> tuple[str, ...]:
+    if isinstance(action, Emit):
+        return (action.name,)
+    return action.part.cls.events if isinstance(action, Call) else ()

@@ -1,0 +1,262 @@
+"""Gives a person's commands to the run, in the tick, and answers them.
+
+Each command is answered once, with the words of whoever refuses it: most at once, those that a
+vehicle decides on when it acts, in the same tick or the next. It is noted then as the event
+`command_given`, in the order in which commands were heard, so that the run can be flown again. A
+command to every vehicle is also told as the operator's event (`operator.pause`), which the mission
+may hear.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from kybflow.core.errors import KybflowError, Refused, described
+from kybflow.core.signals import NS, Time
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.plan import Emit, Enable, EnterPhase, SetOption, Stop, Switch
+from kybflow.parts.observables import is_in
+from kybflow.runtime.commanding.awaited import check_emitted
+from kybflow.runtime.commanding.command_queue import (
+    CommandQueue,
+    Departure,
+    GivenCommand,
+    Question,
+    ServerFailure,
+)
+from kybflow.runtime.commanding.lease import Lease
+from kybflow.runtime.commanding.legal import NOT_FLYING, Watched
+from kybflow.runtime.commanding.orders import (
+    PREFIX,
+    Answer,
+    LandOrder,
+    PauseOrder,
+    ReleaseLease,
+    ResetOrder,
+    ResumeOrder,
+    VehicleOrder,
+    text,
+    word,
+)
+from kybflow.runtime.commanding.situation import Situation
+from kybflow.runtime.fleet.action_context import RunControls
+from kybflow.runtime.vehicle.requests import Requester, Requests
+
+BY = "operator"
+"""The requester, as it appears in the events of what is commanded."""
+LANDED = "a person landed it"
+
+_Answered = Callable[[Answer], None]
+
+
+class Commander:
+    """give_up: ends the flows, because every vehicle lands."""
+
+    def __init__(
+        self,
+        watched: Watched,
+        controls: RunControls,
+        give_up: Callable[[], None],
+        queue: CommandQueue,
+    ) -> None:
+        self._watched, self._controls, self._give_up = watched, controls, give_up
+        self._plan, self._events = watched.plan, controls.events
+        self._queue, self._lease = queue, Lease()
+        self._scheduled, self._waiting = queue.scheduled, queue.waiting
+        self._heard: deque[_Heard] = deque()
+
+    def step(self, now: Time) -> None:
+        """Give what is due and what waits. The engine calls it at the start of a tick."""
+        while self._scheduled and self._scheduled[0][0] <= now:
+            self._hear(self._scheduled.popleft()[1], now, flying=True)
+        if self._waiting:
+            self._take_up(now, flying=True)
+
+    def stand_by(self, now: Time) -> None:
+        """Answer what waits during the preflight, in which a person can only stop the run."""
+        while self._scheduled and self._scheduled[0][0] <= now and not self._scheduled[0][1].name:
+            self._hear(self._scheduled.popleft()[1], now, flying=False)
+        if self._waiting:
+            self._take_up(now, flying=False)
+
+    def situation(self, now: Time, *, flying: bool = True) -> Situation:
+        """Return what the run does and what is legal, at the end of the last tick."""
+        return self._watched.situation(now, self._lease.holder, flying=flying)
+
+    def _take_up(self, now: Time, *, flying: bool) -> None:
+        situation: Situation | None = None
+        for _ in range(len(self._waiting)):
+            match self._waiting.popleft():
+                case GivenCommand() as given:
+                    self._hear(given, now, flying=flying)
+                case Question(shown):
+                    situation = situation or self.situation(now, flying=flying)
+                    shown(situation)
+                case Departure(by):
+                    if by == self._lease.holder:
+                        self._hear(GivenCommand(ReleaseLease(), by), now, flying=flying)
+                case ServerFailure(reason):
+                    self._events.tell("commands_failed", reason=reason)
+
+    def _hear(self, given: GivenCommand, now: Time, *, flying: bool) -> None:
+        heard = _Heard(given, now)
+        self._heard.append(heard)
+        answered = partial(self._answer, heard)
+        before, order = self._lease.holder, given.order
+        reason = self._lease.objection(order, given.by, given.take)
+        if reason is None and before not in (None, given.by, self._lease.holder):
+            self._events.note("lease_taken", "", by=given.by, previous=before)
+        if reason is None and not flying and not isinstance(order, (Stop, ReleaseLease)):
+            reason = NOT_FLYING
+        if reason is not None:
+            answered(Answer(False, reason))
+            return
+        try:
+            self._give(given, answered)
+        except KybflowError as refusal:
+            answered(Answer(False, str(refusal)))
+        except Exception as error:  # a command must not stop the flight
+            answered(Answer(False, described(error)))
+
+    def _answer(self, heard: _Heard, answer: Answer) -> None:
+        """Note what is answered, in the order in which it was heard."""
+        heard.answer = heard.answer or answer
+        while self._heard and self._heard[0].answer is not None:
+            first = self._heard.popleft()
+            assert first.answer is not None
+            given, (accepted, reason) = first.given, first.answer
+            self._events.note(
+                "command_given",
+                "",
+                command=text(given.order),
+                by=given.by,
+                take=given.take,
+                heard_s=first.at / NS,
+                accepted=accepted,
+                reason=reason,
+            )
+            given.answered(first.answer)
+
+    def _give(self, given: GivenCommand, answered: _Answered) -> None:
+        controls = self._controls
+        match given.order:
+            case Emit(name):
+                answered(self._emitted(name))
+            case Switch(vehicle, state):
+                requests, goal = self._requests(vehicle), self._goal(vehicle, state)
+                requests.switch(goal, Requester.OPERATOR, answered=_as_answer(answered))
+            case SetOption(option, value):
+                controls.options.set(option, value, BY, answered=_as_answer(answered))
+            case Enable(vehicle, label, on):
+                self._requests(vehicle).enable(label, on, BY, answered=_as_answer(answered))
+            case EnterPhase(flow, phase):
+                self._check_phase(flow, phase)
+                _as_answer(answered)(controls.phase(flow, phase, BY, ""))
+            case Stop(reason):
+                self._events.tell(f"{PREFIX}stop")
+                controls.stop(reason or "stopped by the operator", "")
+                answered(Answer(True))
+            case ReleaseLease():
+                answered(Answer(True))
+            case order:
+                self._ask_vehicles(order, answered)
+
+    def _emitted(self, name: str) -> Answer:
+        check_emitted(self._plan, (name,))
+        waits = name in self._watched.awaited_now()
+        self._events.tell(name)
+        return Answer(True, "" if waits else "nothing waits for it now")
+
+    def _ask_vehicles(self, order: VehicleOrder, answered: _Answered) -> None:
+        """Ask the vehicles that the order names; to all of them it is an event too."""
+        everyone = self._controls.requests
+        asked = {name: self._requests(name) for name in order.vehicles or everyone}
+        if len(asked) == len(everyone):
+            event = f"{PREFIX}{word(order)}"
+            waits = event in self._watched.awaited_now()
+            self._events.tell(event)
+            if isinstance(order, LandOrder):
+                self._give_up()
+        else:
+            waits = False
+        poll = _Poll(tuple(asked), answered, is_heard=waits)
+        for name, requests in asked.items():
+            said = partial(poll.said, name)
+            match order:
+                case PauseOrder():
+                    requests.pause(BY, answered=said)
+                case ResumeOrder():
+                    requests.resume(BY, answered=said)
+                case ResetOrder():
+                    requests.reset(BY, answered=said)
+                case LandOrder():
+                    said(_landed(requests))
+
+    def _requests(self, vehicle: str) -> Requests:
+        """Raises Refused for a name that no vehicle has."""
+        known = self._controls.requests
+        if vehicle not in known:
+            raise Refused(f"there is no vehicle `{vehicle}`; {did_you_mean(vehicle, known)}")
+        return known[vehicle]
+
+    def _goal(self, vehicle: str, name: str) -> str:
+        """Return the state that `name` means: a chain's name means its first state."""
+        [plan] = (plan for plan in self._plan.vehicles if plan.name == vehicle)
+        if name in plan.states:
+            return name
+        for state in plan.states:
+            if is_in(state, name):
+                return state
+        hint = did_you_mean(name, plan.states)
+        raise Refused(f"`{vehicle}` has no state `{name}`; {hint}")
+
+    def _check_phase(self, flow: str, phase: str) -> None:
+        """Raises Refused for a flow or a phase that the mission doesn't have."""
+        flows = {plan.name: plan.phases for plan in self._plan.flows}
+        if flow not in flows:
+            raise Refused(f"there is no flow `{flow}`; {did_you_mean(flow, flows)}")
+        if phase not in flows[flow]:
+            raise Refused(f"`{flow}` has no phase `{phase}`; {did_you_mean(phase, flows[flow])}")
+
+
+class _Heard:
+    """A command that was heard, and its answer once there is one."""
+
+    __slots__ = ("answer", "at", "given")
+
+    def __init__(self, given: GivenCommand, at: Time) -> None:
+        self.given, self.at = given, at
+        self.answer: Answer | None = None
+
+
+class _Poll:
+    """Gathers the answers of several vehicles into one: accepted when any accepts, or when the
+    mission itself hears the command as an event; who refuses is named."""
+
+    def __init__(self, asked: Sequence[str], decided: _Answered, *, is_heard: bool) -> None:
+        self._silent, self._decided = len(asked), decided
+        self._asked, self._is_heard = asked, is_heard
+        self._refusals: list[str] = []
+
+    def said(self, vehicle: str, reason: str | None) -> None:
+        self._silent -= 1
+        if reason is not None:
+            self._refusals.append(f"{vehicle}: {reason}" if len(self._asked) > 1 else reason)
+        if self._silent == 0:
+            accepted = self._is_heard or len(self._refusals) < len(self._asked)
+            self._decided(Answer(accepted, "; ".join(self._refusals)))
+
+
+def _as_answer(answered: _Answered) -> Callable[[str | None], None]:
+    return lambda reason: answered(Answer(reason is None, reason or ""))
+
+
+def _landed(requests: Requests) -> str | None:
+    """Land a vehicle; return why it can't begin to."""
+    try:
+        requests.retire(LANDED)
+    except Exception as error:  # a part may raise anything; the others land all the same
+        return described(error)
+    return None

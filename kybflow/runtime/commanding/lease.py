@@ -1,0 +1,28 @@
+"""The lease: who commands a run. The first who gives a command holds it until they release it or
+another takes it; `land`, `pause` and `stop` are heard from anyone, and so is the run's own
+schedule."""
+
+from __future__ import annotations
+
+from kybflow.dsl.plan import Stop
+from kybflow.runtime.commanding.orders import LandOrder, Order, PauseOrder, ReleaseLease
+
+SCHEDULE = "command line"
+"""Who gives what was scheduled when the run began."""
+_FROM_ANYONE = (LandOrder, PauseOrder, Stop)
+
+
+class Lease:
+    """holder: the name of who commands the run, None while nobody does."""
+
+    def __init__(self) -> None:
+        self.holder: str | None = None
+
+    def objection(self, order: Order, by: str, take: bool) -> str | None:
+        """Return why `by` may not give a command now, None if they may, and hold the lease then."""
+        if by == SCHEDULE or isinstance(order, _FROM_ANYONE):
+            return None
+        if self.holder not in (None, by) and not take:
+            return f"`{self.holder}` commands this run; take the lease to command it instead"
+        self.holder = None if isinstance(order, ReleaseLease) else by
+        return None

@@ -1,0 +1,104 @@
+"""Looks at a run and says what it does and what is legal now, by asking what refuses commands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from kybflow.core.geometry import heading_of
+from kybflow.core.signals import NS, Estimate, Setpoint, Time
+from kybflow.dsl.plan import Plan
+from kybflow.runtime.commanding.awaited import awaited, awaited_now, heard_by
+from kybflow.runtime.commanding.situation import (
+    EstimateSummary,
+    FlowSituation,
+    SetpointSummary,
+    Situation,
+    VehicleSituation,
+)
+from kybflow.runtime.fleet.flows import Flows, RunningFlow
+from kybflow.runtime.vehicle.vehicle import Vehicle
+
+NOT_FLYING = "the preflight is not over"
+"""Why most commands are refused before the first tick."""
+
+
+class Watched(NamedTuple):
+    """What there is to look at."""
+
+    plan: Plan
+    vehicles: Sequence[Vehicle]
+    flows: Flows
+
+    def awaited_now(self) -> set[str]:
+        """Return the events that something hears now."""
+        begun = {v.name: v.state for v in self.vehicles if v.activity.begun}
+        flows = (self.flows.running(flow.name) for flow in self.plan.flows)
+        phases = {flow.plan.name: flow.phase.name for flow in flows if flow.active}
+        return awaited_now(self.plan, begun, phases)
+
+    def situation(self, now: Time, holder: str | None, *, flying: bool) -> Situation:
+        """Return the situation at `now`. holder: who has the lease."""
+        heard = self.awaited_now()
+        return Situation(
+            mission=self.plan.mission,
+            time=now / NS,
+            flying=flying,
+            holder=holder,
+            vehicles=tuple(_vehicle(v, now, self.flows.driver(v.name)) for v in self.vehicles),
+            flows=tuple(_flow(flow.name, self.flows, now, flying) for flow in self.plan.flows),
+            emit={name: flying and name in heard for name in awaited(self.plan)},
+        )
+
+
+def _vehicle(vehicle: Vehicle, now: Time, driver: str | None) -> VehicleSituation:
+    activity, requests, override = vehicle.activity, vehicle.requests, vehicle.link_out.override
+    begun, failsafe, hold = activity.begun, vehicle.failsafe, activity.hold
+    early = None if begun else NOT_FLYING
+    goals = [name for name in vehicle.plan.states if name != "fault"]
+    return VehicleSituation(
+        name=vehicle.name,
+        state=vehicle.state if begun else "",
+        behavior=activity.state.behavior.name if begun else "",
+        flight=activity.flight.value,
+        elapsed=(now - activity.entered) / NS if begun else 0.0,
+        holders=() if hold is None else tuple(sorted(hold.holders)),
+        latched=None if failsafe.latched is None else failsafe.latched.name.lower(),
+        braking=failsafe.brakes_because or None,
+        override=None if override is None else override.reason,
+        retired=requests.retired,
+        driver=driver,
+        battery=None if vehicle.battery is None else vehicle.battery.remaining,
+        estimate=_estimate(vehicle.estimate, vehicle.estimator),
+        setpoint=_setpoint(vehicle.followed),
+        waits_for=heard_by(activity.state.transitions) if begun else (),
+        enter={goal: early or requests.objection(goal) for goal in goals},
+        pause=early or requests.pause_objection(),
+        resume=early or requests.resume_objection(),
+        reset=early or requests.reset_objection(now),
+        land=early,
+    )
+
+
+def _estimate(estimate: Estimate | None, estimator: str | None) -> EstimateSummary | None:
+    if estimate is None:
+        return None
+    heading = heading_of(estimate.attitude)
+    return EstimateSummary(estimate.position, estimate.velocity, heading, estimate.age, estimator)
+
+
+def _setpoint(setpoint: Setpoint | None) -> SetpointSummary | None:
+    return None if setpoint is None else SetpointSummary(setpoint.position, setpoint.velocity)
+
+
+def _flow(name: str, flows: Flows, now: Time, flying: bool) -> FlowSituation:
+    running: RunningFlow = flows.running(name)
+    reason = flows.objection(name) if flying else NOT_FLYING
+    return FlowSituation(
+        name=name,
+        phase=running.phase.name if running.active else None,
+        elapsed=(now - running.entered) / NS if running.active else 0.0,
+        vehicles=tuple(flows.driven(name)),
+        waits_for=heard_by(running.phase.transitions) if running.active else (),
+        enter=dict.fromkeys(running.plan.phases, reason),
+    )
