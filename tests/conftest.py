@@ -34,11 +34,22 @@ def run(tmp_path: Path) -> Callable[..., object]:
     from kybflow.api.flight import RunRequest, fly
     from kybflow.parts.observables import EVENT_FIELDS
 
-    def run(*vehicles, seed=0, options=(), emitted=(), observers=(), listeners=(), **facts):
+    def run(
+        *vehicles,
+        seed=0,
+        options=(),
+        emitted=(),
+        observers=(),
+        listeners=(),
+        servers=(),
+        again=(),
+        **facts,
+    ):
         told = []
         out = tmp_path / str(len(list(tmp_path.iterdir())))
-        request = RunRequest(seed=seed, out=out, options=options, emitted=emitted)
-        flown = fly(plan(*vehicles, **facts), request, (*listeners, told.append), observers)
+        request = RunRequest(seed=seed, out=out, options=options, emitted=emitted, again=again)
+        listeners = (*listeners, told.append)
+        flown = fly(plan(*vehicles, **facts), request, listeners, observers, servers)
         for event in told:
             if event.name in EVENT_FIELDS:
                 assert set(event.fields) <= set(EVENT_FIELDS[event.name]), event

@@ -79,3 +79,10 @@ class GrowingFile:
 
 def _appending(name: str, flags: int) -> int:
     return os.open(name, flags | os.O_APPEND, 0o666)
+
+
+def whole_lines(path: Path) -> list[str]:
+    """Return the lines of a file that was written as the run went: the last one of a run that was
+    killed may be a part only, and is left out. None where there is no file."""
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    return text.split("\n")[:-1]

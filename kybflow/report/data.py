@@ -24,6 +24,7 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Battery
 from kybflow.core.units import LENGTH, NUMBER, parse_quantity
 from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
+from kybflow.recording.growing_file import whole_lines
 from kybflow.recording.layout import (
     HAS_POSITION,
     HAS_VELOCITY,
@@ -133,7 +134,7 @@ def read_run(folder: Path) -> Run:
     """The run in `folder`. Raises RunFolderError where its files can't be read."""
     try:
         log = read_log(folder / LOG)
-        events = [json.loads(line) for line in _whole_lines(folder / EVENTS)]
+        events = [json.loads(line) for line in whole_lines(folder / EVENTS)]
         world = read_world(folder / RESOLVED)
         summary, provenance = _read_json(folder / SUMMARY), _read_json(folder / PROVENANCE)
         pictures = read_pictures(folder)
@@ -148,11 +149,6 @@ def read_run(folder: Path) -> Run:
         e for name in log.mission["vehicles"] for e in read_estimators(log.messages, name)
     )
     return Run(log.mission, summary, provenance, events, tracks, end, world, estimators, pictures)
-
-
-def _whole_lines(path: Path) -> list[str]:
-    text = path.read_text(encoding="utf-8") if path.exists() else ""
-    return text.split("\n")[:-1]
 
 
 def _read_json(path: Path) -> dict[str, Any]:

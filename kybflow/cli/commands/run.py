@@ -32,11 +32,15 @@ if TYPE_CHECKING:
     from kybflow.cli.printing.live import LivePanel
     from kybflow.cli.printing.run import PlainPanel
     from kybflow.dsl.plan import Plan
+    from kybflow.recording.earlier_run import EarlierRun
+    from kybflow.runtime.commanding.command_queue import RecordedCommand
 
+ASKED = "target, seed, --set, --option and --emit"
 EXAMPLES = examples(
     "kybflow run missions/figure_eight.yaml",
     "kybflow run missions/figure_eight.yaml --set lap=8s --seed 3",
     "kybflow run missions/first_flight.yaml --speed 1 --live",
+    "kybflow run runs/X/mission.resolved.yaml --again runs/X",
 )
 
 
@@ -66,6 +70,13 @@ EXAMPLES = examples(
     help="Give an event while it flies, like operator.go@2s; TIME is that of the run. "
     "operator.pause, .resume, .land, .reset and .stop act on every vehicle.",
 )
+@click.option(
+    "--again",
+    type=PATH,
+    metavar="RUN",
+    help="Fly as an earlier run's folder says: with its target, seed, --set, --option and --emit, "
+    "and each command given at the same time.",
+)
 @click.option("--live", is_flag=True, help="Show the simulation in a window.")
 @click.option("--plain", is_flag=True, help="Events as lines, no table.")
 @click.option("--report/--no-report", default=True, help="Write report.html.")
@@ -78,6 +89,7 @@ def command(
     speed: float | None,
     options: tuple[str, ...],
     emits: tuple[str, ...],
+    again: Path | None,
     live: bool,
     plain: bool,
     report: bool,
@@ -94,11 +106,17 @@ def command(
     """
     from kybflow.api.flight import RunRequest
 
+    commands: tuple[RecordedCommand, ...] = ()
+    if again is not None:
+        if target or seed or sets or options or emits:
+            raise click.UsageError(f"--again takes {ASKED} from the earlier run")
+        target, seed, sets, options, emits, commands = _earlier(again)
+        sets = () if mission.resolve().parent == again.resolve() else sets
     pace = 1.0 if live and speed is None else speed
     changes = tuple(_pair(option) for option in options)
     given = tuple(_timed(emit) for emit in emits)
     plan, _ = compiled(mission, target, sets)
-    request = RunRequest(seed, out, pace, changes, given, sets)
+    request = RunRequest(seed, out, pace, changes, given, sets, commands)
     raise Exit(fly_plan(plan, request, live=live, plain=plain, report=report))
 
 
@@ -125,6 +143,16 @@ def fly_plan(
     for line in outcome(flown, has_pace=plan.simulated):
         tell(line)
     return _reported(flown, tell, complain) if report else flown.exit_code
+
+
+def _earlier(folder: Path) -> EarlierRun:
+    from kybflow.recording.earlier_run import read_earlier_run
+    from kybflow.recording.run_folder import RunFolderError
+
+    try:
+        return read_earlier_run(folder)
+    except RunFolderError as error:
+        raise click.BadParameter(str(error), param_hint="--again") from None
 
 
 def _panel(tell: Callable[[str], None], *, plain: bool) -> PlainPanel | LivePanel:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from kybflow.core.signals import NS, Time
 from kybflow.runtime.commanding.lease import SCHEDULE
-from kybflow.runtime.commanding.orders import Answer, Order, named, parse, text
+from kybflow.runtime.commanding.orders import LONGEST, Answer, Order, named, parse, text
 from kybflow.runtime.commanding.situation import Situation
 
 OVER = "the run is over"
@@ -85,6 +85,8 @@ class CommandQueue:
         """Give a command. by: the name of who gives it. take: take the lease from another."""
         if by == SCHEDULE:
             answered(Answer(False, f"nobody may be called `{SCHEDULE}`"))
+        elif not (_is_line(by) and _is_line(text(order))):
+            answered(Answer(False, f"a command is one line of at most {LONGEST} printed letters"))
         elif not self._put(GivenCommand(order, by, take, answered)):
             busy = f"{MOST_WAITING} commands wait already"
             answered(Answer(False, OVER if self._closed else busy))
@@ -126,3 +128,8 @@ class CommandQueue:
                 return False
             self.waiting.append(item)
             return True
+
+
+def _is_line(words: str) -> bool:
+    """Whether it can be recorded."""
+    return len(words) <= LONGEST and words.isprintable()

@@ -41,6 +41,7 @@ from kybflow.runtime.commanding.orders import (
     word,
 )
 from kybflow.runtime.commanding.situation import Situation
+from kybflow.runtime.events import Fields
 from kybflow.runtime.fleet.action_context import RunControls
 from kybflow.runtime.vehicle.requests import Requester, Requests
 
@@ -76,8 +77,10 @@ class Commander:
 
     def stand_by(self, now: Time) -> None:
         """Answer what waits during the preflight, in which a person can only stop the run."""
-        while self._scheduled and self._scheduled[0][0] <= now and not self._scheduled[0][1].name:
-            self._hear(self._scheduled.popleft()[1], now, flying=False)
+        due = [item for item in self._scheduled if item[0] <= now and not item[1].name]
+        for item in due:
+            self._scheduled.remove(item)
+            self._hear(item[1], now, flying=False)
         if self._waiting:
             self._take_up(now, flying=False)
 
@@ -126,18 +129,8 @@ class Commander:
         while self._heard and self._heard[0].answer is not None:
             first = self._heard.popleft()
             assert first.answer is not None
-            given, (accepted, reason) = first.given, first.answer
-            self._events.note(
-                "command_given",
-                "",
-                command=text(given.order),
-                by=given.by,
-                take=given.take,
-                heard_s=first.at / NS,
-                accepted=accepted,
-                reason=reason,
-            )
-            given.answered(first.answer)
+            self._events.note("command_given", "", **first.record(first.answer, self._events.now))
+            first.given.answered(first.answer)
 
     def _give(self, given: GivenCommand, answered: _Answered) -> None:
         controls = self._controls
@@ -229,6 +222,16 @@ class _Heard:
     def __init__(self, given: GivenCommand, at: Time) -> None:
         self.given, self.at = given, at
         self.answer: Answer | None = None
+
+    def record(self, answer: Answer, now: Time) -> dict[str, Fields]:
+        """Return the fields of its event. heard_s: when it was heard, if that wasn't `now`."""
+        fields: dict[str, Fields] = {"command": text(self.given.order), "by": self.given.by}
+        if self.given.take:
+            fields["take"] = True
+        if self.at != now:
+            fields["heard_s"] = self.at / NS
+        fields["accepted"] = answer.accepted
+        return {**fields, "reason": answer.reason} if answer.reason else fields
 
 
 class _Poll:

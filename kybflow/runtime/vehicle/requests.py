@@ -14,7 +14,7 @@ from enum import IntEnum
 from functools import partial
 from typing import NamedTuple
 
-from kybflow.core.errors import Refused, described
+from kybflow.core.errors import PartFailed, Refused, described
 from kybflow.core.signals import Reaction, Time
 from kybflow.dsl.plan import StatePlan, VehiclePlan
 from kybflow.parts import GROUND
@@ -109,10 +109,12 @@ class Requests:
         self._order(partial(self._reset, by, at), answered)
 
     def retire(self, reason: str) -> None:
-        """Land and stay on the ground, because the run ends as planned."""
+        """Land and stay on the ground, because the run ends as planned. A landing that was paused
+        goes on."""
         self.retired = reason
         activity = self._activity
-        if self._failsafe.latched is None and activity.machine.state not in _STAYS:
+        stays = activity.machine.state in _STAYS and not self.paused
+        if self._failsafe.latched is None and not stays:
             self._failsafe.clear_brake()
             activity.go("auto_land" if activity.off_ground else "landed")
 
@@ -265,8 +267,9 @@ def _answer(order: Callable[[], str | None], asking: Sequence[Answered]) -> None
     try:
         reason = order()
     except Exception as error:
+        failed = str(error) if isinstance(error, PartFailed) else described(error)
         for answered in asking:
-            answered(described(error))
+            answered(failed)
         raise
     for answered in asking:
         answered(reason)

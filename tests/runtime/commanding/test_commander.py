@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import pytest
+from commanders import Asked, People
 from plans import part, plan, state, vehicle
-from short_flights import down, hold, named, path, up
+from short_flights import Still, down, hold, named, path, up
 
 from kybflow.core.errors import EventRefused
-from kybflow.core.signals import NS
-from kybflow.dsl.plan import CallbackPlan, Emit, LogText, TransitionPlan
+from kybflow.core.signals import NS, SetpointKind
+from kybflow.dsl.plan import CallbackPlan, Emit, LogText, Stop, TransitionPlan
+from kybflow.parts import AIR
 from kybflow.runtime.commanding.awaited import check_emitted
+from kybflow.runtime.commanding.command_queue import MOST_WAITING, CommandQueue
+from kybflow.runtime.commanding.lease import SCHEDULE
+from kybflow.runtime.commanding.orders import Answer
+from kybflow.runtime.commanding.situation import Situation
 
 
 def idle(target: str):
@@ -85,3 +91,174 @@ def test_a_mission_s_own_event_and_the_commands_can_be_given():
         CallbackPlan("ready", ("",), (LogText("ready"),)),
     )
     check_emitted(plan(held(), callbacks=own), ["ready", "operator.pause", "operator.stop"])
+
+
+def answers(run, *asked: Asked, vehicles=None, **facts):
+    """Each command with its answer, of a flight that is stopped after the last; and what was told.
+    Every answer came within two ticks."""
+    people = People(*asked, Asked(asked[-1].seconds + 0.1, "stop"))
+    flown, told = run(
+        *(vehicles or [held()]), servers=(people.serve,), observers=(people.look,), **facts
+    )
+    assert all(told.took <= 2 for told in people.told)
+    assert all(isinstance(saw, Situation) for saw in people.saw)
+    return [answer for answer in people.answers if answer[0] != "stop"], told, flown
+
+
+def test_each_command_is_answered_once_and_refused_in_the_words_of_the_event(run):
+    asked = [
+        (4.0, "resume", False, "it is not paused"),
+        (4.1, "pause", True, ""),
+        (4.2, "pause a", True, ""),
+        (4.3, "reset a", False, "it is in the air"),
+        (4.4, "resume a", True, ""),
+        (5.0, "switch a up", False, "`take_off` can't start while the vehicle is in the air"),
+        (5.1, "switch a hver", False, "`a` has no state `hver`; did you mean `hover`?"),
+        (5.2, "switch c up", False, "there is no vehicle `c`; known here: `a`"),
+        (5.3, "switch a brake", True, ""),
+        (5.4, "disable a.processors.fence", False, "a safety part can't be switched off"),
+        (5.5, "disable a.processors.nothing", False, "only processors are switched on and off"),
+        (5.6, "emit operator.og", False, "the mission doesn't wait for `operator.og`; "
+         "did you mean `operator.stop`?"),
+        (5.7, "emit landed", False,
+         "the mission doesn't wait for a person's `landed`: kybflow tells it"),
+        (5.8, "phase team go", False, "there is no flow `team`; "),
+        (6.0, "land a", True, ""),
+        (6.1, "switch a hover", False, "the run ends: a person landed it"),
+    ]  # fmt: skip
+    found, told, _ = answers(run, *(Asked(seconds, words) for seconds, words, *_ in asked))
+    assert found == [(words, accepted, said) for _, words, accepted, said in asked]
+    refused = [e.fields["reason"] for e in told if e.name.endswith("_refused")]
+    assert set(refused) <= {said for *_, said in asked}
+    given = [e.fields for e in named(told, "command_given")]
+    assert [fields["command"] for fields in given] == [words for _, words, *_ in asked] + ["stop"]
+    assert {fields["by"] for fields in given} == {"anna"}
+
+
+def test_options_are_set_from_text_with_a_unit_and_only_tightened_in_flight(run):
+    option = "a.processors.fence.margin"
+    found, told, _ = answers(
+        run,
+        Asked(4.0, f"set {option} 30 cm"),
+        Asked(4.5, f"set {option} 10 cm"),
+        Asked(5.0, f"set {option} 3 kg"),
+        Asked(5.5, "set a.processors.fence.mrgin 1 m"),
+        Asked(5.5, f"set {option} 40 cm", "ben"),
+    )
+    assert [accepted for _, accepted, _ in found] == [True, False, False, False, False]
+    assert "safety parameter: in flight it only becomes greater" in found[1][2]
+    assert "did you mean" in found[3][2]
+    assert "`anna` commands this run" in found[4][2]
+    assert [e.fields["value"] for e in named(told, "option_changed")] == ["0.3"]
+
+
+def test_vehicles_are_commanded_one_by_one_and_the_others_go_on(run):
+    b = vehicle("b", [up("hold"), hold(60.0, "down"), down()], start=(1.0, 1.0, 0.0))
+    found, told, flown = answers(
+        run,
+        Asked(4.0, "pause b"),
+        Asked(5.0, "land b"),
+        Asked(5.5, "pause a b"),
+        Asked(5.6, "reset"),
+        vehicles=[held(), b],
+    )
+    assert [e.vehicle for e in named(told, "paused")] == ["b", "a", "b"]
+    assert path(told, "b")[-2:] == ["auto_land", "landed"]
+    assert [e.name for e in told if e.name.startswith("operator.")] == [
+        "operator.pause",
+        "operator.reset",
+        "operator.stop",
+    ]
+    assert found[3] == ("reset", False, "a: it is in the air; b: it is in the air")
+    assert flown.exit_code == 0, flown.summary["reason"]
+
+
+def test_an_event_that_comes_too_early_is_told_with_a_word_of_warning(run):
+    states = [up("hold"), hold(0.5, "idle"), idle("down"), down()]
+    states[2] = state("idle", part("behaviors", "hover"), *idle("down").transitions)
+    found, told, _ = answers(
+        run,
+        Asked(1.0, "emit operator.go"),
+        Asked(4.5, "emit operator.go"),
+        vehicles=[vehicle("a", states)],
+    )
+    assert found == [
+        ("emit operator.go", True, "nothing waits for it now"),
+        ("emit operator.go", True, ""),
+    ]
+    assert path(told, "a")[:4] == ["up", "hold", "idle", "down"]
+
+
+def test_one_commander_is_heard_until_another_takes_the_lease(run):
+    found, told, _ = answers(
+        run,
+        Asked(4.0, "switch a brake"),
+        Asked(4.1, "switch a hover", "ben"),
+        Asked(4.2, "pause", "ben"),
+        Asked(4.3, "resume", "ben", True),
+        Asked(4.4, "switch a hover", "anna"),
+        Asked(4.5, "leave", "anna"),
+        Asked(4.6, "leave", "ben"),
+        Asked(4.7, "switch a hover", "anna"),
+    )
+    assert [accepted for _, accepted, _ in found] == [True, False, True, True, False, True]
+    assert found[1][2] == "`anna` commands this run; take the lease to command it instead"
+    [taken] = named(told, "lease_taken")
+    assert taken.fields == {"by": "ben", "previous": "anna"}
+    released = [e for e in named(told, "command_given") if e.fields["command"] == "release"]
+    assert [e.fields["by"] for e in released] == ["ben"]
+
+
+def test_a_part_that_raises_is_an_answer_and_no_end_of_the_flight(run):
+    class Broken(Still, flight=AIR >> AIR, emits=SetpointKind.POSITION):
+        def __init__(self, params, entry):
+            raise RuntimeError("out of order")
+
+    broken = vehicle("a", [up("hold"), hold(60.0, "down"), down(), state("bad", Broken)])
+    found, told, _ = answers(run, Asked(5.0, "switch a bad"), vehicles=[broken])
+    assert found == [("switch a bad", False, "RuntimeError: out of order")]
+    assert path(told, "a")[-2:] == ["auto_land", "fault"]
+
+
+def test_during_the_preflight_only_stop_is_heard_and_ends_the_run(run):
+    people = People(Asked(0.0, "land"), Asked(0.2, "switch a up"), Asked(0.4, "stop"))
+    outside = vehicle("a", [up("hold"), hold(60.0, "down"), down()], start=(5.0, 5.0, 0.0))
+    flown, told = run(outside, servers=(people.serve,), observers=(people.look,))
+    assert people.answers == [
+        ("land", False, "the preflight is not over"),
+        ("switch a up", False, "the preflight is not over"),
+        ("stop", True, ""),
+    ]
+    assert flown.summary["reason"] == "stopped by the operator, before the preflight was over"
+    assert people.saw[0].vehicles[0].enter["up"] == "the preflight is not over"
+    assert not named(told, "behavior_started")
+
+
+def test_what_waits_when_the_run_ends_is_answered_and_what_comes_later_too():
+    queue, heard, saw = CommandQueue(), [], []
+    queue.ask(Stop(""), "anna", heard.append)
+    queue.look(saw.append)
+    queue.close()
+    queue.ask(Stop(""), "anna", heard.append)
+    queue.look(saw.append)
+    assert heard == [Answer(False, "the run is over")] * 2
+    assert saw == [None, None]
+
+
+def test_the_queue_is_bounded_and_takes_lines_only():
+    queue, heard = CommandQueue(), []
+    for _ in range(MOST_WAITING + 5):
+        queue.ask(Stop(""), "anna", heard.append)
+    assert heard == [Answer(False, f"{MOST_WAITING} commands wait already")] * 5
+    for words, by in (("\ud800", "anna"), ("x" * 2000, "anna"), ("x", "a\nb"), ("x", SCHEDULE)):
+        queue.ask(Emit(words), by, heard.append)
+    assert [answer.accepted for answer in heard[5:]] == [False] * 4
+
+
+def test_a_server_that_cannot_begin_is_told_and_the_flight_goes_on(run):
+    def broken(queue, folder):
+        raise OSError("no place left")
+
+    flown, told = run(held(1.0), servers=(broken,))
+    assert named(told, "commands_failed")[0].fields == {"reason": "OSError: no place left"}
+    assert flown.exit_code == 0
