@@ -121,12 +121,13 @@ def fly(
     began, started = time.monotonic(), datetime.now().astimezone()
     check_options(plan, request.options)
     check_emitted(plan, (name for _, name in request.emitted))
+    commands = CommandQueue(request.emitted, request.again)
     record = _record(plan, request, started)
     recorder, folder = record.recorder, record.folder
     try:
         events = Events((recorder.event, folder.event, *listeners))
-        run = _Run(plan, request, events, recorder)
-        with Interrupts(run), _served(servers, run.commands, folder.path, events):
+        run = _Run(plan, request, events, recorder, commands)
+        with Interrupts(run), _served(servers, commands, folder.path, events):
             run.fly((record, *observers, *_pictures(plan, folder)))
             record.close()
             wall_time_s = time.monotonic() - began
@@ -135,7 +136,7 @@ def fly(
                 summary = run.summary(wall_time_s, record.failed)
     finally:
         record.close()
-    return Flown(folder.path, summary, run.never_given)
+    return Flown(folder.path, summary, commands.never_given)
 
 
 @contextmanager
@@ -268,11 +269,18 @@ class _Run:
     """A run under way: what is open, and how it ended. `interrupts` counts signals while the engine
     doesn't fly."""
 
-    def __init__(self, plan: Plan, request: RunRequest, events: Events, recorder: Recorder) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        request: RunRequest,
+        events: Events,
+        recorder: Recorder,
+        commands: CommandQueue,
+    ) -> None:
         self._plan, self._request = plan, request
         self._events, self._recorder = events, recorder
         self._score = Score(plan)
-        self.commands = CommandQueue(request.emitted, request.again)
+        self._commands = commands
         self.interrupts = 0
         self._engine: Engine | None = None
         self._reason: str | None = None
@@ -310,7 +318,7 @@ class _Run:
             events,
             observers,
             request.seed,
-            self.commands,
+            self._commands,
         )
         engine.interrupts = self.interrupts
         for name, value in request.options:
@@ -330,11 +338,6 @@ class _Run:
             engine.flows.close(engine.clock.now)
         ended_well = self._reason is None and self._driver_failed is None
         self._verdicts = engine.judge.verdicts(engine.seconds() if ended_well else None)
-
-    @property
-    def never_given(self) -> tuple[tuple[float, str], ...]:
-        """What was scheduled and whose time did not come."""
-        return self.commands.never_given
 
     def summary(self, wall_time_s: float, recording: str | None) -> dict[str, Any]:
         """The content of `summary.json`."""

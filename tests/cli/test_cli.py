@@ -220,6 +220,55 @@ def test_an_event_whose_time_never_came_is_told(tmp_path: Path) -> None:
     assert "`operator.land` at" not in result.output
 
 
+def earlier(folder: Path, *events: str) -> Path:
+    """The folder of an earlier run, as far as `--again` reads it."""
+    folder.mkdir()
+    asked = {"target": "sim", "seed": 3, "set": [], "option": [], "emit": ["operator.pause@2s"]}
+    (folder / "provenance.json").write_text(json.dumps(asked))
+    (folder / "events.jsonl").write_text("".join(f"{line}\n" for line in events) + '{"half')
+    return folder
+
+
+def command_given(seconds: float, **fields: object) -> str:
+    return json.dumps({"t_s": seconds, "event": "command_given", "fields": fields})
+
+
+def test_a_run_is_flown_again_with_the_commands_of_its_record(tmp_path: Path) -> None:
+    run_before = earlier(
+        tmp_path / "before",
+        command_given(2.0, command="pause", by="command line", accepted=True),
+        command_given(2.504, command="land", by="anna", heard_s=2.5, accepted=True),
+    )
+    words = ("--again", str(run_before), "--no-report", "--out", str(tmp_path / "run"))
+    run("run", FIRST, *words)
+    provenance = json.loads((tmp_path / "run" / "provenance.json").read_text())
+    assert (provenance["seed"], provenance["emit"]) == (3, ["operator.pause@2.0s"])
+    lines = (tmp_path / "run" / "events.jsonl").read_text().splitlines()
+    given = [e for e in map(json.loads, lines) if e["event"] == "command_given"]
+    assert [(e["t_s"], e["fields"]["command"], e["fields"]["by"]) for e in given] == [
+        (2.0, "pause", "command line"),
+        (2.5, "land", "anna"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("events", "words", "said"),
+    [
+        ((), ("--seed", "4"), "--again takes target, seed, --set, --option and --emit from the"),
+        (("[]",), (), "can't be flown again: `provenance.json` or `events.jsonl` is not as a run"),
+        ((command_given(1.0, command="fly", by="a"),), (), "there is no command `fly`"),
+    ],
+)
+def test_what_cannot_be_flown_again_is_refused_before_anything_is_written(
+    events: tuple[str, ...], words: tuple[str, ...], said: str, tmp_path: Path
+) -> None:
+    run_before, out = earlier(tmp_path / "before", *events), tmp_path / "run"
+    result = run("run", FIRST, "--again", str(run_before), "--out", str(out), *words)
+    assert result.exit_code == 2
+    assert said in " ".join(result.output.replace("│", " ").split())
+    assert not out.exists()
+
+
 def test_graph_draws_both_ways(tmp_path: Path) -> None:
     assert "stateDiagram-v2" in run("graph", FIRST).output
     drawing = tmp_path / "first.svg"
