@@ -324,7 +324,10 @@ class _Run:
         for name, value in request.options:
             engine.options.set(name, value, "command line")
         with Interrupts(engine), _frozen_garbage():
-            reason = engine.run()
+            try:
+                reason = engine.run()
+            finally:
+                engine.commander.close()
         self._driver_failed = next((v.link_error for v in vehicles if v.link_error), None)
         return reason
 

@@ -20,6 +20,7 @@ from kybflow.dsl.plan import Emit, Enable, EnterPhase, SetOption, Stop, Switch
 from kybflow.parts.observables import is_in
 from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import (
+    OVER,
     CommandQueue,
     Departure,
     GivenCommand,
@@ -83,6 +84,11 @@ class Commander:
             self._hear(item[1], now, flying=False)
         if self._waiting:
             self._take_up(now, flying=False)
+
+    def close(self) -> None:
+        """The run is over: answer the commands that no vehicle has answered."""
+        while self._heard:
+            self._answer(self._heard[0], Answer(False, OVER))
 
     def situation(self, now: Time, *, flying: bool = True) -> Situation:
         """Return what the run does and what is legal, at the end of the last tick."""

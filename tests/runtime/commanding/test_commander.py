@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from threading import Thread
+
 import pytest
 from commanders import Asked, People
 from plans import part, plan, state, vehicle
@@ -9,13 +11,17 @@ from short_flights import Still, down, hold, named, path, up
 
 from kybflow.core.errors import EventRefused
 from kybflow.core.signals import NS, SetpointKind
-from kybflow.dsl.plan import CallbackPlan, Emit, LogText, Stop, TransitionPlan
+from kybflow.dsl.plan import CallbackPlan, Emit, LogText, Stop, Switch, TransitionPlan
 from kybflow.parts import AIR
 from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import MOST_WAITING, CommandQueue
+from kybflow.runtime.commanding.commander import Commander
 from kybflow.runtime.commanding.lease import SCHEDULE
+from kybflow.runtime.commanding.legal import Watched
 from kybflow.runtime.commanding.orders import Answer
 from kybflow.runtime.commanding.situation import Situation
+from kybflow.runtime.events import Events
+from kybflow.runtime.fleet.action_context import RunControls
 
 
 def idle(target: str):
@@ -243,6 +249,43 @@ def test_what_waits_when_the_run_ends_is_answered_and_what_comes_later_too():
     queue.look(saw.append)
     assert heard == [Answer(False, "the run is over")] * 2
     assert saw == [None, None]
+
+
+def test_what_no_vehicle_has_answered_is_answered_at_the_end_and_once():
+    class Slow:
+        def switch(self, state, by, at="", answered=None):
+            self.answer = answered
+
+    slow, queue, heard, told = Slow(), CommandQueue(), [], []
+    controls = RunControls({"a": slow}, None, Events((told.append,)), None, None)
+    commander = Commander(Watched(plan(held()), (), None), controls, None, queue)
+    queue.ask(Switch("a", "hold"), "anna", heard.append)
+    commander.step(0)
+    assert heard == []
+    commander.close()
+    slow.answer(None)
+    assert heard == [Answer(False, "the run is over")]
+    assert [e.fields["command"] for e in told] == ["switch a hold"]
+
+
+def test_whoever_asks_from_many_threads_is_answered_once_each():
+    queue, heard = CommandQueue(), []
+    controls = RunControls({}, None, Events(), None, lambda reason, at: None)
+    commander = Commander(Watched(plan(held()), (), None), controls, None, queue)
+
+    def ask_all(name):
+        for i in range(200):
+            queue.ask(Stop(""), name, lambda answer, i=i: heard.append((name, i, answer)))
+
+    threads = [Thread(target=ask_all, args=(name,)) for name in "abcd"]
+    for thread in threads:
+        thread.start()
+    while any(thread.is_alive() for thread in threads):
+        commander.step(0)
+    commander.step(0)
+    queue.close()
+    assert sorted((name, i) for name, i, _ in heard) == [(n, i) for n in "abcd" for i in range(200)]
+    assert {answer for *_, answer in heard} <= {Answer(True), Answer(False, "the run is over")}
 
 
 def test_the_queue_is_bounded_and_takes_lines_only():
