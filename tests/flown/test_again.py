@@ -27,7 +27,7 @@ from kybflow.dsl.plan import (
 from kybflow.recording.earlier_run import read_earlier_run
 from kybflow.runtime.commanding.situation import Situation
 
-COUNT, FROM, EVERY = 50, 0.5, 0.25
+COUNT, FROM, EVERY = 50, 0.5, 0.2
 STATES = ("up", "still", "side", "down", "hover", "brake", "landed", "auto_land", "fault", "sid")
 COMMANDS = (
     *(f"switch {v} {state}" for v in "ab" for state in STATES),
