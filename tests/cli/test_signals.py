@@ -223,6 +223,8 @@ class Named:
         os.kill(os.getpid(), number)
 
 module, number = sys.argv.pop(1), int(sys.argv.pop(1))
+if signal.getsignal(number) is signal.SIG_IGN:  # tests that run under nohup
+    signal.signal(number, signal.default_int_handler)
 
 class Sends:
     def find_spec(self, name, *_):
