@@ -16,9 +16,10 @@ import pytest
 KYBFLOW = Path(__file__).parents[1] / "kybflow"
 MOST = 16
 MAY_HAVE_MORE = {
-    "dsl/checks", *(f"runtime/{kind}" for kind in ("behaviors", "faults", "supervisors")),
+    "cli/commands", "dsl/checks",
+    *(f"runtime/{kind}" for kind in ("behaviors", "faults", "supervisors")),
 }  # fmt: skip
-"""Folders of parts and of checks."""
+"""Folders of parts, of checks and of commands."""
 TWO_THINGS: dict[str, str] = {}
 """Public class names that stand in two files, each with the reason why they may."""
 

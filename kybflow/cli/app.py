@@ -28,6 +28,7 @@ UNUSED = {"OPENBLAS_NUM_THREADS": "1", "MUJOCO_GL": "off"}
 brings its own OpenGL. Who sets these variables is obeyed."""
 COMMANDS = (
     "run",
+    "command",
     "validate",
     "test",
     "preflight",

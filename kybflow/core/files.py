@@ -1,10 +1,14 @@
-"""Types of parameters that name a file, and how a whole file is written."""
+"""Types of parameters that name a file, the file by which a run is found, and how a whole file is
+written."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+
+CONTROL = "control.json"
+"""The file in a run's folder that says where the run takes commands, while it flies."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -201,7 +201,8 @@ EVENTS: dict[str, str] = {
     "run_ended": "The run is over.",
     "observer_failed": "Something that looks on was left out, because it raised.",
     "recording_stopped": "A part of the record is lost; the flight goes on.",
-    "commands_failed": "Commands to the run are no longer served: the flight goes on.",
+    "commands_failed": "Commands are not served as they should be: the flight goes on.",
+    "clients_refused": "Clients, or what they sent, were refused; told every 10 s at most.",
     "preflight_passed": "A check before take-off is green.",
     "preflight_failed": "A check before take-off stayed red.",
     "behavior_started": "A behavior was entered.",
@@ -278,7 +279,7 @@ EVENTS: dict[str, str] = {
 OF_THE_RUN = frozenset(
     {
         "run_started", "run_ended", "run_stopped", "observer_failed", "recording_stopped", "logged",
-        "action_failed", "commands_failed",
+        "action_failed", "commands_failed", "clients_refused",
         "phase_started", "phase_ended", "phase_refused", "flow_ended",
         "flow_failed",
     }
@@ -297,6 +298,7 @@ EVENT_FIELDS: dict[str, tuple[str, ...]] = {
     "observer_failed": ("reason",),
     "recording_stopped": ("reason",),
     "commands_failed": ("reason",),
+    "clients_refused": ("reason",),
     "run_stopped": ("reason",),
     "logged": ("text",),
     "action_failed": ("action", "reason"),

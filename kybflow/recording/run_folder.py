@@ -20,7 +20,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.errors import KybflowError
-from kybflow.core.files import File, write_whole
+from kybflow.core.files import CONTROL, File, write_whole
 from kybflow.core.signals import Event
 from kybflow.dsl.plan import EstimatorPlan, Plan, SensorPlan
 from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 SUMMARY, EVENTS, LOG, REPORT = "summary.json", "events.jsonl", "log.mcap", "report.html"
 FRAMES = "frames"
 """The folder of what cameras saw."""
-FILES = frozenset({SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES})
+FILES = frozenset({CONTROL, SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES})
 FLOWN_FROM = "files"
 """The key of `provenance.json` for the mission's files that are in the run folder."""
 _VERSION = re.compile(r"^Version: *(.*)$", re.MULTILINE)

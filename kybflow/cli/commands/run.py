@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from kybflow.api.flight import Flown, RunRequest
     from kybflow.cli.printing.live import LivePanel
     from kybflow.cli.printing.run import PlainPanel
+    from kybflow.command_server.server import CommandServer
     from kybflow.dsl.plan import Plan
     from kybflow.recording.earlier_run import EarlierRun
     from kybflow.runtime.commanding.command_queue import RecordedCommand
@@ -80,6 +81,7 @@ EXAMPLES = examples(
 @click.option("--live", is_flag=True, help="Show the simulation in a window.")
 @click.option("--plain", is_flag=True, help="Events as lines, no table.")
 @click.option("--report/--no-report", default=True, help="Write report.html.")
+@click.option("--commands/--no-commands", "serves", default=True, help="Take `kybflow command`s.")
 def command(
     mission: Path,
     target: str | None,
@@ -93,6 +95,7 @@ def command(
     live: bool,
     plain: bool,
     report: bool,
+    serves: bool,
 ) -> None:
     """Fly a mission and report.
 
@@ -117,14 +120,20 @@ def command(
     given = tuple(_timed(emit) for emit in emits)
     plan, _ = compiled(mission, target, sets)
     request = RunRequest(seed, out, pace, changes, given, sets, commands)
-    raise Exit(fly_plan(plan, request, live=live, plain=plain, report=report))
+    raise Exit(fly_plan(plan, request, live=live, plain=plain, report=report, serves=serves))
 
 
 def fly_plan(
-    plan: Plan, request: RunRequest, *, live: bool = False, plain: bool = False, report: bool = True
+    plan: Plan,
+    request: RunRequest,
+    *,
+    live: bool = False,
+    plain: bool = False,
+    report: bool = True,
+    serves: bool = False,
 ) -> int:
     """Fly a plan, show it and write its report; the exit code. live: in the drivers' own window.
-    plain: events as lines also on a terminal."""
+    plain: events as lines also on a terminal. serves: take those of `kybflow command`."""
     from kybflow.api.flight import fly
     from kybflow.cli.printing.run import outcome
     from kybflow.recording.run_folder import RunUnwritten
@@ -133,7 +142,10 @@ def fly_plan(
     try:
         plan = _with_window(plan) if live else plan
         with _panel(tell, plain=plain) as shown:
-            flown = fly(plan, request, (shown.hear,), (shown.look,))
+            server = _command_server() if serves else None
+            listeners = (shown.hear,) if server is None else (shown.hear, server.hear)
+            servers = () if server is None else (server.serve,)
+            flown = fly(plan, request, listeners, (shown.look,), servers)
     except RunUnwritten as error:
         complain(f"error: {error}")
         return FAILED
@@ -153,6 +165,12 @@ def _earlier(folder: Path) -> EarlierRun:
         return read_earlier_run(folder)
     except RunFolderError as error:
         raise click.BadParameter(str(error), param_hint="--again") from None
+
+
+def _command_server() -> CommandServer:
+    from kybflow.command_server.server import CommandServer
+
+    return CommandServer()
 
 
 def _panel(tell: Callable[[str], None], *, plain: bool) -> PlainPanel | LivePanel:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
-from kybflow.api.flight import Flown
 from kybflow.core.details import details, headline
 from kybflow.core.signals import NS, Event
 from kybflow.core.units import format_measured
-from kybflow.runtime.engine import Engine
+
+if TYPE_CHECKING:
+    from kybflow.api.flight import Flown
+    from kybflow.runtime.engine import Engine
 
 _MARGIN = " " * 20
 _QUIET_FIELDS = frozenset({"behavior", "part"})

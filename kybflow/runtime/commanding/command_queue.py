@@ -47,7 +47,13 @@ class Departure(NamedTuple):
 
 
 class ServerFailure(NamedTuple):
-    """Commands are no longer served."""
+    """Commands are not served as they should be."""
+
+    reason: str
+
+
+class ClientsRefused(NamedTuple):
+    """Some of those who would command, or what they sent, was refused before it was a command."""
 
     reason: str
 
@@ -61,9 +67,12 @@ class RecordedCommand(NamedTuple):
     take: bool
 
 
+Item = GivenCommand | Question | Departure | ServerFailure | ClientsRefused
+
+
 class CommandQueue:
-    """What waits for the tick. `ask`, `look`, `leave` and `complain` may be called in any thread
-    and return at once.
+    """What waits for the tick. `ask`, `look`, `leave`, `complain` and `warn` may be called in any
+    thread and return at once.
 
     emitted: events to give, each with its time in seconds of the run; their time counts in flight
     only. recorded: the commands of an earlier run, to be given at the same ticks. Raises
@@ -78,7 +87,7 @@ class CommandQueue:
         events = ((round(s * NS), GivenCommand(named(n), SCHEDULE, name=n)) for s, n in emitted)
         again = ((r.heard, GivenCommand(parse(r.command), r.by, r.take)) for r in recorded)
         self.scheduled = deque(sorted((*events, *again), key=lambda due: due[0]))
-        self.waiting: deque[GivenCommand | Question | Departure | ServerFailure] = deque()
+        self.waiting: deque[Item] = deque()
         self._lock, self._closed = Lock(), False
 
     def ask(self, order: Order, by: str, answered: Answered, *, take: bool = False) -> None:
@@ -101,8 +110,12 @@ class CommandQueue:
         self._put(Departure(by), bounded=False)
 
     def complain(self, reason: str) -> None:
-        """Tell, as the event `commands_failed`, that commands are no longer served."""
+        """Tell, as the event `commands_failed`, that commands are not served as they should be."""
         self._put(ServerFailure(reason), bounded=False)
+
+    def warn(self, reason: str) -> None:
+        """Tell, as the event `clients_refused`, what was refused before it was a command."""
+        self._put(ClientsRefused(reason), bounded=False)
 
     def close(self) -> None:
         """The run is over: answer what waits, and everything that is asked from now on."""
@@ -120,9 +133,7 @@ class CommandQueue:
         """What was scheduled and hasn't been given, each with its seconds of the run."""
         return tuple((due / NS, given.name or text(given.order)) for due, given in self.scheduled)
 
-    def _put(
-        self, item: GivenCommand | Question | Departure | ServerFailure, *, bounded: bool = True
-    ) -> bool:
+    def _put(self, item: Item, *, bounded: bool = True) -> bool:
         with self._lock:
             if self._closed or (bounded and len(self.waiting) >= MOST_WAITING):
                 return False

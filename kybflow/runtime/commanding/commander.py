@@ -21,6 +21,7 @@ from kybflow.parts.observables import is_in
 from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import (
     OVER,
+    ClientsRefused,
     CommandQueue,
     Departure,
     GivenCommand,
@@ -108,6 +109,8 @@ class Commander:
                         self._hear(GivenCommand(ReleaseLease(), by), now, flying=flying)
                 case ServerFailure(reason):
                     self._events.tell("commands_failed", reason=reason)
+                case ClientsRefused(reason):
+                    self._events.tell("clients_refused", reason=reason)
 
     def _hear(self, given: GivenCommand, now: Time, *, flying: bool) -> None:
         heard = _Heard(given, now)

@@ -1,0 +1,25 @@
+"""Commands to a run that flies, from Python.
+
+    from kybflow.api.commands import connect
+
+    with connect("figure_eight") as run:
+        run.pause()
+        run.switch("mk", "down")
+        print(run.state()["vehicles"][0]["state"])
+
+A run that `kybflow run` started takes them. One that a program flies with `fly` does where it is
+given a `CommandServer`: `fly(plan, request, [server.hear], servers=[server.serve])`.
+"""
+
+from kybflow.command_server.address import RunNotFound
+from kybflow.command_server.client import CommandRefused, RunClient, RunUnreachable, connect
+from kybflow.command_server.server import CommandServer
+
+__all__ = [
+    "CommandRefused",
+    "CommandServer",
+    "RunClient",
+    "RunNotFound",
+    "RunUnreachable",
+    "connect",
+]

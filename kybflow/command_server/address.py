@@ -1,0 +1,194 @@
+"""Where a run's socket is: in a folder that only its user may enter, and how it is found again.
+
+The folder is `$XDG_RUNTIME_DIR/kybflow`, or `/tmp/kybflow-UID` where there is none of the user's.
+The socket has the name of the run's folder, whose `control.json` says where it is. A socket whose
+run was killed is removed by the next run.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import socket
+import stat
+import struct
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+from kybflow.core.errors import KybflowError
+from kybflow.core.files import CONTROL, write_whole
+
+SUFFIX = ".sock"
+LONGEST_PATH = 107
+"""The bytes that the path of a socket may have (`sun_path` in unix(7), without its end)."""
+_ROOM = 40
+"""The bytes that a folder must leave for the name of a socket."""
+_TEMPORARY = "/tmp"
+_PEER = struct.Struct("3i")
+"""SO_PEERCRED of socket(7): pid, uid, gid."""
+
+
+class AddressError(KybflowError):
+    """There is no place for a socket; the message says why."""
+
+
+class RunNotFound(KybflowError):
+    """No run, or more than one, is what was named; the message says what there is."""
+
+
+class PeerProcess(NamedTuple):
+    """The process at the other end of a socket, by the kernel. pid: 0 for one that can't be seen
+    from here, such as that of another container."""
+
+    pid: int
+    uid: int
+
+
+def peer_of(connected: socket.socket) -> PeerProcess:
+    """Return who is at the other end. Raises OSError."""
+    said = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
+    pid, uid, _ = _PEER.unpack(said)
+    return PeerProcess(pid, uid)
+
+
+def folders() -> Iterator[Path]:
+    """Yield the folders where this user's sockets may be, the better one first."""
+    given = os.environ.get("XDG_RUNTIME_DIR", "")
+    if os.path.isabs(given) and _is_own(given):
+        path = Path(given, "kybflow")
+        if len(os.fsencode(path)) + _ROOM <= LONGEST_PATH:
+            yield path
+    yield Path(_TEMPORARY, f"kybflow-{os.geteuid()}")
+
+
+def _is_own(path: str | Path) -> bool:
+    try:
+        found = os.lstat(path)
+    except OSError:
+        return False
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid()
+
+
+def _is_private(path: Path) -> bool:
+    return _is_own(path) and stat.S_IMODE(os.lstat(path).st_mode) & 0o077 == 0
+
+
+def private_folder() -> Path:
+    """Return the folder for sockets, made if need be. Raises AddressError."""
+    reasons = []
+    for path in folders():
+        try:
+            path.mkdir(mode=0o700, exist_ok=True)
+        except OSError as error:
+            reasons.append(f"`{path}` can't be made: {error.strerror}")
+            continue
+        if _is_private(path):
+            return path
+        reasons.append(f"`{path}` is not a folder that only user {os.geteuid()} may enter")
+    raise AddressError("; ".join(reasons))
+
+
+def listen(name: str, backlog: int) -> tuple[socket.socket, Path]:
+    """Return a socket that listens, called after the run `name`, and its path. Raises
+    AddressError."""
+    folder = private_folder()
+    remove_stale(folder)
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
+    unborn = folder / f".{os.getpid()}-{id(listener):x}"
+    try:
+        listener.bind(os.fspath(unborn))
+        unborn.chmod(0o600)
+        listener.listen(backlog)
+        # whatever has the suffix listens or is dead: nobody sees a socket that is about to listen
+        return listener, _published(unborn, folder, name)
+    except OSError as error:
+        listener.close()
+        reason = error.strerror or error
+        raise AddressError(f"no socket can be made in `{folder}`: {reason}") from None
+    finally:
+        with suppress(OSError):
+            unborn.unlink()
+
+
+def _published(unborn: Path, folder: Path, name: str) -> Path:
+    """Give a socket its name, with a number where another run has it."""
+    room = LONGEST_PATH - len(os.fsencode(folder)) - len(f"/-99{SUFFIX}")
+    short = os.fsdecode(os.fsencode(name)[:room])
+    for number in range(1, 100):
+        path = folder / f"{short}{f'-{number}' if number > 1 else ''}{SUFFIX}"
+        with suppress(FileExistsError):
+            os.link(unborn, path)
+            return path
+    raise OSError(errno.EEXIST, "too many runs have the same name")
+
+
+def remove_stale(folder: Path) -> None:
+    """Remove the sockets of runs that were killed."""
+    for path in folder.glob(f"*{SUFFIX}"):
+        if not is_served(path):
+            with suppress(OSError):
+                path.unlink()
+
+
+def is_served(path: Path) -> bool:
+    """Return whether anybody listens at a socket, without waiting."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as probe:
+        try:
+            return probe.connect_ex(os.fspath(path)) in (0, errno.EAGAIN)
+        except (OSError, ValueError):  # a path that no socket can have
+            return False
+
+
+def write_address(folder: Path, path: Path) -> None:
+    """Write into a run's folder where its socket is. Raises OSError."""
+    text = json.dumps({"kybflow": 1, "socket": os.fspath(path), "pid": os.getpid()})
+    write_whole(folder / CONTROL, text.encode() + b"\n")
+
+
+def find_run(run: str | None) -> Path:
+    """Return the socket of a run: its folder, its name or the beginning of that before a `-`; None
+    for the only one that flies. Raises RunNotFound."""
+    if run is not None and (Path(run) / CONTROL).exists():
+        return _address_in(Path(run))
+    flying = sorted({path for folder in folders() for path in _served_in(folder)})
+    fitting = flying if run is None else _fitting(run, flying)
+    if len(fitting) == 1:
+        return fitting[0]
+    if run is not None and not fitting and Path(run).is_dir():
+        raise RunNotFound(f"no run that takes commands flies in `{run}`")
+    names = ", ".join(f"`{_name(path)}`" for path in fitting or flying)
+    if fitting:
+        raise RunNotFound(f"several runs fly: {names}; name one of them")
+    which = "" if run is None else f" called `{run}`"
+    others = f"; there is {names}" if flying else ""
+    raise RunNotFound(f"no run{which} flies and takes commands{others}")
+
+
+def _served_in(folder: Path) -> Iterator[Path]:
+    if _is_private(folder):
+        for path in folder.glob(f"*{SUFFIX}"):
+            if is_served(path):
+                yield path
+
+
+def _fitting(run: str, flying: list[Path]) -> list[Path]:
+    whole = [path for path in flying if _name(path) == run]
+    return whole or [path for path in flying if _name(path).startswith(f"{run}-")]
+
+
+def _name(path: Path) -> str:
+    return path.name.removesuffix(SUFFIX).encode(errors="backslashreplace").decode()
+
+
+def _address_in(folder: Path) -> Path:
+    try:
+        said = json.loads((folder / CONTROL).read_text(encoding="utf-8"))
+        path = Path(said["socket"])
+    except (OSError, ValueError, LookupError, TypeError):
+        raise RunNotFound(f"`{folder / CONTROL}` doesn't say where the run is") from None
+    if not is_served(path):
+        raise RunNotFound(f"the run in `{folder}` was killed: nobody answers at `{path}`")
+    return path

@@ -1,0 +1,239 @@
+"""The messages between a run and those who command it: JSON objects, one a line, in UTF-8.
+
+    {"id": 1, "name": "anna at pts/3", "keeps_lease": true}       who gives the commands that follow
+    {"id": 2, "command": "switch mk hold", "take": true}          a command in its one spelling
+    {"id": 3, "ask": "state"}                                     what the run does, what is legal
+    {"id": 4, "ask": "watch"}                                     every event from now on
+
+    {"id": 2, "accepted": false, "reason": "`mk` has no state `hold`"}
+    {"id": 3, "accepted": true, "reason": "", "state": {...}}
+    {"event": {"t_s": 3.24, "event": "landed", ...}}              to those who watch
+    {"missed": 12}                                                so many events were not sent
+
+`keeps_lease` and `take` may be left out and are false then. Each request has one answer; that to
+what can't be read has the id null. A client that says no name commands as the user and the process
+that the kernel says it is.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+from kybflow.core.errors import CommandUnreadable
+from kybflow.runtime.commanding.orders import Answer, Order, parse
+
+LONGEST_LINE = 16 * 1024
+"""The bytes that a line to the server may have: a command of the most letters, each escaped."""
+LONGEST_NAME = 80
+"""The letters that a commander's name may have."""
+MOST_ID = 2**53
+
+
+class MessageUnreadable(ValueError):
+    """A line is no request; the message says why. id: that of the request, where it can be told."""
+
+    def __init__(self, reason: str, id: int | None = None) -> None:
+        super().__init__(reason)
+        self.id = id
+
+
+@dataclass(frozen=True, slots=True)
+class Introduction:
+    """Who gives the commands that follow. keeps_lease: they keep the lease when they hang up."""
+
+    id: int
+    name: str
+    keeps_lease: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class OrderRequest:
+    """A command. take: take the lease from another."""
+
+    id: int
+    order: Order
+    take: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class StateRequest:
+    """What does the run do, and what is legal now?"""
+
+    id: int
+
+
+@dataclass(frozen=True, slots=True)
+class WatchRequest:
+    """Tell every event from now on."""
+
+    id: int
+
+
+Request = Introduction | OrderRequest | StateRequest | WatchRequest
+
+_ASKED: Mapping[str, type[StateRequest | WatchRequest]] = {
+    "state": StateRequest,
+    "watch": WatchRequest,
+}
+_MAY_HAVE: Mapping[str, str | None] = {"name": "keeps_lease", "command": "take", "ask": None}
+"""What makes a message a request, and what it may have beside that."""
+
+
+class LineBuffer:
+    """Cuts a stream of bytes into lines, however the bytes arrive. It holds no more than one line
+    beside what was fed last; a line that is too long is left out."""
+
+    def __init__(self, longest: int) -> None:
+        self._longest = longest
+        self._bytes = bytearray()
+        self._searched = 0
+        self._skips = False
+
+    def feed(self, data: bytes) -> None:
+        """Append bytes as they arrive."""
+        self._bytes += data
+
+    def next(self) -> bytes | None:
+        """Return the next line that isn't empty, without its end; None while there is no more.
+        Raises MessageUnreadable in place of one that is too long."""
+        while True:
+            end = self._bytes.find(b"\n", self._searched)
+            if end < 0:
+                self._searched = len(self._bytes)
+                if self._searched > self._longest:
+                    self._bytes.clear()
+                    self._searched, self._skips = 0, True
+                return None
+            line = bytes(self._bytes[:end])
+            del self._bytes[: end + 1]
+            self._searched = 0
+            skipped, self._skips = self._skips, False
+            if skipped or len(line) > self._longest:
+                raise MessageUnreadable(f"a message has at most {self._longest} bytes")
+            if line.strip():
+                return line
+
+    @property
+    def has_more(self) -> bool:
+        """Whether a line has begun whose end has not arrived."""
+        return bool(self._bytes) or self._skips
+
+
+def read_request(line: bytes) -> Request:
+    """Return what a client asks. Raises MessageUnreadable."""
+    message = _object(line)
+    number = _id_of(message)
+    kinds = [key for key in _MAY_HAVE if key in message]
+    if len(kinds) != 1:
+        raise MessageUnreadable("a request has one of `command`, `ask` and `name`", number)
+    [kind] = kinds
+    flag = _MAY_HAVE[kind]
+    for key in message:
+        if key not in ("id", kind, flag):
+            raise MessageUnreadable(f"a `{kind}` has no {_shown(key)}", number)
+    value, flagged = message[kind], message.get(flag, False) if flag else False
+    if not isinstance(value, str) or not value.isprintable():
+        raise MessageUnreadable(f"`{kind}` is not printable text", number)
+    if not isinstance(flagged, bool):
+        raise MessageUnreadable(f"`{flag}` is neither true nor false", number)
+    return _request(number, kind, value, flagged)
+
+
+def _id_of(message: Mapping[str, Any]) -> int:
+    found = message.get("id")
+    if isinstance(found, bool) or not isinstance(found, int) or not 0 <= found <= MOST_ID:
+        raise MessageUnreadable(f"`id` is not a whole number from 0 to {MOST_ID}")
+    return found
+
+
+def _request(id: int, kind: str, value: str, flagged: bool) -> Request:
+    if kind == "name":
+        if not 0 < len(value.strip()) <= LONGEST_NAME:
+            raise MessageUnreadable(f"a name has 1 to {LONGEST_NAME} letters", id)
+        return Introduction(id, value.strip(), flagged)
+    if kind == "ask":
+        if value not in _ASKED:
+            raise MessageUnreadable("one can ask for `state` and `watch`", id)
+        return _ASKED[value](id)
+    try:
+        return OrderRequest(id, parse(value), flagged)
+    except CommandUnreadable as error:
+        raise MessageUnreadable(str(error), id) from None
+
+
+def _object(line: bytes) -> dict[str, Any]:
+    try:
+        message = json.loads(
+            line.decode("utf-8"), parse_constant=_no_number, object_pairs_hook=_without_twins
+        )
+    except MessageUnreadable:
+        raise
+    except (ValueError, RecursionError):
+        raise MessageUnreadable("this is no line of JSON") from None
+    if not isinstance(message, dict):
+        raise MessageUnreadable("this is no JSON object")
+    return message
+
+
+def _no_number(_: str) -> NoReturn:
+    raise MessageUnreadable("JSON has no NaN and no infinity")
+
+
+def _without_twins(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise MessageUnreadable(f"{_shown(key)} stands there twice")
+        found[key] = value
+    return found
+
+
+def _shown(key: str) -> str:
+    return f"`{key}`" if len(key) <= 40 and key.isprintable() else "such key"
+
+
+def introduction(id: int, name: str, *, keeps_lease: bool = False) -> bytes:
+    """Write a client's name."""
+    return _line({"id": id, "name": name, "keeps_lease": keeps_lease})
+
+
+def command(id: int, words: str, *, take: bool = False) -> bytes:
+    """Write a command."""
+    return _line({"id": id, "command": words, "take": take})
+
+
+def question(id: int, about: str) -> bytes:
+    """Ask for `state` or `watch`."""
+    return _line({"id": id, "ask": about})
+
+
+def answer(id: int | None, answer: Answer) -> bytes:
+    """Write the answer to any request."""
+    return _line({"id": id, "accepted": answer.accepted, "reason": answer.reason})
+
+
+def state(id: int, state: str) -> bytes:
+    """Write the answer to `state`, which is given as JSON, for it may go to many."""
+    return f'{{"id": {id}, "accepted": true, "reason": "", "state": {state}}}\n'.encode()
+
+
+def event(record: Mapping[str, Any]) -> bytes:
+    """Write an event, as `events.jsonl` holds it."""
+    return _line({"event": record})
+
+
+def missed(count: int) -> bytes:
+    """Write how many events were not sent to one who watches."""
+    return _line({"missed": count})
+
+
+def read_reply(line: bytes) -> dict[str, Any]:
+    """Return what the server says. Raises MessageUnreadable."""
+    return _object(line)
+
+
+def _line(message: Mapping[str, Any]) -> bytes:
+    return json.dumps(message, ensure_ascii=True).encode() + b"\n"

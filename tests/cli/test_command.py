@@ -1,0 +1,168 @@
+"""`kybflow command` to a run that `kybflow run` started, from other processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from waiting import until
+
+from kybflow.api.commands import CommandRefused, connect
+from kybflow.cli.app import app
+from kybflow.cli.printing.situation import described
+
+MISSION = """
+kybflow: 1
+mission: waiting
+import: {std: kybflow/airframes}
+world: {fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}}
+vehicles:
+  nano:
+    like: std.nano_plus
+    start: {at: [0, 0, 0]}
+    behaviors:
+      idle: {do: wait_on_ground, next: [{event: operator.go, go: up}]}
+      up:   {do: take_off, height: 60 cm, then: hold}
+      hold: {do: hover, for_time: 1000 s, then: down}
+      down: {do: land}
+"""
+SPEED = "8"
+
+
+def told(*words: str) -> tuple[int, str, str]:
+    """The exit code of `kybflow command`, its output and what it says of errors."""
+    done = CliRunner().invoke(app, ["command", *words])
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        return 2, "", str(done.exception)
+    return done.exit_code, done.stdout, done.stderr
+
+
+@pytest.fixture
+def flying(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.Popen[str]]:
+    """A run in the folder `run` that waits for a person."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", "/nowhere")
+    monkeypatch.chdir(tmp_path)
+    Path("mission.yaml").write_text(MISSION, encoding="utf-8")
+    words = ["run", "mission.yaml", "--speed", SPEED, "--plain", "--no-report", "--out", "run-a"]
+    program = [sys.executable, "-m", "kybflow", *words]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as run:
+        try:
+            until(lambda: Path("run-a/control.json").exists() or run.poll() is not None, "the run")
+            yield run
+        finally:
+            run.kill()
+
+
+def state() -> dict[str, Any]:
+    with connect("run-a") as watcher:
+        [vehicle] = watcher.state()["vehicles"]
+    return vehicle
+
+
+def is_in(name: str) -> None:
+    until(lambda: state()["state"] == name, name)
+
+
+def test_a_person_commands_a_run(flying: subprocess.Popen[str]) -> None:
+    is_in("idle")
+    watcher = connect("run-a", "watcher").watch()
+    assert told("run", "emit", "operator.go") == (0, "accepted\n", "")
+    is_in("hold")
+    with connect("run-a", "ben") as ben:
+        with pytest.raises(CommandRefused, match=r"in session \d+` commands this run; take"):
+            ben.switch("nano", "down")
+        assert ben.pause().accepted
+        until(lambda: state()["holders"] == ["pause"], "the pause")
+        shown = told("run-a", "state")[1]
+        assert "nano   hold (hover) for" in shown
+        assert "held by pause" in shown
+        assert ben.resume(take=True).accepted
+        code, _, error = told("run-a", "switch", "nano", "down")
+        assert (code, error.partition(";")[0]) == (1, "refused: `ben` commands this run")
+    assert json.loads(told("run-a", "state", "--json")[1])["mission"] == "waiting"
+    assert told("run-a", "stop", "enough", "for", "today") == (0, "accepted\n", "")
+    heard = [one["event"] for one in watcher]
+    assert (heard[0], heard[-1]) == ("operator.go", "run_ended")
+    assert flying.wait() == 0
+    assert json.loads(Path("run-a/summary.json").read_text())["outcome"] == "succeeded"
+    assert not Path("run-a/control.json").exists()
+    code, _, error = told("run-a", "land")
+    assert (code, error) == (2, "no run that takes commands flies in `run-a`")
+
+
+@pytest.mark.thorough
+def test_a_killed_run_is_told_and_its_socket_removed(flying: subprocess.Popen[str]) -> None:
+    is_in("idle")
+    address = Path(json.loads(Path("run-a/control.json").read_text())["socket"])
+    os.kill(flying.pid, signal.SIGKILL)
+    flying.wait()
+    assert address.exists()
+    assert "was killed" in told("run-a", "land")[2]
+    done = CliRunner().invoke(app, ["run", "mission.yaml", "--no-report", "--emit",
+                                    "operator.stop@1s", "--out", "run-b"])  # fmt: skip
+    assert done.exit_code == 0
+    assert not address.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["swich", "mk", "hold"], "there is no command `mk`"),
+        (["switch", "mk"], "`switch` is written `switch VEHICLE STATE`"),
+        (["eight"], "`eight` is no command, and nothing follows it"),
+        (["eight", "state", "now"], "there is no command `state`"),
+        ([], "Missing argument"),
+    ],
+)
+def test_a_command_that_can_not_be_read_is_told_before_a_run_is_looked_for(
+    words: list[str], said: str
+) -> None:
+    code, _, error = told(*words)
+    assert code == 2
+    assert said in error
+
+
+def test_a_vehicle_in_trouble_says_so() -> None:
+    vehicle = {
+        "name": "mk", "state": "hold", "behavior": "hover", "flight": "air", "elapsed": 2.0,
+        "holders": ["brake"], "braking": "geofence", "latched": "land", "override": "a pilot",
+        "retired": "a person landed it", "driver": "swarm", "battery": 0.5, "estimate": None,
+        "setpoint": None, "waits_for": ["operator.go"],
+        "enter": {"up": "no", "down": None, "away": "no"},
+        "pause": None, "resume": "it isn't held", "reset": "it is in the air", "land": None,
+    }  # fmt: skip
+    flow = {
+        "name": "swarm", "phase": None, "elapsed": 0.0, "vehicles": ["mk"], "waits_for": [],
+        "enter": {"gather": None},
+    }  # fmt: skip
+    situation = {
+        "mission": "eight", "time": 3.0, "flying": True, "holder": "anna", "vehicles": [vehicle],
+        "flows": [flow], "emit": {"operator.go": True, "operator.on": False},
+    }  # fmt: skip
+    assert list(described(situation)) == [
+        "eight   3.0 s, commanded by anna",
+        "mk   hold (hover) for 2.0 s, air, battery 50%",
+        "  held by brake",
+        "  brakes: geofence",
+        "  failsafe: land, until a reset",
+        "  somebody else has control: a pilot",
+        "  lands for the rest of the run: a person landed it",
+        "  driven by the flow swarm",
+        "  may enter down",
+        "  not `up`, `away`: no",
+        "  waits for operator.go",
+        "  legal: pause, land",
+        "  not `resume`: it isn't held",
+        "  not `reset`: it is in the air",
+        "swarm   in no phase, drives mk",
+        "  may enter phase gather",
+        "events to emit: operator.go, operator.on (nothing waits for it now)",
+    ]

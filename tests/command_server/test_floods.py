@@ -1,0 +1,208 @@
+"""Floods at the socket of a run that flies in real time: refused, counted, bounded, and no tick
+comes later than without them."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from plans import plan, vehicle
+from short_flights import down, hold, named, path, up
+
+from kybflow.api import flight
+from kybflow.api.flight import RunRequest, fly
+from kybflow.command_server.server import CROWD, CUT, UNREADABLE, CommandServer
+from kybflow.core.signals import NS
+from kybflow.runtime.clock import SimulatedClock
+
+pytestmark = pytest.mark.thorough
+
+FUZZ = """
+import os, random, socket, sys
+path, count = sys.argv[1], int(sys.argv[2])
+draw = random.Random(1)
+good = b'{"id": 1, "command": "switch a hold", "take": true}'
+def message():
+    kind = draw.randrange(4)
+    if kind == 0:
+        return draw.randbytes(draw.randrange(1, 200)).replace(b"\\n", b"")
+    if kind == 1:
+        return bytes(b ^ (draw.random() < 0.05) for b in good)
+    if kind == 2:
+        return b"[" * draw.randrange(1, 3000)
+    return b'{"id": %d, "command": "%s"}' % (draw.randrange(9), b"x" * draw.randrange(1500))
+def connected():
+    one = socket.socket(socket.AF_UNIX)
+    one.connect(path)
+    return one
+sent = refused = 0
+try:
+    while sent < count:
+        one = connected()
+        batch = [message() for _ in range(50)]
+        batch = [line.replace(b"\\n", b" ") for line in batch if line.strip()]
+        one.sendall(b"\\n".join(batch) + b"\\n")
+        one.shutdown(socket.SHUT_WR)
+        while data := one.recv(65536):
+            refused += data.count(b"false")
+        sent += len(batch)
+        one.close()
+except OSError as error:
+    print(error)
+print(sent, refused)
+"""
+CROWDED = """
+import resource, socket, sys
+resource.setrlimit(resource.RLIMIT_NOFILE, (2048, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
+clients = []
+for _ in range(int(sys.argv[2])):
+    one = socket.socket(socket.AF_UNIX)
+    one.connect(sys.argv[1])
+    try:
+        one.sendall(b'{"id": 1, "ask": "state"}\\n')
+    except OSError:
+        pass
+    clients.append(one)
+answered = 0
+for one in clients:
+    try:
+        answered += b"state" in one.recv(100000)
+    except OSError:
+        pass
+print(len(clients), answered)
+"""
+KILLED = """
+import os, signal, socket, sys
+one = socket.socket(socket.AF_UNIX)
+one.connect(sys.argv[1])
+one.sendall(b'{"id": 1, "command": "sto')
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+class Flown(NamedTuple):
+    """A flight beside a flood. late: by how many seconds each tick was."""
+
+    told: list[Any]
+    server: CommandServer
+    late: list[float]
+    said: str
+
+
+class WatchedClock(SimulatedClock):
+    """Notes how late each tick begins after it was due, s."""
+
+    def __init__(self, rate: int, speed: float | None) -> None:
+        super().__init__(rate, speed)
+        self.late: list[float] = []
+
+    def step(self) -> int:
+        now = super().step()
+        self.late.append(time.monotonic() - self._began - now / NS)
+        return now
+
+
+WAITS = """
+import glob, os, sys, time
+os.nice(10)
+deadline = time.monotonic() + 60
+while not (found := glob.glob(sys.argv[1] + "/kybflow/*.sock")) and time.monotonic() < deadline:
+    time.sleep(0.05)
+sys.argv[1] = found[0]
+time.sleep(2)  # it opens its devices and takes off
+"""
+
+
+@contextmanager
+def flood(base: Path, code: str | None, *words: str) -> Iterator[subprocess.Popen[str]]:
+    """A program that begins before the flight, for to start one takes time from a tick."""
+    text = "" if code is None else WAITS + code
+    words = (sys.executable, "-I", "-S", "-c", text, str(base), *words)
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as program:
+        try:
+            yield program
+        finally:
+            program.kill()
+
+
+@pytest.fixture
+def beside(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., Flown]]:
+    base = Path(tempfile.mkdtemp(dir="/tmp"))
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(base))
+
+    def beside(code: str | None, *words: str, seconds: float = 6.0) -> Flown:
+        """Fly for real seconds, beside a program that is given the socket."""
+        clocks: list[WatchedClock] = []
+
+        def clock_for(plan: Any, speed: float | None) -> WatchedClock:
+            clocks.append(WatchedClock(plan.control_rate, speed))
+            return clocks[0]
+
+        monkeypatch.setattr(flight, "clock_for", clock_for)
+        server, told = CommandServer(), []
+        flying = plan(vehicle("a", [up("hold"), hold(seconds, "down"), down()]), time_limit=120.0)
+        request = RunRequest(out=tmp_path / f"run{len(list(tmp_path.iterdir()))}", speed=1.0)
+        with flood(base, code, *words) as program:
+            flown = fly(flying, request, (told.append, server.hear), (), (server.serve,))
+            assert program.poll() is not None, "the flood outlasted the flight"
+            said = program.communicate()[0]
+        assert flown.exit_code == 0, flown.summary["reason"]
+        assert path(told, "a") == ["up", "hold", "down", "landed"]
+        return Flown(told, server, sorted(clocks[0].late), said)
+
+    yield beside
+    shutil.rmtree(base)
+
+
+def figures(name: str, flown: Flown) -> str:
+    late = flown.late
+    ranks = (late[len(late) // 2], late[int(0.99 * len(late))], late[-1])
+    missed = sum(one > 1.0 / 250.0 for one in late)
+    shown = " ".join(f"{1e3 * one:.2f}" for one in ranks)
+    return f"{name}: {len(late)} ticks, late by {shown} ms (50 %, 99 %, most), {missed} missed"
+
+
+def is_as_punctual(flood: Flown, calm: Flown) -> None:
+    """No more ticks are missed than without, but for what a busy machine adds to either."""
+    missed = [sum(one > 1.0 / 250.0 for one in flown.late) for flown in (flood, calm)]
+    seen = figures("calm", calm), figures("flood", flood)
+    assert missed[0] <= 2 * missed[1] + 0.005 * len(flood.late), "\n".join(seen)
+    sys.stdout.write("\n".join((*seen, "")))
+
+
+def test_a_hundred_thousand_fuzzed_messages(beside: Callable[..., Flown]) -> None:
+    calm = beside(None, seconds=10.0)
+    flown = beside(FUZZ, "100000", seconds=60.0)
+    sent, refused = map(int, flown.said.split())
+    assert sent >= 100_000
+    counted = flown.server.refused
+    assert counted[UNREADABLE] > 0.9 * sent
+    assert refused >= counted[UNREADABLE]
+    assert 1 <= len(named(flown.told, "clients_refused")) <= 7
+    is_as_punctual(flown, calm)
+
+
+def test_a_thousand_clients(beside: Callable[..., Flown]) -> None:
+    calm = beside(None)
+    flown = beside(CROWDED, "1000")
+    clients, answered = map(int, flown.said.split())
+    assert clients == 1000
+    assert answered <= 64
+    assert flown.server.refused[CROWD] == clients - 64
+    is_as_punctual(flown, calm)
+
+
+def test_a_client_that_is_killed(beside: Callable[..., Flown]) -> None:
+    flown = beside(KILLED, seconds=2.0)
+    assert flown.server.refused == {CUT: 1}
+    assert [event.fields["reason"] for event in named(flown.told, "clients_refused")] == [
+        f"1 {CUT}"
+    ]
