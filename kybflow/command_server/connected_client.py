@@ -20,7 +20,7 @@ MOST_UNREAD = 1 << 20
 """Bytes that a client may leave unread before it is let go."""
 _PATIENCE = 1 << 16
 """Bytes that a client may leave unread and still be heard."""
-_AT_ONCE = 4096
+_AT_ONCE = 1 << 14
 
 
 class ConnectedClient:

@@ -73,7 +73,8 @@ def is_in(name: str) -> None:
 
 def test_a_person_commands_a_run(flying: subprocess.Popen[str]) -> None:
     is_in("idle")
-    watcher = connect("run-a", "watcher").watch()
+    with connect("run-a", "watcher") as client:
+        watcher = client.watch()
     assert told("run", "emit", "operator.go") == (0, "accepted\n", "")
     is_in("hold")
     with connect("run-a", "ben") as ben:
