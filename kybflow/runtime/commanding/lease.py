@@ -23,6 +23,6 @@ class Lease:
         if by == SCHEDULE or isinstance(order, _FROM_ANYONE):
             return None
         if self.holder not in (None, by) and not take:
-            return f"`{self.holder}` commands this run; take the lease to command it instead"
+            return f"`{self.holder}` commands this run; take the lease (`--take`) to command it"
         self.holder = None if isinstance(order, ReleaseLease) else by
         return None

@@ -208,7 +208,7 @@ def test_one_commander_is_heard_until_another_takes_the_lease(run):
         Asked(4.7, "switch a hover", "anna"),
     )
     assert [accepted for _, accepted, _ in found] == [True, False, True, True, False, True]
-    assert found[1][2] == "`anna` commands this run; take the lease to command it instead"
+    assert found[1][2] == "`anna` commands this run; take the lease (`--take`) to command it"
     [taken] = named(told, "lease_taken")
     assert taken.fields == {"by": "ben", "previous": "anna"}
     released = [e for e in named(told, "command_given") if e.fields["command"] == "release"]

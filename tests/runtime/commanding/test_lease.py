@@ -12,7 +12,7 @@ GO = Emit("operator.go")
 def test_the_first_who_commands_holds_it_and_a_second_is_refused_by_name() -> None:
     lease = Lease()
     assert lease.objection(GO, "anna", False) is None
-    refused = "`anna` commands this run; take the lease to command it instead"
+    refused = "`anna` commands this run; take the lease (`--take`) to command it"
     assert lease.objection(GO, "ben", False) == refused
     assert lease.objection(ReleaseLease(), "ben", False) == refused
     assert lease.objection(GO, "anna", False) is None
