@@ -114,10 +114,9 @@ def fly(
     servers: Sequence[Server] = (),
 ) -> Flown:
     """Fly `plan`. listeners hear every event, observers look at the engine between ticks, servers
-    give commands. Raises
-    RunFolderError when the folder can't be used, RunUnwritten when it can't be written,
-    OptionRefused for an option that can't be changed, EventRefused for an event that nothing waits
-    for; whatever happens later is in the summary."""
+    give commands. Raises RunFolderError when the folder can't be used, RunUnwritten when it can't
+    be written, OptionRefused for an option that can't be changed, EventRefused for an event that
+    nothing waits for; whatever happens later is in the summary."""
     began, started = time.monotonic(), datetime.now().astimezone()
     check_options(plan, request.options)
     check_emitted(plan, (name for _, name in request.emitted))

@@ -1,7 +1,7 @@
 """The exit codes of the command line; 0 is success."""
 
 FAILED = 1
-"""What the command did or judged has failed, or its output can't be written."""
+"""What the command did or judged has failed or was refused, or its output can't be written."""
 INVALID = 2
 """A mission or a command line is not valid: nothing ran."""
 DRIVER_FAILED = 3

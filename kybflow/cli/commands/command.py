@@ -12,13 +12,12 @@ from click.exceptions import Exit
 from kybflow.cli.arguments import Subcommand, argument, examples
 from kybflow.cli.output import echo
 from kybflow.core.errors import CommandUnreadable
+from kybflow.core.exit_codes import FAILED
 from kybflow.core.text import did_you_mean
 
 if TYPE_CHECKING:
     from kybflow.command_server.client import RunClient
 
-REFUSED = 1
-"""The exit code of a command that was refused."""
 STATE, WATCH = "state", "watch"
 EXAMPLES = examples(
     "kybflow command emit operator.go",
@@ -94,7 +93,7 @@ def command(words: tuple[str, ...], take: bool, as_json: bool) -> None:
             _give(client, asked, take=take, as_json=as_json)
     except CommandRefused as error:
         echo(f"refused: {error}", err=True)
-        raise Exit(REFUSED) from None
+        raise Exit(FAILED) from None
 
 
 def _give(client: RunClient, asked: str, *, take: bool, as_json: bool) -> None:
