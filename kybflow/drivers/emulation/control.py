@@ -175,8 +175,7 @@ class PositionControl:
                 grown = self._integral[axis] + INTEGRAL[axis] * (to - at) * dt
                 if not self._saturates or abs(grown) < abs(self._integral[axis]):
                     self._integral[axis] = max(-most, min(most, grown))
-                out[axis] += VELOCITY[axis] * (to - at)
-            out[axis] += self._integral[axis]
+                out[axis] += VELOCITY[axis] * (to - at) + self._integral[axis]
         return (out[0], out[1], out[2])
 
     def _turn(self, target: PositionTarget, dt: float) -> float:

@@ -17,9 +17,10 @@ like a bias and is learnt with it. After half a second without such an estimate 
 the next one; the biases are kept. There is no estimate before the first, nor when no IMU came for
 0.1 s.
 
-age: of the newest IMU measurement. spread, metres: with s that of the last estimate followed and t
-the seconds since then, sqrt(s^2 + (speed_error t)^2 + (u t^2 / 2)^2), where u goes from
-`first_drift` to `drift` as exp(-k / 2) a second while another's estimate is followed.
+age: of the newest IMU measurement. spread, metres: with s that of the last estimate followed, and
+what this one is off it, and t the seconds since then, sqrt(s^2 + (speed_error t)^2 +
+(u t^2 / 2)^2), where u goes from `first_drift` to `drift` as exp(-k / 2) a second while another's
+estimate is followed.
 
 Measured in simulation, 20 seeds of missions/fallback.yaml, biases learnt: 6 cm off on average and
 10 cm at worst after 2.3 s on a circle, 16 cm at worst after 3 s of hovering.
@@ -28,7 +29,7 @@ Measured in simulation, 20 seeds of missions/fallback.yaml, biases learnt: 6 cm 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import pi, sqrt
+from math import dist, hypot, pi, sqrt
 
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate, rotate, rotate_back
 from kybflow.core.signals import IMU_TIMEOUT, NS, Estimate, Imu, Measurement, Time
@@ -111,10 +112,14 @@ class Inertial(Estimator[InertialParams]):
         dt = (seen - last) / NS if last is not None else LONGEST_LEAP
         if dt >= LONGEST_LEAP:
             self._position, self._velocity = estimate.position, estimate.velocity
-            self._attitude = estimate.attitude
+            if last is None:
+                self._attitude = estimate.attitude
         elif dt > 0.0:
             share = estimate.spread / NOISY
             self._follow(estimate, 2.0 * pi * self.params.bandwidth / (1.0 + share * share), dt)
+            self._anchor_spread = hypot(
+                self._anchor_spread, dist(estimate.position, self._position)
+            )
 
     def _move(self, imu: Imu) -> None:
         """Go on to the IMU's time."""

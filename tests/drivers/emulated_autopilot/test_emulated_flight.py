@@ -180,6 +180,23 @@ def test_it_holds_where_it_is_in_its_holding_mode(name):
     assert bench.truth.position == pytest.approx(before, abs=0.03)
 
 
+@BOTH
+def test_on_the_floor_a_landing_follows_no_position_any_more(name):
+    """After one that drifts it would slide over the floor for seconds, and tip over."""
+    bench = Bench(name)
+    bench.take_off(1.0)
+
+    def is_down():
+        if bench.height < 0.3:
+            bench.shift = (bench.shift[0] - 0.0032, 0.0, 0.0)
+        return not bench.pilot.state.armed
+
+    bench.wanted = None
+    assert bench.mode(PX4_LAND if bench.px4 else LAND) == ACCEPTED
+    assert bench.run(20.0, is_down)
+    assert abs(bench.truth.position[0]) < 0.35
+
+
 def test_loiter_without_a_pilot_sinks():
     bench = Bench("ardupilot")
     bench.take_off(2.5)

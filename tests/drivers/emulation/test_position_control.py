@@ -83,3 +83,14 @@ def test_what_was_learnt_outlives_a_landing():
     learnt = control.hover
     control.ground(0.0)
     assert control.hover == learnt > 1.15 * NANO.hover_thrust
+
+
+def test_what_no_target_controls_any_more_is_level():
+    """A vehicle that has lost its position doesn't go on by what it had learnt against the wind."""
+    control = PositionControl(NANO, 0.0)
+    hold = PositionTarget((1.0, 0.0, None), (0.0, 0.0, None))
+    for _ in range(round(2.0 / DT)):
+        control.follow(hold, ZERO, ZERO, 0.0, SPEEDS, DT)
+    free = PositionTarget(velocity=(None, None, 0.0))
+    command = control.follow(free, ZERO, ZERO, 0.0, SPEEDS, DT)
+    assert body_z(command.attitude)[2] == pytest.approx(1.0)

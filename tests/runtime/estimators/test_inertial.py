@@ -165,6 +165,24 @@ def test_after_half_a_second_alone_it_starts_from_the_next_estimate():
     assert estimate.spread == pytest.approx(0.001, abs=0.001)
 
 
+def test_it_starts_from_the_next_position_with_its_own_attitude():
+    world = World()
+    estimator = anchored(world, 2.0)
+    alone(estimator, world, 1.0)
+    estimator.anchor(world.estimate()._replace(attitude=from_euler(0.2, -0.2, 0.3)))
+    assert max(off for off, _ in alone(estimator, world, 1.0)) < 0.2
+
+
+def test_what_it_is_off_the_estimate_that_it_follows_counts_as_its_spread():
+    world = World()
+    estimator = anchored(world, 2.0)
+    there = world.estimate(spread=0.03)
+    x, y, z = there.position
+    estimator.update((world.imu(),), world.now)
+    estimator.anchor(world.estimate(spread=0.03)._replace(position=(x + 0.5, y, z)))
+    assert estimator.update((), world.now).spread > 0.4
+
+
 def test_an_imu_that_falls_silent_leaves_no_estimate():
     world = World()
     estimator = anchored(world, 1.0)

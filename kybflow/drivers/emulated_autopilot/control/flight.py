@@ -27,6 +27,10 @@ from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 TAKES_HOLD, SLIGHT, SLOW = 0.6, 0.65, 0.25
 """It counts as standing after these seconds with less thrust than this share of its hover thrust
 and a climb or descent slower than this."""
+TOUCHES, PUSHED = 0.3, 0.9
+"""Where it is to land, it has touched something after these seconds with less thrust than this
+share of its hover thrust and hardly a descent: it stays level then, as PX4 with `ground_contact`
+and ArduPilot with `land_complete_maybe`."""
 LIFTS, LIFTED = 0.9, 0.08
 """It counts as flying with more thrust than this share of its hover thrust, this far above where it
 stood."""
@@ -55,6 +59,8 @@ class EmulatedFlight:
         self._attitude: Quat = from_heading(0.0)
         self._turning = False
         self._slight: Time | None = None
+        self._sank: Time = 0
+        self._has_touched = False
         self._is_home = False
         self._began: Time = 0
 
@@ -67,6 +73,7 @@ class EmulatedFlight:
         self._heading = estimator.attitude.heading
         self._attitude = estimator.attitude.value
         self._is_home, self._turning, self._began = False, False, now
+        self._sank, self._has_touched = now, False
         if self._state.flying.role is Role.FOLLOW:
             self._state.climb_to = None
         self._leave_the_ground()
@@ -113,6 +120,10 @@ class EmulatedFlight:
             up = body_z(estimator.attitude.value)[2]
             control.learn(up, estimator.acceleration[2], clear, dt)
         share = control.thrust / control.hover
+        if share > PUSHED or abs(climb) > SLOW:
+            self._sank = now
+        elif now - self._sank > TOUCHES * NS:
+            self._has_touched = True
         if state.is_down:
             if share > LIFTS and height > LIFTED:
                 state.landed, state.has_flown, self._slight = LandedState.AIR, True, None
@@ -199,12 +210,12 @@ class EmulatedFlight:
         return PositionTarget(self._held, (0.0, 0.0, up if z < to else 0.0), heading=self._heading)
 
     def _landing(self, now: Time) -> PositionTarget:
-        """The target straight down; without a position it only stays level."""
+        """The target straight down; without a position, or on something, it only stays level."""
         state, (x, y, _) = self._state, self._held
         down = self._firmware.land_speed(state.parameters)
         if state.estimator.position[2] - state.ground > FAST_ABOVE:
             down *= 2.0
-        if not state.estimator.has_position(now):
+        if not state.estimator.has_position(now) or self._has_touched:
             return PositionTarget((None, None, None), (None, None, -down), heading=self._heading)
         return PositionTarget((x, y, None), (0.0, 0.0, -down), heading=self._heading)
 
