@@ -7,7 +7,8 @@ stands still may be measured without noise, as a simulator can. jumped: three po
 where no flight could have brought the vehicle since the last one (`kybflow.flight.pose_track`).
 swapped: it jumped to where another body was: within `near` + `pace` * t of its last place, or of
 the one that it has just left; or it comes back after more than `MEMORY` where another vehicle
-believes itself to be. Then its poses are withheld until it jumps or is lost again.
+believes itself to be. Then its poses, which agree with one another but are another's, are withheld
+until it jumps or is lost again.
 
 In the air, a pose that is the one before it bit by bit is no measurement and is withheld, from the
 first on, so that an estimate ages from when its body froze, not from when that is told; once it was
@@ -121,7 +122,7 @@ class Bodies:
         if other:
             found = Finding("body_swapped", name, value, bound, other, first.time)
         findings.append(found)
-        body.left, body.of = last, ""
+        body.left, body.of = last, self._believer(name, first) if body.of else other
 
     def _believer(self, name: str, pose: Pose) -> str:
         """The other vehicle that believes itself to be at `pose`; empty where none does, or where

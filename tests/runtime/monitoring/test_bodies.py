@@ -257,7 +257,7 @@ def test_two_bodies_that_are_exchanged_and_exchanged_back(
             return other._replace(position=add(other.position, noise))
         return pose
 
-    findings, _ = watched(change, 3.0, names, seed=seed)
+    findings, passed = watched(change, 3.0, names, seed=seed)
     told = sorted((round(f.time / NS), f.subject, f.event, f.other) for f in findings)
     assert told == [
         (1, "a", SWAPPED, "b"),
@@ -265,6 +265,10 @@ def test_two_bodies_that_are_exchanged_and_exchanged_back(
         (2, "a", SWAPPED, "b"),
         (2, "b", SWAPPED, "a"),
     ]
+    for name in swap:
+        kept = [pose.time / NS for pose in passed[name]]
+        assert not [time for time in kept if 1.03 < time < 2.0]
+        assert kept[-1] > 2.9
 
 
 def test_a_body_that_is_taken_for_another_which_stays() -> None:
