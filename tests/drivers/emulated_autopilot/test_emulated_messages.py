@@ -14,6 +14,7 @@ from sim_worlds import QUIET, seat  # noqa: E402
 
 from kybflow.core.errors import DriverError  # noqa: E402
 from kybflow.drivers.emulated_autopilot.firmware import emulated_firmware  # noqa: E402
+from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS  # noqa: E402
 from kybflow.drivers.emulated_autopilot.state import AutopilotFailures  # noqa: E402
 from kybflow.drivers.emulation.breaking import read_break  # noqa: E402
 from kybflow.drivers.mavlink.firmware import profile_of  # noqa: E402
@@ -106,6 +107,15 @@ def test_streams_are_asked_for_in_groups_too():
     bench.run(1.0)
     assert "ATTITUDE" in kinds(bench)
     assert "RAW_IMU" not in kinds(bench)
+
+
+def test_a_collision_saturates_what_its_imu_says():
+    bench = Bench("ardupilot")
+    bench.run(0.1)
+    hit = bench.pilot.state.estimator.imu._replace(specific_force=(900.0, 0.0, -900.0))
+    bench.pilot.feel(hit, bench.now)
+    said = MAKERS["RAW_IMU"](bench.pilot)
+    assert (said.xacc, said.zacc) == (32767, 32767)
 
 
 def test_px4_talks_to_ground_stations_alone_and_in_chunks():

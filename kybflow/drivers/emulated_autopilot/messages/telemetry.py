@@ -210,9 +210,14 @@ def raw_imu(a: OnboardAutopilot) -> Any:
     imu = a.state.estimator.imu
     if imu is None:
         return None
-    force = [round(v * 1000.0 / 9.80665) for v in to_frd(imu.specific_force)]
-    turn = [round(v * 1000.0) for v in to_frd(imu.angular_velocity)]
+    force = [_saturated(v * 1000.0 / 9.80665) for v in to_frd(imu.specific_force)]
+    turn = [_saturated(v * 1000.0) for v in to_frd(imu.angular_velocity)]
     return mavlink.MAVLink_raw_imu_message(a.boot_us(imu.time), *force, *turn, 0, 0, 0)
+
+
+def _saturated(value: float) -> int:
+    """What a field of 16 bits holds of a collision."""
+    return max(-32768, min(32767, round(value)))
 
 
 def global_position_int(a: OnboardAutopilot) -> Any:
