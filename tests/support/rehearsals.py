@@ -147,6 +147,10 @@ class Rehearsal:
         """How long after that it was in a mode first."""
         return next(s.time for s in self.samples if s.time >= seconds and s.mode == mode) - seconds
 
+    def do_next(self, deed: Callable[[Rehearsal], Any]) -> None:
+        """Do this in the next tick that is looked at."""
+        self._deeds.insert(0, (self.engine.seconds() + 0.001, deed))
+
     def go_on(self, seconds: float) -> None:
         """Time passes for the vehicle alone: this program is dead."""
         now: Time = self.engine.clock.now

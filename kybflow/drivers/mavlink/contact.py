@@ -200,6 +200,8 @@ SETTLED: Time = 2 * NS
 """How long after each request for streams the unread messages are counted."""
 OFTEN = 4
 """Messages in that time: what comes more rarely and unread is left alone."""
+POLL: Time = NS // 4
+"""Pause between two requests for a message whose rate can't be set."""
 STOPPED, USUAL = -1.0, 0.0
 """In place of an interval: never; as often as without a request."""
 
@@ -215,6 +217,9 @@ class Upkeep:
         self._target = contact.target
         self._requests, self._parameters = contact.requests, contact.parameters
         self._sync, self._rates, self._names = contact.sync, dict(rates), names
+        self._fixed = contact.profile.polled
+        self._polls = [_request(name, contact.target) for name in sorted(self._fixed)]
+        self._poll: Time = 0
         self._heartbeat: Time = 0
         self._round: Time = 0
         self._rounds = 0
@@ -250,6 +255,10 @@ class Upkeep:
             self._ask(now)
         if self._settled is not None and now >= self._settled:
             self._stop_unread(now)
+        if now >= self._poll:
+            self._poll = now + POLL
+            for message in self._polls:
+                self._port.send(message)
         for due in (self._requests, self._parameters, self._sync):
             for message in due.due(now):
                 self._port.send(message)
@@ -282,6 +291,8 @@ class Upkeep:
             self._ask_every(STOPPED, number, now)
 
     def _ask_for(self, name: str, now: Time) -> None:
+        if name in self._fixed:
+            return
         number = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
         self._ask_every(round(1e6 / self._rates[name]), number, now)
 
@@ -289,3 +300,10 @@ class Upkeep:
         """Request a message by its number every `interval` microseconds."""
         self._asked[number] = None
         self._requests.ask(SET_MESSAGE_INTERVAL, number, interval, now=now, attempts=3)
+
+
+def _request(name: str, target: tuple[int, int]) -> Message:
+    """The request for one message of this name."""
+    number = float(getattr(mavlink, f"MAVLINK_MSG_ID_{name}"))
+    params = (mavlink.MAV_CMD_REQUEST_MESSAGE, 0, number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return mavlink.MAVLink_command_long_message(*target, *params)

@@ -2,7 +2,8 @@
 
 Rotors that rest in the air: a vehicle that falls although it should fly has disarmed in the air. It
 falls where a fresh estimate has it above all that could carry it, and sinking faster than any
-landing; its rotors are then cut, and it has not landed.
+landing; its rotors are then cut, and it has not landed. From a low height it is down before it
+reports itself disarmed: a fall counts for `LATE` after its end.
 
 Rotors that turn on the ground: its driver asks a vehicle that has landed to disarm. One that is
 still armed after `TOLD` is told; after `FORCED` it is disarmed by force where all the evidence of a
@@ -28,6 +29,8 @@ from kybflow.world.ground import FRESH, height_in_the_air
 
 FALLING = 1.2
 """Metres a second; no landing sinks as fast."""
+LATE: Time = NS // 2
+"""A vehicle reports that its rotors rest so long after they stopped at most."""
 TOLD: Time = 5 * NS
 FORCED: Time = 10 * NS
 GIVEN_UP: Time = 30 * NS
@@ -54,6 +57,7 @@ class ArmingWatch:
         self._link, self._activity, self._reactions = link, activity, reactions
         self._output, self._events, self._score = output, events, score
         self._since: Time | None = None
+        self._fell: tuple[Time, float] | None = None
         self._stood: Time | None = None
         self._stands: Estimate | None = None
         self._told = self._forced = False
@@ -63,9 +67,12 @@ class ArmingWatch:
         vehicle reports."""
         if armed is self._output.sent.armed:
             self._since = self._stands = None
+            known = tick.estimate
+            if armed and known is not None and known.velocity[2] < -FALLING:
+                self._note_fall(tick)
             return False
         if not armed:
-            return self._activity.off_ground and self._falls(tick)
+            return self._activity.off_ground and self._has_fallen(tick)
         is_quiet = tick.link_age > ALIVE or self._link.override is not None
         if self._activity.flight is GROUND and self._output.arming is None and not is_quiet:
             self._linger(tick)
@@ -77,10 +84,20 @@ class ArmingWatch:
             self._since = tick.now
         return tick.now - self._since < UNCLEAR and self._above(tick.estimate) > 0.0
 
-    def _falls(self, tick: Tick) -> bool:
-        known, above = tick.estimate, self._above(tick.estimate)
-        if known is None or above <= 0.0 or known.velocity[2] > -FALLING:
+    def _note_fall(self, tick: Tick) -> None:
+        """Note how high a vehicle is that sinks faster than any landing."""
+        above = self._above(tick.estimate)
+        if above > 0.0:
+            self._fell = tick.now, above
+
+    def _has_fallen(self, tick: Tick) -> bool:
+        """Return whether a vehicle whose rotors rest falls or has just fallen, and react to it."""
+        known = tick.estimate
+        if known is not None and known.velocity[2] < -FALLING:
+            self._note_fall(tick)
+        if self._fell is None or tick.now - self._fell[0] > LATE:
             return False
+        above, self._fell = self._fell[1], None
         reason = f"it disarmed in the air: its estimate has it {above:.2f} m above the ground"
         self._events.tell("control_lost", self._name, self._at, reason=reason)
         lost = Alarm("control_lost", Reaction.CUT, reason, is_failure=True)

@@ -101,6 +101,18 @@ def test_a_message_comes_at_the_interval_that_was_asked_for(name):
     assert "ATTITUDE_QUATERNION" not in kinds(bench)
 
 
+@pytest.mark.parametrize(("name", "rate"), [("px4", 1), ("ardupilot", 5)])
+def test_px4s_heartbeat_comes_once_a_second_and_whenever_it_is_requested(name, rate):
+    bench, number = Bench(name), mavlink.MAVLINK_MSG_ID_HEARTBEAT
+    is_set = bench.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, 2e5) == ACCEPTED
+    assert is_set == (name == "ardupilot")
+    bench.heard.clear()
+    bench.run(4.0)
+    beats = [m for m in bench.heard if m.get_type() == "HEARTBEAT"]
+    assert len(beats) == pytest.approx(4 * rate, abs=1)
+    assert bench.command(mavlink.MAV_CMD_REQUEST_MESSAGE, number) == ACCEPTED
+
+
 def test_streams_are_asked_for_in_groups_too():
     bench = Bench("ardupilot")
     bench.say(mavlink.MAVLink_request_data_stream_message(1, 1, 10, 4, 1))

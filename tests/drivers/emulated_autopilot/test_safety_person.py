@@ -30,13 +30,16 @@ thorough = pytest.mark.thorough
 
 
 def switches(flight):
-    """The pilot's, with what is sent to the vehicle from then on counted."""
+    """The pilot's, with what is sent to the vehicle from then on counted, but for requests for its
+    messages."""
     wire, sent = flight.link.wire, []
     flight.sent = sent
     send = wire._send
 
     def counting(data, to):
-        sent.append((flight.engine.seconds(), int.from_bytes(data[7:10], "little")))
+        number, command = (int.from_bytes(data[a:b], "little") for a, b in ((7, 10), (38, 40)))
+        if (number, command) != (76, 512):
+            sent.append((flight.engine.seconds(), number))
         send(data, to)
 
     wire._send = counting
@@ -101,6 +104,26 @@ def test_a_second_ctrl_c_cuts_the_stream_and_it_lands_by_itself(autopilot, tmp_p
     assert flight.after(WRONG, LANDS[autopilot]) < 2.1
     assert flight.flown.exit_code == 130
     assert flight.is_safe()
+
+
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
+def test_who_disarms_it_in_its_landing_has_not_landed_it(autopilot, tmp_path):
+    """It is down before its heartbeat says that its rotors rest."""
+
+    def stops(flight):
+        flight.pilot.stop(flight.pilot.now, "Disarmed by external command")
+
+    def watches(flight):
+        if flight.path[-1] == "down" and flight.position[2] < 0.4:
+            stops(flight)
+        else:
+            flight.do_next(watches)
+
+    flight = Rehearsal(autopilot, tmp_path, deeds=[(WRONG, watches)])
+    assert flight.path == ["up", "hold", "down", "fault"]
+    assert "it disarmed in the air" in flight.only("control_lost").fields["reason"]
+    assert flight.events("landed") == []
+    assert flight.flown.exit_code == 1
 
 
 class Cuts(Supervisor[NoParams]):

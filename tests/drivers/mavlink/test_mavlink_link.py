@@ -59,9 +59,19 @@ def test_streams_are_asked_for_and_what_does_not_come_again():
     bench = Bench()
     bench.run(8.0)
     asked = [m.param1 for m in bench.fake.commands(511) if m.param2 > 0.0]
-    assert set(asked) == {mavlink.MAVLINK_MSG_ID_HEARTBEAT, *STEADY}
+    assert set(asked) == STEADY
     assert asked.count(31.0) == 1
     assert asked.count(105.0) == 2
+
+
+def test_px4s_heartbeat_is_requested_and_ardupilots_rate_is_set():
+    for name, requests, intervals in (("px4", 8, 0), ("ardupilot", 0, 1)):
+        bench = Bench(name)
+        bench.run(2.0)
+        polls = [m for m in bench.fake.commands(512) if m.param1 == 0.0]
+        rates = [m for m in bench.fake.commands(511) if m.param1 == 0.0]
+        assert len(polls) == pytest.approx(requests, abs=1)
+        assert len(rates) == intervals
 
 
 def test_the_imu_is_asked_for_at_its_full_rate_once_somebody_flies_by_it():
@@ -541,11 +551,11 @@ def test_what_was_forgotten_after_a_start_is_asked_for_again():
     bench.run(20.0)
     asked = len(bench.fake.commands(511))
     bench.now += NS
-    bench.fake.is_quiet = True
+    bench.fake.is_quiet, bench.fake.deaf_to = True, {512}
     bench.run(4.0)
     bench.fake.is_quiet = False
     bench.run(1.0)
-    assert len(bench.fake.commands(511)) >= asked + 1 + len(STEADY)
+    assert len(bench.fake.commands(511)) >= asked + len(STEADY)
 
 
 def test_on_a_firmwares_simulator_faults_cut_the_link_on_our_side_and_on_hardware_nothing_does():

@@ -150,7 +150,7 @@ class CommandHandlers:
 
     def _set_interval(self, p: Params) -> int:
         name, channel = name_of(int(p[0])), self._channel
-        if name not in MAKERS:
+        if name not in MAKERS or name in self._a.firmware.profile.polled:
             return DENIED
         usual = channel.usual(name)
         channel.stream(name, usual if p[1] == 0.0 else 0.0 if p[1] < 0.0 else 1e6 / p[1])

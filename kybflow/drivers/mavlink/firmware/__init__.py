@@ -133,6 +133,7 @@ class FirmwareProfile:
     modes: custom_mode by those names and by ours: `offboard` (follows setpoints), `land`, `hold`.
     manual_modes: the names of the modes that a person flies.
     streams: the messages that can be requested from it; who reads them says how often.
+    polled: those of them whose rate can't be set, so that each one is requested by itself.
     indoors: the parameters that flight without GPS needs.
     dangers: the parameters that can be dangerous.
     renamed: what other versions of the firmware call a parameter, by the name used here.
@@ -167,6 +168,7 @@ class FirmwareProfile:
     modes: Mapping[str, int]
     manual_modes: frozenset[str]
     streams: frozenset[str]
+    polled: frozenset[str]
     indoors: tuple[Needed, ...]
     dangers: tuple[Danger, ...]
     renamed: Mapping[str, str]

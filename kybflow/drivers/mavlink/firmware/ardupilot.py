@@ -179,7 +179,7 @@ PROFILE = FirmwareProfile(
             "GPS_RAW_INT", "SIM_STATE",
         }
     ),
-    indoors=INDOORS, dangers=DANGERS, renamed=RENAMED,
+    polled=frozenset(), indoors=INDOORS, dangers=DANGERS, renamed=RENAMED,
     streams_first=False, climbs=True, needs_origin=True, raises=True,
     integer_parameters_bytewise=False, hover_parameter="MOT_THST_HOVER", reaction="FS_GCS_ENABLE",
     feeds=("VISO_TYPE", "EK3_SRC1_POSXY", "EK3_SRC1_POSZ", "EK3_SRC1_YAW"),

@@ -166,6 +166,7 @@ PROFILE = FirmwareProfile(
             "GPS_RAW_INT", "HIL_STATE_QUATERNION",
         }
     ),
+    polled=frozenset({"HEARTBEAT"}),
     indoors=INDOORS,
     dangers=DANGERS, renamed=MappingProxyType({}),
     streams_first=True, climbs=False, needs_origin=False, raises=False,
