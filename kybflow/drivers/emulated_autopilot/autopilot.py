@@ -56,8 +56,9 @@ class OnboardAutopilot:
         is_bytewise = firmware.profile.integer_parameters_bytewise
         parameters = EmulatedParameters(firmware.parameters, changes or {}, bytewise=is_bytewise)
         estimator = EmulatedEstimator(
-            parameters, firmware.sources, forgets=firmware.forgets, waits=firmware.waits
-        )
+            parameters, firmware.sources,
+            forgets=firmware.forgets, waits=firmware.waits, adopts=firmware.adopts,
+        )  # fmt: skip
         self.failures = AutopilotFailures()
         self.state = EmulatedState(
             firmware.modes, firmware.loss_parameter, parameters, context.airframe, estimator,

@@ -21,6 +21,11 @@ GATE = 0.5
 """A sighting further off than this, metres, is taken for an error."""
 STUBBORN: Time = NS
 """How long sightings are taken for errors before they are believed."""
+OLDEST: Time = 3 * NS // 10
+"""How old a sighting may be: its filter runs 0.2 s behind and takes what is up to 0.1 s older, in
+PX4 (EKF2_DELAY_MAX) and in ArduPilot's EKF3."""
+UNSYNCHRONISED: Time = 10 * NS
+"""Stamps that are this far off are by another clock; then the arrival counts."""
 SETTLES: Time = NS
 """How long the attitude takes to settle after the start."""
 
@@ -45,14 +50,42 @@ class Sources(NamedTuple):
     compass: bool
 
 
+class SightingClock:
+    """When a sighting was true, by the vehicle's clock. adopts: after how many sightings in a row
+    that came late their delay is taken for an error of the sender's clock, as that of the first one
+    is, by ArduPilot's correction of jitter; None where stamps are believed, as by PX4."""
+
+    def __init__(self, adopts: int | None) -> None:
+        self._adopts = adopts
+        self._late = 0
+        self._ahead: Time | None = None if adopts is not None else 0
+
+    def true_at(self, stamp: Time, now: Time) -> Time | None:
+        """None for a sighting that is older than the filter remembers."""
+        if self._ahead is None:
+            self._ahead = now - stamp
+        age = now - stamp - self._ahead
+        if abs(age) > UNSYNCHRONISED:
+            return now
+        if age < 0 and self._adopts is not None:
+            self._ahead += age
+        if age <= OLDEST:
+            self._late = 0
+            return now - max(age, 0)
+        self._late += 1
+        if self._late == self._adopts:
+            self._late, self._ahead = 0, self._ahead + age
+        return None
+
+
 class EmulatedEstimator:
     """The estimator of one vehicle; every call carries its time. sources: reads the parameters.
     forgets: seconds after which a position without sightings is invalid. waits: seconds from the
-    first GPS fix to a position."""
+    first GPS fix to a position. adopts: see `SightingClock`."""
 
     def __init__(
         self, parameters: EmulatedParameters, sources: Callable[[EmulatedParameters], Sources],
-        *, forgets: float, waits: float,
+        *, forgets: float, waits: float, adopts: int | None,
     ) -> None:  # fmt: skip
         self.attitude = AttitudeFilter(0.0)
         self.imu: Imu | None = None
@@ -60,6 +93,7 @@ class EmulatedEstimator:
         self._parameters, self._sources = parameters, sources
         self._forgets, self._waits = forgets, waits
         self._observer = PositionObserver()
+        self._clock = SightingClock(adopts)
         self._fixed: Time | None = None
         self._vision: Time | None = None
         self._aimed: Time | None = None
@@ -110,12 +144,14 @@ class EmulatedEstimator:
     def see(self, pose: VisionPose, now: Time) -> None:
         """Correct with external vision."""
         used = self._sources(self._parameters)
+        at = self._clock.true_at(pose.time, now)
+        if at is None:
+            return
         if used.vision_heading and pose.heading is not None:
             self.attitude.see(pose.heading)
             self._aimed = now
         if not used.vision:
             return
-        at = pose.time if 0 <= now - pose.time < NS // 2 else now
         off = self._observer.off(pose.position, at)
         if not used.vision_height:
             off = (off[0], off[1], 0.0)

@@ -51,14 +51,14 @@ class EmulatedFirmware:
     it takes. origin: where its simulator begins.
 
     forgets: when its estimator gives up a position that is not seen any more. gives_up: when it
-    lands because of that. waits: from the first GPS fix to a position, for which real ones take
-    longer. takes_off: climb rate of its take-off. obeys_on_ground: setpoints alone make it leave
-    the ground. keeps_setpoints: it takes setpoints in any mode and keeps them across modes.
-    returns_to_mode: once disarmed it goes back to the mode that was last asked for. by_axis: a
-    setpoint may leave out single axes. takes_mocap: it fuses ATT_POS_MOCAP. speaks_to_all: it sends
-    texts to others than ground stations too. complains: it repeats why it cannot be armed.
-    every_heartbeat_counts: as a ground station's, for its failsafe. pauses_in_mode: a pause does
-    not change its mode.
+    lands because of that. adopts: see `SightingClock`. waits: from the first GPS fix to a position,
+    for which real ones take longer. takes_off: climb rate of its take-off. obeys_on_ground:
+    setpoints alone make it leave the ground. keeps_setpoints: it takes setpoints in any mode and
+    keeps them across modes. returns_to_mode: once disarmed it goes back to the mode that was last
+    asked for. by_axis: a setpoint may leave out single axes. takes_mocap: it fuses ATT_POS_MOCAP.
+    speaks_to_all: it sends texts to others than ground stations too. complains: it repeats why it
+    cannot be armed. every_heartbeat_counts: as a ground station's, for its failsafe.
+    pauses_in_mode: a pause does not change its mode.
 
     sources: which sensors its parameters select. refusal: why it cannot be armed now, empty where
     it can; refusal_texts: the texts that say so. mode_refusal: why it does not change to a mode
@@ -98,6 +98,7 @@ class EmulatedFirmware:
     forgets: float
     gives_up: float
     waits: float
+    adopts: int | None
     takes_off: float
     obeys_on_ground: bool
     keeps_setpoints: bool
