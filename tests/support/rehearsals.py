@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from plans import part, plan, vehicle
 from short_flights import down, hold, path, up
 
-from kybflow.api.flight import Flown, RunRequest, fly
+from kybflow.api.flight import Flown, RunRequest, Server, fly
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, Event, Time
 from kybflow.dsl.plan import FaultPlan, PartPlan
@@ -73,7 +73,7 @@ def supervised(**params: dict[str, Any]) -> tuple[PartPlan, ...]:
 class Rehearsal:
     """One flight. driver: parameters of the driver. facts: of the vehicle's plan. faults: of the
     plan. deeds: (seconds, what is done to the rehearsal then). emitted: by the operator. on: an
-    event, and what is done when it is told first."""
+    event, and what is done when it is told first. servers: who gives commands."""
 
     def __init__(
         self,
@@ -86,6 +86,7 @@ class Rehearsal:
         emitted: Sequence[tuple[float, str]] = (),
         states: Sequence[Any] | None = None,
         on: tuple[str, Callable[[Rehearsal], Any]] | None = None,
+        servers: Sequence[Server] = (),
         **facts: Any,
     ) -> None:
         self.name, self.told, self.samples = autopilot, [], []
@@ -105,7 +106,7 @@ class Rehearsal:
         out = next(number for number in numbers if not number.exists())
         request = RunRequest(out=out, emitted=tuple(emitted))
         flight = plan(one, faults=tuple(faults), time_limit=90.0)
-        self.flown: Flown = fly(flight, request, (self._hear,), (self._look,))
+        self.flown: Flown = fly(flight, request, (self._hear,), (self._look,), servers)
 
     @property
     def session(self):

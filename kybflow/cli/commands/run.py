@@ -29,6 +29,7 @@ from kybflow.core.units import DURATION, parse_quantity
 
 if TYPE_CHECKING:
     from kybflow.api.flight import Flown, RunRequest
+    from kybflow.cli.keys.terminal_commander import TerminalCommander
     from kybflow.cli.printing.live import LivePanel
     from kybflow.cli.printing.run import PlainPanel
     from kybflow.command_server.server import CommandServer
@@ -141,10 +142,11 @@ def fly_plan(
     tell, complain = teller(sys.stdout), teller(sys.stderr)
     try:
         plan = _with_window(plan) if live else plan
-        with _panel(tell, plain=plain) as shown:
+        person = _person(plain=plain)
+        with _panel(tell, person, plain=plain) as shown:
             server = _command_server() if serves else None
             listeners = (shown.hear,) if server is None else (shown.hear, server.hear)
-            servers = () if server is None else (server.serve,)
+            servers = tuple(one.serve for one in (server, person) if one is not None)
             flown = fly(plan, request, listeners, (shown.look,), servers)
     except RunUnwritten as error:
         complain(f"error: {error}")
@@ -173,7 +175,9 @@ def _command_server() -> CommandServer:
     return CommandServer()
 
 
-def _panel(tell: Callable[[str], None], *, plain: bool) -> PlainPanel | LivePanel:
+def _panel(
+    tell: Callable[[str], None], person: TerminalCommander | None, *, plain: bool
+) -> PlainPanel | LivePanel:
     """Where the flight is shown; only a table needs rich."""
     if plain or not sys.stdout.isatty():
         from kybflow.cli.printing.run import PlainPanel
@@ -181,7 +185,23 @@ def _panel(tell: Callable[[str], None], *, plain: bool) -> PlainPanel | LivePane
         return PlainPanel(tell)
     from kybflow.cli.printing.live import LivePanel
 
-    return LivePanel(console(sys.stdout))
+    return LivePanel(console(sys.stdout), person)
+
+
+def _person(*, plain: bool) -> TerminalCommander | None:
+    """Who presses keys below the table, where there is one."""
+    if plain or not (sys.stdout.isatty() and sys.stdin is not None and sys.stdin.isatty()):
+        return None
+    from kybflow.cli.keys.terminal import Terminal
+    from kybflow.cli.keys.terminal_commander import TerminalCommander
+
+    screen = sys.stdout  # the table puts another in its place
+
+    def show(codes: str) -> None:
+        screen.write(codes)
+        screen.flush()
+
+    return TerminalCommander(Terminal(sys.stdin.fileno(), show))
 
 
 def _reported(flown: Flown, tell: Callable[[str], None], complain: Callable[[str], None]) -> int:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Iterator
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from kybflow.cli.keys.terminal_commander import TerminalCommander
+from kybflow.cli.printing import keys
 from kybflow.cli.printing.run import sentence
 from kybflow.core.geometry import distance
 from kybflow.core.signals import Event
@@ -18,12 +21,16 @@ from kybflow.runtime.vehicle.vehicle import Vehicle
 
 _LAST_EVENTS = 6
 _REDRAW = 0.1
+_FRAME, _LEAST_EVENTS = 6, 1
+"""Lines that the table has beside its vehicles, and events that stay in sight below the keys."""
 
 
 class LivePanel:
-    """A table that is redrawn in place, with the last events below it."""
+    """A table that is redrawn in place, with the keys of the terminal's commander and the last
+    events below it."""
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, commander: TerminalCommander | None = None) -> None:
+        self._console, self._commander = console, commander
         self._events: deque[str] = deque(maxlen=_LAST_EVENTS)
         self._live = Live(console=console, auto_refresh=False)
         self._drawn = 0.0
@@ -42,9 +49,10 @@ class LivePanel:
         self._events.append(sentence(event))
 
     def look(self, engine: Engine) -> None:
-        """Redraw, at most ten times a second."""
+        """Hear the keys; redraw, ten times a second and after a key."""
         self._engine = engine
-        if time.monotonic() - self._drawn >= _REDRAW:
+        pressed = self._commander is not None and self._commander.hear()
+        if pressed or time.monotonic() - self._drawn >= _REDRAW:
             self._draw()
 
     def _draw(self, refresh: bool = True) -> None:
@@ -62,9 +70,17 @@ class LivePanel:
             )
         for vehicle in engine.vehicles:
             table.add_row(*_row(vehicle, engine.flying))
-        return Group(
-            table, *(Text(line, no_wrap=True, overflow="ellipsis") for line in self._events)
-        )
+        events = (Text(line, no_wrap=True, overflow="ellipsis") for line in self._events)
+        return Group(table, *self._keys(engine), *events)
+
+    def _keys(self, engine: Engine) -> Iterator[Text]:
+        """Yield the lines about the keys, as many as the screen has room for."""
+        if self._commander is None:
+            return
+        self._commander.look(engine.commander.situation(engine.clock.now, flying=engine.flying))
+        if offers := self._commander.offers:
+            room = self._console.height - _FRAME - len(engine.vehicles) - _LEAST_EVENTS
+            yield from keys.drawn(offers, self._commander.saying, self._console.width, room)
 
 
 def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:

@@ -1,0 +1,124 @@
+"""What a person may ask for now, each with its key.
+
+A few letters mean the same in every run. The mission's events, the states of its vehicles and the
+phases of its flows get digits, then the other letters, in their order, and keep them: no key
+changes its meaning while a finger is on its way to it.
+"""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Iterator
+from math import inf
+from typing import NamedTuple
+
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.plan import Emit, EnterPhase, Stop, Switch
+from kybflow.runtime.commanding.orders import (
+    COMMANDS,
+    PREFIX,
+    LandOrder,
+    Order,
+    PauseOrder,
+    ResetOrder,
+    ResumeOrder,
+    text,
+)
+from kybflow.runtime.commanding.situation import Situation, VehicleSituation
+
+FIXED: dict[str, Order] = {
+    "p": PauseOrder(),
+    "l": LandOrder(),
+    "r": ResumeOrder(),
+    "x": ResetOrder(),
+    "s": Stop(""),
+}
+AT_ONCE = (PauseOrder, LandOrder)
+"""What calms the flight acts at once; everything else waits for Enter."""
+KEYS = tuple(key for key in string.digits[1:] + string.ascii_letters if key not in FIXED)
+_OF_ANY_VEHICLE = frozenset({"hover", "auto_home"})
+"""The built-in states that are offered; `land` and the failsafes lead to the others."""
+
+
+class Offer(NamedTuple):
+    """A command that is legal now. group: what it is of: nothing, `events`, a vehicle or a flow.
+    key: empty where there are more commands than keys."""
+
+    group: str
+    name: str
+    order: Order
+    key: str = ""
+
+
+class OfferedKeys:
+    """Assigns the keys. Where there are more commands than keys, one that becomes legal takes the
+    key of that which has been illegal for longest, if that is longer than `rest` seconds."""
+
+    def __init__(self, rest: float = 10.0) -> None:
+        self._rest = rest
+        self._keys: dict[Order, str] = {}
+        self._legal: dict[Order, float] = {}
+
+    def assign(self, situation: Situation, now: float) -> tuple[Offer, ...]:
+        """Return what is legal at `now` (s), each command with its key."""
+        free = [key for key in KEYS if key not in self._keys.values()]
+        legal = []
+        for offer, is_legal in _known(situation):
+            if offer.order not in self._keys and free:
+                self._keys[offer.order] = free.pop(0)
+            if is_legal:
+                legal.append(offer)
+                self._legal[offer.order] = now
+        fixed = (offer._replace(key=key) for key, offer in _fixed(situation))
+        return (*fixed, *(offer._replace(key=self._key(offer.order, now)) for offer in legal))
+
+    def _key(self, order: Order, now: float) -> str:
+        if order not in self._keys:
+            oldest = min(self._keys, key=self._last_legal)
+            if now - self._last_legal(oldest) <= self._rest:
+                return ""
+            self._keys[order] = self._keys.pop(oldest)
+        return self._keys[order]
+
+    def _last_legal(self, order: Order) -> float:
+        return self._legal.get(order, -inf)
+
+
+def _fixed(situation: Situation) -> Iterator[tuple[str, Offer]]:
+    vehicles = situation.vehicles
+    legal = {
+        "p": any(v.pause is None and "pause" not in v.holders for v in vehicles),
+        "l": any(v.land is None and v.retired is None for v in vehicles),
+        "r": any(v.resume is None for v in vehicles),
+        "x": any(v.reset is None and (v.state == "fault" or v.latched) for v in vehicles),
+        "s": True,
+    }
+    for key, order in FIXED.items():
+        name = text(order)
+        if legal[key] or situation.emit.get(f"{PREFIX}{name}", False):
+            yield key, Offer("", name, order)
+
+
+def _known(situation: Situation) -> Iterator[tuple[Offer, bool]]:
+    """Yield everything that may ever be offered, each with whether it is legal now."""
+    for name, waits in situation.emit.items():
+        if name not in COMMANDS:
+            yield Offer("events", name, Emit(name)), waits
+    for vehicle in situation.vehicles:
+        for state, is_legal in _states(vehicle).items():
+            offer = Offer(vehicle.name, state, Switch(vehicle.name, state))
+            yield offer, is_legal and state != vehicle.state
+    for flow in situation.flows:
+        for phase, reason in flow.enter.items():
+            offer = Offer(flow.name, phase, EnterPhase(flow.name, phase))
+            yield offer, reason is None and phase != flow.phase
+
+
+def _states(vehicle: VehicleSituation) -> dict[str, bool]:
+    """Return the states that are offered, a chain by its own name, each with whether the vehicle
+    may enter it."""
+    states: dict[str, bool] = {}
+    for state, reason in vehicle.enter.items():
+        if state not in BUILT_IN or state in _OF_ANY_VEHICLE:
+            states.setdefault(state.partition(".")[0], reason is None)
+    return states

@@ -1,0 +1,122 @@
+"""A person at a real shell in a real terminal (tmux): they let a mission go, pause it, stop the
+program with Ctrl-Z, land; and have the shell back afterwards as it was."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from waiting import until
+
+pytestmark = [
+    pytest.mark.thorough,
+    pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed"),
+]
+MISSION = """
+kybflow: 1
+mission: waiting
+import: {std: kybflow/airframes}
+world: {fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}}
+vehicles:
+  nano:
+    like: std.nano_plus
+    start: {at: [0, 0, 0]}
+    behaviors:
+      idle: {do: wait_on_ground, next: [{event: operator.go, go: up}]}
+      up:   {do: take_off, height: 60 cm, then: hold}
+      hold: {do: hover, for_time: 1000 s, then: down}
+      down: {do: land}
+"""
+
+
+class Screen:
+    """A shell in a terminal of 80 columns."""
+
+    def __init__(self, folder: Path) -> None:
+        self._tmux = ["tmux", "-S", str(folder / "tmux"), "-f", "/dev/null"]
+        size = ["-x", "80", "-y", "24"]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+        subprocess.run(
+            [*self._tmux, "new-session", "-d", *size, "bash --norc"],
+            check=True,
+            cwd=folder,
+            env=environment,
+        )
+
+    def tell(self, *words: str) -> str:
+        words = (*self._tmux, *words)
+        return subprocess.run(words, check=True, capture_output=True, text=True).stdout
+
+    def press(self, *keys: str) -> None:
+        self.tell("send-keys", *keys)
+
+    def run(self, line: str) -> None:
+        self.tell("send-keys", "-l", line)
+        self.press("Enter")
+
+    def text(self) -> str:
+        return self.tell("capture-pane", "-p", "-J")
+
+    def shows(self, pattern: str) -> None:
+        until(lambda: re.search(pattern, self.text()), pattern)
+
+    def terminal(self) -> str:
+        """The name of the terminal, as `pkill -t` takes it."""
+        return self.tell("display", "-p", "#{pane_tty}").strip().removeprefix("/dev/")
+
+    def close(self) -> None:
+        self.tell("kill-server")
+
+
+@pytest.fixture
+def screen(tmp_path: Path) -> Iterator[Screen]:
+    (tmp_path / "mission.yaml").write_text(MISSION, encoding="utf-8")
+    screen = Screen(tmp_path)
+    screen.run("stty -g > before")
+    flags = "--speed 4 --no-report --no-commands --out run"
+    screen.run(f"{sys.executable} -m kybflow run mission.yaml {flags}")
+    screen.shows(r"1  operator\.go")
+    yield screen
+    screen.close()
+
+
+def has_its_shell_back(screen: Screen, word: str) -> None:
+    """Look whether the terminal is as it was, and say so with `word`."""
+    screen.run(f"stty -g | diff - before && echo {word}")
+    screen.shows(rf"(?m)^{word} *$")
+
+
+def test_a_mission_is_let_go_paused_and_landed_by_keys(screen: Screen) -> None:
+    screen.press("1")
+    screen.shows(r"emit operator\.go\? Enter gives it")
+    screen.press("Enter")
+    screen.shows(r"emit operator\.go: accepted")
+    screen.shows(r"nano +│ hold")
+    screen.press("p")
+    screen.shows(r"r  resume")
+    screen.press("C-z")
+    screen.shows(r"Stopped")
+    has_its_shell_back(screen, "meanwhile")
+    screen.run("fg")
+    screen.shows(r"r  resume")
+    screen.tell("set-buffer", "lllland")
+    screen.tell("paste-buffer", "-p")
+    screen.press("r", "Enter")
+    screen.shows(r"resume: accepted")
+    assert "auto_land" not in screen.text()
+    screen.press("l")
+    screen.shows(r"waiting succeeded")
+    has_its_shell_back(screen, "afterwards")
+
+
+@pytest.mark.parametrize("number", ["TERM", "KILL"])
+def test_the_shell_is_back_after_the_run_was_killed(number: str, screen: Screen) -> None:
+    subprocess.run(["pkill", f"-{number}", "-t", screen.terminal(), "python"], check=True)
+    screen.shows("interrupted" if number == "TERM" else "Killed")
+    has_its_shell_back(screen, "afterwards")
