@@ -34,17 +34,17 @@ BUDGET = {
         "processors": 320,
         "behavior": 342,
         "recorder": 212,
-        "supervisors": 89,
+        "supervisors": 104,
     },
     8: {
-        "simulator": 2864,
+        "simulator": 2880,
         "engine and vehicle": 1350,
         "tracker": 953,
         "estimator": 699,
         "processors": 320,
         "behavior": 342,
         "recorder": 211,
-        "supervisors": 111,
+        "supervisors": 126,
     },
 }
 """Bytecodes a vehicle and tick, by the number of vehicles, in a plain install. The simulator's are

@@ -24,7 +24,7 @@ class Aboard:
 
     def __init__(self, count: int, rows: Callable[[int, int], Any]) -> None:
         self.count, self.steps = count, 0
-        self.tables = [rows(count, width) for width in (10, 8, 7, 11, 4, 4, 4, 2, 4)]
+        self.tables = [rows(count, width) for width in (10, 8, 7, 12, 4, 4, 4, 2, 4)]
         self.setpoints: Rows
         self.setpoints, self.filters, self.loops, self.gains, *rest = self.tables
         self.controls, self.rotors, self.thrusts, self.winds, self.constants = rest

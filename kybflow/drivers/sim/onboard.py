@@ -10,8 +10,14 @@ inertia x angular acceleration, led by the rotors' time constant. The attitude e
 then a turn about the body z that is wanted (Brescianini, Hehn and D'Andrea, Nonlinear Quadrocopter
 Attitude Control, ETH 2013), so that a heading that is far off tilts nothing: e is the sine of the
 tilt, about body x and y, and twice the vector part of the attitude error about body z. The gains
-scale with the airframe's rotor time and inertia. Where a rotor would saturate, all give way, so
-that attitude comes before height.
+scale with the airframe's rotor time and inertia. P e + D (rates - gyro) about body x and y is
+turned back by the angle by which a body that spins turns until led rotors answer.
+
+Where a rotor would saturate, roll and pitch come before thrust, and thrust before yaw (Smeur,
+Höppener and De Wagter, Prioritized Control Allocation for Quadrotors Subject to Saturation, IMAV
+2017). The rotors at both ends of a diagonal give m + x and m - x, x for roll and pitch, so that
+m <= 1 - |x|; what they can't lift is left to the other two, which changes nothing but the yaw. A
+vehicle with a weak rotor stays level and in the air; it spins.
 """
 
 from __future__ import annotations
@@ -162,7 +168,7 @@ def control(
     gx, gy, gz = rates
     ix, iy, iz, st, sr, sp, sy = loop
     armed, dw, dx, dy, dz, rx, ry, rz, lift, _ = setpoint
-    p, py, d, dyaw, i, iyaw, bound, kx, ky, kz, blend = gains
+    p, py, d, dyaw, i, iyaw, bound, kx, ky, kz, blend, lag = gains
     if armed == 0.0:
         return AT_REST, STOPPED
     ec = w * dw + x * dx + y * dy + z * dz
@@ -181,18 +187,23 @@ def control(
     iz = bound if iz > bound else least if iz < least else iz
     # what is asked of the rotors now, less what is asked slowly; a rotor is led by the difference
     dt = lift - st
-    dr = kx * (p * ex + d * (rx - gx) + ix) - sr
-    dp = ky * (p * ey + d * (ry - gy) + iy) - sp
+    turned = lag * gz
+    ax, ay = p * ex + d * (rx - gx), p * ey + d * (ry - gy)
+    dr = kx * (ax + turned * ay + ix) - sr
+    dp = ky * (ay - turned * ax + iy) - sp
     dy = kz * (py * ez + dyaw * (rz - gz) + iz) - sy
     loop = (ix, iy, iz, st + blend * dt, sr + blend * dr, sp + blend * dp, sy + blend * dy)
     lift, roll, pitch, yaw = st + LEAD * dt, sr + LEAD * dr, sp + LEAD * dp, sy + LEAD * dy
     yaw = -MOST_YAW if yaw < -MOST_YAW else MOST_YAW if yaw > MOST_YAW else yaw
     a, b = lift + roll - pitch + yaw, lift + roll + pitch - yaw
     c, d = lift - roll + pitch + yaw, lift - roll - pitch - yaw
-    most = max(a, b, c, d)
-    if most > 1.0:
-        a, b, c, d = a - most + 1.0, b - most + 1.0, c - most + 1.0, d - most + 1.0
-    if a < 0.0 or b < 0.0 or c < 0.0 or d < 0.0:
+    if max(a, b, c, d) > 1.0:
+        tilt, lean = roll - pitch, roll + pitch
+        most, most_other = 1.0 - abs(tilt), 1.0 - abs(lean)
+        mean = min(most, max(lift + yaw, 2.0 * lift - most_other))
+        other = min(most_other, 2.0 * lift - mean)
+        a, b, c, d = mean + tilt, other + lean, mean - tilt, other - lean
+    if min(a, b, c, d) < 0.0:
         a, b, c, d = max(a, 0.0), max(b, 0.0), max(c, 0.0), max(d, 0.0)
     return loop, (a, b, c, d)
 
@@ -200,7 +211,8 @@ def control(
 class Gains(NamedTuple):
     """Of roll and pitch and of yaw: proportional, 1/s^2; derivative, 1/s; integral over one step,
     1/s^2. bound: of an integral, rad/s^2. roll, pitch, yaw: a rotor's share of its largest thrust
-    per rad/s^2. blend: the part of a change that is asked slowly of the rotors in a step."""
+    per rad/s^2. blend: the part of a change that is asked slowly of the rotors in a step. lag:
+    seconds until a led rotor answers."""
 
     proportional: float
     proportional_yaw: float
@@ -213,6 +225,7 @@ class Gains(NamedTuple):
     pitch: float
     yaw: float
     blend: float
+    lag: float
 
 
 def _gains(airframe: Airframe, dt: float) -> Gains:
@@ -231,4 +244,5 @@ def _gains(airframe: Airframe, dt: float) -> Gains:
         jy / (4.0 * half * airframe.thrust),
         jz / (4.0 * airframe.torque_ratio * airframe.thrust),
         dt / (airframe.rotor_time / LEAD + dt),
+        airframe.rotor_time / LEAD + dt,
     )

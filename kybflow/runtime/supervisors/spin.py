@@ -1,0 +1,54 @@
+"""Report a vehicle that turns about its vertical faster than it is asked to.
+
+Alarm `spinning` in the air while the turn rate about body z, less the setpoint's, averaged over the
+last quarter of a second, is more than `limit`; once raised it stays for as long as the vehicle
+flies. Rotors that keep a vehicle up and level need not be able to hold its heading: with a weak one
+it spins ever faster, until nothing can hold its attitude either. Without an estimate there is
+nothing to judge. Radians per second.
+
+The default reaction is `land`: what makes it spin does not go away in the air.
+"""
+
+from __future__ import annotations
+
+from math import degrees
+
+from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick
+from kybflow.core.units import DEG, AngularRate
+from kybflow.parts import Supervisor, param, params
+from kybflow.world.vehicle_context import VehicleContext
+
+_LATELY = 0.25
+
+
+@params
+class SpinParams:
+    limit: AngularRate = param(
+        "Largest turn rate beyond the setpoint's.", default=360.0 * DEG, above=0.0, tightens="down"
+    )
+    reaction: ReactionName = param("What the failsafe does.", default="land", tightens="up")
+
+
+class Spin(Supervisor[SpinParams]):
+    always = True
+    unhurried = True
+    events = ("spinning",)
+
+    def __init__(self, params: SpinParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._rate, self._looked, self._spins = 0.0, 0, False
+
+    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+        estimate, setpoint, now = tick.estimate, tick.setpoint, tick.now
+        dt, self._looked = (now - self._looked) / NS, now
+        if estimate is None or not airborne:
+            self._rate, self._spins = 0.0, False
+            return None
+        rate = estimate.angular_velocity[2] - (0.0 if setpoint is None else setpoint.heading_rate)
+        self._rate += (rate - self._rate) * dt / (_LATELY + dt)
+        spin, limit = abs(self._rate), self.params.limit
+        self._spins = self._spins or spin > limit
+        if not self._spins:
+            return None
+        reason = f"it spins by {degrees(spin):.0f} deg/s, {degrees(limit):.0f} deg/s allowed"
+        return Alarm("spinning", Reaction[self.params.reaction.upper()], reason, spin, limit)
