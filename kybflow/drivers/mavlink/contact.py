@@ -172,8 +172,11 @@ class Contact:
         self.requests.hear(message, now)
 
     def _see_target(self, message: Message, now: Time) -> None:
-        if self.status.armed and self.status.landed is LandedState.AIR:
+        status, offboard = self.status, self.profile.modes["offboard"]
+        if status.armed and status.landed is LandedState.AIR and status.mode == offboard:
             self.others.follows(message, now)
+        else:
+            self.others.follow_nobody()
 
     def _compare_clocks(self, message: Message, now: Time) -> None:
         for answer in self.sync.hear(message, now):

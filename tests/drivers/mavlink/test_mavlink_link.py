@@ -347,6 +347,20 @@ def test_a_disarm_on_the_ground_is_waited_out_and_one_in_the_air_is_not():
     assert reason(bench).startswith("it disarmed in the air")
 
 
+def test_the_target_of_a_mode_that_is_not_ours_is_nobody_elses():
+    """PX4 tells the targets of a pilot's modes too, and those of its own failsafes."""
+    bench = Bench()
+    bench.fly()
+    away = mavlink.MAVLink_position_target_local_ned_message(0, 1, 0xDF8, 3.0, *[0.0] * 10)
+    for mode, foreign in (("POSITION", 0), ("offboard", 1)):
+        bench.fake.mode = bench.fake.profile.modes[mode]
+        for _ in range(4):
+            bench.run(0.25, UP)
+            bench.fake._send(away)
+        bench.run(0.02)
+        assert len(bench.link.foreign_commands()) == foreign
+
+
 @pytest.mark.parametrize("name", ["px4", "ardupilot"])
 def test_one_that_stays_armed_is_disarmed_by_force_unless_it_says_that_it_flies(name):
     bench = Bench(name)

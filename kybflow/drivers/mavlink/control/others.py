@@ -103,6 +103,11 @@ class OtherCommanders:
                 about=f"set-points of {kind}",
             )
 
+    def follow_nobody(self) -> None:
+        """Note that the autopilot does not follow set-points now: a target that was heard while it
+        changed its mode is its own."""
+        self._foreign.clear()
+
     def _is_ours(self, target: _Target, now: Time) -> bool:
         last = self._sent[-1][0] if self._sent else now
         return any(
