@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from math import hypot
 from pathlib import Path
@@ -19,7 +19,7 @@ from kybflow.api.opening import (
     check_pace,
     clock_for,
     open_devices,
-    real_time_sensor,
+    real_time_part,
 )
 from kybflow.core.errors import DriverError, PartFailed, described
 from kybflow.core.geometry import Vec3
@@ -46,6 +46,7 @@ from kybflow.runtime.commanding.command_queue import CommandQueue, RecordedComma
 from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
+from kybflow.runtime.fleet.inputs import Inputs, NoteInput, unnoted
 from kybflow.runtime.interrupts import Interrupts
 from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.options import check_options
@@ -71,7 +72,7 @@ class RunRequest:
     changes of parts' parameters before take-off, as (name, value). emitted: the operator's events,
     as (seconds, name). out: the run folder, None for one under `runs/`. sets: the `NAME=VALUE` that
     the plan was compiled with, for `provenance.json` only. again: the commands of an earlier run,
-    given at the same ticks.
+    given at the same ticks; inputs: what its inputs said, by name, in place of the devices.
     """
 
     seed: int = 0
@@ -81,6 +82,7 @@ class RunRequest:
     emitted: tuple[tuple[float, str], ...] = ()
     sets: tuple[str, ...] = ()
     again: tuple[RecordedCommand, ...] = ()
+    inputs: Mapping[str, str] = field(default_factory=dict)
 
     def record(self) -> dict[str, Any]:
         """The request as `provenance.json` holds it: options as the command line takes them."""
@@ -125,7 +127,7 @@ def fly(
     recorder, folder = record.recorder, record.folder
     try:
         events = Events((recorder.event, folder.event, *listeners))
-        run = _Run(plan, request, events, recorder, commands)
+        run = _Run(plan, request, events, recorder, commands, folder.input)
         with Interrupts(run), _served(servers, commands, folder.path, events):
             run.fly((record, *observers, *_pictures(plan, folder)))
             record.close()
@@ -207,8 +209,10 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
     devices = open_devices(plan, seed)
     try:
         vehicles = build_vehicles(plan, devices, events, lambda _: VehicleObserver(), Score(plan))
-        clock = clock_for(plan, 1.0 if real_time_sensor(plan) else None)
-        lines = Engine(plan, clock, devices.sessions, vehicles, events).inspect()
+        clock = clock_for(plan, 1.0 if real_time_part(plan) else None)
+        inputs = Inputs(plan.inputs, devices.inputs, events)
+        engine = Engine(plan, clock, devices.sessions, vehicles, events, inputs=inputs)
+        lines = engine.inspect()
         failed = next((v.link_error for v in vehicles if v.link_error), None)
         return Inspected(lines, failed)
     finally:
@@ -275,7 +279,9 @@ class _Run:
         events: Events,
         recorder: Recorder,
         commands: CommandQueue,
+        note: NoteInput = unnoted,
     ) -> None:
+        self._note = note
         self._plan, self._request = plan, request
         self._events, self._recorder = events, recorder
         self._score = Score(plan)
@@ -290,8 +296,9 @@ class _Run:
         """Open the drivers, fly to the end, close them."""
         devices: Devices | None = None
         try:
-            check_pace(self._plan, self._request.speed)
-            devices = open_devices(self._plan, self._request.seed)
+            again = self._request.inputs
+            check_pace(self._plan, self._request.speed, again)
+            devices = open_devices(self._plan, self._request.seed, again)
             self._reason = self._flown(devices, observers)
         except DriverError as error:
             self._driver_failed = str(error)
@@ -306,7 +313,10 @@ class _Run:
 
     def _flown(self, devices: Devices, observers: Sequence[Observer]) -> str | None:
         plan, events = self._plan, self._events
-        vehicles = build_vehicles(plan, devices, events, self._recorder.vehicle, self._score)
+        inputs = Inputs(plan.inputs, devices.inputs, events, self._note)
+        vehicles = build_vehicles(
+            plan, devices, events, self._recorder.vehicle, self._score, inputs.readings
+        )
         clock = clock_for(plan, self._request.speed)
         request = self._request
         engine = self._engine = Engine(
@@ -318,6 +328,7 @@ class _Run:
             observers,
             request.seed,
             self._commands,
+            inputs,
         )
         engine.interrupts = self.interrupts
         for name, value in request.options:

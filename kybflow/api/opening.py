@@ -4,12 +4,16 @@ clock."""
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from kybflow.core.errors import DriverError, described
-from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
-from kybflow.parts import Driver, Link, Seat, Session, Stream
+from kybflow.core.errors import DriverError, FileError, described
+from kybflow.core.signals import NO_INPUTS, InputReadings, Sticks
+from kybflow.dsl.plan import InputPlan, PartPlan, Plan, VehiclePlan
+from kybflow.inputs.rows import parse
+from kybflow.inputs.script import RowsLink
+from kybflow.parts import Driver, InputLink, Link, Seat, Session, Stream
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.bodies import Bodies
@@ -20,17 +24,24 @@ from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.vehicle_context import VehicleContext
 
+NOTHING: Mapping[str, str] = MappingProxyType({})
+
 
 class Devices(NamedTuple):
-    """The open devices: the drivers' sessions, and each vehicle's sensors beside them, by name."""
+    """The open devices: the drivers' sessions, each vehicle's sensors beside them, and the inputs,
+    by name. vehicles: those that are built on them, which inputs may listen to."""
 
     sessions: list[Session]
     sensors: dict[str, list[OpenSensor]]
+    inputs: dict[str, InputLink]
+    vehicles: dict[str, Vehicle]
 
     def close(self) -> list[str]:
         """Close everything; a text for each device that could not be closed."""
         streams = [sensor.stream for opened in self.sensors.values() for sensor in opened]
-        devices: list[Stream | Session] = [*streams, *self.sessions]
+        devices: list[Stream | Session | InputLink] = [
+            *self.inputs.values(), *streams, *self.sessions,
+        ]  # fmt: skip
         reasons = []
         for device in devices:
             try:
@@ -40,23 +51,28 @@ class Devices(NamedTuple):
         return reasons
 
 
-def real_time_sensor(plan: Plan) -> PartPlan | None:
-    """A sensor that measures in real time although all vehicles are simulated; None for none."""
-    sensors = (s.part for v in plan.vehicles for s in v.sensors) if plan.simulated else ()
-    return next((part for part in sensors if part.cls.real_time(part.params)), None)
+def real_time_part(plan: Plan, again: Mapping[str, str] = NOTHING) -> PartPlan | None:
+    """A sensor or an input that needs real time although all vehicles are simulated; None for none.
+    again: the inputs that a record stands in for."""
+    if not plan.simulated:
+        return None
+    sensors = (s.part for v in plan.vehicles for s in v.sensors)
+    live = (i.part for i in plan.inputs if i.name not in again and i.part.cls.real_time)
+    return next((p for p in sensors if p.cls.real_time(p.params)), None) or next(live, None)
 
 
-def check_pace(plan: Plan, speed: float | None) -> None:
-    """Raises DriverError for a pace of the simulated clock that a sensor can't keep."""
-    part = real_time_sensor(plan)
+def check_pace(plan: Plan, speed: float | None, again: Mapping[str, str] = NOTHING) -> None:
+    """Raises DriverError for a pace of the simulated clock that a sensor or a person can't keep."""
+    part = real_time_part(plan, again)
     if part is not None and speed != 1.0:
-        reason = f"`{part.name}` ({part.at}) measures in real time, so the simulation must go at"
+        reason = f"`{part.name}` ({part.at}) works in real time, so the simulation must go at"
         raise DriverError(f"{reason} its pace: fly with `--speed 1`")
 
 
-def open_devices(plan: Plan, seed: int) -> Devices:
-    """Open everything that the plan names. Raises DriverError, and nothing is open then."""
-    devices = Devices(_open_sessions(plan, seed), {})
+def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> Devices:
+    """Open everything that the plan names. again: for each input that isn't opened, what an earlier
+    run recorded of it. Raises DriverError, and nothing is open then."""
+    devices = Devices(_open_sessions(plan, seed), {}, {}, {})
     links = _links(devices)
     try:
         for vehicle in plan.vehicles:
@@ -65,6 +81,8 @@ def open_devices(plan: Plan, seed: int) -> Devices:
             for sensor in vehicle.sensors:
                 own = random.Random(f"{seed} {vehicle.name} {sensor.part.label}")
                 opened.append(OpenSensor(sensor, _stream(sensor.part, context, link, own)))
+        for plan_input in plan.inputs:
+            devices.inputs[plan_input.name] = _input(plan_input, devices, again)
     except BaseException:
         devices.close()
         raise
@@ -77,6 +95,20 @@ def _stream(part: PartPlan, context: VehicleContext, link: Link, own: random.Ran
     except DriverError as error:
         raise DriverError(f"`{part.name}` ({part.at}): {error}") from error
     return stream
+
+
+def _input(plan: InputPlan, devices: Devices, again: Mapping[str, str]) -> InputLink:
+    def sticks_of(vehicle: str) -> Sticks | None:
+        return devices.vehicles[vehicle].knowledge.sticks if devices.vehicles else None
+
+    part = plan.part
+    try:
+        if plan.name in again:
+            return RowsLink(parse(again[plan.name]).rows)
+        link: InputLink = part.cls.open(part.params, sticks_of)
+    except (DriverError, FileError) as error:
+        raise DriverError(f"`{plan.name}` ({part.name}, {part.at}): {error}") from error
+    return link
 
 
 def _links(devices: Devices) -> dict[str, Link]:
@@ -95,7 +127,7 @@ def _open_sessions(plan: Plan, seed: int) -> list[Session]:
             seats = [Seat(context_of(plan, v), v.driver.params) for v in vehicles]
             sessions.append(driver.open(seats, generator))
     except BaseException:
-        Devices(sessions, {}).close()
+        Devices(sessions, {}, {}, {}).close()
         raise
     return sessions
 
@@ -124,10 +156,11 @@ def build_vehicles(
     events: Events,
     observer: Callable[[str], VehicleObserver],
     score: Score,
+    inputs: InputReadings = NO_INPUTS,
 ) -> list[Vehicle]:
     """A vehicle for each of the plan, with `observer` of its name."""
     links, bodies, fleet = _links(devices), Bodies(), EstimateHistory()
-    return [
+    built = [
         Vehicle(
             vehicle,
             context_of(plan, vehicle),
@@ -138,9 +171,12 @@ def build_vehicles(
             devices.sensors[vehicle.name],
             bodies,
             fleet,
+            inputs,
         )
         for vehicle in plan.vehicles
     ]
+    devices.vehicles.update((vehicle.name, vehicle) for vehicle in built)
+    return built
 
 
 def clock_for(plan: Plan, speed: float | None) -> Clock:

@@ -33,13 +33,14 @@ _ALONE = "_kybflow_alone"
 RESERVED = frozenset(
     {
         "do", "use", "as", "then", "next", "failed", "within", "for", "at", "on", "inject", "when",
-        "estimators",
+        "estimators", "buttons", "dead_man", "silent_after", "stuck_after",
     }
 )  # fmt: skip
 Tightens = Literal["up", "down"]
 """The direction in which a safety parameter becomes stricter; for a choice, along its list."""
-Named = Literal["vehicle", "estimator"]
-"""What in the mission a text may name: another vehicle, or one of the vehicle's estimators."""
+Named = Literal["vehicle", "estimator", "input"]
+"""What in the mission a text may name: another vehicle, one of the vehicle's estimators, or an
+input."""
 Reads = Callable[[File], object]
 """A part's reader for a file; raises FileError when the part can't use it."""
 
@@ -159,6 +160,17 @@ def fields_of(cls: Any) -> tuple[Field, ...]:
     """Return the parameters of `cls`, in order. Raises PartError for a wrong declaration."""
     hints = hints_of(cls)
     return tuple(_field(cls, f, hints[f.name]) for f in dataclasses.fields(cls))
+
+
+def named_in(parameters: Any, what: Named) -> dict[str, str]:
+    """Return what of `what` these parameters name, by the parameter's name."""
+    found = ((f.name, getattr(parameters, f.name)) for f in _naming(parameters.__class__, what))
+    return {parameter: name for parameter, name in found if name is not None}
+
+
+@functools.cache
+def _naming(cls: Any, what: Named) -> tuple[Field, ...]:
+    return tuple(f for f in fields_of(cls) if f.names == what)
 
 
 def _field(cls: type, field: dataclasses.Field[Any], hint: Any) -> Field:

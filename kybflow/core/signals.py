@@ -8,8 +8,9 @@ quaternions rotate body to world.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import Enum, IntEnum
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple, Protocol, TypeVar, cast
 
 from kybflow.core.errors import EstimateMissing
@@ -316,6 +317,22 @@ class Event(NamedTuple):
     at: str = ""
 
 
+class InputReading(NamedTuple):
+    """What a person's input says: each axis by name, -1 to 1, and the names of the buttons that are
+    held. heard: when the device said so, or was last known to have nothing new. engaged: its
+    dead-man switch is held, or it has none."""
+
+    heard: Time
+    axes: Mapping[str, float]
+    held: frozenset[str] = frozenset()
+    engaged: bool = True
+
+
+InputReadings = Mapping[str, InputReading | None]
+"""What each input says, by its name in the mission; None while the input is lost."""
+NO_INPUTS: InputReadings = MappingProxyType({})
+
+
 class Tick(NamedTuple):
     """What a vehicle's parts see in one tick.
 
@@ -323,7 +340,8 @@ class Tick(NamedTuple):
     behavior was entered. fleet: every vehicle's estimate by name, frozen before any behavior runs,
     None for a vehicle without one. setpoint: the one that the tracker followed in the last tick.
     imu: the newest, if the vehicle subscribes to it. link_age: seconds since the link last
-    delivered anything. payload: where the payload is, None while unknown.
+    delivered anything. payload: where the payload is, None while unknown. inputs: what the
+    mission's inputs say.
     """
 
     now: Time
@@ -336,6 +354,7 @@ class Tick(NamedTuple):
     imu: Imu | None = None
     link_age: float = 0.0
     payload: PayloadState | None = None
+    inputs: InputReadings = NO_INPUTS
 
     def known(self) -> Estimate:
         """Return the estimate. Raises EstimateMissing if there is none."""

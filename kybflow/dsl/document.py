@@ -221,6 +221,34 @@ class CallbackEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class InputEntry:
+    """One entry of `inputs:`, or what the target has in its place. renamed: the device's button
+    behind each name that the mission gives."""
+
+    name: Text
+    part: PartUse
+    silent_after: float
+    stuck_after: float | None
+    dead_man: Text | None
+    renamed: tuple[tuple[Text, Text], ...]
+    spans: dict[str, Span] = field(default_factory=dict)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        axes: tuple[str, ...] = self.part.spec.cls.axes(self.part.params)
+        return axes
+
+    @property
+    def buttons(self) -> dict[str, str]:
+        """What the mission calls each of the device's buttons; one whose name it gives to another
+        is not heard."""
+        given = {device.text: name.text for name, device in self.renamed}
+        taken = set(given.values())
+        own = self.part.spec.cls.buttons(self.part.params)
+        return {b: given.get(b, b) for b in own if b in given or b not in taken}
+
+
+@dataclass(frozen=True, slots=True)
 class FaultEntry:
     """One entry of `faults:`."""
 
@@ -293,3 +321,4 @@ class Document:
     callbacks: tuple[CallbackEntry, ...] = ()
     faults: tuple[FaultEntry, ...] = ()
     flows: dict[str, FlowEntry] = field(default_factory=dict)
+    inputs: dict[str, InputEntry] = field(default_factory=dict)

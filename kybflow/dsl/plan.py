@@ -183,6 +183,22 @@ ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | LogText | Stop | 
 
 
 @dataclass(frozen=True, slots=True)
+class InputPlan:
+    """One entry of `inputs:`. buttons: what the mission calls each of the device's. dead_man: the
+    button, by the mission's name, without which nothing is steered; None for none. It is lost when
+    it is silent for longer than `silent_after` seconds, and stuck after `stuck_after` (None:
+    never)."""
+
+    name: str
+    part: PartPlan
+    buttons: dict[str, str]
+    silent_after: float
+    stuck_after: float | None = None
+    dead_man: str | None = None
+    at: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class CallbackPlan:
     """One entry of `on:`: when an event called `event` of one of `vehicles` (`""`: of the run) is
     heard whose fields are as `fields` says, and `when` holds, the actions are done in order."""
@@ -279,5 +295,6 @@ class Plan:
     callbacks: tuple[CallbackPlan, ...] = ()
     faults: tuple[FaultPlan, ...] = ()
     flows: tuple[FlowPlan, ...] = ()
+    inputs: tuple[InputPlan, ...] = ()
     files: tuple[File, ...] = ()
     """What parameters name, each as it is written in `resolved`."""

@@ -23,13 +23,14 @@ from kybflow.parts.behavior import (
 from kybflow.parts.chain import Estimator, Processor, Supervisor, Tracker
 from kybflow.parts.driver import Driver, Seat, Session
 from kybflow.parts.fault import Effect, Fault, Filter, Rig
+from kybflow.parts.input import AXES, Input, InputLink
 from kybflow.parts.link import Check, ForeignCommand, Link, Override, StatusText
 from kybflow.parts.sensor import Sensor, Stream
 
 __all__ = [
-    "AIR", "GROUND", "MOVING", "Action", "ActionContext", "Behavior", "Check", "Driver",
+    "AIR", "AXES", "GROUND", "MOVING", "Action", "ActionContext", "Behavior", "Check", "Driver",
     "Effect", "Entry", "Estimator", "Fault", "Field", "Filter", "Flight", "Footprint",
-    "ForeignCommand", "Leg", "Link", "Objection", "Origin", "Override", "Part", "Processor", "Rig",
-    "Seat", "Sensor", "Session", "StatusText", "Stream", "Supervisor", "Tracker", "fields_of",
-    "param", "params",
+    "ForeignCommand", "Input", "InputLink", "Leg", "Link", "Objection", "Origin", "Override",
+    "Part", "Processor", "Rig", "Seat", "Sensor", "Session", "StatusText", "Stream", "Supervisor",
+    "Tracker", "fields_of", "param", "params",
 ]  # fmt: skip

@@ -9,12 +9,14 @@ from typing import Any, ClassVar, NamedTuple
 
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, distance, heading_of, scale
 from kybflow.core.signals import (
+    NO_INPUTS,
     Command,
     CommandKind,
     Done,
     Estimate,
     Failed,
     Grip,
+    InputReadings,
     MeasurementKind,
     Setpoint,
     SetpointKind,
@@ -58,6 +60,7 @@ class Entry(NamedTuple):
     `flight` says where the vehicle is). hover_thrust: the tracker's estimate of the thrust that
     holds the vehicle, newtons. resting_force: the specific force along body z that the IMU
     measured at rest on the ground, m/s^2; gravity if unknown.
+    inputs: what the mission's inputs say.
     """
 
     now: Time
@@ -67,6 +70,7 @@ class Entry(NamedTuple):
     hover_thrust: float
     flight: Flight = Flight.AIR
     resting_force: float = GRAVITY
+    inputs: InputReadings = NO_INPUTS
 
     @property
     def position(self) -> Vec3:
@@ -146,6 +150,7 @@ class Behavior(Part[P]):
     subscribe to while it is active, if the driver provides them. grips: `update` may return a Grip.
     waits_for: what it waits for, in words, None while it goes on; told as `behavior_waits`.
     lets_go: whether no command is sent now, so that the vehicle's own watchdog brings it down.
+    axes: those that the inputs must have which its parameters name.
     """
 
     kind = "behaviors"
@@ -156,6 +161,7 @@ class Behavior(Part[P]):
     grips: ClassVar[bool] = False
     waits_for: str | None = None
     lets_go: bool = False
+    axes: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(
         cls,

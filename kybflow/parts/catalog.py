@@ -26,6 +26,7 @@ from kybflow.parts import (
     Driver,
     Estimator,
     Fault,
+    Input,
     Part,
     Processor,
     Sensor,
@@ -35,9 +36,11 @@ from kybflow.parts import (
 
 BASES: dict[str, type[Part[Any]]] = {
     base.kind: base
-    for base in (Behavior, Estimator, Processor, Tracker, Supervisor, Driver, Sensor, Fault, Action)
-}
-_HOMES = {"drivers": "kybflow", "sensors": "kybflow"}
+    for base in (
+        Behavior, Estimator, Processor, Tracker, Supervisor, Driver, Sensor, Input, Fault, Action,
+    )
+}  # fmt: skip
+_HOMES = {"drivers": "kybflow", "sensors": "kybflow", "inputs": "kybflow"}
 GROUP = "kybflow.parts"
 
 

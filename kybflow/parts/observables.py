@@ -246,6 +246,8 @@ EVENTS: dict[str, str] = {
     "arming_refused": "The vehicle won't arm, in its own words.",
     "vehicle_said": "The vehicle says something of itself.",
     "foreign_command": "Somebody else commands the vehicle, beside this program.",
+    "input_lost": "An input is unplugged, silent or stuck, or says what is no number.",
+    "input_recovered": "An input that was lost is well again.",
     "control_taken": "Somebody else has the vehicle, and it is left alone.",
     "control_refused": "The vehicle was asked for back, and does not come: it is asked no more.",
     "control_lost": "The vehicle's own failsafe took over, or it disarmed in the air.",
@@ -279,7 +281,7 @@ EVENTS: dict[str, str] = {
 OF_THE_RUN = frozenset(
     {
         "run_started", "run_ended", "run_stopped", "observer_failed", "recording_stopped", "logged",
-        "action_failed", "commands_failed", "clients_refused",
+        "action_failed", "commands_failed", "clients_refused", "input_lost", "input_recovered",
         "phase_started", "phase_ended", "phase_refused", "flow_ended",
         "flow_failed",
     }
@@ -345,6 +347,8 @@ EVENT_FIELDS: dict[str, tuple[str, ...]] = {
     "arming_refused": ("reason",),
     "vehicle_said": ("severity", "text"),
     "foreign_command": ("reason",),
+    "input_lost": ("input", "reason", "value", "bound"),
+    "input_recovered": ("input",),
     "control_taken": ("reason",),
     "control_refused": ("reason",),
     "control_lost": ("reason",),

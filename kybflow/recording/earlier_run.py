@@ -7,17 +7,19 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from kybflow.core.errors import FileError
 from kybflow.core.signals import NS
 from kybflow.dsl.reading.folders import PROVENANCE
+from kybflow.inputs.rows import parse
 from kybflow.recording.growing_file import whole_lines
-from kybflow.recording.run_folder import EVENTS, RunFolderError
+from kybflow.recording.run_folder import EVENTS, INPUTS, RunFolderError
 from kybflow.runtime.commanding.command_queue import RecordedCommand
 from kybflow.runtime.commanding.lease import SCHEDULE
 
 
 class EarlierRun(NamedTuple):
     """sets, options, emits: as the command line takes them. commands: those that weren't scheduled
-    when the run began, in the order in which they were heard."""
+    when the run began, in the order in which they were heard. inputs: what each said, a table."""
 
     target: str
     seed: int
@@ -25,6 +27,7 @@ class EarlierRun(NamedTuple):
     options: tuple[str, ...]
     emits: tuple[str, ...]
     commands: tuple[RecordedCommand, ...]
+    inputs: dict[str, str]
 
 
 def read_earlier_run(folder: Path) -> EarlierRun:
@@ -39,13 +42,24 @@ def read_earlier_run(folder: Path) -> EarlierRun:
             options=tuple(asked["option"]),
             emits=tuple(asked["emit"]),
             commands=tuple(_command(e) for e in events if _is_command(e)),
+            inputs={table.stem: _table(table) for table in (folder / INPUTS).glob("*.csv")},
         )
     except OSError as error:
         reason = f"`{error.filename}`: {error.strerror}"
         raise RunFolderError(f"`{folder}` is no run that can be flown again: {reason}") from error
     except (ValueError, LookupError, TypeError, AttributeError) as error:
-        reason = f"`{PROVENANCE}` or `{EVENTS}` is not as a run writes it"
+        reason = f"`{PROVENANCE}`, `{EVENTS}` or a table of an input is not as a run writes it"
         raise RunFolderError(f"`{folder}` can't be flown again: {reason}") from error
+
+
+def _table(path: Path) -> str:
+    """The table of an input. Raises ValueError where it is none."""
+    text = "\n".join(whole_lines(path))
+    try:
+        parse(text)
+    except FileError as error:
+        raise ValueError(str(error)) from error
+    return text
 
 
 def _is_command(event: dict[str, Any]) -> bool:

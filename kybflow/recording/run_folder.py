@@ -21,9 +21,10 @@ from typing import TYPE_CHECKING, Any
 
 from kybflow.core.errors import KybflowError
 from kybflow.core.files import CONTROL, File, write_whole
-from kybflow.core.signals import Event
-from kybflow.dsl.plan import EstimatorPlan, Plan, SensorPlan
+from kybflow.core.signals import Event, InputReading, Time
+from kybflow.dsl.plan import EstimatorPlan, InputPlan, Plan, SensorPlan
 from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
+from kybflow.inputs.rows import InputRow, head, line
 from kybflow.recording.growing_file import GrowingFile
 from kybflow.recording.layout import event_record
 
@@ -33,7 +34,9 @@ if TYPE_CHECKING:
 SUMMARY, EVENTS, LOG, REPORT = "summary.json", "events.jsonl", "log.mcap", "report.html"
 FRAMES = "frames"
 """The folder of what cameras saw."""
-FILES = frozenset({CONTROL, SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES})
+INPUTS = "inputs"
+"""The folder of what inputs said, a table of each (`kybflow.inputs.script`)."""
+FILES = frozenset({CONTROL, SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES, INPUTS})
 FLOWN_FROM = "files"
 """The key of `provenance.json` for the mission's files that are in the run folder."""
 _VERSION = re.compile(r"^Version: *(.*)$", re.MULTILINE)
@@ -55,10 +58,12 @@ class RunFolder:
         self.path = path
         self._events = GrowingFile(path / EVENTS, "list of events")
         self._unwritten: str | None = None
+        self._inputs: dict[str, tuple[GrowingFile, tuple[str, ...]]] = {}
 
     @property
     def failed(self) -> str | None:
-        return self._events.failed or self._unwritten
+        files = (self._events, *(file for file, _ in self._inputs.values()))
+        return next((file.failed for file in files if file.failed), self._unwritten)
 
     @property
     def log(self) -> Path:
@@ -70,9 +75,18 @@ class RunFolder:
         line = json.dumps(event_record(event), ensure_ascii=False) + "\n"
         self._events.write(line.encode())
 
+    def input(self, name: str, now: Time, reading: InputReading | None, why: str) -> None:
+        """Append what an input says, or why it says nothing, to its table. Raises nothing."""
+        row = InputRow(now, {}, lost=why) if reading is None else InputRow(now, *reading[1:3])
+        if name in self._inputs:
+            file, axes = self._inputs[name]
+            file.write(line(row, axes).encode())
+
     def look(self) -> None:
-        """Look whether the events are still in their place."""
+        """Look whether what grows is still in its place."""
         self._events.look()
+        for file, _ in self._inputs.values():
+            file.look()
 
     def describe(self, plan: Plan, request: Mapping[str, Any], started: datetime) -> None:
         """Write the resolved mission, the files that it names, and `provenance.json`. Raises
@@ -82,6 +96,19 @@ class RunFolder:
         write_file(self.path / PROVENANCE, _json(provenance(plan, request, started, files)))
         for name, file in files.items():
             write_file(self.path / name, contents(file))
+        for own in plan.inputs:
+            self._open_table(own)
+
+    def _open_table(self, plan: InputPlan) -> None:
+        path = self.path / INPUTS / f"{plan.name}.csv"
+        axes: tuple[str, ...] = plan.part.cls.axes(plan.part.params)
+        try:
+            path.parent.mkdir(exist_ok=True)
+            file = GrowingFile(path, f"table of `{plan.name}`")
+        except OSError as error:
+            raise RunUnwritten(f"`{path}` can't be written: {error.strerror}") from error
+        self._inputs[plan.name] = file, axes
+        file.write(head(axes).encode())
 
     def add(self, name: str, data: bytes) -> Path:
         """Write one more file, `name` being its path within the folder; its whole path. Raises
@@ -102,8 +129,10 @@ class RunFolder:
         return True
 
     def close(self) -> None:
-        """Close the file of events; may be called again."""
+        """Close what grows; may be called again."""
         self._events.close()
+        for file, _ in self._inputs.values():
+            file.close()
 
 
 def create_run_folder(plan: Plan, out: Path | None, started: datetime) -> RunFolder:
@@ -205,6 +234,8 @@ def _packages(plan: Plan) -> Iterator[str]:
         parts: list[SensorPlan | EstimatorPlan] = [*vehicle.sensors, *vehicle.estimators]
         for plan_part in parts:
             yield from plan_part.part.cls.packages
+    for own in plan.inputs:
+        yield from own.part.cls.packages
 
 
 def _versions(packages: Iterable[str]) -> dict[str, str]:

@@ -12,6 +12,7 @@ from itertools import combinations
 from typing import Any
 
 from kybflow.core.geometry import Vec3, distance
+from kybflow.core.signals import NO_INPUTS, InputReadings
 from kybflow.dsl.expressions import tree
 from kybflow.parts.observables import OBSERVABLES, Unavailable, View, is_in
 
@@ -30,15 +31,17 @@ def bind(
     views: Mapping[str, View],
     own: str | None,
     now: Callable[[], float],
+    inputs: InputReadings = NO_INPUTS,
 ) -> Callable[[], bool]:
     """Return the condition as a function without arguments. `own` is the vehicle that an unnamed
-    read refers to; `now` returns seconds of the run. Raises TypeError for any other expression."""
+    read refers to; `now` returns seconds of the run; `inputs` is what these say. Raises TypeError
+    for any other expression."""
     match expression:
         case tree.Compare(left=tree.Read(vehicle, name), right=tree.Quantity(bound, _)):
             view = views[vehicle or own or ""]
             return _against(OBSERVABLES[name].read, view, OPERATORS[expression.operator], bound)
         case tree.Compare(symbol, left, right):
-            a, b = value_of(left, views, own, now), value_of(right, views, own, now)
+            a, b = value_of(left, views, own, now, inputs), value_of(right, views, own, now, inputs)
             return _compared(OPERATORS[symbol], a, b)
         case tree.InState(vehicle, state):
             return _in_state(views[vehicle], state)
@@ -46,11 +49,11 @@ def bind(
             inside = [_in_state(views[vehicle], state) for vehicle in vehicles]
             return _both(inside) if quantifier == "all" else _either(inside)
         case tree.And(parts):
-            return _both([bind(part, views, own, now) for part in parts])
+            return _both([bind(part, views, own, now, inputs) for part in parts])
         case tree.Or(parts):
-            return _either([bind(part, views, own, now) for part in parts])
+            return _either([bind(part, views, own, now, inputs) for part in parts])
         case tree.Not(part):
-            inner = bind(part, views, own, now)
+            inner = bind(part, views, own, now, inputs)
             return lambda: not inner()
     raise TypeError(f"{type(expression).__name__} is not a condition")
 
@@ -60,6 +63,7 @@ def value_of(
     views: Mapping[str, View],
     own: str | None,
     now: Callable[[], float],
+    inputs: InputReadings = NO_INPUTS,
 ) -> Callable[[], Any]:
     """Return the value (SI) as a function that raises Unavailable while the value is unknown."""
     match value:
@@ -68,6 +72,8 @@ def value_of(
         case tree.Read(vehicle, name):
             view, read = views[vehicle or own or ""], OBSERVABLES[name].read
             return lambda: read(view)
+        case tree.Axis(source, axis):
+            return _axis(inputs, source, axis)
         case tree.MissionTime():
             return now
         case tree.Distance(a, b):
@@ -75,6 +81,16 @@ def value_of(
         case tree.Separation(vehicles):
             return _separation([views[vehicle] for vehicle in vehicles])
     raise TypeError(f"{type(value).__name__} is not a value of one tick")
+
+
+def _axis(inputs: InputReadings, source: str, axis: str) -> Callable[[], float]:
+    def deflection() -> float:
+        reading = inputs[source]
+        if reading is None:
+            raise Unavailable
+        return reading.axes[axis]
+
+    return deflection
 
 
 def _against(

@@ -26,8 +26,9 @@ from kybflow.runtime.fleet.callbacks import Callbacks
 from kybflow.runtime.fleet.flows import Flows
 from kybflow.runtime.fleet.ground_truth import Impacts, PayloadDrops
 from kybflow.runtime.fleet.injection import Injection
+from kybflow.runtime.fleet.inputs import Inputs
 from kybflow.runtime.options import Options
-from kybflow.runtime.preflight import PreflightResult, PreflightTimeout, preflight
+from kybflow.runtime.preflight import PreflightResult, PreflightTimeout, input_lines, preflight
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.runtime.views import BelievedView, TrueView
 
@@ -52,9 +53,11 @@ class Engine:
         observers: Sequence[Observer] = (),
         seed: int = 0,
         commands: CommandQueue | None = None,
+        inputs: Inputs | None = None,
     ) -> None:
         self.plan, self.clock, self.events = plan, clock, events
         self.vehicles = tuple(vehicles)
+        self.inputs = Inputs((), {}, events) if inputs is None else inputs
         self._believed = _views(BelievedView, vehicles)
         self.options = Options(self.vehicles, events)
         self.judge = Judge(plan.expectations, _views(TrueView, vehicles), self.seconds)
@@ -130,6 +133,8 @@ class Engine:
         dt = (self.clock.period if self._ticked is None else now - self._ticked) / NS
         self._ticked = now
         self.events.turn(now)
+        if self.plan.inputs:
+            self.inputs.step(now)
         self.commander.step(now)
         self.options.apply()
         if self.plan.faults:
@@ -170,7 +175,9 @@ class Engine:
             self.commander.stand_by(self.clock.now)
             for vehicle in self.vehicles:
                 vehicle.sense(self.clock.now)
+            self.inputs.step(self.clock.now, flying=False)
             lines = [line for v in self.vehicles for line in preflight(v, self.vehicles)]
+            lines += input_lines(self.plan, self.inputs.objections())
             if timeout.ends(lines, self.seconds()):
                 return lines
             self._advance()
@@ -205,7 +212,9 @@ class Engine:
         return RunControls(requests, self.options, self.events, self.flows.enter, self.stop)
 
     def _condition(self, own: str | None) -> Callable[[Expression], Callable[[], bool]]:
-        return lambda expression: bind(expression, self._believed, own, self.seconds)
+        return lambda expression: bind(
+            expression, self._believed, own, self.seconds, self.inputs.readings
+        )
 
     def _land(self, reason: str) -> None:
         """Land every vehicle, whatever the mission says. Only the first call counts."""

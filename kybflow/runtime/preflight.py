@@ -6,12 +6,13 @@ supervisor would interrupt the mission in the air keeps the vehicle on the groun
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
+from kybflow.core.params import named_in
 from kybflow.core.signals import Estimate, Imu, kind_name
-from kybflow.dsl.plan import Plan
+from kybflow.dsl.plan import InputPlan, Plan, VehiclePlan
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.resting_bias import LONG
 from kybflow.runtime.safety import take_off_tolerance
@@ -64,6 +65,21 @@ def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[PreflightRes
         *lines,
         *(PreflightResult(vehicle.name, label, False, why, at) for label, why, at in foreseen),
     )
+
+
+def input_lines(
+    plan: Plan, objections: Iterable[tuple[InputPlan, str | None]]
+) -> Iterator[PreflightResult]:
+    """Yield the line of each input, as one of the first vehicle that it steers."""
+    for own, reason in objections:
+        steered = (v.name for v in plan.vehicles if own.name in _steering(v))
+        vehicle, well = next(steered, plan.vehicles[0].name), "it is heard, and well"
+        yield PreflightResult(vehicle, f"input {own.name}", reason is None, reason or well, own.at)
+
+
+def _steering(vehicle: VehiclePlan) -> set[str]:
+    behaviors = (state.behavior for state in vehicle.states.values())
+    return {name for part in behaviors for name in named_in(part.params, "input").values()}
 
 
 def _link(vehicle: Vehicle) -> PreflightResult:

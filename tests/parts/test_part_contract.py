@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from part_bench import DT, SITE, at_rest, entry, estimate
+from part_bench import DT, INPUTS, SITE, at_rest, entry, estimate
 
 from kybflow.core.files import File
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Vec3, from_heading
@@ -94,7 +94,8 @@ def ticks(setpoint: Setpoint | None = None, where: Vec3 = START) -> Iterator[Tic
         velocity = tuple(generator.gauss(0.0, 0.02) for _ in range(3))
         known = estimate(position, velocity, now=i * round(DT * NS))
         battery = Battery(known.time, 1.0 - 0.005 * i, 12.0)
-        yield Tick(known.time, DT, i * DT, known, battery, setpoint, {"nano": known})
+        fleet = {"nano": known}
+        yield Tick(known.time, DT, i * DT, known, battery, setpoint, fleet, inputs=INPUTS)
 
 
 def path(i: int, kind: SetpointKind) -> Setpoint:

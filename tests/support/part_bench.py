@@ -13,11 +13,12 @@ from kybflow.core.signals import (
     Done,
     Estimate,
     Failed,
+    InputReading,
     Setpoint,
     SetpointKind,
     Tick,
 )
-from kybflow.parts import AIR, Behavior, Entry, Flight
+from kybflow.parts import AIR, AXES, Behavior, Entry, Flight
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
@@ -33,6 +34,8 @@ AIRFRAME = Airframe(
 )
 FENCE = Box((-3.0, -3.0, 0.0), (3.0, 3.0, 2.5))
 SITE = VehicleContext("nano", AIRFRAME, ZERO, 0.0, FENCE, DT)
+CENTRED = InputReading(0, dict.fromkeys(AXES, 0.0))
+INPUTS = {"a": CENTRED}
 
 
 def estimate(
@@ -57,7 +60,8 @@ def entry(
     if setpoint is None and flight is AIR:
         setpoint = at_rest(position, velocity)
     thrust = context.airframe.hover_thrust
-    return Entry(0, context, estimate(position, velocity), setpoint, thrust, flight)
+    known = estimate(position, velocity)
+    return Entry(0, context, known, setpoint, thrust, flight, inputs=INPUTS)
 
 
 def tick(
@@ -67,7 +71,8 @@ def tick(
     battery: Battery | None = None,
 ) -> Tick:
     now = round(elapsed * NS)
-    return Tick(now, DT, elapsed, known, battery, setpoint, {"nano": known})
+    fleet = {"nano": known}
+    return Tick(now, DT, elapsed, known, battery, setpoint, fleet, inputs=INPUTS)
 
 
 class Sample(NamedTuple):

@@ -77,7 +77,7 @@ EXAMPLES = examples(
     type=PATH,
     metavar="RUN",
     help="Fly as an earlier run's folder says: with its target, seed, --set, --option and --emit, "
-    "and each command given at the same time.",
+    "and each command given, each input moved, at the same time.",
 )
 @click.option("--live", is_flag=True, help="Show the simulation in a window.")
 @click.option("--plain", is_flag=True, help="Events as lines, no table.")
@@ -111,16 +111,17 @@ def command(
     from kybflow.api.flight import RunRequest
 
     commands: tuple[RecordedCommand, ...] = ()
+    said: dict[str, str] = {}
     if again is not None:
         if target or seed or sets or options or emits:
             raise click.UsageError(f"--again takes {ASKED} from the earlier run")
-        target, seed, sets, options, emits, commands = _earlier(again)
+        target, seed, sets, options, emits, commands, said = _earlier(again)
         sets = () if mission.resolve().parent == again.resolve() else sets
     pace = 1.0 if live and speed is None else speed
     changes = tuple(_pair(option) for option in options)
     given = tuple(_timed(emit) for emit in emits)
     plan, _ = compiled(mission, target, sets)
-    request = RunRequest(seed, out, pace, changes, given, sets, commands)
+    request = RunRequest(seed, out, pace, changes, given, sets, commands, said)
     raise Exit(fly_plan(plan, request, live=live, plain=plain, report=report, serves=serves))
 
 

@@ -38,6 +38,8 @@ _KINDS = {
     "drivers": "`targets: {lab: {all: {driver: {use: NAME}}}}`: how a vehicle is reached.",
     "sensors": "`targets: {lab: {VEHICLE: {sensors: {ESTIMATOR: {use: NAME}}}}}`: where an "
     "estimator's measurements come from, when the driver has none.",
+    "inputs": "`inputs: {NAME: {use: NAME}}`, or in a target: what a person steers with ([Fly with "
+    "your hands](steering.md)).",
     "faults": "`faults: [{at: 5 s, on: VEHICLE, inject: NAME}]`: what breaks: in "
     "simulation, and our side of it on a firmware's own simulator.",
     "actions": "`on: [{event: ..., do: [{NAME: {...}}]}]`: what a callback does. The language's "
@@ -49,7 +51,7 @@ _AIRFRAMES = (
     "it. It is no part, and its keys are these, beside `like`."
 )
 _COLUMNS = ("parameter", "type", "default", "bounds", "in flight", "what it is")
-_NO_OPTIONS = ("drivers", "sensors", "faults", "actions")
+_NO_OPTIONS = ("drivers", "sensors", "inputs", "faults", "actions")
 """The kinds whose parameters stay what they are when a run begins."""
 
 

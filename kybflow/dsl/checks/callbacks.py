@@ -70,13 +70,13 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
     """KYB236: `emit` of a name that is no name, or that somebody else's event has.
 
     A mission's own event has letters, digits and `_`, perhaps with dots between. It may not be
-    called like an event of the engine or of a part, and may not begin with a vehicle's or a
-    group's name, `any.` or `operator.`: whoever hears it would believe that they told it.
+    called like an event of the engine or of a part, and may not begin with a vehicle's, a group's
+    or an input's name, `any.` or `operator.`: whoever hears it would believe that they told it.
     """
     (events,) = case.cached(known_events)
     taken = {event for own in events.of.values() for event in own} | EVENTS.keys()
     owners = {"any", "operator", *case.document.vehicles, *case.document.groups}
-    owners.update(case.document.flows)
+    owners.update(case.document.flows, case.document.inputs)
     for action in actions_of(case, "emit"):
         name = action.value
         first, dot, _ = name.text.partition(".")

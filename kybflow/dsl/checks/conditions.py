@@ -226,7 +226,7 @@ def _never(vehicle: VehicleEntry) -> frozenset[str]:
 
 
 def _states(typed: TypedCondition) -> Iterator[tuple[str, str]]:
-    for node in _nodes(typed.condition):
+    for node in nodes(typed.condition):
         match node:
             case InState(vehicle, state):
                 yield vehicle, state
@@ -248,7 +248,7 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
     if not any(_lacking(v, name) for v in case.vehicles() for name in ("battery.", *_ESTIMATED)):
         return
     for typed in (*case.cached(conditions_of), *case.cached(expected_conditions)):
-        for node in _nodes(typed.condition):
+        for node in nodes(typed.condition):
             vehicle = case.document.vehicles.get(_subject(node, typed))
             if vehicle is None or not isinstance(node, Read):
                 continue
@@ -277,12 +277,12 @@ def _lacking(vehicle: VehicleEntry, name: str) -> str:
     return ""
 
 
-def _nodes(node: object) -> Iterator[object]:
+def nodes(node: object) -> Iterator[object]:
     """A node of an expression and all below it."""
     yield node
     if isinstance(node, tuple):
         for inner in node:
-            yield from _nodes(inner)
+            yield from nodes(inner)
     elif is_dataclass(node):
         for field in fields(node):
-            yield from _nodes(getattr(node, field.name))
+            yield from nodes(getattr(node, field.name))

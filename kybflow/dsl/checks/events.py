@@ -106,13 +106,24 @@ OPERATOR = "operator."
 """How the name of an event begins that a person gives."""
 
 
+def given_by_a_person(event: str, document: Document) -> bool:
+    """Whether a person gives an event, by command or by a button."""
+    first, _, button = event.partition(".")
+    use = document.inputs.get(first)
+    return event.startswith(OPERATOR) or (use is not None and button in use.buttons.values())
+
+
 class KnownEvents:
-    """The events of a mission. `custom` are those that its actions emit and the ends of its flows,
+    """The events of a mission. `custom` are those that its actions emit, the ends of its flows and
+    the buttons of its inputs,
     `of` those of a vehicle by their bare names."""
 
     def __init__(self, case: Case) -> None:
         self._document = case.document
-        self.custom = emitted(case.document) | {f"{n}.finished" for n in case.document.flows}
+        document = case.document
+        ends = {f"{flow}.finished" for flow in document.flows}
+        pressed = {f"{n}.{b}" for n, use in document.inputs.items() for b in use.buttons.values()}
+        self.custom = emitted(document) | ends | pressed
         self.of = {v.name.text: _told_by(v, case) for v in case.vehicles()}
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from kybflow.core.params import Named, named_in
 from kybflow.core.signals import kind_name
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION, format_quantity
@@ -137,9 +138,7 @@ def _vehicles(fault: FaultEntry) -> Iterator[tuple[str, Span]]:
         yield name.text, name.span
 
 
-def _named(fault: FaultEntry, what: str) -> Iterator[Text]:
+def _named(fault: FaultEntry, what: Named) -> Iterator[Text]:
     """The vehicles, or whatever names are asked for, among its parameters."""
-    for field in fault.part.spec.fields:
-        value = getattr(fault.part.params, field.name)
-        if field.names == what and value is not None:
-            yield Text(value, fault.part.spans.get(field.name, fault.span))
+    for parameter, name in named_in(fault.part.params, what).items():
+        yield Text(name, fault.part.spans.get(parameter, fault.span))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import WORDS, Case, wrong_goal
-from kybflow.dsl.checks.events import OPERATOR
+from kybflow.dsl.checks.events import given_by_a_person
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry, VehicleEntry
@@ -115,7 +115,7 @@ def barriers(case: Case) -> Iterator[Diagnostic]:
 
     What it waits for may never come: a vehicle fails, an event is not told. So it has `within` and
     `otherwise`, or a way out by time alone. Two waits need no bound: for a person (`operator.NAME`
-    events), and for the end of a flow that was given a vehicle, which has bounds of its own.
+    and `INPUT.BUTTON`), and for the end of a flow that was given a vehicle, which has its own.
     """
     for flow, phase in phases(case.document):
         bounded = any(_is_time_alone(transition) for transition in phase.transitions)
@@ -141,7 +141,8 @@ def _may_wait(transition: TransitionEntry, flow: FlowEntry, document: Document) 
         return False
     given = {goal.text for phase in flow.phases.values() for _, goal in phase.give}
     finished = {f"{name}.finished" for name in given & set(document.flows)}
-    return transition.event.text.startswith(OPERATOR) or transition.event.text in finished
+    event = transition.event.text
+    return event in finished or given_by_a_person(event, document)
 
 
 def timeless_cycles(case: Case) -> Iterator[Diagnostic]:

@@ -13,7 +13,7 @@ from collections.abc import Set as AbstractSet
 from functools import partial
 
 from kybflow.dsl.checks.case import TARGETS, Case
-from kybflow.dsl.checks.events import OPERATOR
+from kybflow.dsl.checks.events import given_by_a_person
 from kybflow.dsl.checks.reachability import (
     FlightEdge,
     FlightGraph,
@@ -59,7 +59,7 @@ def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
     never come, the vehicle flies until its battery or the time limit of the run lands it.
 
     It is enough that a behavior of the cycle goes elsewhere when it ends; one without an end needs
-    a `within`, or an `after` without a condition. An event of the operator is enough too, and so is
+    a `within`, or an `after` without a condition. An event of a person is enough too, and so is
     what a callback or a flow asks for, and that the battery has less than a share left which it
     must come to within the `time_limit`.
     """
@@ -69,7 +69,7 @@ def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
         if vehicle.requested or not flights.nodes <= down:
             continue
         drains = partial(_drains, case, vehicle)
-        surely = comes_down(vehicle, flights, endless, partial(_comes_surely, drains))
+        surely = comes_down(vehicle, flights, endless, partial(_comes_surely, case, drains))
         for path in _traps(vehicle, flights, flights.nodes - surely, endless):
             yield Diagnostic(
                 "KYB251",
@@ -144,13 +144,17 @@ def _drains(case: Case, vehicle: VehicleEntry, transition: TransitionEntry) -> b
 
 
 def _comes_surely(
-    drains: Callable[[TransitionEntry], bool], transition: TransitionEntry, is_endless: bool
+    case: Case,
+    drains: Callable[[TransitionEntry], bool],
+    transition: TransitionEntry,
+    is_endless: bool,
 ) -> bool:
     """Whether a transition opens without anything that may never be, and nothing before it."""
     if drains(transition):
         return True
     if transition.event is not None:
-        return transition.when is None and transition.event.text.startswith(OPERATOR)
+        event = transition.event.text
+        return transition.when is None and given_by_a_person(event, case.document)
     if not is_endless:
         return transition.cause == "then"
     return transition.cause == "within" or (transition.cause == "next" and transition.when is None)

@@ -55,6 +55,7 @@ _FAMILIES = {
     "KYB387": "Cameras",
     "KYB390": "Sensors",
     "KYB395": "Payloads",
+    "KYB400": "Inputs and steering",
 }
 """The families of codes, each from its first code on."""
 

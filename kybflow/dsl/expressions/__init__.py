@@ -9,6 +9,7 @@ from kybflow.dsl.expressions.tree import (
     Aggregate,
     Always,
     And,
+    Axis,
     Compare,
     Condition,
     Distance,
@@ -29,7 +30,7 @@ from kybflow.dsl.expressions.tree import (
 )
 
 __all__ = [
-    "Aggregate", "Always", "And", "Compare", "Condition", "Distance", "Eventually",
+    "Aggregate", "Always", "And", "Axis", "Compare", "Condition", "Distance", "Eventually",
     "Expression", "Finally", "Finished", "GroupInState", "InState", "Location", "MissionTime",
     "Not", "Or", "Quantity", "Read", "Scope", "Separation", "Word", "describe", "parse",
 ]  # fmt: skip

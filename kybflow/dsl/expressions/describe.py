@@ -61,6 +61,8 @@ def _value(value: tree.Value | tree.Aggregate) -> str:
             return text
         case tree.Read(vehicle, name):
             return f"{vehicle}.{name}" if vehicle else name
+        case tree.Axis(source, name):
+            return f"{source}.{name}"
         case tree.MissionTime():
             return "time"
         case tree.Distance(a, b):

@@ -7,7 +7,7 @@ it mean, and whether they fit, says `kybflow.dsl.expressions.semantics`.
     both        := single ('and' single)*
     single      := 'not' single | '(' condition ')' | VEHICLE 'in' STATE
                  | ('all' | 'any') GROUP 'in' STATE | operand operator operand
-    operand     := quantity | 'time' | observable | VEHICLE '.' observable | word
+    operand     := quantity | 'time' | observable | VEHICLE '.' observable | INPUT '.' axis | word
                  | 'distance' '(' place 'to' place ')'
                  | 'separation' '(' all | some 'and' some ... ')'
                  | ('mean'|'max'|'min'|'rms') '(' operand ['in' STATE] ')'
@@ -22,7 +22,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import cast, get_args
 
-from kybflow.core.units import DURATION, LENGTH, Dimension
+from kybflow.core.units import DURATION, LENGTH, NUMBER, Dimension
 from kybflow.dsl.diagnostics.diagnostic import Collected
 from kybflow.dsl.diagnostics.spans import PREFIX, Text
 from kybflow.dsl.expressions import errors, tree
@@ -239,6 +239,8 @@ class _Operands:
             return self._read(None, token.text, token)
         if first in self._scope.vehicles and rest in OBSERVABLES:
             return self._read(first, rest, token)
+        if rest in self._scope.inputs.get(first, ()):
+            return tree.Axis(first, rest), NUMBER
         return None, None
 
     def _read(

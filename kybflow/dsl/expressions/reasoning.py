@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from kybflow.dsl.expressions import (
     And,
+    Axis,
     Compare,
     Condition,
     GroupInState,
@@ -63,6 +64,8 @@ def physical_bounds(longest: float) -> Bounds:
         match value:
             case Read(_, "elapsed") | MissionTime():
                 return 0.0, longest
+            case Axis():
+                return -1.0, 1.0
             case Read(_, name):
                 return OBSERVABLES[name].low, OBSERVABLES[name].high
             case tree.Distance() | tree.Separation():

@@ -37,7 +37,7 @@ class Scope:
     """What an expression may name. `vehicles` maps each to its states (the built-in ones too);
     `own` is the vehicle that asks, None in an expectation and in a flow; `estimators` each
     vehicle's; `points` those of the world; `groups` maps each to its vehicles; `carriers` are the
-    vehicles with a payload."""
+    vehicles with a payload; `inputs` maps each to its axes."""
 
     kind: Literal["condition", "health", "expectation"]
     vehicles: Mapping[str, Collection[str]]
@@ -46,6 +46,7 @@ class Scope:
     points: Mapping[str, Vec3] = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     carriers: Collection[str] = ()
+    inputs: Mapping[str, Collection[str]] = field(default_factory=dict)
     read: dict[Text, Any] = field(default_factory=dict, compare=False, repr=False)
     """What was parsed in this scope; several checks ask for the same."""
 
@@ -127,7 +128,8 @@ class Semantics:
             return list(HEALTH)
         own = list(OBSERVABLES) if self.scope.own is not None else []
         others = [f"{v}.{name}" for v in self.scope.vehicles for name in OBSERVABLES]
-        return [*own, "time", *others]
+        axes = [f"{name}.{axis}" for name, axes in self.scope.inputs.items() for axis in axes]
+        return [*own, "time", *others, *axes]
 
     def unknown_name(self, side: Operand) -> None:
         """Marks what is unknown of a dotted name: all of it, or what follows a vehicle."""
@@ -136,6 +138,10 @@ class Semantics:
         if first in self.scope.vehicles and rest:
             token = Token("name", rest, side.end - len(rest), side.end)
             self.unknown(token, f"`{rest}` of `{first}` is unknown", OBSERVABLES)
+        elif first in self.scope.inputs and rest:
+            token = Token("name", rest, side.end - len(rest), side.end)
+            message = f"`{rest}` is no axis of `{first}`"
+            self.unknown(token, message, self.scope.inputs[first])
         else:
             self.unknown(token, f"`{side.source}` is unknown", self._readable())
 

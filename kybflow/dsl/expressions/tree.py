@@ -39,6 +39,14 @@ class Read:
 
 
 @dataclass(frozen=True, slots=True)
+class Axis:
+    """An axis of an input, -1 to 1."""
+
+    input: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class MissionTime:
     """Seconds since the start of the run."""
 
@@ -71,7 +79,7 @@ class Separation:
     vehicles: tuple[str, ...]
 
 
-Value = Quantity | Word | Read | MissionTime | Distance | Separation
+Value = Quantity | Word | Read | Axis | MissionTime | Distance | Separation
 
 
 @dataclass(frozen=True, slots=True)

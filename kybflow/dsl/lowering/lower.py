@@ -12,6 +12,7 @@ from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import (
     Document,
     FaultEntry,
+    InputEntry,
     PartUse,
     SensorEntry,
     StateEntry,
@@ -27,6 +28,7 @@ from kybflow.dsl.plan import (
     EstimatorPlan,
     ExpectationPlan,
     FaultPlan,
+    InputPlan,
     PartPlan,
     Plan,
     SensorPlan,
@@ -78,7 +80,21 @@ def lower(
         flows=flow_plans(document, scopes.flow(), catalog),
         callbacks=callback_plans(document, scopes.flow(), catalog),
         faults=tuple(_fault(use, scopes) for use in document.faults),
+        inputs=tuple(_input(use) for use in document.inputs.values()),
         files=files_of(document),
+    )
+
+
+def _input(use: InputEntry) -> InputPlan:
+    name = use.name.text
+    return InputPlan(
+        name,
+        _part(use.part, f"inputs.{name}"),
+        use.buttons,
+        use.silent_after,
+        use.stuck_after,
+        None if use.dead_man is None else use.dead_man.text,
+        use.part.span.at,
     )
 
 
@@ -250,3 +266,4 @@ def _uses(document: Document) -> Iterator[PartUse]:
         yield from (e.part for e in vehicle.estimators)
         yield from (*vehicle.processors, vehicle.tracker, *vehicle.supervisors, vehicle.driver)
         yield from (state.part for state in vehicle.states.values())
+    yield from (use.part for use in document.inputs.values())

@@ -27,6 +27,7 @@ class Scopes:
             name: tuple(member.text for member in members)
             for name, members in document.groups.items()
         }
+        self._inputs = {name: use.axes for name, use in document.inputs.items()}
 
     def condition(self, vehicle: str) -> Scope:
         """The scope of a `when` of `vehicle`."""
@@ -46,6 +47,7 @@ class Scopes:
     def _scope(self, kind: Literal["condition", "expectation"], own: str | None) -> Scope:
         whole = (
             self._states, own, self._estimators, self._points, self._groups, self._carriers,
+            {} if kind == "expectation" else self._inputs,
         )  # fmt: skip
         return self._made(kind, own, lambda: Scope(kind, *whole))
 

@@ -38,7 +38,6 @@ CODES = {
     "KYB110": "A name that can't be one.",
     "KYB111": "A version of the language that this program doesn't read.",
 }
-LATER = frozenset({"inputs"})
 _NEVER = {("library", "kybflow"): "remove it; a library begins with `library:`"}
 _CONDITIONS = frozenset({"when", "healthy"})
 _MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
@@ -93,8 +92,6 @@ def _explain_unknown(fault: SchemaViolation) -> Iterator[Diagnostic]:
         else:
             what = fault.schema["title"]
             hint = _NEVER.get((what, key)) or did_you_mean(key, known)
-            if key in LATER:
-                hint = f"this version of kybflow has no `{key}` yet"
             yield Diagnostic(
                 "KYB101", f"`{key}` is no key of {article(what)}", entry.key.span, help=hint
             )

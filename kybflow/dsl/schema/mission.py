@@ -62,6 +62,29 @@ START = mapping(
 )
 
 
+INPUT_KEYS: Schema = {
+    "buttons": named(
+        "What the mission calls buttons of the device, like `{leave: a}`.",
+        text("The device's name of it."),
+    ),
+    "dead_man": text("The button without which nothing is steered: released means brake."),
+    "silent_after": quantity(
+        DURATION, "Lost when it is silent for longer; 300 ms without it.", exclusiveMinimum=0
+    ),
+    "stuck_after": quantity(
+        DURATION,
+        "Lost when an axis away from its centre doesn't change for longer.",
+        exclusiveMinimum=0,
+    ),
+}
+
+
+def inputs() -> Schema:
+    """What people steer with, by name."""
+    one = use("input", "A device, or a script of one.", INPUT_KEYS)
+    return named("What people steer with and give events by, by name.", one)
+
+
 def _airframe() -> Schema:
     schema = params_schema(fields_of(Airframe), "airframe")
     return {
@@ -220,6 +243,7 @@ def skeleton() -> Schema:
             **shared,
             "world": world(),
             **_rates(),
+            "inputs": inputs(),
             "groups": groups_schema(),
             "flows": flows_schema(),
             "on": on_schema(),
@@ -259,5 +283,8 @@ def _targets() -> Schema:
         "vehicle's target", "How a vehicle is reached.",
         {"driver": driver, "tracker": tracker, "sensors": sensors},
     )  # fmt: skip
-    target = named("One target: `all`, or a vehicle's name.", place)
+    target = {
+        "title": "target",
+        **named("One target: `all`, or a vehicle's name.", place, properties={"inputs": inputs()}),
+    }
     return named("Where the mission can fly; `sim` and those of the drivers are implied.", target)

@@ -31,6 +31,8 @@ def mission_schema(catalog: Catalog) -> Schema:
     either = [*one["anyOf"], {"type": "array"}]
     several = {**several, "items": one, "anyOf": either, "allOf": one["allOf"]}
     sensors["additionalProperties"] = several | {"properties": one["properties"]}
+    inputs = root["properties"]["inputs"]
+    inputs["additionalProperties"] = _chosen(catalog, "inputs", inputs["additionalProperties"])
     _reused(root["properties"])
     faults = root["properties"]["faults"]
     faults["items"] = _chosen(catalog, "faults", faults["items"], "inject")
@@ -59,6 +61,8 @@ def _reused(properties: Schema) -> None:
         stack[kind]["items"] = {"$ref": f"{vehicle}/{kind}/items"}
     target = properties["targets"]["additionalProperties"]["additionalProperties"]
     target["properties"]["tracker"] = {"$ref": f"{vehicle}/tracker"}
+    inputs = properties["targets"]["additionalProperties"]["properties"]["inputs"]
+    inputs["additionalProperties"] = {"$ref": "#/properties/inputs/additionalProperties"}
 
 
 def _actions(catalog: Catalog, action: Schema) -> Schema:

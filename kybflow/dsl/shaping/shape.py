@@ -15,6 +15,7 @@ from kybflow.dsl.resolving.resolve import Resolved
 from kybflow.dsl.shaping.callbacks import callbacks, faults_of
 from kybflow.dsl.shaping.cameras import cameras_of, without_cameras
 from kybflow.dsl.shaping.flows import flows_of, groups_of, with_requests, with_waiting
+from kybflow.dsl.shaping.inputs import inputs_of
 from kybflow.dsl.shaping.parts import PartDecoder, params_of
 from kybflow.dsl.shaping.targets import (
     drivers_of,
@@ -82,6 +83,7 @@ def _document(resolved: Resolved, catalog: Catalog, target: str | None) -> Diagn
         groups=groups_of(root.get("groups")),
         group_spans={n: e.key.span for n, e in entries_of(root.get("groups")).items()},
         flows=(yield from flows_of(root.get("flows"))),
+        inputs=(yield from inputs_of(root, name, uses)),
         callbacks=(yield from callbacks(root.get("on"), uses)),
         faults=(yield from faults_of(root.get("faults"), uses)),
     )

@@ -22,6 +22,7 @@ from kybflow.dsl.reading.nodes import (
     is_null,
     items_of,
 )
+from kybflow.dsl.shaping.inputs import other_inputs
 from kybflow.dsl.shaping.parts import PartDecoder
 
 if TYPE_CHECKING:
@@ -141,6 +142,8 @@ def _decoded_drivers(
     """The drivers that are written; trackers are looked at as well."""
     decoded: dict[str, PartUse | None] = {}
     for name, entry in entries.items():
+        if name == "inputs":
+            continue
         driver = entry.value.get("driver") if isinstance(entry.value, Mapping) else None
         tracker = _tracker(entry)
         if tracker is not None:
@@ -162,6 +165,7 @@ def other_targets(root: Mapping, chosen: Text, catalog: Catalog) -> Iterator[Dia
             entries, uses = entries_of(entry.value), PartDecoder(catalog)
             found = collect(_decoded_drivers(entries, vehicles, uses)).diagnostics
             found += collect(sensors_of(entries, vehicles, uses)).diagnostics
+            found += other_inputs(entries, uses)
             for d in found:
                 yield replace(d, severity=Severity.WARNING) if d.code in _NOT_HERE else d
 

@@ -60,6 +60,7 @@ def _mission(document: Document) -> Iterator[YamlLine]:
     yield "vehicles:", at["vehicles"]
     for vehicle in document.vehicles.values():
         yield from vehicle_lines(vehicle)
+    yield from input_lines(document)
     yield from flow_lines(document)
     yield from callback_lines(document)
     yield from fault_lines(document)
@@ -161,6 +162,22 @@ def _solid(shape: Shape) -> str:
             return f"sphere: {{{at}, radius: {quantity(radius, LENGTH)}}}"
         case Plane(_, facing):
             return f"plane: {{{at}, facing: {vector(facing, NUMBER)}}}"
+
+
+def input_lines(document: Document) -> Iterator[YamlLine]:
+    """`inputs:` with each on a line, as they are on the target; nothing where there is none."""
+    if document.inputs:
+        yield "inputs:", place(document.spans.get("inputs"))
+    for use in document.inputs.values():
+        more = [f"silent_after: {quantity(use.silent_after, DURATION)}"]
+        if use.stuck_after is not None:
+            more.append(f"stuck_after: {quantity(use.stuck_after, DURATION)}")
+        if use.dead_man is not None:
+            more.append(f"dead_man: {use.dead_man.text}")
+        if use.renamed:
+            names = ", ".join(f"{name.text}: {device.text}" for name, device in use.renamed)
+            more.append(f"buttons: {{{names}}}")
+        yield f"  {use.name.text}: {part(use.part, more=tuple(more))}", origin(use.part)
 
 
 def flow_lines(document: Document) -> Iterator[YamlLine]:

@@ -10,11 +10,13 @@ from typing import Any
 
 from kybflow.core.geometry import distance
 from kybflow.core.signals import (
+    NO_INPUTS,
     NS,
     Alarm,
     Battery,
     Command,
     Estimate,
+    InputReadings,
     Reaction,
     Setpoint,
     Tick,
@@ -73,13 +75,14 @@ class Vehicle:
         sensors: Sequence[OpenSensor] = (),
         bodies: Bodies | None = None,
         fleet: EstimateHistory | None = None,
+        inputs: InputReadings = NO_INPUTS,
     ) -> None:
         self.plan, self.name, self.context = plan, plan.name, context
         self.now: Time = 0
         self.wanted: Setpoint | None = None
         self._contact: GroundContact | None = None
         self._flies = False
-        self._observer, self._score = observer, score
+        self._observer, self._score, self._inputs = observer, score, inputs
         self._fleet: dict[str, Estimate | None] = {}
         self._params = params = {part.label: part.params for part in parts_of(plan)}
         self._supervisors = {p.label: make(p, p.params, context) for p in plan.supervisors}
@@ -244,7 +247,10 @@ class Vehicle:
         """Return the conditions in which a behavior would be entered now."""
         thrust, flight = self._control.hover_thrust(), self.activity.flight
         lift = self.knowledge.resting.specific_force
-        return Entry(self.now, self.context, self.estimate, self.followed, thrust, flight, lift)
+        estimate, followed = self.estimate, self.followed
+        return Entry(
+            self.now, self.context, estimate, followed, thrust, flight, lift, self._inputs
+        )  # fmt: skip
 
     def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
         """Return each (supervisor, reason, mission line) that would end the mission at once if the
@@ -284,7 +290,10 @@ class Vehicle:
         elapsed, followed = (now - self.activity.entered) / NS, self._control.followed
         estimate, battery, imu = knowledge.estimate, knowledge.battery, knowledge.imu
         age, payload = self._health.age, knowledge.payload.state
-        return made(Tick, (now, dt, elapsed, estimate, battery, followed, fleet, imu, age, payload))
+        return made(
+            Tick,
+            (now, dt, elapsed, estimate, battery, followed, fleet, imu, age, payload, self._inputs),
+        )
 
     def _record(self, now: Time, wanted: Setpoint | None, command: Command) -> None:
         """Record the tick and, in the air, its errors: what the behavior wanted against the truth,

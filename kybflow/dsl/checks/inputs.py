@@ -1,0 +1,144 @@
+"""Inputs and who is steered by them: KYB401 to KYB406."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from kybflow.core.params import named_in
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.checks.case import WORDS, Case
+from kybflow.dsl.checks.conditions import conditions_of, nodes
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.document import StateEntry
+from kybflow.dsl.expressions import Axis
+
+LOST = "input_lost"
+
+
+class _Steered(NamedTuple):
+    """A state whose behavior is steered, and the name of the input as it is written."""
+
+    state: StateEntry
+    input: Text
+
+
+def _steered(case: Case) -> Iterator[_Steered]:
+    for _, state in case.states():
+        for parameter, name in named_in(state.part.params, "input").items():
+            span = state.part.spans.get(parameter, state.part.name.span)
+            yield _Steered(state, Text(name, span))
+
+
+def unknown_inputs(case: Case) -> Iterator[Diagnostic]:
+    """KYB401: a behavior, or an input, names an input or a vehicle that the mission has not."""
+    document = case.document
+    for _, name in case.cached(_steered):
+        if name.text not in document.inputs:
+            message = f"the mission has no input `{name.text}`"
+            hint = did_you_mean(name.text, document.inputs) if document.inputs else ""
+            hint = hint or f"declare it: `inputs: {{{name.text}: {{use: gamepad}}}}`"
+            yield Diagnostic("KYB401", message, name.span, label="unknown", help=hint)
+    for use in document.inputs.values():
+        for parameter, vehicle in named_in(use.part.params, "vehicle").items():
+            if vehicle not in document.vehicles:
+                message = f"there is no vehicle `{vehicle}`"
+                span = use.part.spans.get(parameter, use.part.name.span)
+                hint = did_you_mean(vehicle, document.vehicles)
+                yield Diagnostic("KYB401", message, span, label="unknown", help=hint)
+
+
+def missing_axes(case: Case) -> Iterator[Diagnostic]:
+    """KYB402: an input lacks an axis by which a behavior is steered."""
+    for state, name in case.cached(_steered):
+        use = case.document.inputs.get(name.text)
+        lacking = [a for a in state.part.spec.cls.axes if use is not None and a not in use.axes]
+        if use is not None and lacking:
+            yield Diagnostic(
+                "KYB402",
+                f"`{name.text}` has no axis `{lacking[0]}`",
+                name.span,
+                label=f"`{state.part.name.text}` is steered by it",
+                notes=(f"`{name.text}` ({use.part.name.text}) is at {use.part.span.at}",),
+                help=f"its axes are {_listed(use.axes)}",
+            )
+
+
+def unknown_buttons(case: Case) -> Iterator[Diagnostic]:
+    """KYB403: `buttons` or `dead_man` names a button that the input doesn't have."""
+    for use in case.document.inputs.values():
+        device = use.part.spec.cls.buttons(use.part.params)
+        wrong = [(name, device) for _, name in use.renamed if name.text not in device]
+        known = use.buttons.values()
+        if use.dead_man is not None and use.dead_man.text not in known:
+            wrong.append((use.dead_man, tuple(known)))
+        for name, choices in wrong:
+            message = f"`{use.part.name.text}` has no button `{name.text}`"
+            hint = did_you_mean(name.text, choices) if choices else "it has no buttons"
+            yield Diagnostic("KYB403", message, name.span, label="unknown", help=hint)
+
+
+def unused_inputs(case: Case) -> Iterator[Diagnostic]:
+    """KYB404: nothing is steered by an input, waits for one of its buttons or asks for one of its
+    axes (a warning)."""
+    used = {name.text for _, name in case.cached(_steered)} | _heard(case)
+    for typed in case.cached(conditions_of) if case.document.inputs else ():
+        used |= {node.input for node in nodes(typed.condition) if isinstance(node, Axis)}
+    for name, use in case.document.inputs.items():
+        if name not in used:
+            yield Diagnostic(
+                "KYB404",
+                f"nothing uses the input `{name}`",
+                use.name.span,
+                help=f"steer by it (`input: {name}`), hear one of its buttons, or remove it",
+                severity=Severity.WARNING,
+            )
+
+
+def _heard(case: Case) -> set[str]:
+    """What stands before the dot in every event that a mission waits for."""
+    flows = case.document.flows.values()
+    transitions = [t for _, state in case.states() for t in state.transitions]
+    transitions += [t for flow in flows for p in flow.phases.values() for t in p.transitions]
+    events = [t.event.text for t in transitions if t.event is not None]
+    events += [callback.event.text for callback in case.document.callbacks]
+    return {event.partition(".")[0] for event in events}
+
+
+def lost_without_a_way_out(case: Case) -> Iterator[Diagnostic]:
+    """KYB405: a steered behavior doesn't say what follows when its input is lost.
+
+    A device may be unplugged, a battery empty, a person gone. The vehicle brakes at once, and the
+    behavior fails when the input stays lost; `failed` says what it does then. A `next` that hears
+    `input_lost` does as well.
+    """
+    for state, name in case.cached(_steered):
+        own = state.transitions
+        if any(t.cause == "failed" or (t.event and t.event.text == LOST) for t in own):
+            continue
+        yield Diagnostic(
+            "KYB405",
+            f"nothing says what follows when `{name.text}` is lost",
+            state.part.name.span,
+            label="it would only brake",
+            help="write what it does then, like `failed: down`",
+        )
+
+
+def input_names(case: Case) -> Iterator[Diagnostic]:
+    """KYB406: an input is called like a vehicle, a group, a flow or a word of the language, so that
+    `NAME.x` could mean either."""
+    document = case.document
+    for name, use in document.inputs.items():
+        taken = dict.fromkeys(document.vehicles, "a vehicle's name")
+        taken |= dict.fromkeys(document.groups, "a group's name")
+        taken |= dict.fromkeys(document.flows, "a flow's name")
+        taken |= dict.fromkeys(WORDS, "a word of the language")
+        if name in taken:
+            message, hint = f"an input can't be called `{name}`", "give it another name"
+            yield Diagnostic("KYB406", message, use.name.span, label=taken[name], help=hint)
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return ", ".join(f"`{name}`" for name in names) or "none"

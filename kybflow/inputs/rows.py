@@ -1,0 +1,116 @@
+"""What an input said, in rows that people can read and write, a row a change:
+
+    t, x, y, z, turn, buttons, lost
+    0, 0, 0, 0, 0, ,
+    2.5, 0.4, 0, 0, 0, dead_man,
+    9, 0, 0, 0, 0, dead_man land,
+    12, , , , , , unplugged
+
+`t` is in seconds of the run, from 0 on and rising. An axis is -1 to 1, or `nan`. `buttons` are
+those that are held, by name; `lost` says why the input says nothing from then on, and leaves the
+axes empty. Both columns may be missing. A row holds until the next, the last to the end.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterator, Mapping
+from math import isfinite
+from typing import NamedTuple
+
+from kybflow.core.errors import FileError
+from kybflow.core.signals import NS, Time
+
+TIME, BUTTONS, LOST = "t", "buttons", "lost"
+_LIKE = "t, x, y, z, turn, buttons"
+_NAME = re.compile(r"[A-Za-z_]\w*")
+
+
+class InputRow(NamedTuple):
+    """What an input said from `time` on. lost: why it said nothing, empty where it spoke."""
+
+    time: Time
+    axes: Mapping[str, float]
+    held: frozenset[str] = frozenset()
+    lost: str = ""
+
+
+class InputRows(NamedTuple):
+    """The rows of a file, in the order of their times, and the names of the axes."""
+
+    axes: tuple[str, ...]
+    rows: tuple[InputRow, ...]
+
+    @property
+    def buttons(self) -> tuple[str, ...]:
+        """Every button that is held in any row."""
+        return tuple(sorted({name for row in self.rows for name in row.held}))
+
+
+def head(axes: tuple[str, ...]) -> str:
+    """Return the first line of a file."""
+    return ", ".join((TIME, *axes, BUTTONS, LOST)) + "\n"
+
+
+def line(row: InputRow, axes: tuple[str, ...]) -> str:
+    """Return a row as its line, which reads back as the same row."""
+    told = ("" if row.lost else f"{row.axes[axis]!r}" for axis in axes)
+    why = " ".join(row.lost.replace(",", ";").replace('"', "'").split())
+    return ", ".join((f"{row.time / NS!r}", *told, " ".join(sorted(row.held)), why)) + "\n"
+
+
+def parse(text: str) -> InputRows:
+    """Return the rows of a file's text. Raises FileError, which names the line."""
+    lines = csv.reader(text.splitlines(), skipinitialspace=True)
+    filled = ((lines.line_num, [cell.strip() for cell in cells]) for cells in lines if any(cells))
+    number, columns = next(filled, (1, []))
+    axes = _axes(columns, number)
+    rows: list[InputRow] = []
+    for number, cells in filled:
+        row = _row(dict(zip(columns, cells, strict=False)), axes, number)
+        if len(cells) > len(columns):
+            raise FileError(f"{len(cells)} cells under {len(columns)} columns", number)
+        if row.time < 0 or (rows and row.time <= rows[-1].time):
+            raise FileError("`t` must rise from 0 on", number)
+        rows.append(row)
+    if not rows:
+        raise FileError("it has no rows")
+    return InputRows(axes, tuple(rows))
+
+
+def _axes(columns: list[str], number: int) -> tuple[str, ...]:
+    if columns[:1] != [TIME]:
+        raise FileError("the first column must be `t`", number, f"begin with `{_LIKE}`")
+    for name in columns:
+        if not _NAME.fullmatch(name) or columns.count(name) > 1:
+            raise FileError(f"`{name[:40]}` can't name a column, or does so twice", number)
+    return tuple(name for name in columns[1:] if name not in (BUTTONS, LOST))
+
+
+def _row(cells: Mapping[str, str], axes: tuple[str, ...], number: int) -> InputRow:
+    seconds = _number(cells.get(TIME, ""), TIME, number)
+    if not isfinite(seconds):
+        raise FileError("`t` must be a number of seconds", number)
+    time, lost = round(seconds * NS), cells.get(LOST, "")
+    if lost:
+        return InputRow(time, {}, frozenset(), lost)
+    values = {axis: _number(cells.get(axis, ""), axis, number) for axis in axes}
+    for axis, value in values.items():
+        if abs(value) > 1.0:
+            raise FileError(f"`{axis}` must be from -1 to 1", number)
+    return InputRow(time, values, frozenset(_names(cells.get(BUTTONS, ""), number)))
+
+
+def _names(cell: str, number: int) -> Iterator[str]:
+    for name in cell.split():
+        if not _NAME.fullmatch(name):
+            raise FileError(f"`{name[:40]}` can't name a button", number)
+        yield name
+
+
+def _number(cell: str, column: str, number: int) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        raise FileError(f"`{column}` must be a number, not `{cell[:40]}`", number) from None

@@ -1,0 +1,62 @@
+"""Inputs: what a person steers with and gives events by."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import ClassVar
+
+from kybflow.core.signals import InputReading, Sticks, Time
+from kybflow.parts.base import P, Part
+
+AXES = ("x", "y", "z", "turn")
+"""The axes by which a vehicle is steered: forward, to the left, up, counter-clockwise."""
+SticksOf = Callable[[str], Sticks | None]
+"""Gives the pilot's sticks that a vehicle reported last, None while it has reported none."""
+
+
+class InputLink(ABC):
+    """An open input. The engine reads it once a tick."""
+
+    @abstractmethod
+    def read(self, now: Time) -> InputReading | None:
+        """Return what the device says now, None while it has said nothing. A button that went down
+        since the last call is among those held, however short it was. Raises DriverError."""
+
+    def trouble(self) -> str | None:
+        """Return why the device says nothing, in words for a person; None if no problem is
+        known."""
+        return None
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the device."""
+
+
+class Input(Part[P]):
+    """Gives axes, each -1 to 1, and buttons. A mission hears a button as the event `INPUT.BUTTON`.
+
+    stuck_after: seconds after which an axis away from its centre that gives the same number over
+    and over is stuck, unless the mission says otherwise; None for a device whose axes have steps.
+    real_time: a person is at it, so that a simulation beside it must run in real time.
+    """
+
+    kind = "inputs"
+    helpers = frozenset({"rows"})
+    stuck_after: ClassVar[float | None] = 10.0
+    real_time: ClassVar[bool] = True
+
+    @classmethod
+    def axes(cls, params: P) -> tuple[str, ...]:
+        """Return the names of its axes."""
+        return AXES
+
+    @classmethod
+    @abstractmethod
+    def buttons(cls, params: P) -> tuple[str, ...]:
+        """Return the names of its buttons."""
+
+    @classmethod
+    @abstractmethod
+    def open(cls, params: P, sticks_of: SticksOf) -> InputLink:
+        """Open the device. Raises DriverError."""

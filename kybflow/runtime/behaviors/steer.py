@@ -1,0 +1,183 @@
+"""Steer by hand: the axes of an input become the motion of the setpoint.
+
+The axes are `x` forward, `y` to the left, `z` up and `turn` counter-clockwise, each -1 to 1; `x`
+and `y` count in the heading of the setpoint, or with `frame: world` east and north, and are no
+longer than 1 together. With `by: velocity` they are the velocity v = speed (x, y), which follows
+them with at most `acceleration`. With `by: tilt` they are the attitude, the height being held:
+
+    v' = g tan(tilt) (x, y) - v g tan(tilt) / speed,
+
+so that a full stick tilts by `tilt` and ends at `speed`. `by: signals` is that of the four signals
+of an AR.Drone: the same, but with all four at zero it brakes by itself. `z` is always the share of
+`climb`, `turn` that of `turn_rate`. The setpoint is a position which this velocity moves, so that
+it rests where the sticks are let go, and nothing drifts.
+
+It starts at the setpoint's position and velocity, and refuses to start while the sticks are off
+their centres, or while the input is lost. The setpoint stays `margin` inside the fence, `lowest`
+above the ground of the start, and its vehicle's hubs `clearance` away from obstacles and from other
+vehicles: it stops in time, and slides along them (`kybflow.flight.clearance`).
+
+A dead-man switch that is released brakes. So does an input that is lost, at once; after `patience`
+it has failed. An input that comes back, or a vehicle that was held, is steered again once the
+sticks have been at their centres. World frame, metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import cos, hypot, pi, sin, tan
+from typing import ClassVar, Literal
+
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, norm, scale, sub, wrap
+from kybflow.core.signals import NS, Failed, InputReading, Setpoint, SetpointKind, Tick, Time
+from kybflow.core.units import Acceleration, Angle, AngularRate, Duration, Length, Speed
+from kybflow.flight.clearance import Surface, bounded, solids, walls
+from kybflow.flight.governor import shortened
+from kybflow.flight.motion import Motion
+from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, param, params
+from kybflow.parts.behavior import SPEED_SHARE
+from kybflow.world.shapes import Box, Shape, Sphere
+
+CENTRE = 0.05
+"""How far from zero an axis may be at rest."""
+_HARD = 2.5
+"""The largest acceleration (m/s^2) with which the setpoint is kept away from something."""
+_TURNING = 4.0
+"""The largest change of the rate of turning, rad/s^2."""
+_HELD = 1.5
+"""Ticks without an update after which the vehicle was held."""
+
+
+@params
+class SteerParams:
+    input: str = param("The input that steers it.", names="input", read_only=True)
+    by: Literal["velocity", "tilt", "signals"] = param(
+        "What `x` and `y` are.", default="velocity", read_only=True
+    )
+    frame: Literal["heading", "world"] = param(
+        "Where `x` and `y` point.", default="heading", read_only=True
+    )
+    speed: Speed = param("Largest level speed.", default=0.5, above=0.0)
+    climb: Speed = param("Largest vertical speed.", default=0.3, above=0.0)
+    turn_rate: AngularRate = param("Largest rate of turning.", default=0.8, above=0.0)
+    acceleration: Acceleration = param("Largest acceleration.", default=1.0, above=0.0)
+    tilt: Angle = param(
+        "Tilt of a full stick.", default=6 * pi / 180, above=0.0, below=0.6, read_only=True
+    )
+    margin: Length = param("Kept from the fence.", default=0.3, at_least=0.0, tightens="up")
+    clearance: Length = param(
+        "Kept between hubs and obstacles.", default=0.3, above=0.0, tightens="up"
+    )
+    lowest: Length = param(
+        "Least height above the ground of the start.", default=0.4, above=0.0, tightens="up"
+    )
+    patience: Duration = param(
+        "How long it brakes for a lost input until it fails.", default=2.0, at_least=0.0
+    )
+
+
+class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    axes: ClassVar[tuple[str, ...]] = AXES
+
+    def __init__(self, params: SteerParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        reading = entry.inputs.get(params.input)
+        if reading is None:
+            raise Refused(f"`{params.input}` is lost")
+        if not _is_centred(reading):
+            raise Refused(f"the sticks of `{params.input}` are off their centres")
+        self._context = entry.context
+        self._position, self._velocity = entry.motion.position, entry.motion.velocity
+        self._heading, self._rate = entry.heading, 0.0
+        self._obeys = True
+        self._lost: float | None = None
+        self._last: Time = entry.now
+
+    def update(self, tick: Tick) -> Setpoint | Failed:
+        reading = tick.inputs.get(self.params.input)
+        setpoint = self._moved(self._sticks(reading, tick), tick)
+        self._lost = None if reading is not None else (self._lost or 0.0) + tick.dt
+        if self._lost is not None and self._lost > self.params.patience:
+            return Failed(setpoint, f"`{self.params.input}` is lost")
+        return setpoint
+
+    def _sticks(self, reading: InputReading | None, tick: Tick) -> tuple[float, ...] | None:
+        """The four axes, None while the vehicle brakes."""
+        was_held = (tick.now - self._last) / NS > _HELD * tick.dt
+        self._last = tick.now
+        if reading is None or was_held:
+            self._obeys = False
+        if reading is None:
+            return None
+        self._obeys = self._obeys or _is_centred(reading)
+        if not (self._obeys and reading.engaged):
+            return None
+        return tuple(reading.axes[axis] for axis in AXES)
+
+    def _moved(self, sticks: tuple[float, ...] | None, tick: Tick) -> Setpoint:
+        """Move the setpoint by a tick."""
+        p, dt, before = self.params, tick.dt, self._velocity
+        x, y, z, turn = sticks or (0.0, 0.0, 0.0, 0.0)
+        brakes = sticks is None or (p.by == "signals" and not any(sticks))
+        level = self._level(x, y, dt, brakes=brakes)
+        rise = _towards(before[2], z * p.climb, p.acceleration * dt)
+        asked = bounded((*level, rise), self._surfaces(tick))
+        change = shortened(sub(asked, before), _HARD * dt)
+        self._velocity = velocity = add(before, change)
+        mean = scale(add(before, velocity), 0.5 * dt)
+        self._position = add(self._position, mean)
+        self._rate = _towards(self._rate, turn * p.turn_rate, _TURNING * dt)
+        self._heading = wrap(self._heading + self._rate * dt)
+        acceleration = scale(change, 1.0 / dt) if dt > 0.0 else ZERO
+        motion = Motion(self._position, velocity, acceleration)
+        return motion.setpoint(self._heading, self._rate)
+
+    def _level(self, x: float, y: float, dt: float, *, brakes: bool) -> tuple[float, float]:
+        """The level velocity in the next tick, but for what is in the way."""
+        p, (vx, vy, _) = self.params, self._velocity
+        most = min(p.speed, SPEED_SHARE * self._context.airframe.speed)
+        length = max(1.0, hypot(x, y))
+        x, y = x / length, y / length
+        if p.frame == "heading":
+            c, s = cos(self._heading), sin(self._heading)
+            x, y = c * x - s * y, s * x + c * y
+        if p.by == "velocity" or brakes:
+            change = shortened((most * x - vx, most * y - vy, 0.0), p.acceleration * dt)
+            return vx + change[0], vy + change[1]
+        push = GRAVITY * tan(p.tilt)
+        return vx + (push * x - push / most * vx) * dt, vy + (push * y - push / most * vy) * dt
+
+    def _surfaces(self, tick: Tick) -> Iterator[Surface]:
+        """What is in the way."""
+        p, context, position = self.params, self._context, self._position
+        if (fence := context.fence) is not None:
+            yield from walls(position, _room(fence, p, context.start[2]))
+        keep = context.airframe.arm + p.clearance
+        speed = hypot(p.speed, p.climb) + norm(self._velocity)
+        yield from solids(position, (*context.obstacles.values(), *self._others(tick)), keep, speed)
+
+    def _others(self, tick: Tick) -> Iterator[Shape]:
+        for name, other in tick.fleet.items():
+            if other is not None and name != self._context.vehicle:
+                yield Sphere(other.position, 0.5 * self._context.diameters.get(name, 0.0))
+
+    @classmethod
+    def footprint(cls, params: SteerParams, entry: Vec3 | None) -> Footprint | None:
+        points = () if entry is None else (entry,)
+        sharpest = max(params.acceleration, GRAVITY * tan(params.tilt))
+        return Footprint(points, params.speed, None, is_endless=True, acceleration=sharpest)
+
+
+def _is_centred(reading: InputReading) -> bool:
+    return all(abs(reading.axes[axis]) <= CENTRE for axis in AXES)
+
+
+def _towards(before: float, wanted: float, most: float) -> float:
+    return before + max(-most, min(most, wanted - before))
+
+
+def _room(fence: Box, p: SteerParams, ground: float) -> Box:
+    """Where the setpoint may be."""
+    (x0, y0, z0), (x1, y1, z1), m = fence.low, fence.high, p.margin
+    return Box((x0 + m, y0 + m, max(z0, ground + p.lowest)), (x1 - m, y1 - m, z1 - m))

@@ -1,0 +1,175 @@
+"""The mission's inputs: read once a tick, judged, and told as events.
+
+    device ─► link ─► is it well? ─► readings, which behaviors and conditions see
+                                └──► events: INPUT.BUTTON, input_lost, input_recovered
+
+An input is lost while its link knows of a problem (unplugged), while nothing has been heard of it
+for `silent_after`, while an axis is no number from -1 to 1, and while an axis away from its centre
+has given the same numbers for `stuck_after`. There is no reading of a lost input. It has recovered
+when it has been well for half a second. A button is told when it goes down, also while an axis is
+broken, since it may be the one that lands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from math import isfinite
+from types import MappingProxyType
+from typing import NamedTuple
+
+from kybflow.core.errors import DriverError, described
+from kybflow.core.signals import NS, InputReading, InputReadings, Time
+from kybflow.dsl.plan import InputPlan
+from kybflow.parts import InputLink
+from kybflow.runtime.events import Events, Fields
+
+RECOVERED: Time = NS // 2
+"""How long an input must be well until it counts again."""
+CENTRE = 0.05
+"""How far from zero an axis may be at rest."""
+_NOTHING: frozenset[str] = frozenset()
+
+NoteInput = Callable[[str, Time, InputReading | None, str], None]
+"""Receives, with an input's name and the time, what it said, or None and why it said nothing."""
+
+
+def unnoted(name: str, now: Time, reading: InputReading | None, why: str) -> None:
+    """Take what nobody records."""
+
+
+class InputTrouble(NamedTuple):
+    """Why an input is lost; the measured value and its bound, None where there is no number."""
+
+    reason: str
+    value: float | None = None
+    bound: float | None = None
+
+
+class Inputs:
+    """readings: what each input says, by name, None while it is lost."""
+
+    def __init__(
+        self,
+        plans: tuple[InputPlan, ...],
+        links: Mapping[str, InputLink],
+        events: Events,
+        note: NoteInput = unnoted,
+    ) -> None:
+        self._heard: dict[str, InputReading | None] = dict.fromkeys(plan.name for plan in plans)
+        self.readings: InputReadings = MappingProxyType(self._heard)
+        self._inputs = tuple(_Input(plan, links[plan.name], events, note) for plan in plans)
+
+    def __len__(self) -> int:
+        return len(self._inputs)
+
+    def step(self, now: Time, *, flying: bool = True) -> None:
+        """Read every input; tell what happened, in flight only. Called at the start of a tick."""
+        for one in self._inputs:
+            self._heard[one.plan.name] = one.step(now, flying)
+
+    def objections(self) -> Iterator[tuple[InputPlan, str | None]]:
+        """Yield each input with why it can't be used now, None where it can."""
+        for one in self._inputs:
+            yield one.plan, one.trouble and one.trouble.reason
+
+
+class _Input:
+    """One input: what it says, and whether it is well."""
+
+    def __init__(self, plan: InputPlan, link: InputLink, events: Events, note: NoteInput) -> None:
+        self.plan = plan
+        self.trouble: InputTrouble | None = InputTrouble("nothing has been heard of it yet")
+        self._link, self._events, self._note = link, events, note
+        self._noted: tuple[Mapping[str, float] | None, frozenset[str]] | None = None
+        self._held = _NOTHING
+        self._axes: Mapping[str, float] | None = None
+        self._moved: Time = 0
+        self._well: Time | None = None
+        self._told = False
+        self._began: Time | None = None
+
+    def step(self, now: Time, flying: bool) -> InputReading | None:
+        self._began = now if self._began is None else self._began
+        reading, silence = self._read(now)
+        self._record(reading, silence, now)
+        trouble = silence or self._doubt(reading, now)
+        if flying and reading is not None:
+            for button in sorted(reading.held - self._held):
+                self._events.tell(f"{self.plan.name}.{button}", at=self.plan.at)
+        self._held = _NOTHING if reading is None else reading.held
+        self._judge(trouble, now)
+        if flying:
+            self._tell()
+        return reading if self.trouble is None else None
+
+    def _read(self, now: Time) -> tuple[InputReading | None, InputTrouble | None]:
+        """Return what the device says, with its buttons as the mission calls them, or why it says
+        nothing."""
+        try:
+            reading, known = self._link.read(now), self._link.trouble()
+        except DriverError as error:
+            return None, InputTrouble(str(error))
+        except Exception as error:  # an input must not stop the flight
+            return None, InputTrouble(described(error))
+        if known is not None:
+            return None, InputTrouble(known)
+        heard = self._began if reading is None else reading.heard
+        age, bound = (now - (heard or 0)) / NS, self.plan.silent_after
+        if age > bound:
+            return None, InputTrouble(f"silent for {age:.2f} s", age, bound)
+        return (None if reading is None else self._named(reading)), None
+
+    def _named(self, reading: InputReading) -> InputReading:
+        names, dead_man = self.plan.buttons, self.plan.dead_man
+        held = frozenset(names[button] for button in reading.held if button in names)
+        return reading._replace(held=held, engaged=dead_man is None or dead_man in held)
+
+    def _record(
+        self, reading: InputReading | None, silence: InputTrouble | None, now: Time
+    ) -> None:
+        """Note what is new."""
+        new = (None, _NOTHING) if reading is None else (reading.axes, reading.held)
+        if new != self._noted and (reading is not None or silence is not None):
+            self._note(self.plan.name, now, reading, "" if silence is None else silence.reason)
+            self._noted = new
+
+    def _doubt(self, reading: InputReading | None, now: Time) -> InputTrouble | None:
+        """Return why what the device says can't be true."""
+        if reading is None:
+            return self.trouble or InputTrouble("nothing has been heard of it yet")
+        for axis, value in reading.axes.items():
+            if not (isfinite(value) and abs(value) <= 1.0):
+                return InputTrouble(f"its axis `{axis}` is {value:g}", value)
+        if reading.axes != self._axes:
+            self._axes, self._moved = reading.axes, now
+        still, bound = (now - self._moved) / NS, self.plan.stuck_after
+        if bound is not None and still > bound and not is_centred(reading):
+            return InputTrouble(f"its axes are stuck for {still:.2f} s", still, bound)
+        return None
+
+    def _judge(self, trouble: InputTrouble | None, now: Time) -> None:
+        if trouble is not None:
+            self._well = None
+            self.trouble = (self._told and self.trouble) or trouble
+            return
+        self._well = now if self._well is None else self._well
+        if not self._told or now - self._well >= RECOVERED:
+            self.trouble = None
+
+    def _tell(self) -> None:
+        """Tell once that it is lost, and once that it is back."""
+        name, at = self.plan.name, self.plan.at
+        if self.trouble is not None and not self._told:
+            numbers = {"value": self.trouble.value, "bound": self.trouble.bound}
+            known = {key: n for key, n in numbers.items() if n is not None and isfinite(n)}
+            fields: dict[str, Fields] = {"input": name, "reason": self.trouble.reason, **known}
+            self._events.tell("input_lost", "", at, **fields)
+            self._told = True
+        elif self.trouble is None and self._told:
+            self._events.tell("input_recovered", at=at, input=name)
+            self._told = False
+
+
+def is_centred(reading: InputReading) -> bool:
+    """Return whether every axis is at rest."""
+    return all(abs(value) <= CENTRE for value in reading.axes.values())
