@@ -65,7 +65,7 @@ def check_pace(plan: Plan, speed: float | None, again: Mapping[str, str] = NOTHI
     """Raises DriverError for a pace of the simulated clock that a sensor or a person can't keep."""
     part = real_time_part(plan, again)
     if part is not None and speed != 1.0:
-        reason = f"`{part.name}` ({part.at}) works in real time, so the simulation must go at"
+        reason = f"`{part.name}` ({part.at}) measures in real time, so the simulation must go at"
         raise DriverError(f"{reason} its pace: fly with `--speed 1`")
 
 

@@ -32,7 +32,7 @@ def _steered(case: Case) -> Iterator[_Steered]:
 
 
 def unknown_inputs(case: Case) -> Iterator[Diagnostic]:
-    """KYB401: a behavior, or an input, names an input or a vehicle that the mission has not."""
+    """KYB401: a behavior names an input, or an input a vehicle, that isn't there."""
     document = case.document
     for _, name in case.cached(_steered):
         if name.text not in document.inputs:
