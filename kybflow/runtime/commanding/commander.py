@@ -179,7 +179,9 @@ class Commander:
             event = f"{PREFIX}{word(order)}"
             waits = event in self._watched.awaited_now()
             self._events.tell(event)
-            if isinstance(order, LandOrder):
+            if isinstance(order, LandOrder) and any(
+                requests.land_objection() is None for requests in asked.values()
+            ):
                 self._give_up()
         else:
             waits = False
@@ -268,7 +270,9 @@ def _as_answer(answered: _Answered) -> Callable[[str | None], None]:
 def _landed(requests: Requests) -> str | None:
     """Land a vehicle; return why it can't begin to."""
     try:
-        requests.retire(LANDED)
+        reason = requests.land_objection()
+        if reason is None:
+            requests.retire(LANDED)
     except Exception as error:  # a part may raise anything; the others land all the same
         return described(error)
-    return None
+    return reason

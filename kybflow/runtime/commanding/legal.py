@@ -76,7 +76,7 @@ def _vehicle(vehicle: Vehicle, now: Time, driver: str | None) -> VehicleSituatio
         pause=early or requests.pause_objection(),
         resume=early or requests.resume_objection(),
         reset=early or requests.reset_objection(now),
-        land=early,
+        land=early or requests.land_objection(),
     )
 
 

@@ -30,6 +30,7 @@ _SAFER = {
     "land_blind": Reaction.LAND_BLIND,
 }
 """The built-in states that make any vehicle safer, and the reaction that each one equals."""
+_SOMEBODYS = "somebody else has control, until `operator.resume`"
 _STAYS = frozenset({"auto_land", "landed", "fault"})
 
 
@@ -145,7 +146,7 @@ class Requests:
         speaks against it: its behavior may still refuse to start."""
         plan, latched = self._plan.states.get(state), self._failsafe.latched
         if self._override.is_somebodys:
-            return "somebody else has control, until `operator.resume`"
+            return _SOMEBODYS
         if plan is None or state == "fault":
             return "it is not a state that can be requested"
         if self._activity.machine.state == "fault":
@@ -170,6 +171,10 @@ class Requests:
             return None
         braking = self._failsafe.braking
         return "it is not paused" if braking is None else f"the failsafe brakes it ({braking})"
+
+    def land_objection(self) -> str | None:
+        """Return why a person can't land it now."""
+        return _SOMEBODYS if self._override.is_somebodys else None
 
     def reset_objection(self, now: Time) -> str | None:
         """Return why a reset would be refused now."""

@@ -172,6 +172,18 @@ def test_a_link_that_breaks_while_it_arms_keeps_the_vehicle_down(run):
     assert flown.exit_code == 3
 
 
+def test_nobody_lands_by_command_what_a_pilot_has_and_the_run_goes_on(run):
+    own, _ = driver("pilot")
+    asked = ((BACK, "operator.land"), (BACK + 1.0, "operator.resume"))
+    flown, told = run(flight(own), emitted=asked)
+    land, resume = named(told, "command_given")
+    assert (land.fields["command"], land.fields["accepted"]) == ("land", False)
+    assert land.fields["reason"] == "somebody else has control, until `operator.resume`"
+    assert resume.fields["accepted"]
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    assert flown.exit_code == 0
+
+
 def test_a_vehicle_that_a_pilot_took_is_left_alone_until_a_person_asks_for_it(run):
     own, opened = driver("pilot")
     flown, told = run(flight(own), emitted=((BACK, "operator.resume"),))
