@@ -33,6 +33,10 @@ LONGEST_STEP = 0.04
 """Longest step in seconds that is integrated."""
 WEIGH_EVERY = 0.015
 """Seconds between two updates of the mass estimator, which is far slower."""
+LONGEST_SPOOL = 0.1
+"""Seconds between two measurements up to which the thrust rises on the ground."""
+LEAST_NEWS = 0.001
+"""Seconds by which the newest measurement must be newer than the one that was weighed last."""
 MOST_TRIM = 0.1
 """Largest slope by which body z is trimmed, about 6 degrees."""
 LEAST_LIFT, MOST_THRUST = 0.3, 0.95
@@ -51,9 +55,9 @@ class Steering:
     """
 
     __slots__ = (
-        "_airframe", "_carried", "_facing", "_floor", "_heading", "_lift", "_mass", "_most_force",
-        "_most_thrust", "_slope", "_steepest", "_tilt", "_weighed", "flies", "force_along",
-        "learns", "limited", "trim",
+        "_age", "_airframe", "_carried", "_facing", "_floor", "_heading", "_lift", "_mass",
+        "_most_force", "_most_thrust", "_slope", "_steepest", "_tilt", "_weighed", "flies",
+        "force_along", "learns", "limited", "trim",
     )  # fmt: skip
 
     def __init__(self, context: VehicleContext, mass_guess: float) -> None:
@@ -67,7 +71,8 @@ class Steering:
         self._slope = (0.0, 0.0)
         self._floor: float | None = None
         self._lift = 0.0
-        self._weighed = WEIGH_EVERY
+        self._weighed = 0.0
+        self._age = 0.0
         self.trim = (0.0, 0.0)
         self.flies = self.limited = self.learns = False
         self.force_along = GRAVITY
@@ -83,18 +88,20 @@ class Steering:
         if self._floor is None:
             self._floor = height
         above = self._floor + lift_off
-        self.flies = flies = height > above
+        flew, flies = self.flies, height > above
+        self.flies = flies
         self.learns = flies and not self.limited and dt < LONGEST_STEP
+        self._weighed = weighed = self._weighed + dt
+        if flew and flies and weighed < WEIGH_EVERY:
+            return
+        age = estimate.age
+        if weighed - age + self._age < LEAST_NEWS:
+            return  # it stands still, and says nothing of what the thrust does
+        self._weighed, self._age = 0.0, age
         if flies:
-            self._weighed = weighed = self._weighed + dt
-            if weighed < WEIGH_EVERY:
-                return
             self._mass.update(self._lift, estimate.velocity[2], weighed)
-            self._weighed = 0.0
-        else:
-            self._weighed = WEIGH_EVERY
-            if _asks_up(setpoint, above):
-                self._mass.spool_up(dt)
+        elif _asks_up(setpoint, above):
+            self._mass.spool_up(min(weighed, LONGEST_SPOOL))
         self._carry()
 
     def _carry(self) -> None:

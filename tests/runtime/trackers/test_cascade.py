@@ -213,6 +213,19 @@ def test_a_height_that_wavers_on_the_ground_does_not_end_the_spool_up():
     assert last > FRAME.hover_thrust
 
 
+def test_an_estimate_that_stands_still_teaches_no_mass():
+    """On the ground the thrust would rise for as long as nobody sees that the vehicle lifts."""
+    tracker = cascade()
+    a_little_up = at((0.0, 0.0, 0.3))
+    tracker.update(a_little_up, tick(ZERO))
+    before = tracker.update(a_little_up, tick(ZERO)).thrust
+    for count in range(60):
+        moment = tick(ZERO)
+        old = moment.estimate._replace(age=count * moment.dt)
+        last = tracker.update(a_little_up, moment._replace(estimate=old)).thrust
+    assert last < 1.02 * before
+
+
 def test_in_flight_below_its_start_it_does_not_spool_up():
     tracker = cascade()
     tracker.update(at((0.0, 0.0, 1.5)), tick((0.0, 0.0, 1.0)))
