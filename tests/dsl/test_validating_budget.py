@@ -25,7 +25,7 @@ PASSES = (
 BUDGET = {
     "figure_eight": {
         "check": 57143,
-        "shape": 41030,
+        "shape": 42634,
         "expressions": 32435,
         "resolve": 32407,
         "read": 25851,
