@@ -43,11 +43,14 @@ def run(tmp_path: Path) -> Callable[..., object]:
         listeners=(),
         servers=(),
         again=(),
+        said=None,
         **facts,
     ):
         told = []
         out = tmp_path / str(len(list(tmp_path.iterdir())))
-        request = RunRequest(seed=seed, out=out, options=options, emitted=emitted, again=again)
+        request = RunRequest(
+            seed=seed, out=out, options=options, emitted=emitted, again=again, inputs=said or {}
+        )
         listeners = (*listeners, told.append)
         flown = fly(plan(*vehicles, **facts), request, listeners, observers, servers)
         for event in told:

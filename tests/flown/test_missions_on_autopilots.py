@@ -18,11 +18,15 @@ TARGETS = ("emulated_px4", "emulated_ardupilot")
 WAYS = {
     "figure_eight": ["up", "steady", "eight", "down", "landed"],
     "sidestep": ["up", "steady", "aside", "stop", "down", "landed"],
+    "joystick": ["up", "wait", "hand", "circle", "hand", "down", "landed"],
+    "teleoperation": ["up", "wait", "hand", "home", "down", "landed"],
     "courier": ["up", "out", "drop", "back", "down", "landed"],
 }
 MARKS = {
     ("figure_eight", "emulated_ardupilot"): [pytest.mark.thorough],
     ("courier", "emulated_px4"): [pytest.mark.thorough],
+    ("joystick", "emulated_px4"): [pytest.mark.thorough],
+    ("teleoperation", "emulated_ardupilot"): [pytest.mark.thorough],
 }
 """The tier of each flight; those that aren't named are slow."""
 
