@@ -48,17 +48,17 @@ def read_earlier_run(folder: Path) -> EarlierRun:
         reason = f"`{error.filename}`: {error.strerror}"
         raise RunFolderError(f"`{folder}` is no run that can be flown again: {reason}") from error
     except (ValueError, LookupError, TypeError, AttributeError) as error:
-        reason = f"`{PROVENANCE}`, `{EVENTS}` or a table of an input is not as a run writes it"
+        reason = f"`{PROVENANCE}` or `{EVENTS}` is not as a run writes it"
         raise RunFolderError(f"`{folder}` can't be flown again: {reason}") from error
 
 
 def _table(path: Path) -> str:
-    """The table of an input. Raises ValueError where it is none."""
+    """The table of an input. Raises RunFolderError where it is none."""
     text = "\n".join(whole_lines(path))
     try:
         parse(text)
     except FileError as error:
-        raise ValueError(str(error)) from error
+        raise RunFolderError(f"`{path}`, line {error.line}: {error}") from error
     return text
 
 
