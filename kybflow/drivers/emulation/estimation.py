@@ -4,14 +4,17 @@ Attitude: the explicit complementary filter with bias of Mahony, Hamel and Pflim
 eq. 34), from gyroscope, accelerometer and a heading that is seen. World ENU, body FLU.
 
 Position: inertial, corrected by what is seen of it. Per axis a constant-gain observer with the
-error of the acceleration as its third state: with the innovation e and the bandwidth w,
-p += 3 w dt e, v += 3 w^2 dt e, b += w^3 dt e, dt the seconds since the last correction. Between
-corrections p' = v, v' = a + b. What is seen late is compared with the position at that time.
+error of the acceleration as its third state, all poles at exp(-w dt), w the bandwidth and dt the
+seconds since the last correction: with the innovation e and k = 1 - exp(-w dt), p += e - (1-k)^3 e,
+v += 1.5 k^2 (2 - k) / dt e, b += k^3 / dt^2 e (Brookner, "Tracking and Kalman Filtering Made Easy",
+1998, sec. 1.3), so that after a long gap an offset is no speed. Between corrections p' = v,
+v' = a + b. What is seen late is compared with the position at that time.
 Metres, ENU."""
 
 from __future__ import annotations
 
 from collections import deque
+from math import exp
 
 from kybflow.core.geometry import (
     GRAVITY,
@@ -84,8 +87,6 @@ class AttitudeFilter:
         self._off *= max(0.0, 1.0 - AIMING * imu.dt)
 
 
-LONGEST = 0.25
-"""Seconds between corrections up to which the gains grow."""
 REMEMBERED: Time = NS // 2
 MOST_BIAS = 0.5
 """Largest error of the acceleration that is believed, m/s^2."""
@@ -120,10 +121,12 @@ class PositionObserver:
 
     def correct(self, off: Vec3, bandwidths: Vec3, dt: float) -> None:
         """Correct by a sighting, `off` from the estimate, `dt` seconds after the last one."""
-        dt = min(dt, LONGEST)
-        p = [min(0.9, 3.0 * w * dt) * e for w, e in zip(bandwidths, off, strict=True)]
-        v = [3.0 * w * w * dt * e for w, e in zip(bandwidths, off, strict=True)]
-        b = [w**3 * dt * e for w, e in zip(bandwidths, off, strict=True)]
+        if dt <= 0.0:
+            return
+        k = [1.0 - exp(-w * dt) for w in bandwidths]
+        p = [(1.0 - (1.0 - k) ** 3) * e for k, e in zip(k, off, strict=True)]
+        v = [1.5 * k * k * (2.0 - k) / dt * e for k, e in zip(k, off, strict=True)]
+        b = [k**3 / dt**2 * e for k, e in zip(k, off, strict=True)]
         self._shift((p[0], p[1], p[2]))
         self.velocity = add(self.velocity, (v[0], v[1], v[2]))
         x, y, z = add(self._bias, (b[0], b[1], b[2]))
