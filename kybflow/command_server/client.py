@@ -182,8 +182,8 @@ class RunClient:
 
 
 def connect(run: str | Path | None = None, name: str | None = None) -> RunClient:
-    """Connect to a run that flies: its folder, the folder's name, the part of that before a `-`, such
-    as the mission's name, or None for the only one. Raises RunNotFound or RunUnreachable."""
+    """Connect to a run that flies: its folder, the folder's name, the part of that before a `-`
+    (the mission's name), or None for the only one. Raises RunNotFound or RunUnreachable."""
     program = os.path.basename(sys.argv[0]) or "python"
     own = printable(f"{user_name(os.geteuid())}, {program}, process {os.getpid()}")
     address = find_run(None if run is None else os.fspath(run))
