@@ -13,6 +13,7 @@ from math import hypot
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from kybflow.api.entry_judge import PlanEntryJudge
 from kybflow.api.opening import (
     Devices,
     build_vehicles,
@@ -317,6 +318,9 @@ class _Run:
         vehicles = build_vehicles(
             plan, devices, events, self._recorder.vehicle, self._score, inputs.readings
         )
+        judge = PlanEntryJudge(plan)
+        for vehicle in vehicles:
+            vehicle.requests.judge = judge
         clock = clock_for(plan, self._request.speed)
         request = self._request
         engine = self._engine = Engine(

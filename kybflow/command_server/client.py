@@ -73,9 +73,11 @@ class RunClient:
         """Give the mission an event that it waits for."""
         return self.command(f"emit {event}", take=take)
 
-    def switch(self, vehicle: str, state: str, *, take: bool = False) -> Answer:
-        """Let a vehicle enter a state."""
-        return self.command(f"switch {vehicle} {state}", take=take)
+    def switch(self, vehicle: str, state: str, *, take: bool = False, **values: object) -> Answer:
+        """Let a vehicle enter a state, with other values of its parameters where some are given, as
+        `position=[1, 0, 1]` or `speed="50 cm/s"`."""
+        written = (f" {name}={_written(value)}" for name, value in values.items())
+        return self.command(f"switch {vehicle} {state}{''.join(written)}", take=take)
 
     def set(self, option: str, value: object, *, take: bool = False) -> Answer:
         """Change a parameter, with its unit: `set("mk.processors.limit_speed.speed", "1 m/s")`."""
@@ -212,6 +214,15 @@ def _connected(address: Path) -> socket.socket:
         channel.close()
         raise
     return channel
+
+
+def _written(value: object) -> str:
+    """A value as a mission has it."""
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_written, value))}]"
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    return str(value)
 
 
 def _accepted(said: dict[str, Any]) -> Answer:

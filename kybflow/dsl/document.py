@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from kybflow.core.geometry import Vec3
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.plan import Cause
+from kybflow.dsl.reading.nodes import Mapping
 from kybflow.parts import Footprint
 from kybflow.parts.observables import chains_of
 from kybflow.world.cameras import Camera
@@ -201,12 +202,14 @@ class TagsEntry:
 @dataclass(frozen=True, slots=True)
 class ActionEntry:
     """One action as written: `{NAME: VALUE}`, or one of `{NAME: {TARGET: VALUE}}`. `value` is a
-    Text, the node of an option's value, None for an action from a package, which has a `part`."""
+    Text, the node of an option's value, None for an action from a package, which has a `part`.
+    `values` are those with which a state is entered."""
 
     name: Text
     target: Text | None
     value: Any
     part: PartUse | None = None
+    values: Mapping | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,8 +265,9 @@ class FaultEntry:
 
 @dataclass(frozen=True, slots=True)
 class PhaseEntry:
-    """One phase of a flow as written; keys of `run` and `give` are vehicles or groups. `inherited`
-    is true when it came through `like`."""
+    """One phase of a flow as written; keys of `run` and `give` are vehicles or groups. `values` are
+    those with which a key of `run` enters its state. `inherited` is true when it came through
+    `like`."""
 
     name: Text
     run: tuple[tuple[Text, Text], ...]
@@ -272,6 +276,7 @@ class PhaseEntry:
     transitions: tuple[TransitionEntry, ...]
     span: Span
     inherited: bool = False
+    values: dict[str, Mapping] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -118,12 +118,18 @@ class VehiclePlan:
     payload: Parcel | None = None
 
 
+Values = tuple[tuple[str, Any], ...]
+"""Parameters by name, each with a value (SI) in place of the one that a state has."""
+
+
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """Ask a vehicle to enter a state."""
+    """Ask a vehicle to enter a state, with its own or with other values of its parameters: in a
+    person's command they are text."""
 
     vehicle: str
     state: str
+    values: Values = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +234,8 @@ class FaultPlan:
 class PhasePlan:
     """One phase of a flow. On entry it gives vehicles to other flows (`give`: vehicle to flow),
     sets options and asks vehicles to enter states (`run`: vehicle to state; `chains`: to the chain
-    whose first state that is, where a chain was asked for). `transitions` are
+    whose first state that is, where a chain was asked for; `values`: to those that the state is
+    entered with in place of its own). `transitions` are
     asked like those of a state: `next` from the top, then `within`; the target `end` ends the flow.
     So does a phase without any, when no vehicle that it ran is in its state any more."""
 
@@ -239,6 +246,7 @@ class PhasePlan:
     transitions: tuple[TransitionPlan, ...]
     chains: dict[str, str] = field(default_factory=dict)
     at: str = ""
+    values: dict[str, Values] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,8 +17,9 @@ class ActionContext(Protocol):
     disabled, its parameters only tighten, and a vehicle with a latched reaction refuses milder
     ones. Events name the callback's line in the mission; a refused request is an event too."""
 
-    def switch(self, vehicle: str, state: str) -> None:
-        """Request that a vehicle enters one of its states."""
+    def switch(self, vehicle: str, state: str, values: tuple[tuple[str, Any], ...] = ()) -> None:
+        """Request that a vehicle enters one of its states, with other values (SI) of some of its
+        parameters."""
 
     def set(self, option: str, value: Any) -> None:
         """Request a new value for an option: SI, or text with a unit."""

@@ -306,7 +306,7 @@ EVENT_FIELDS: dict[str, tuple[str, ...]] = {
     "action_failed": ("action", "reason"),
     "preflight_passed": ("check", "found"),
     "preflight_failed": ("check", "reason"),
-    "behavior_started": ("behavior", "part"),
+    "behavior_started": ("behavior", "part", "values"),
     "behavior_ended": ("behavior", "how"),
     "behavior_failed": ("behavior", "reason"),
     "behavior_waits": ("behavior", "reason"),

@@ -35,8 +35,8 @@ class Holder(Protocol):
     def parameters(self) -> dict[str, Any]:
         """Return each part's parameters by label (`processors.limit_speed`)."""
 
-    def change(self, label: str, parameters: Any) -> None:
-        """Replace the parameters of a part."""
+    def change(self, label: str, name: str, value: Any) -> None:
+        """Replace the value of one of a part's parameters."""
 
 
 class _Change(NamedTuple):
@@ -108,8 +108,7 @@ class Options:
         if reason is not None:  # it took off meanwhile, or another change came first
             self._events.tell("option_refused", holder.name, at, option=name, by=by, reason=reason)
             return reason
-        parameters = holder.parameters()[label]
-        holder.change(label, dataclasses.replace(parameters, **{field: value}))
+        holder.change(label, field, value)
         self._events.tell("option_changed", holder.name, at, option=name, value=str(value), by=by)
         return None
 
@@ -154,8 +153,8 @@ class _Planned:
     def parameters(self) -> dict[str, Any]:
         return self._parameters
 
-    def change(self, label: str, parameters: Any) -> None:
-        self._parameters[label] = parameters
+    def change(self, label: str, name: str, value: Any) -> None:
+        self._parameters[label] = dataclasses.replace(self._parameters[label], **{name: value})
 
 
 def check_options(plan: Plan, wanted: Iterable[tuple[str, str]]) -> None:

@@ -117,7 +117,7 @@ def test_a_killed_run_is_told_and_its_socket_removed(flying: subprocess.Popen[st
     ("words", "said"),
     [
         (["swich", "mk", "hold"], "there is no command `mk`"),
-        (["switch", "mk"], "`switch` is written `switch VEHICLE STATE`"),
+        (["switch", "mk"], "`switch` is written `switch VEHICLE STATE"),
         (["eight"], "`eight` is no command, and nothing follows it"),
         (["eight", "state", "now"], "there is no command `state`"),
         ([], "Missing argument"),

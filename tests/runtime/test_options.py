@@ -1,5 +1,6 @@
 """Options: applied at the next tick, bounded, typed; a refusal says why and changes nothing."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -28,8 +29,8 @@ class Holder:
     def parameters(self) -> dict[str, Any]:
         return self.params
 
-    def change(self, label: str, parameters: Any) -> None:
-        self.params[label] = parameters
+    def change(self, label: str, name: str, value: Any) -> None:
+        self.params[label] = replace(self.params[label], **{name: value})
 
 
 @pytest.fixture

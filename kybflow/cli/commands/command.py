@@ -22,6 +22,7 @@ STATE, WATCH = "state", "watch"
 EXAMPLES = examples(
     "kybflow command emit operator.go",
     "kybflow command figure_eight switch mk down",
+    "kybflow command switch mk goto 'position=[1, 0, 1]' speed=50cm/s",
     "kybflow command runs/figure_eight-20260301-101500 set mk.processors.limit_speed.speed 50cm/s",
     "kybflow command state",
     "kybflow command watch --json",
@@ -50,7 +51,8 @@ def command(words: tuple[str, ...], take: bool, as_json: bool) -> None:
 
     \b
     emit EVENT                        give an event that the mission waits for
-    switch VEHICLE STATE              let a vehicle enter a state
+    switch VEHICLE STATE [NAME=VALUE ...]
+                                      let a vehicle enter a state, with other values
     set OPTION VALUE                  change a parameter of a part
     enable VEHICLE.processors.NAME    switch a processor on
     disable VEHICLE.processors.NAME   switch it off

@@ -12,7 +12,9 @@ import importlib
 import pkgutil
 import re
 from collections.abc import Callable, Container, Iterable, Iterator
+from dataclasses import replace
 from inspect import isfunction
+from itertools import chain
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -20,6 +22,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.document import Document
+from kybflow.dsl.shaping.entry_values import entered_states, valued_requests
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
@@ -48,9 +51,29 @@ def checks_in(module: ModuleType) -> Iterator[CheckFunction]:
 
 def check(document: Document, catalog: Catalog) -> Diagnosed[None]:
     """Everything that the checks find in `document`, in no order."""
-    case = Case(document, catalog)
-    findings = (finding for one in checks() for finding in one(case))
-    yield from _deduplicated(findings, document.vehicles)
+    found = chain(_found(Case(document, catalog)), _found_with_values(document, catalog))
+    yield from _deduplicated(found, document.vehicles)
+
+
+def _found(case: Case) -> Iterator[Diagnostic]:
+    return (finding for one in checks() for finding in one(case))
+
+
+def _found_with_values(document: Document, catalog: Catalog) -> Iterator[Diagnostic]:
+    """What is found for each request that brings values, with them in place of the state's own:
+    what isn't found without them is what they bring."""
+    for asked in valued_requests(document):
+        entered = dict(entered_states(document, asked))
+        if not entered:
+            continue
+        vehicles = dict(document.vehicles)
+        for name, state in entered.items():
+            states = {**vehicles[name].states, state.name.text: state}
+            vehicles[name] = replace(vehicles[name], states=states)
+        note = f"with the values at {asked.state.span.at}"
+        for finding in _found(Case(replace(document, vehicles=vehicles), catalog)):
+            is_there = finding.span.is_in(asked.values.span)
+            yield finding if is_there else replace(finding, notes=(*finding.notes, note))
 
 
 def _deduplicated(found: Iterable[Diagnostic], vehicles: Container[str]) -> list[Diagnostic]:

@@ -52,6 +52,12 @@ class Span(NamedTuple):
         """`file:line`, as events and plans carry it."""
         return f"{self.file}:{self.line}"
 
+    def is_in(self, around: Span) -> bool:
+        """Whether all of it lies in `around`."""
+        begins = (around.line, around.column) <= (self.line, self.column)
+        ends = (self.end_line, self.end_column) <= (around.end_line, around.end_column)
+        return self.file == around.file and begins and ends
+
     def beside(self, other: Span) -> str:
         """Where it is, for a report about `other`: its line, and its file where that differs."""
         return f"line {self.line}" if self.file == other.file else self.at

@@ -23,6 +23,7 @@ from kybflow.dsl.plan import (
     Stop,
     Switch,
 )
+from kybflow.dsl.shaping.entry_values import values_for
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
@@ -63,7 +64,9 @@ def _action(action: ActionEntry, document: Document, catalog: Catalog) -> Iterat
         yield Call(PartPlan(part.spec.name, part.spec.cls, part.params, label, part.span.at))
     elif name == "switch" and target is not None:
         for vehicle in members(document, target.text):
-            yield Switch(vehicle, document.vehicles[vehicle].goal(action.value.text))
+            owner, state, written = document.vehicles[vehicle], action.value.text, action.values
+            values = () if written is None else values_for(owner, state, written)
+            yield Switch(vehicle, owner.goal(state), values)
     elif name == "set":
         for option, value in collect(option_values(action, document, catalog)).value:
             yield SetOption(option.name, value)

@@ -9,7 +9,8 @@ from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.names.option_names import members, option_values
-from kybflow.dsl.plan import FlowPlan, PhasePlan, SetOption, TransitionPlan
+from kybflow.dsl.plan import FlowPlan, PhasePlan, SetOption, TransitionPlan, Values
+from kybflow.dsl.shaping.entry_values import values_for
 from kybflow.dsl.shaping.flows import given_vehicles, own_vehicles
 
 if TYPE_CHECKING:
@@ -49,7 +50,18 @@ def _phase(phase: PhaseEntry, document: Document, scope: Scope, catalog: Catalog
         transitions=tuple(_transition(transition, scope) for transition in phase.transitions),
         chains={name: state for name, state in named.items() if state != run[name]},
         at=phase.span.at,
+        values=_values(phase, document),
     )
+
+
+def _values(phase: PhaseEntry, document: Document) -> dict[str, Values]:
+    """The values that vehicles are asked to enter their states with."""
+    return {
+        name: values_for(document.vehicles[name], state.text, phase.values[who.text])
+        for who, state in phase.run
+        if who.text in phase.values
+        for name in members(document, who.text)
+    }
 
 
 def _spread(pairs: tuple[tuple[Text, Text], ...], document: Document) -> dict[str, str]:

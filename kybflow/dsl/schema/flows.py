@@ -7,6 +7,8 @@ from kybflow.core.units import DURATION
 from kybflow.dsl.schema.building import NEXT, Schema, mapping, named, quantity, text
 from kybflow.parts.observables import EVENT_FIELDS
 
+_SCALAR = ["string", "number", "boolean"]
+
 
 def groups_schema() -> Schema:
     """Vehicles that go by one name."""
@@ -29,6 +31,20 @@ def flows_schema() -> Schema:
     return named("What several vehicles do together, flows side by side.", flow)
 
 
+def _goal(what: str) -> Schema:
+    """A state, or `{STATE: {PARAMETER: VALUE}}`."""
+    values: Schema = {
+        "description": "Values of its parameters in place of its own.",
+        "type": ["object", *_SCALAR, "array"],
+    }
+    return {
+        "description": f"{what}, or it with values: `{{goto: {{position: [1, 0, 1]}}}}`.",
+        "type": ["string", "object"],
+        "minProperties": 1,
+        "additionalProperties": values,
+    }
+
+
 def _phase() -> Schema:
     value: Schema = {"type": ["string", "number", "boolean", "array"]}
     return mapping(
@@ -42,7 +58,7 @@ def _phase() -> Schema:
                 "type": "object", "minProperties": 1, "additionalProperties": value,
             },
             "run": named("Vehicles or groups, and the behavior that each is asked to enter.",
-                         text("The behavior.")),
+                         _goal("The behavior")),
             "next": {
                 "description": "Ways out, asked from the top in every tick; `end` ends the flow.",
                 "type": "array", "items": NEXT,
@@ -53,7 +69,6 @@ def _phase() -> Schema:
     )  # fmt: skip
 
 
-_SCALAR = ["string", "number", "boolean"]
 _OWN = {
     "event": (
         "What to hear: `VEHICLE.NAME`, `any.NAME` of every vehicle, `operator.NAME` of a person, "
@@ -82,7 +97,7 @@ def action_schema() -> Schema:
         "properties": {
             "switch": _names(
                 "Vehicles or groups, and the state that each is asked to enter.",
-                text("The state."),
+                _goal("The state"),
             ),
             "set": _names(
                 "Options, like `a.processors.limit_speed.speed`, and their new values.", value

@@ -19,6 +19,7 @@ from kybflow.dsl.reading.nodes import (
     items_of,
 )
 from kybflow.dsl.schema.explain import cut_by_yaml
+from kybflow.dsl.shaping.entry_values import goal_of
 from kybflow.dsl.shaping.parts import PartDecoder, params_of
 from kybflow.dsl.shaping.states import duration
 from kybflow.parts.action import BUILT_IN
@@ -90,9 +91,16 @@ def named_values(entry: MappingEntry) -> Diagnosed[list[ActionEntry]]:
             yield Diagnostic("KYB171", f"`{target.key.text}` has no value", target.key.span)
             continue
         said: Node | Text = value
-        if entry.key.text != "set" and isinstance(value, Scalar):
+        values = None
+        if entry.key.text == "switch":
+            goal = yield from goal_of(target)
+            if goal is None:
+                continue
+            said, values = goal
+        elif entry.key.text != "set" and isinstance(value, Scalar):
             said = value.as_text
-        actions.append(ActionEntry(entry.key.as_text, target.key.as_text, said))
+        key, name = entry.key.as_text, target.key.as_text
+        actions.append(ActionEntry(key, name, said, values=values))
     return actions
 
 

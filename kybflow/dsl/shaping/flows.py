@@ -13,6 +13,7 @@ from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntr
 from kybflow.dsl.names.option_names import members
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, entries_of, items_of
 from kybflow.dsl.shaping.callbacks import named_values
+from kybflow.dsl.shaping.entry_values import goal_of
 from kybflow.dsl.shaping.states import duration, next_transition
 from kybflow.parts import GROUND
 
@@ -70,14 +71,19 @@ def _phase(entry: MappingEntry) -> Diagnosed[PhaseEntry]:
     actions = [] if options is None else (yield from named_values(options))
     transitions = yield from every(next_transition(item) for item in items)
     limit = yield from _limit(body)
+    asked = {}
+    for request in entries_of(body.get("run")).values():
+        asked[request.key.as_text] = yield from goal_of(request)
+    run = {who: goal for who, goal in asked.items() if goal is not None}
     return PhaseEntry(
         name=entry.key.as_text,
-        run=tuple(_pairs(body.get("run"))),
+        run=tuple((who, state) for who, (state, _) in run.items()),
         give=tuple(_pairs(body.get("give"))),
         set=tuple(actions),
         transitions=(*transitions, *limit),
         span=entry.key.span,
         inherited=entry.inherited,
+        values={who.text: values for who, (_, values) in run.items() if values is not None},
     )
 
 

@@ -121,7 +121,7 @@ def _twice(first: PartUse, second: PartUse, written: Span) -> Diagnostic:
     """KYB142 for two parts of the list `written`; at the one of the list where the other is from a
     stack."""
     message = f"`{second.label}` is in this list twice"
-    is_first, is_second = (_is_in(use.span, written) for use in (first, second))
+    is_first, is_second = (use.span.is_in(written) for use in (first, second))
     if is_first == is_second:
         notes, hint = (f"first at {first.span.at}",), "give one of them a name of its own"
         return Diagnostic(
@@ -131,12 +131,6 @@ def _twice(first: PartUse, second: PartUse, written: Span) -> Diagnostic:
     notes = (f"the stack has it at {other.span.at}",)
     hint = "leave out yours: the stack has it"
     return Diagnostic("KYB142", message, own.span, notes=notes, help=hint)
-
-
-def _is_in(span: Span, around: Span) -> bool:
-    begins = (around.line, around.column) <= (span.line, span.column)
-    ends = (span.end_line, span.end_column) <= (around.end_line, around.end_column)
-    return span.file == around.file and begins and ends
 
 
 def params_of(

@@ -4,6 +4,7 @@ and where each line came from. Reading it back gives the same plan."""
 from __future__ import annotations
 
 from collections.abc import Iterator
+from collections.abc import Mapping as MappingOf
 from typing import Any
 
 from kybflow.core.params import fields_of
@@ -18,7 +19,7 @@ from kybflow.dsl.document import (
     PhaseEntry,
     SensorEntry,
 )
-from kybflow.dsl.reading.nodes import Node, Scalar, Sequence
+from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence
 from kybflow.dsl.resolving.imports import without_homes
 from kybflow.dsl.schema.world import GridParams, TagParams
 from kybflow.dsl.writing.values import (
@@ -203,7 +204,7 @@ def _flow(flow: FlowEntry) -> Iterator[YamlLine]:
 
 def _phase(phase: PhaseEntry) -> str:
     options = [f"{a.target.text}: {option_value(a.value)}" for a in phase.set if a.target]
-    pairs = [_pairs("give", phase.give), _pairs("run", phase.run)]
+    pairs = [_pairs("give", phase.give), _pairs("run", phase.run, phase.values)]
     pairs.insert(1, f"set: {{{', '.join(options)}}}" if options else "")
     ways = [way(transition) for transition in phase.transitions if transition.cause == "next"]
     pairs.append(f"next: [{', '.join(ways)}]" if ways else "")
@@ -214,9 +215,18 @@ def _phase(phase: PhaseEntry) -> str:
     return "{" + ", ".join(pair for pair in pairs if pair) + "}"
 
 
-def _pairs(key: str, pairs: tuple[tuple[Text, Text], ...]) -> str:
-    inside = ", ".join(f"{who.text}: {quoted(goal.text)}" for who, goal in pairs)
+def _pairs(
+    key: str, pairs: tuple[tuple[Text, Text], ...], values: MappingOf[str, Mapping] | None = None
+) -> str:
+    goals = ((who.text, _goal(goal, (values or {}).get(who.text))) for who, goal in pairs)
+    inside = ", ".join(f"{who}: {goal}" for who, goal in goals)
     return f"{key}: {{{inside}}}" if pairs else ""
+
+
+def _goal(state: Text, values: Mapping | None) -> str:
+    """A state, with the values that it is entered with."""
+    name = quoted(state.text)
+    return name if values is None else f"{{{name}: {option_value(values)}}}"
 
 
 def callback_lines(document: Document) -> Iterator[YamlLine]:
@@ -239,15 +249,18 @@ def _callback_text(callback: CallbackEntry) -> str:
 def _action_text(action: ActionEntry) -> str:
     if action.part is not None:
         return f"{{{action.name.text}: {{{', '.join(parameters(action.part))}}}}}"
-    value = action.value if action.name.text == "set" else quoted(action.value.text)
-    said = value if isinstance(value, str) else option_value(value)
+    name, value = action.name.text, action.value
+    said = option_value(value) if name == "set" else _goal(value, action.values)
     if action.target is not None:
         said = f"{{{action.target.text}: {said}}}"
     return f"{{{action.name.text}: {said}}}"
 
 
 def option_value(node: Node) -> str:
-    """An option's value as it was written."""
+    """A parameter's value as it was written."""
+    if isinstance(node, Mapping):
+        inside = (f"{key}: {option_value(entry.value)}" for key, entry in node.entries.items())
+        return "{" + ", ".join(inside) + "}"
     if isinstance(node, Sequence):
         return "[" + ", ".join(option_value(item) for item in node.items) + "]"
     return quoted(node.text) if isinstance(node, Scalar) else ""

@@ -146,9 +146,10 @@ class Commander:
         match given.order:
             case Emit(name):
                 answered(self._emitted(name))
-            case Switch(vehicle, state):
+            case Switch(vehicle, state, written):
                 requests, goal = self._requests(vehicle), self._goal(vehicle, state)
-                requests.switch(goal, Requester.OPERATOR, answered=_as_answer(answered))
+                values, said = requests.read(goal, written), _as_answer(answered)
+                requests.switch(goal, Requester.OPERATOR, answered=said, values=values)
             case SetOption(option, value):
                 controls.options.set(option, value, BY, answered=_as_answer(answered))
             case Enable(vehicle, label, on):

@@ -1,6 +1,6 @@
 """Commands: what a person can ask of a run, each a frozen value with one spelling.
 
-    emit operator.go                         switch mk hold
+    emit operator.go                         switch mk hold [PARAMETER=VALUE ...]
     set mk.processors.limit_speed.speed 50cm/s
     enable mk.processors.limit_speed         disable mk.processors.limit_speed
     phase swarm gather                       pause [VEHICLE ...]
@@ -14,6 +14,7 @@ the plan's value for it (`kybflow.dsl.plan`); its names are checked when the com
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -102,8 +103,8 @@ def text(order: Order) -> str:
     match order:
         case Emit(name):
             words = ["emit", name]
-        case Switch(vehicle, state):
-            words = ["switch", vehicle, state]
+        case Switch(vehicle, state, values):
+            words = ["switch", vehicle, state, *(f"{name}={value}" for name, value in values)]
         case SetOption(option, value):
             words = ["set", option, str(value)]
         case Enable(vehicle, label, on):
@@ -155,9 +156,19 @@ def _enable(on: bool) -> _Form:
     return _Form(" VEHICLE.processors.NAME", read)
 
 
+def _switch(rest: list[str]) -> Switch | None:
+    """Values may have blanks: `position=[1, 0, 1] speed=50 cm/s`."""
+    before, *pairs = _ASSIGNED.split(" ".join(rest[2:]))
+    names, written = pairs[::2], [value.strip() for value in pairs[1::2]]
+    if len(rest) < 2 or before or len(set(names)) < len(names) or not all(written):
+        return None
+    return Switch(rest[0], rest[1], tuple(zip(names, written, strict=True)))
+
+
+_ASSIGNED = re.compile(r"(?:^| )([A-Za-z_]\w*)=")
 _FORMS: Mapping[str, _Form] = {
     "emit": _Form(" EVENT", lambda rest: named(rest[0]) if len(rest) == 1 else None),
-    "switch": _Form(" VEHICLE STATE", lambda rest: Switch(*rest) if len(rest) == 2 else None),
+    "switch": _Form(" VEHICLE STATE [PARAMETER=VALUE ...]", _switch),
     "set": _Form(
         " OPTION VALUE",
         lambda rest: SetOption(rest[0], " ".join(rest[1:])) if len(rest) > 1 else None,

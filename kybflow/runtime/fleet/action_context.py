@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from kybflow.core.errors import OptionRefused
+from kybflow.dsl.plan import Values
 from kybflow.parts.observables import EVENTS
 from kybflow.runtime.events import Events
 from kybflow.runtime.options import Options
@@ -33,8 +34,9 @@ class CallbackContext:
     def __init__(self, controls: RunControls, at: str) -> None:
         self._controls, self._at = controls, at
 
-    def switch(self, vehicle: str, state: str) -> None:
-        self._controls.requests[vehicle].switch(state, Requester.CALLBACK, self._at)
+    def switch(self, vehicle: str, state: str, values: Values = ()) -> None:
+        requests = self._controls.requests[vehicle]
+        requests.switch(state, Requester.CALLBACK, self._at, values=values)
 
     def set(self, option: str, value: Any) -> None:
         try:

@@ -101,8 +101,8 @@ def _name(action: ActionPlan) -> str:
 def _bound(action: ActionPlan, context: ActionContext) -> Do:
     """Return the action as a function of the event that it handles."""
     match action:
-        case Switch(vehicle, state):
-            return lambda _: context.switch(vehicle, state)
+        case Switch(vehicle, state, values):
+            return lambda _: context.switch(vehicle, state, values)
         case SetOption(option, value):
             return lambda _: context.set(option, value)
         case Enable(vehicle, label, on):

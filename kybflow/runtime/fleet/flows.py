@@ -225,7 +225,8 @@ class Flows:
         for vehicle, state in phase.run.items():
             reason = self._not_mine(flow, vehicle)
             if reason is None:
-                self._vehicles[vehicle].requests.switch(state, Requester.FLOW, phase.at)
+                requests, values = self._vehicles[vehicle].requests, phase.values.get(vehicle, ())
+                requests.switch(state, Requester.FLOW, phase.at, values=values)
             else:
                 self._events.tell(
                     "switch_refused", vehicle, phase.at, state=state, by="flow", reason=reason

@@ -3,6 +3,7 @@ flies, and the hold that freezes all of this for a while."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -11,7 +12,7 @@ from kybflow.core.geometry import LEVEL, ZERO, Vec3, distance, heading_of
 from kybflow.core.signals import NS, Command, Done, Estimate, Failed, Grip, Setpoint, Tick, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Exit, Outcome, VehicleMachine
-from kybflow.dsl.plan import StatePlan, VehiclePlan
+from kybflow.dsl.plan import StatePlan, Values, VehiclePlan
 from kybflow.flight.motion import Motion
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Flight, Leg
 from kybflow.runtime.events import Events
@@ -76,6 +77,7 @@ class Activity:
         self._reason = ""
         self._wanted: Setpoint | None = None
         self._started: Behavior[Any] | None = None
+        self._values: Values = ()
         self._refused: frozenset[str] = frozenset()
         self._blend: SetpointBlend | None = None
         self._resumes = False
@@ -120,14 +122,20 @@ class Activity:
         Refused where neither `brake` nor `landed` starts."""
         self.machine.failsafe(goal)
 
-    def switch(self, goal: str, at: str) -> None:
-        """Enter the state `goal`, which the mission asks for at the line `at`, or a person where
-        that is empty. Raises Refused when its behavior refuses to start and PartFailed when that
-        raises anything else; nothing has changed then."""
+    def params_of(self, state: str, values: Values = ()) -> Any:
+        """Return the parameters of a state's behavior, with `values` in place of its own."""
+        params = self._params[self.plan.states[state].behavior.label]
+        return dataclasses.replace(params, **dict(values)) if values else params
+
+    def switch(self, goal: str, at: str, values: Values = ()) -> None:
+        """Enter the state `goal` with `values` in place of its own, which the mission asks for at
+        the line `at`, or a person where that is empty. Raises Refused when its behavior refuses to
+        start and PartFailed when that raises anything else; nothing has changed then."""
+        self._values = values
         try:
             self.machine.switch(goal, at)
         finally:
-            self._started = None
+            self._started, self._values = None, ()
 
     def freeze(self, holder: Holder) -> None:
         """Come to rest and hold until this holder and all others let go."""
@@ -283,7 +291,7 @@ class Activity:
         state, entry = self.plan.states[name], self.entry()
         self.entered, self.changed = entry.now, True
         self._score.entered(name, state.behavior.name, entry.now / NS)
-        self._tell("behavior_started", state.at, part=state.behavior.name)
+        self._tell("behavior_started", state.at, part=state.behavior.name, **self._told_values())
         try:
             started = self._started
             behavior = self._built(state, entry) if started is None else started
@@ -303,9 +311,14 @@ class Activity:
                 self._touch_down = self._landing(state, entry.context)
             self.flight = MOVING
 
+    def _told_values(self) -> dict[str, str]:
+        """Return the values that a state is entered with, as its event tells them."""
+        shown = ", ".join(f"{name}={value}" for name, value in self._values)
+        return {"values": shown} if shown else {}
+
     def _landing(self, state: StatePlan, context: VehicleContext) -> TouchDown:
         """The judge of the landing that begins."""
-        told = state.behavior.cls.footprint(self._params[state.behavior.label], None)
+        told = state.behavior.cls.footprint(self.behavior.params, None)
         expected = () if told is None or told.exit is None else (told.exit[2],)
         return TouchDown(context, expected, self._off)
 
@@ -328,20 +341,20 @@ class Activity:
         """Build the behavior of a state that was asked for, before the present one is left."""
         state = self.plan.states[name]
         try:
-            self._started = self._built(state, self.entry())
+            self._started = self._built(state, self.entry(), self._values)
         except Refused:
             raise
         except Exception as error:
             raise PartFailed(state.behavior.label, error) from error
         return True
 
-    def _built(self, state: StatePlan, entry: Entry) -> Behavior[Any]:
+    def _built(self, state: StatePlan, entry: Entry, values: Values = ()) -> Behavior[Any]:
         """Return the behavior of `state`. Raises Refused where it can't start."""
         reason = unfit(state, self.flight, entry.estimate is not None or self.off_ground)
         reason = reason or self.misplaced(state, entry.estimate) or self._doubted(state, entry)
         if reason is not None:
             raise Refused(reason)
-        behavior: Behavior[Any] = state.behavior.cls(self._params[state.behavior.label], entry)
+        behavior: Behavior[Any] = state.behavior.cls(self.params_of(state.name, values), entry)
         return behavior
 
     def misplaced(self, state: StatePlan, estimate: Estimate | None) -> str | None:

@@ -12,11 +12,13 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from enum import IntEnum
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import PartFailed, Refused, described
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Reaction, Time
-from kybflow.dsl.plan import StatePlan, VehiclePlan
+from kybflow.dsl.plan import StatePlan, Values, VehiclePlan
+from kybflow.flight.motion import Coast
 from kybflow.parts import GROUND
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import Failsafe
@@ -52,13 +54,49 @@ class Requester(IntEnum):
     CALLBACK = 2
 
 
+class EntryJudge(Protocol):
+    """Judges the values that a state is to be entered with, as the compiler does and in its
+    words."""
+
+    def read(self, vehicle: str, state: str, written: Values) -> Values:
+        """Return the values (SI) of a person's command, which are text. Raises Refused."""
+
+    def objection(
+        self, vehicle: str, state: str, params: Any, points: Sequence[Vec3]
+    ) -> str | None:
+        """Return what speaks against entering a state with these parameters at `points` (world),
+        None when nothing does."""
+
+
+class _NoJudge:
+    """Where nobody can judge values, no state is entered with any."""
+
+    def read(self, vehicle: str, state: str, written: Values) -> Values:
+        raise Refused(_NOT_HERE)
+
+    def objection(
+        self, vehicle: str, state: str, params: Any, points: Sequence[Vec3]
+    ) -> str | None:
+        return _NOT_HERE
+
+
+_NOT_HERE = "nothing here can judge values"
+
+
 class SwitchRequest(NamedTuple):
-    """A request to enter `state`; `at` is the mission line of its source."""
+    """A request to enter `state`, with `values` in place of its own; `at` is the mission line of
+    its source."""
 
     state: str
     by: Requester
     at: str = ""
     answered: Answered = unheard
+    values: Values = ()
+
+    @property
+    def goal(self) -> tuple[str, Values]:
+        """What is asked for."""
+        return self.state, self.values
 
 
 class Requests:
@@ -66,6 +104,7 @@ class Requests:
 
     waiting: whether a request waits. off: the labels of the processors that are switched off.
     retired: why the vehicle lands for the rest of the run, None while it flies its mission.
+    judge: judges the values that states are asked for with.
     """
 
     def __init__(
@@ -80,15 +119,27 @@ class Requests:
         self.waiting = False
         self.off: set[str] = set()
         self.retired: str | None = None
+        self.judge: EntryJudge = _NoJudge()
         self._switches: list[SwitchRequest] = []
         self._orders: deque[tuple[_Order, Answered]] = deque()
         self._plan, self._activity, self._failsafe = plan, activity, failsafe
         self._reactions, self._override, self._events = reactions, override, events
 
-    def switch(self, state: str, by: Requester, at: str = "", answered: Answered = unheard) -> None:
+    def switch(
+        self,
+        state: str,
+        by: Requester,
+        at: str = "",
+        answered: Answered = unheard,
+        values: Values = (),
+    ) -> None:
         """Request one of the vehicle's states."""
-        self._switches.append(SwitchRequest(state, by, at, answered))
+        self._switches.append(SwitchRequest(state, by, at, answered, values))
         self.waiting = True
+
+    def read(self, state: str, written: Values) -> Values:
+        """Return the values (SI) that a person wrote for a state. Raises Refused."""
+        return self.judge.read(self._plan.name, state, written) if written else ()
 
     def pause(self, by: str, at: str = "", answered: Answered = unheard) -> None:
         """Request a hold, with the behavior and its timers frozen, until `resume`."""
@@ -135,10 +186,10 @@ class Requests:
             return
         heard = min(asked, key=lambda request: request.by)
         for loser in asked:
-            if loser.state != heard.state:
+            if loser.goal != heard.goal:
                 winner = f"the {heard.by.name.lower()} asked for `{heard.state}`"
                 loser.answered(self._refuse(loser, f"{winner} in the same tick"))
-        same = [request.answered for request in asked if request.state == heard.state]
+        same = [request.answered for request in asked if request.goal == heard.goal]
         _answer(partial(self._switch, heard), same)
 
     def objection(self, state: str, by: Requester = Requester.OPERATOR) -> str | None:
@@ -200,15 +251,26 @@ class Requests:
         return None
 
     def _granted(self, request: SwitchRequest) -> str | None:
-        """Enter the state; return why its behavior refused to start, None if it started."""
+        """Enter the state; return why its values are refused or its behavior refused to start, None
+        if it started."""
+        if request.values and (reason := self._misled(request)):
+            return reason
         try:
-            self._activity.switch(request.state, request.at)
+            self._activity.switch(request.state, request.at, request.values)
         except Refused as refusal:
             return str(refusal)
         self._failsafe.waive_brake()
         if self._failsafe.latched is not None:
             self._failsafe.latched = _SAFER.get(request.state)
         return None
+
+    def _misled(self, request: SwitchRequest) -> str | None:
+        """Return what speaks against the values of a request, from where the vehicle is and from
+        where it would come to rest."""
+        motion = self._activity.entry().motion
+        points = tuple(dict.fromkeys((motion.position, Coast.after(motion).end)))
+        params = self._activity.params_of(request.state, request.values)
+        return self.judge.objection(self._plan.name, request.state, params, points)
 
     def _refuse(self, request: SwitchRequest, reason: str) -> str:
         by = request.by.name.lower()

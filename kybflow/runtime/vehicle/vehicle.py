@@ -6,6 +6,7 @@ measurements ─► `knowledge` ─► estimate ─► `decision` ─► `contro
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from kybflow.core.geometry import distance
@@ -268,13 +269,14 @@ class Vehicle:
         """Return each part's parameters, by label."""
         return self._params
 
-    def change(self, label: str, parameters: Any) -> None:
-        """Replace the parameters of a part."""
-        self._params[label] = parameters
+    def change(self, label: str, name: str, value: Any) -> None:
+        """Replace the value of one of a part's parameters, also where it is at work; the other
+        values that a behavior was entered with stay."""
+        self._params[label] = replace(self._params[label], **{name: value})
         living = {**self._control.parts(), **self._supervisors, **self.knowledge.parts()}
         living[self.activity.state.behavior.label] = self.activity.behavior
         if label in living:
-            living[label].params = parameters
+            living[label].params = replace(living[label].params, **{name: value})
 
     def _objection(self) -> str | None:
         """Return why a supervisor would end the flight right after take-off, None if none would."""

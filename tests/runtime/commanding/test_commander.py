@@ -253,7 +253,10 @@ def test_what_waits_when_the_run_ends_is_answered_and_what_comes_later_too():
 
 def test_what_no_vehicle_has_answered_is_answered_at_the_end_and_once():
     class Slow:
-        def switch(self, state, by, at="", answered=None):
+        def read(self, state, written):
+            return written
+
+        def switch(self, state, by, at="", answered=None, values=()):
             self.answer = answered
 
     slow, queue, heard, told = Slow(), CommandQueue(), [], []

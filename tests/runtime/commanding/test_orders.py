@@ -22,6 +22,9 @@ from kybflow.runtime.commanding.orders import (
 SPELLED = {
     "emit operator.go": Emit("operator.go"),
     "switch mk eight.first": Switch("mk", "eight.first"),
+    "switch mk goto position=[1, 0, 1] speed=50 cm/s": Switch(
+        "mk", "goto", (("position", "[1, 0, 1]"), ("speed", "50 cm/s"))
+    ),
     "set mk.processors.limit_speed.speed 50 cm/s": SetOption(
         "mk.processors.limit_speed.speed", "50 cm/s"
     ),
@@ -56,7 +59,10 @@ def test_the_operator_s_events_are_the_commands_that_they_name() -> None:
     [
         ("", "there is no command ``; known here: `disable`, `emit`"),
         ("lnd", r"there is no command `lnd`; did you mean `land`\?"),
-        ("switch mk", "`switch` is written `switch VEHICLE STATE`"),
+        ("switch mk", "`switch` is written `switch VEHICLE STATE"),
+        ("switch mk goto up", "`switch` is written `switch VEHICLE STATE"),
+        ("switch mk goto a=", "`switch` is written `switch VEHICLE STATE"),
+        ("switch mk goto a=1 a=2", "`switch` is written `switch VEHICLE STATE"),
         ("set mk.a.b", "`set` is written `set OPTION VALUE`"),
         ("enable mk", "`enable` is written `enable VEHICLE.processors.NAME`"),
         ("release me", "`release` is written `release`"),

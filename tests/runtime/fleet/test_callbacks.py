@@ -58,7 +58,7 @@ class FakeVehicle:
     def __init__(self) -> None:
         self.asked: list[tuple] = []
 
-    def switch(self, state: str, by: Requester, at: str = "") -> None:
+    def switch(self, state: str, by: Requester, at: str = "", values=()) -> None:
         self.asked.append(("switch", state, by, at))
 
     def enable(self, label: str, on: bool, by: str, at: str = "") -> None:

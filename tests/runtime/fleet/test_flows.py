@@ -43,7 +43,7 @@ class Obedient:
     def requests(self) -> Obedient:
         return self
 
-    def switch(self, state: str, by: Requester, at: str = "") -> None:
+    def switch(self, state: str, by: Requester, at: str = "", values=()) -> None:
         assert by is Requester.FLOW
         self.asked.append(state)
         self.state = state
