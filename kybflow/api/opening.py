@@ -11,8 +11,6 @@ from typing import Any, NamedTuple
 from kybflow.core.errors import DriverError, FileError, described
 from kybflow.core.signals import NO_INPUTS, InputReadings, Sticks
 from kybflow.dsl.plan import InputPlan, PartPlan, Plan, VehiclePlan
-from kybflow.inputs.rows import parse
-from kybflow.inputs.script import RowsLink
 from kybflow.parts import Driver, InputLink, Link, Seat, Session, Stream
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.events import Events
@@ -104,6 +102,9 @@ def _input(plan: InputPlan, devices: Devices, again: Mapping[str, str]) -> Input
     part = plan.part
     try:
         if plan.name in again:
+            from kybflow.inputs.rows import parse
+            from kybflow.inputs.script import RowsLink
+
             return RowsLink(parse(again[plan.name]).rows)
         link: InputLink = part.cls.open(part.params, sticks_of)
     except (DriverError, FileError) as error:

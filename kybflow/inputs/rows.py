@@ -13,7 +13,6 @@ axes empty. Both columns may be missing. A row holds until the next, the last to
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterator, Mapping
 from math import isfinite
@@ -56,14 +55,17 @@ def head(axes: tuple[str, ...]) -> str:
 def line(row: InputRow, axes: tuple[str, ...]) -> str:
     """Return a row as its line, which reads back as the same row."""
     told = ("" if row.lost else f"{row.axes[axis]!r}" for axis in axes)
-    why = " ".join(row.lost.replace(",", ";").replace('"', "'").split())
+    why = " ".join(row.lost.replace(",", ";").split())
     return ", ".join((f"{row.time / NS!r}", *told, " ".join(sorted(row.held)), why)) + "\n"
 
 
 def parse(text: str) -> InputRows:
     """Return the rows of a file's text. Raises FileError, which names the line."""
-    lines = csv.reader(text.splitlines(), skipinitialspace=True)
-    filled = ((lines.line_num, [cell.strip() for cell in cells]) for cells in lines if any(cells))
+    lines = (
+        (number, [cell.strip() for cell in words.split(",")])
+        for number, words in enumerate(text.splitlines(), 1)
+    )
+    filled = ((number, cells) for number, cells in lines if any(cells))
     number, columns = next(filled, (1, []))
     axes = _axes(columns, number)
     rows: list[InputRow] = []

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from kybflow.core.signals import InputReading, Sticks, Time
-from kybflow.parts.base import P, Part
+from kybflow.parts.base import Objection, P, Part
 
 AXES = ("x", "y", "z", "turn")
 """The axes by which a vehicle is steered: forward, to the left, up, counter-clockwise."""
@@ -42,7 +42,7 @@ class Input(Part[P]):
     """
 
     kind = "inputs"
-    helpers = frozenset({"rows"})
+    helpers = frozenset({"rows", "sdl"})
     stuck_after: ClassVar[float | None] = 10.0
     real_time: ClassVar[bool] = True
 
@@ -55,6 +55,11 @@ class Input(Part[P]):
     @abstractmethod
     def buttons(cls, params: P) -> tuple[str, ...]:
         """Return the names of its buttons."""
+
+    @classmethod
+    def objection(cls, params: P) -> Objection | None:
+        """Return why it can't work with these parameters, None if it can."""
+        return None
 
     @classmethod
     @abstractmethod

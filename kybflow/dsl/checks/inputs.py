@@ -1,4 +1,4 @@
-"""Inputs and who is steered by them: KYB401 to KYB406."""
+"""Inputs and who is steered by them: KYB401 to KYB407."""
 
 from __future__ import annotations
 
@@ -138,6 +138,15 @@ def input_names(case: Case) -> Iterator[Diagnostic]:
         if name in taken:
             message, hint = f"an input can't be called `{name}`", "give it another name"
             yield Diagnostic("KYB406", message, use.name.span, label=taken[name], help=hint)
+
+
+def not_as_told(case: Case) -> Iterator[Diagnostic]:
+    """KYB407: an input can't work as it is told: its device has no such axis."""
+    for use in case.document.inputs.values():
+        objection = use.part.spec.cls.objection(use.part.params)
+        if objection is not None:
+            span = use.part.spans.get(objection.parameter, use.part.name.span)
+            yield Diagnostic("KYB407", objection.reason, span, help=objection.hint)
 
 
 def _listed(names: tuple[str, ...]) -> str:

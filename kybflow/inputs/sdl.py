@@ -1,0 +1,174 @@
+"""Gamepads and joysticks through SDL: the only user of pygame.
+
+SDL belongs to the whole process and wants to be asked in one thread, which lives as long as any pad
+is open. It looks every 4 ms, hands every pad's state to whoever listens, and notices what is
+plugged in or out. A controller that SDL knows has the names of an Xbox controller, whatever is
+printed on it; anything else has its axes, buttons and hats by number.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from kybflow.core.errors import DriverError, described
+
+PAD_AXES = ("left_x", "left_y", "right_x", "right_y", "left_trigger", "right_trigger")
+PAD_BUTTONS = (
+    "a", "b", "x", "y", "back", "guide", "start", "left_stick", "right_stick", "left_shoulder",
+    "right_shoulder", "dpad_up", "dpad_down", "dpad_left", "dpad_right",
+)  # fmt: skip
+"""In the order of SDL's numbers."""
+NUMBERED = 32
+"""How many axes and buttons of an unknown device are named."""
+PERIOD = 0.004
+"""Seconds between two looks."""
+_FULL = 32767
+_HATS = (("hat_left", 0, -1), ("hat_right", 0, 1), ("hat_down", 1, -1), ("hat_up", 1, 1))
+_SETTINGS = {
+    "SDL_VIDEODRIVER": "dummy",
+    "SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": "1",
+    "SDL_NO_SIGNAL_HANDLERS": "1",
+    "PYGAME_HIDE_SUPPORT_PROMPT": "1",
+}
+
+
+class PadState(NamedTuple):
+    """A device as it is now: its name, each axis -1 to 1 (down and right are positive, as SDL has
+    them), and the buttons that are held or were pressed since the last look."""
+
+    name: str
+    axes: Mapping[str, float]
+    held: frozenset[str]
+
+
+Listener = Callable[[tuple[PadState, ...]], None]
+"""Receives the state of every device that is plugged in, in the thread of SDL."""
+
+
+def listen(listener: Listener) -> None:
+    """Let `listener` hear of every device. Raises DriverError where SDL can't be used."""
+    with _LOCK:
+        if not _LISTENERS:
+            thread = _SdlThread()
+            _LISTENERS.append(listener)
+            thread.start()
+            thread.began.wait(10.0)
+            if thread.failed is not None:
+                _LISTENERS.remove(listener)
+                raise DriverError(thread.failed)
+            _THREADS.append(thread)
+        else:
+            _LISTENERS.append(listener)
+
+
+def ignore(listener: Listener) -> None:
+    """Let `listener` hear no more. The thread of SDL ends after the last one."""
+    with _LOCK:
+        _LISTENERS.remove(listener)
+        if not _LISTENERS:
+            _THREADS.pop().join(10.0)
+
+
+_LOCK = threading.Lock()
+_LISTENERS: list[Listener] = []
+_THREADS: list[threading.Thread] = []
+
+
+class _SdlThread(threading.Thread):
+    """began: it works, or has failed. failed: why SDL can't be used."""
+
+    def __init__(self) -> None:
+        super().__init__(name="SDL", daemon=True)
+        self.began = threading.Event()
+        self.failed: str | None = None
+        self._pads: dict[int, _Pad] = {}
+
+    def run(self) -> None:
+        try:
+            os.environ.update(_SETTINGS)
+            import pygame
+            from pygame._sdl2 import controller
+        except ImportError:
+            self.failed = "gamepads need `pip install 'kybflow[inputs]'`"
+            self.began.set()
+            return
+        try:
+            pygame.display.init()
+            pygame.joystick.init()
+            controller.init()
+            self._look(pygame, controller)
+        except Exception as error:  # SDL may refuse in its own words
+            self.failed = f"SDL can't be used: {described(error)}"
+            self.began.set()
+            return
+        self.began.set()
+        time.sleep(PERIOD)
+        while _LISTENERS:
+            self._look(pygame, controller)
+            time.sleep(PERIOD)
+        self._pads.clear()
+        controller.quit()
+        pygame.joystick.quit()
+        pygame.display.quit()
+
+    def _look(self, pygame: Any, controller: Any) -> None:
+        """Hear what happened, and tell how everything is."""
+        for event in pygame.event.get():
+            if event.type == pygame.JOYDEVICEADDED:
+                pad = _Pad(pygame, controller, event.device_index)
+                self._pads[pad.number] = pad
+            elif event.type == pygame.JOYDEVICEREMOVED:
+                self._pads.pop(event.instance_id, None)
+            elif event.type == pygame.CONTROLLERBUTTONDOWN and event.instance_id in self._pads:
+                self._pads[event.instance_id].press(event.button, known=True)
+            elif event.type == pygame.JOYBUTTONDOWN and event.instance_id in self._pads:
+                self._pads[event.instance_id].press(event.button, known=False)
+        states = tuple(pad.state() for pad in self._pads.values())
+        for listener in tuple(_LISTENERS):
+            listener(states)
+
+
+class _Pad:
+    """A device that is plugged in. number: SDL's for as long as it is."""
+
+    def __init__(self, pygame: Any, controller: Any, index: int) -> None:
+        self._joystick = pygame.joystick.Joystick(index)
+        self.number: int = self._joystick.get_instance_id()
+        self._controller: Any = None
+        self._name: str = self._joystick.get_name()
+        if controller.is_controller(index):
+            self._controller = controller.Controller(index)
+            self._name = self._controller.name
+        self._pressed: set[str] = set()
+
+    def press(self, button: int, *, known: bool) -> None:
+        """Note that a button went down, by SDL's number."""
+        if known is (self._controller is not None):
+            names = PAD_BUTTONS if known else tuple(f"button{i}" for i in range(NUMBERED))
+            self._pressed.update(names[button : button + 1])
+
+    def state(self) -> PadState:
+        pressed, self._pressed = self._pressed, set()
+        if self._controller is None:
+            return self._raw(pressed)
+        pad = self._controller
+        axes = {name: pad.get_axis(i) / _FULL for i, name in enumerate(PAD_AXES)}
+        held = {name for i, name in enumerate(PAD_BUTTONS) if pad.get_button(i)}
+        return PadState(self._name, _clipped(axes), frozenset(held | pressed))
+
+    def _raw(self, pressed: set[str]) -> PadState:
+        pad = self._joystick
+        count, buttons = min(pad.get_numaxes(), NUMBERED), min(pad.get_numbuttons(), NUMBERED)
+        axes = {f"axis{i}": pad.get_axis(i) for i in range(count)}
+        held = {f"button{i}" for i in range(buttons) if pad.get_button(i)}
+        hats = [pad.get_hat(i) for i in range(min(pad.get_numhats(), 1))]
+        held |= {name for hat in hats for name, axis, way in _HATS if hat[axis] == way}
+        return PadState(self._name, _clipped(axes), frozenset(held | pressed))
+
+
+def _clipped(axes: Mapping[str, float]) -> dict[str, float]:
+    return {name: max(-1.0, min(1.0, value)) for name, value in axes.items()}
