@@ -24,11 +24,13 @@ _AT_ONCE = 1 << 14
 
 
 class ConnectedClient:
-    """channel: connected, never waits. since: when it was accepted, s."""
+    """channel: connected, never waits. since: when it was accepted, s. is_guest: it came when there
+    was no room, and only what makes the flight safer is heard of it."""
 
     def __init__(self, channel: socket.socket, peer: PeerProcess, since: float) -> None:
         self.since = since
         self.name = f"{user_name(peer.uid)}, process {peer.pid}"
+        self.is_guest = self.was_refused = False
         self.is_introduced = False
         self.keeps_lease = False
         self.has_asked = False

@@ -17,7 +17,7 @@ from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import Thread
+from threading import Lock, Thread
 
 from kybflow.command_server import protocol
 from kybflow.command_server.address import listen, peer_of, write_address
@@ -35,10 +35,13 @@ from kybflow.core.files import CONTROL
 from kybflow.core.signals import Event
 from kybflow.recording.layout import event_record
 from kybflow.runtime.commanding.command_queue import OVER, CommandQueue
+from kybflow.runtime.commanding.lease import is_for_anyone
 from kybflow.runtime.commanding.orders import Answer
 from kybflow.runtime.commanding.situation import Situation
 
-MOST_CLIENTS = 64
+MOST_CLIENTS, GUESTS = 64, 8
+"""How many clients are heard, and how many more where those don't make room: of these nothing is
+heard but what makes the flight safer, so that nobody's crowd keeps it from landing."""
 BACKLOG = 16
 ROUND = 0.004
 """Seconds from one round of work to the next."""
@@ -48,7 +51,7 @@ ANSWER_PERIOD, WATCH_PERIOD, LOOK_PERIOD = 0.002, 0.02, 0.05
 """Seconds between looks for answers of the tick while any is owed, for events while somebody
 watches, and between two questions for the situation."""
 SHY = 1.0
-"""Seconds after which a client that has asked nothing makes room for another."""
+"""Seconds after which a client that has asked nothing, and a guest, makes room for another."""
 MOST_EVENTS = 2000
 """How many events wait to be sent to those who watch."""
 TOLD_EVERY = 10.0
@@ -69,6 +72,8 @@ class CommandServer:
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
+        self._told: Counter[str] = Counter()
+        self._telling = Lock()
         self._events: deque[Event] = deque()
         self._missed = 0
         self._is_watched = False
@@ -91,6 +96,7 @@ class CommandServer:
             commands.complain(f"`{folder / CONTROL}` can't be written: {error.strerror}")
         wake, woken = socket.socketpair()
         loop = _Loop(self, listener, woken, commands)
+        commands.last_words.append(self.untold)
         thread = Thread(target=loop.run, name="commands", daemon=True)
         thread.start()
         try:
@@ -102,6 +108,18 @@ class CommandServer:
             for left in (path, folder / CONTROL):
                 with suppress(OSError):
                     left.unlink()
+
+    @property
+    def has_untold(self) -> bool:
+        """Whether something was refused since that was told last."""
+        return self.refused != self._told
+
+    def untold(self) -> str:
+        """Return what was refused since the last time, in words; empty for nothing."""
+        with self._telling:
+            fresh = self.refused - self._told
+            self._told += fresh
+        return ", ".join(f"{count} {what}" for what, count in fresh.items())
 
     def watched(self, is_watched: bool) -> None:
         """Begin or cease to keep events."""
@@ -136,7 +154,6 @@ class _Loop:
         self._curious: list[tuple[ConnectedClient, int]] = []
         self._looked = 0.0
         self._is_looking = False
-        self._told: Counter[str] = Counter()
         self._told_at = -TOLD_EVERY
         self._rounded = 0.0
 
@@ -176,7 +193,7 @@ class _Loop:
             due.append(ANSWER_PERIOD)
         if any(c.watches for c in self._connections):
             due.append(WATCH_PERIOD)
-        if self._server.refused != self._told:
+        if self._server.has_untold:
             due.append(max(self._told_at + TOLD_EVERY - time.monotonic(), 0.0))
         return min(due, default=None)
 
@@ -208,6 +225,7 @@ class _Loop:
             reason = self._objection(channel)
             if reason is None:
                 connection = ConnectedClient(channel, peer_of(channel), time.monotonic())
+                connection.is_guest = self._is_full
                 self._connections.append(connection)
                 self._selector.register(connection, selectors.EVENT_READ)
                 continue
@@ -216,17 +234,27 @@ class _Loop:
                 channel.send(protocol.answer(None, Answer(False, f"refused: {reason}")))
             channel.close()
 
+    @property
+    def _is_full(self) -> bool:
+        return sum(not client.is_guest for client in self._connections) >= MOST_CLIENTS
+
     def _objection(self, channel: socket.socket) -> str | None:
-        """Why a client may not connect. Who has asked nothing for a while makes room."""
+        """Why a client may not connect. Who has asked nothing for a while makes room, and so does
+        the guest who came first."""
         if peer_of(channel).uid != os.geteuid():
             return STRANGERS
-        if len(self._connections) < MOST_CLIENTS:
+        if not self._is_full:
             return None
-        shy = next((c for c in self._connections if not c.has_asked), None)
-        if shy is None or time.monotonic() - shy.since < SHY:
+        before = time.monotonic() - SHY
+        shy = [c for c in self._connections if not c.has_asked and c.since <= before]
+        guests = [c for c in self._connections if c.is_guest]
+        if not shy and len(guests) < GUESTS:
+            return None
+        leaving = min(shy or guests, key=lambda client: client.since)
+        if leaving.since > before:
             return CROWD
-        self._server.refused[CROWD] += 1
-        self._drop(shy)
+        self._server.refused[CROWD] += not leaving.has_asked
+        self._drop(leaving)
         return None
 
     def _hear(self) -> None:
@@ -259,6 +287,12 @@ class _Loop:
             return error
 
     def _answer(self, connection: ConnectedClient, request: Request) -> None:
+        connection.is_guest = connection.is_guest and self._is_full
+        if connection.is_guest and not _is_heard_of_guests(request):
+            self._server.refused[CROWD] += not connection.was_refused
+            connection.was_refused = True
+            connection.send(protocol.answer(request.id, Answer(False, f"refused: {CROWD}")))
+            return
         match request:
             case Introduction(id, name, keeps_lease):
                 known = connection.is_introduced or connection.has_commanded
@@ -344,11 +378,9 @@ class _Loop:
     def _tell(self) -> None:
         """Tell what was refused since the last time, once in a while."""
         now = time.monotonic()
-        if self._server.refused != self._told and now - self._told_at >= TOLD_EVERY:
+        if self._server.has_untold and now - self._told_at >= TOLD_EVERY:
             self._told_at = now
-            fresh = self._server.refused - self._told
-            self._told = self._server.refused.copy()
-            self._commands.warn(", ".join(f"{count} {what}" for what, count in fresh.items()))
+            self._commands.warn(self._server.untold())
 
     def _part(self) -> None:
         """The run is over: send what is left to those who read."""
@@ -360,3 +392,10 @@ class _Loop:
             time.sleep(ROUND)
             for connection in self._connections:
                 connection.flush()
+
+
+def _is_heard_of_guests(request: Request) -> bool:
+    """Whether a request is heard although there is no room."""
+    if isinstance(request, OrderRequest):
+        return is_for_anyone(request.order)
+    return isinstance(request, Introduction)

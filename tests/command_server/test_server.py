@@ -17,11 +17,11 @@ from served_commands import Served, served
 from waiting import until
 
 from kybflow.command_server import server
-from kybflow.command_server.client import CommandRefused, RunUnreachable, connect
+from kybflow.command_server.client import CommandRefused, RunClient, RunUnreachable, connect
 from kybflow.command_server.protocol import LONGEST_LINE, command, introduction, question
 from kybflow.command_server.server import (
-    CROWD,
     CUT,
+    GUESTS,
     MOST_CLIENTS,
     SLOW,
     STRANGERS,
@@ -185,12 +185,53 @@ def test_a_crowd_is_refused_and_counted_and_the_others_are_heard(run: Served) ->
     with run.client("anna") as anna:
         crowd = [run.raw().send(question(1, "state")) for _ in range(MOST_CLIENTS - 1)]
         assert all(raw.read()["id"] == 1 for raw in crowd)
-        with pytest.raises(CommandRefused, match=f"beyond the {MOST_CLIENTS}"):
-            run.client("ben")
+        with run.client("ben") as ben:
+            with pytest.raises(CommandRefused, match=f"beyond the {MOST_CLIENTS}"):
+                ben.switch("mk", "down")
+            assert ben.land() == ben.pause() == ben.stop() == Answer(True)
+            crowd.pop().close()
+            until(lambda: _is_heard(ben), "room for ben")
         assert anna.land() == Answer(True)
         for raw in crowd:
             raw.close()
-        assert run.server.refused == {CROWD: 1}
+    assert run.given[0].by == "ben"
+
+
+def _is_heard(client: RunClient) -> bool:
+    try:
+        return bool(client.state())
+    except CommandRefused:
+        return False
+
+
+def test_guests_make_room_for_others_who_would_land_it(
+    run: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "MOST_CLIENTS", 1)
+    with run.client("anna") as anna:
+        assert anna.state()
+        guests = [run.raw() for _ in range(GUESTS)]
+        with pytest.raises(CommandRefused, match="clients beyond"):
+            run.client("ben").land()
+        monkeypatch.setattr(server, "SHY", 0.0)
+        with run.client("ben") as ben:
+            assert ben.land() == Answer(True)
+        assert guests[0].read() is None
+        for guest in guests:
+            guest.close()
+
+
+def test_what_was_refused_last_is_told_when_the_run_ends(run: Served) -> None:
+    [untold] = run.queue.last_words
+    assert untold() == ""
+    raw = run.raw()
+    for _ in range(2):
+        raw.send(b"no json\n").read()
+        until(lambda: run.server.has_untold or run.told, "the refusal")
+    until(lambda: run.told, "the first")
+    assert untold() == f"1 {UNREADABLE}"
+    assert untold() == ""
+    raw.close()
 
 
 def test_clients_that_say_nothing_make_room(run: Served, monkeypatch: pytest.MonkeyPatch) -> None:

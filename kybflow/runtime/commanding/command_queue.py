@@ -76,7 +76,8 @@ class CommandQueue:
 
     emitted: events to give, each with its time in seconds of the run; their time counts in flight
     only. recorded: the commands of an earlier run, to be given at the same ticks. Raises
-    CommandUnreadable for one of these that is no command.
+    CommandUnreadable for one of these that is no command. last_words: each returns what is still to
+    be told of refused clients when the run ends, empty for nothing.
     """
 
     def __init__(
@@ -88,6 +89,7 @@ class CommandQueue:
         again = ((r.heard, GivenCommand(parse(r.command), r.by, r.take)) for r in recorded)
         self.scheduled = deque(sorted((*events, *again), key=lambda due: due[0]))
         self.waiting: deque[Item] = deque()
+        self.last_words: list[Callable[[], str]] = []
         self._lock, self._closed = Lock(), False
 
     def ask(self, order: Order, by: str, answered: Answered, *, take: bool = False) -> None:

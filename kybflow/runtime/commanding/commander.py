@@ -87,7 +87,11 @@ class Commander:
             self._take_up(now, flying=False)
 
     def close(self) -> None:
-        """The run is over: answer the commands that no vehicle has answered."""
+        """The run is over: answer the commands that no vehicle has answered, and tell what was
+        refused last."""
+        for untold in self._queue.last_words:
+            if reason := untold():
+                self._events.tell("clients_refused", reason=reason)
         while self._heard:
             self._answer(self._heard[0], Answer(False, OVER))
 

@@ -12,6 +12,11 @@ SCHEDULE = "command line"
 _FROM_ANYONE = (LandOrder, PauseOrder, Stop)
 
 
+def is_for_anyone(order: Order) -> bool:
+    """Whether a command is heard from whoever gives it, because it makes the flight safer."""
+    return isinstance(order, _FROM_ANYONE)
+
+
 class Lease:
     """holder: the name of who commands the run, None while nobody does."""
 
@@ -20,7 +25,7 @@ class Lease:
 
     def objection(self, order: Order, by: str, take: bool) -> str | None:
         """Return why `by` may not give a command now, None if they may, and hold the lease then."""
-        if by == SCHEDULE or isinstance(order, _FROM_ANYONE):
+        if by == SCHEDULE or is_for_anyone(order):
             return None
         if self.holder not in (None, by) and not take:
             return f"`{self.holder}` commands this run; take the lease (`--take`) to command it"

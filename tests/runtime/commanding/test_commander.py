@@ -265,10 +265,14 @@ def test_what_no_vehicle_has_answered_is_answered_at_the_end_and_once():
     queue.ask(Switch("a", "hold"), "anna", heard.append)
     commander.step(0)
     assert heard == []
+    queue.last_words += [lambda: "", lambda: "3 strangers"]
     commander.close()
     slow.answer(None)
     assert heard == [Answer(False, "the run is over")]
-    assert [e.fields["command"] for e in told] == ["switch a hold"]
+    assert [(e.name, e.fields) for e in told[:1]] == [
+        ("clients_refused", {"reason": "3 strangers"})
+    ]
+    assert [e.fields["command"] for e in told[1:]] == ["switch a hold"]
 
 
 def test_whoever_asks_from_many_threads_is_answered_once_each():
