@@ -39,12 +39,14 @@ class Input(Part[P]):
     stuck_after: seconds after which an axis away from its centre that gives the same number over
     and over is stuck, unless the mission says otherwise; None for a device whose axes have steps.
     real_time: a person is at it, so that a simulation beside it must run in real time.
+    reads_terminal: it takes the keys of the terminal, so that nobody else may.
     """
 
     kind = "inputs"
     helpers = frozenset({"rows", "sdl"})
     stuck_after: ClassVar[float | None] = 10.0
     real_time: ClassVar[bool] = True
+    reads_terminal: ClassVar[bool] = False
 
     @classmethod
     def axes(cls, params: P) -> tuple[str, ...]:

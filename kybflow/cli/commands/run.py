@@ -143,7 +143,8 @@ def fly_plan(
     tell, complain = teller(sys.stdout), teller(sys.stderr)
     try:
         plan = _with_window(plan) if live else plan
-        person = _person(plain=plain)
+        steers = any(own.part.cls.reads_terminal for own in plan.inputs)
+        person = None if steers else _person(plain=plain)
         with _panel(tell, person, plain=plain) as shown:
             server = _command_server() if serves else None
             listeners = (shown.hear,) if server is None else (shown.hear, server.hear)
@@ -193,8 +194,8 @@ def _person(*, plain: bool) -> TerminalCommander | None:
     """Who presses keys below the table, where there is one."""
     if plain or not (sys.stdout.isatty() and sys.stdin is not None and sys.stdin.isatty()):
         return None
-    from kybflow.cli.keys.terminal import Terminal
     from kybflow.cli.keys.terminal_commander import TerminalCommander
+    from kybflow.core.terminal import Terminal
 
     screen = sys.stdout  # the table puts another in its place
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from kybflow.cli.keys.offered import AT_ONCE, Offer, OfferedKeys
 from kybflow.cli.keys.pressed import ENTER, ESCAPE, PressedKeys
-from kybflow.cli.keys.terminal import Terminal
+from kybflow.core.terminal import Terminal
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.commanding.orders import Answer, Order, text
 from kybflow.runtime.commanding.situation import Situation

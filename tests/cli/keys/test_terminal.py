@@ -17,7 +17,7 @@ CHILD = """
 import os, signal, sys, time
 number = os.open(sys.argv[1], os.O_RDWR)  # whoever leads a session gets the terminal that it opens
 os.tcsetpgrp(number, os.getpgrp())
-from kybflow.cli.keys.terminal import Terminal
+from kybflow.core.terminal import Terminal
 signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended"))
 with Terminal(number, lambda codes: os.write(number, codes.encode())) as terminal:
     print("ready", flush=True)

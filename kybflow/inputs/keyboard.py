@@ -1,0 +1,94 @@
+"""Steer with the keys of the terminal in which the mission flies.
+
+`w` and `s` climb and sink, `a` and `d` turn, the arrows fly forward, back and to the sides, and the
+space bar stops all of that. Every other letter, and `enter`, is a button of that name. A terminal
+tells when a key is pressed, and again while it is held, but not when it is let go: a key deflects
+its axis by `deflection` for 0.6 s, and once it repeats for 0.15 s more each time. So a short touch
+is a short push, and what is let go stops 0.15 s later.
+
+The keys below the live table (pause, land, ...) are not read while a keyboard steers; Ctrl-C lands.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from string import ascii_lowercase
+
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS, InputReading, Time
+from kybflow.core.terminal import Terminal
+from kybflow.core.units import Ratio
+from kybflow.parts import AXES, Input, InputLink, param, params
+from kybflow.parts.input import SticksOf
+
+STEERING = {
+    "w": ("z", 1.0), "s": ("z", -1.0), "a": ("turn", 1.0), "d": ("turn", -1.0),
+    "\x1b[A": ("x", 1.0), "\x1b[B": ("x", -1.0), "\x1b[D": ("y", 1.0), "\x1b[C": ("y", -1.0),
+}  # fmt: skip
+"""The axis that each key deflects, and which way."""
+BUTTONS = (*(letter for letter in ascii_lowercase if letter not in STEERING), "enter")
+_STOP, _ENTER = " ", ("\r", "\n")
+_FIRST, _REPEATED = 6 * NS // 10, 15 * NS // 100
+_KEY = re.compile(r"\x1b[\[O][0-9;]*[A-Za-z~]|.", re.DOTALL)
+
+
+@params
+class KeyboardParams:
+    deflection: Ratio = param("How far a key moves its axis.", default=0.7, above=0.0, at_most=1.0)
+
+
+class Keyboard(Input[KeyboardParams]):
+    stuck_after = None
+    reads_terminal = True
+
+    @classmethod
+    def buttons(cls, params: KeyboardParams) -> tuple[str, ...]:
+        return BUTTONS
+
+    @classmethod
+    def open(cls, params: KeyboardParams, sticks_of: SticksOf) -> InputLink:
+        if not sys.stdin.isatty():
+            raise DriverError("there is no terminal to press keys in")
+        return KeyLink(params, Terminal(sys.stdin.fileno(), _show))
+
+
+def _show(text: str) -> None:
+    screen = sys.__stdout__  # the live table puts another in its place
+    if screen is not None:
+        screen.write(text)
+        screen.flush()
+
+
+class KeyLink(InputLink):
+    """Gives what is typed in a terminal, from the first read on until it is closed."""
+
+    def __init__(self, params: KeyboardParams, terminal: Terminal) -> None:
+        self._params, self._terminal = params, terminal
+        self._until: dict[str, tuple[float, Time]] = {}
+        terminal.__enter__()
+
+    def read(self, now: Time) -> InputReading | None:
+        held: set[str] = set()
+        for key in _KEY.findall(self._terminal.read().decode("utf-8", errors="ignore")):
+            if key == _STOP:
+                self._until.clear()
+            elif key in _ENTER:
+                held.add("enter")
+            elif (letter := key.replace("\x1bO", "\x1b[").lower()) in BUTTONS:
+                held.add(letter)
+            else:
+                self._deflect(key.replace("\x1bO", "\x1b["), now)
+        self._until = {axis: way for axis, way in self._until.items() if way[1] > now}
+        axes = {axis: self._until[axis][0] if axis in self._until else 0.0 for axis in AXES}
+        return InputReading(now, axes, frozenset(held))
+
+    def _deflect(self, key: str, now: Time) -> None:
+        axis, way = STEERING.get(key if key.startswith("\x1b") else key.lower(), ("", 0.0))
+        if axis:
+            value = way * self._params.deflection
+            repeats = self._until.get(axis, (0.0, 0))[0] == value
+            self._until[axis] = value, now + (_REPEATED if repeats else _FIRST)
+
+    def close(self) -> None:
+        self._terminal.__exit__()

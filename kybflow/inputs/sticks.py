@@ -1,0 +1,71 @@
+"""Steer with a pilot's transmitter, as a vehicle reports it (RC_CHANNELS, MANUAL_CONTROL).
+
+The transmitter need not be this computer's: whatever the vehicle hears is what it reports, ten
+times a second. Its sticks are those of the pilot, so the vehicle must be in a mode in which it
+takes set-points; who moves the mode switch has it back at once. `pitch` is forward, `roll` to the
+right, `yaw` to the left, and `throttle` up from its middle. The switches are the buttons `switch1`,
+`switch2` and so on, held while they are up; `dead_man: switch2` makes one of them the dead-man
+switch. A vehicle that hears no transmitter is an input that is silent.
+
+A deflection counts from the edge of its dead zone on, as for `gamepad`.
+"""
+
+from __future__ import annotations
+
+from kybflow.core.signals import InputReading, Sticks, Time
+from kybflow.core.units import Ratio
+from kybflow.parts import Input, InputLink, param, params
+from kybflow.parts.input import SticksOf
+
+_SWITCHES = 14
+_UP = 0.5
+
+
+@params
+class SticksInputParams:
+    vehicle: str = param("The vehicle that reports them.", names="vehicle", read_only=True)
+    dead_zone: Ratio = param(
+        "Deflection that counts as none.", default=0.08, at_least=0.0, at_most=0.5
+    )
+
+
+class SticksInput(Input[SticksInputParams]):
+    real_time = False
+
+    @classmethod
+    def buttons(cls, params: SticksInputParams) -> tuple[str, ...]:
+        return tuple(f"switch{i}" for i in range(1, _SWITCHES + 1))
+
+    @classmethod
+    def open(cls, params: SticksInputParams, sticks_of: SticksOf) -> InputLink:
+        return SticksLink(params, sticks_of)
+
+
+class SticksLink(InputLink):
+    """Gives what the vehicle reported last."""
+
+    def __init__(self, params: SticksInputParams, sticks_of: SticksOf) -> None:
+        self._params, self._sticks_of = params, sticks_of
+        self._last: Sticks | None = None
+        self._reading: InputReading | None = None
+
+    def read(self, now: Time) -> InputReading | None:
+        sticks = self._sticks_of(self._params.vehicle)
+        if sticks is not None and sticks is not self._last:
+            self._last, self._reading = sticks, self._of(sticks)
+        return self._reading
+
+    def _of(self, sticks: Sticks) -> InputReading:
+        raw = (sticks.pitch, -sticks.roll, 2.0 * sticks.throttle - 1.0, sticks.yaw)
+        x, y, z, turn = (self._beyond(value) for value in raw)
+        up = {f"switch{i}" for i, level in enumerate(sticks.switches, 1) if level > _UP}
+        return InputReading(sticks.time, {"x": x, "y": y, "z": z, "turn": turn}, frozenset(up))
+
+    def _beyond(self, value: float) -> float:
+        """The value from the edge of the dead zone on."""
+        zone = self._params.dead_zone
+        size = max(0.0, abs(value) - zone) / (1.0 - zone)
+        return -size if value < 0.0 < size else size
+
+    def close(self) -> None:
+        """The vehicle's link is the driver's."""
