@@ -32,6 +32,7 @@ COMMANDS = (
     "validate",
     "test",
     "preflight",
+    "record-input",
     "explain",
     "graph",
     "show",

@@ -1,0 +1,88 @@
+"""Records what a person does with an input of a mission, without flying."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from kybflow.core.errors import DriverError, KybflowError
+from kybflow.core.signals import NS, InputReading, Time
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.plan import InputPlan, Plan
+from kybflow.inputs.rows import InputRow, head, line
+from kybflow.recording.growing_file import GrowingFile
+from kybflow.recording.run_folder import RunUnwritten
+from kybflow.runtime.clock import Clock, WallClock
+from kybflow.runtime.events import Events
+from kybflow.runtime.fleet.inputs import Inputs
+
+RATE = 250
+"""How often it looks, Hz."""
+Shown = Callable[[Time, InputReading | None, str], None]
+"""Receives what is new: what the input says, or None and why it says nothing."""
+
+
+class InputUnknown(KybflowError):
+    """The mission has no such input, or several and none was named."""
+
+
+def input_named(plan: Plan, name: str | None) -> InputPlan:
+    """Return the plan's input of that name, or its only one. Raises InputUnknown."""
+    inputs = {own.name: own for own in plan.inputs}
+    if name is None and len(inputs) == 1:
+        [name] = inputs
+    if name in inputs:
+        return inputs[name]
+    if not inputs:
+        raise InputUnknown("the mission has no inputs")
+    if name is None:
+        raise InputUnknown(f"the mission has several inputs: {', '.join(inputs)}")
+    raise InputUnknown(f"the mission has no input `{name}`; {did_you_mean(name, inputs)}")
+
+
+def record_input(
+    plan: InputPlan,
+    out: Path,
+    seconds: float | None,
+    shown: Shown,
+    clock: Clock | None = None,
+) -> int:
+    """Record an input until `seconds` have passed or somebody interrupts; return how many rows the
+    table in `out` has. Raises DriverError where the device can't be opened, RunUnwritten where the
+    table can't be written."""
+    clock = WallClock(RATE) if clock is None else clock
+    try:
+        file = GrowingFile(out, "table")
+    except OSError as error:
+        raise RunUnwritten(f"`{out}` can't be written: {error.strerror}") from error
+    axes: tuple[str, ...] = plan.part.cls.axes(plan.part.params)
+    rows = 0
+
+    def note(_: str, now: Time, reading: InputReading | None, why: str) -> None:
+        nonlocal rows
+        row = InputRow(now, {}, lost=why) if reading is None else InputRow(now, *reading[1:3])
+        file.write(line(row, axes).encode())
+        shown(now, reading, why)
+        rows += 1
+
+    link = plan.part.cls.open(plan.part.params, _nobody)
+    try:
+        file.write(head(axes).encode())
+        inputs = Inputs((plan,), {plan.name: link}, Events(), note)
+        while seconds is None or clock.now < seconds * NS:
+            inputs.step(clock.now)
+            clock.step()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        link.close()
+        file.close()
+    if file.failed is not None:
+        raise RunUnwritten(file.failed)
+    return rows
+
+
+def _nobody(vehicle: str) -> None:
+    raise DriverError(
+        f"the sticks that `{vehicle}` hears are recorded where it flies: in `inputs/` of the run"
+    )

@@ -1,0 +1,73 @@
+"""What a person does is written down, and read back as a script."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from plans import part
+
+from kybflow.api.recorded_input import InputUnknown, input_named, record_input
+from kybflow.cli.app import app
+from kybflow.core.files import File
+from kybflow.core.signals import NS
+from kybflow.dsl.plan import InputPlan
+from kybflow.inputs.rows import parse
+from kybflow.runtime.clock import SimulatedClock
+
+MISSION = Path(__file__).parents[2] / "missions" / "teleoperation.yaml"
+TEXT = "t,x,buttons,lost\n0,0,,\n1,0.5,a,\n2,,,unplugged\n3,0.25,,\n"
+
+
+def test_a_table_holds_what_was_done_by_the_missions_names(tmp_path: Path) -> None:
+    script = part("inputs", "script", file=File("operator.csv", "1", TEXT))
+    plan = InputPlan("stick", script, {"a": "leave"}, 0.3)
+    out, shown = tmp_path / "mine.csv", list[float]()
+    rows = record_input(plan, out, 5.0, lambda now, *_: shown.append(now / NS), SimulatedClock(250))
+    said = parse(out.read_text(encoding="utf-8"))
+    assert (rows, said.axes, said.buttons) == (4, ("x",), ("leave",))
+    assert shown == [0.0, 1.0, 2.0, 3.0]
+    assert [row.lost for row in said.rows] == ["", "", "unplugged", ""]
+
+
+def test_the_only_input_needs_no_name() -> None:
+    from plans import plan, vehicle
+    from short_flights import down, up
+
+    script = part("inputs", "script", file=File("operator.csv", "1", TEXT))
+    one, other = (InputPlan(name, script, {}, 0.3) for name in ("one", "other"))
+    flier = vehicle("a", [up("down"), down()])
+    assert one is input_named(plan(flier, inputs=(one,)), None)
+    assert other is input_named(plan(flier, inputs=(one, other)), "other")
+    for inputs, name, reason in (
+        ((), None, "no inputs"),
+        ((one, other), None, "several inputs: one, other"),
+        ((one,), "oen", "did you mean `one`"),
+    ):
+        with pytest.raises(InputUnknown, match=reason):
+            input_named(plan(flier, inputs=inputs), name)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["--for", "10ms"], 0, "rows in"),
+        (["operator_stik", "--for", "10ms"], 2, "did you mean `operator_stick`"),
+        (["--for", "10m"], 2, "duration"),
+    ],
+)
+def test_the_command_says_what_it_did(
+    arguments: list[str], code: int, said: str, tmp_path: Path
+) -> None:
+    out = ["--out", str(tmp_path / "mine.csv")]
+    result = CliRunner().invoke(app, ["record-input", str(MISSION), *arguments, *out])
+    assert code == result.exit_code, result.output
+    assert said in result.output
+
+
+def test_a_table_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    out = ["--for", "10ms", "--out", str(tmp_path / "no" / "mine.csv")]
+    result = CliRunner().invoke(app, ["record-input", str(MISSION), *out])
+    assert result.exit_code == 1
+    assert "can't be written" in result.output
