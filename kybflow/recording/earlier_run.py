@@ -4,6 +4,7 @@ were given while it flew."""
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,7 +43,7 @@ def read_earlier_run(folder: Path) -> EarlierRun:
             options=tuple(asked["option"]),
             emits=tuple(asked["emit"]),
             commands=tuple(_command(e) for e in events if _is_command(e)),
-            inputs={table.stem: _table(table) for table in (folder / INPUTS).glob("*.csv")},
+            inputs=dict(_tables(folder / INPUTS)),
         )
     except OSError as error:
         reason = f"`{error.filename}`: {error.strerror}"
@@ -52,14 +53,17 @@ def read_earlier_run(folder: Path) -> EarlierRun:
         raise RunFolderError(f"`{folder}` can't be flown again: {reason}") from error
 
 
-def _table(path: Path) -> str:
-    """The table of an input. Raises RunFolderError where it is none."""
-    text = "\n".join(whole_lines(path))
-    try:
-        parse(text)
-    except FileError as error:
-        raise RunFolderError(f"`{path}`, line {error.line}: {error}") from error
-    return text
+def _tables(folder: Path) -> Iterator[tuple[str, str]]:
+    """Yield each input that said something, with its table. Raises RunFolderError where it is
+    none."""
+    for path in sorted(folder.glob("*.csv")):
+        lines = whole_lines(path)
+        try:
+            if len(lines) > 1:
+                parse("\n".join(lines))
+                yield path.stem, "\n".join(lines)
+        except FileError as error:
+            raise RunFolderError(f"`{path}`, line {error.line}: {error}") from error
 
 
 def _is_command(event: dict[str, Any]) -> bool:

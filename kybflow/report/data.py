@@ -1,5 +1,6 @@
 """A run folder read back, as arrays for the report: `log.mcap`, `events.jsonl`, `summary.json`,
-the obstacles and points of `mission.resolved.yaml`, the pictures in `frames/`.
+the obstacles and points of `mission.resolved.yaml`, the pictures in `frames/`, what people did in
+`inputs/`.
 
 A run that was killed has no summary and a log without an end; what is readable is read.
 """
@@ -20,10 +21,12 @@ from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
+from kybflow.core.errors import FileError
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Battery
 from kybflow.core.units import LENGTH, NUMBER, parse_quantity
 from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
+from kybflow.inputs.rows import InputRows, parse
 from kybflow.recording.growing_file import whole_lines
 from kybflow.recording.layout import (
     HAS_POSITION,
@@ -34,7 +37,7 @@ from kybflow.recording.layout import (
     dtype_spec,
     kept_every,
 )
-from kybflow.recording.run_folder import EVENTS, FRAMES, LOG, SUMMARY, RunFolderError
+from kybflow.recording.run_folder import EVENTS, FRAMES, INPUTS, LOG, SUMMARY, RunFolderError
 from kybflow.report.estimators import Array, EstimatorTrack, norm, read_estimators
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
@@ -123,6 +126,7 @@ class Run:
     world: RecordedWorld
     estimators: tuple[EstimatorTrack, ...] = ()
     pictures: tuple[Picture, ...] = ()
+    inputs: dict[str, InputRows] = field(default_factory=dict)
 
     @property
     def simulated(self) -> bool:
@@ -138,7 +142,8 @@ def read_run(folder: Path) -> Run:
         world = read_world(folder / RESOLVED)
         summary, provenance = _read_json(folder / SUMMARY), _read_json(folder / PROVENANCE)
         pictures = read_pictures(folder)
-    except (OSError, ValueError, McapError) as error:
+        inputs = read_inputs(folder)
+    except (OSError, ValueError, FileError, McapError) as error:
         raise RunFolderError(f"`{folder}` is no run that can be read: {error}") from error
     end = max([0, *log.last.values()]) / NS
     tracks = tuple(
@@ -148,7 +153,15 @@ def read_run(folder: Path) -> Run:
     estimators = tuple(
         e for name in log.mission["vehicles"] for e in read_estimators(log.messages, name)
     )
-    return Run(log.mission, summary, provenance, events, tracks, end, world, estimators, pictures)
+    return Run(
+        log.mission, summary, provenance, events, tracks, end, world, estimators, pictures, inputs
+    )
+
+
+def read_inputs(folder: Path) -> dict[str, InputRows]:
+    """What each input said, by name; one that said nothing is left out. Raises FileError."""
+    texts = {p.stem: whole_lines(p) for p in sorted((folder / INPUTS).glob("*.csv"))}
+    return {name: parse("\n".join(lines)) for name, lines in texts.items() if len(lines) > 1}
 
 
 def _read_json(path: Path) -> dict[str, Any]:

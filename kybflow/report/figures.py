@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kybflow.report.data import Run, Track
+from kybflow.report.inputs import input_figures
 from kybflow.report.intervals import shaded
 from kybflow.report.map import path_map
 from kybflow.report.plot import Figure, coloured, dashed, line, over_time, shade
@@ -23,6 +24,7 @@ def figures(run: Run) -> list[Figure]:
     return [
         path_map(run),
         timeline(run),
+        *input_figures(run),
         _errors(run, "position", "m"),
         _errors(run, "velocity", "m/s"),
         _to_target(run),
