@@ -63,6 +63,7 @@ def test_a_command_is_given_with_its_giver_and_answered(run: Served) -> None:
 def test_every_command_has_a_method_that_spells_it(run: Served) -> None:
     with run.client() as anna:
         anna.emit("operator.go")
+        anna.switch("mk", "goto", position=(1, 0.5, 1), heading=None, speed="50 cm/s", take=True)
         anna.set("mk.processors.fence.margin", "30 cm")
         anna.enable("mk.processors.fence")
         anna.disable("mk.processors.fence")
@@ -73,7 +74,8 @@ def test_every_command_has_a_method_that_spells_it(run: Served) -> None:
         anna.stop("enough")
         anna.release()
     assert spoken(run) == [
-        "emit operator.go", "set mk.processors.fence.margin 30 cm", "enable mk.processors.fence",
+        "emit operator.go", "switch mk goto position=[1, 0.5, 1] heading=null speed=50 cm/s",
+        "set mk.processors.fence.margin 30 cm", "enable mk.processors.fence",
         "disable mk.processors.fence", "phase swarm gather", "resume mk", "reset", "land mk nano",
         "stop enough", "release",
     ]  # fmt: skip

@@ -9,6 +9,7 @@ import pytest
 from short_flights import named, path
 
 from kybflow.api.flight import RunRequest, fly
+from kybflow.cli.printing.mission import show_mission
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 
@@ -28,7 +29,9 @@ vehicles:
       hold: {do: hover}
       goto: {do: fly_to, position: [0, 0, 0.8], then: hold}
       down: {do: land}
-targets: {px4: {all: {driver: {use: emulated_autopilot, autopilot: px4}, tracker: on_board}}}
+targets:
+  px4: {all: {driver: {use: emulated_autopilot, autopilot: px4}, tracker: on_board}}
+  ardupilot: {all: {driver: {use: emulated_autopilot, autopilot: ardupilot}, tracker: on_board}}
 flows:
   tour:
     phases:
@@ -58,7 +61,10 @@ def mission(tmp_path: Path) -> Path:
     return written
 
 
-@pytest.mark.parametrize("target", [None, pytest.param("px4", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(
+    "target",
+    [None, *(pytest.param(name, marks=pytest.mark.thorough) for name in ("px4", "ardupilot"))],
+)
 def test_it_goes_where_the_flow_and_the_callback_say(mission, target, tmp_path) -> None:
     told, seen = [], []
 
@@ -76,6 +82,12 @@ def test_it_goes_where_the_flow_and_the_callback_say(mission, target, tmp_path) 
     ]
     for place in ((1.0, 0.0, 0.8), (0.0, 0.0, 0.8), (0.0, 1.0, 1.2)):
         assert min(dist(place, at) for at in seen) < 0.05
+
+
+def test_who_reads_the_mission_sees_the_values(mission) -> None:
+    shown = show_mission(compiled(mission), {})
+    assert "mk: goto with position [1, 0, 0.8], speed 0.9 (mk in hold: second" in shown
+    assert "switch mk to goto with position [0, 1, 1.2]" in shown
 
 
 def test_the_resolved_mission_is_the_same(mission, tmp_path) -> None:

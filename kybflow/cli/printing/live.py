@@ -21,6 +21,7 @@ from kybflow.runtime.vehicle.vehicle import Vehicle
 
 _LAST_EVENTS = 6
 _REDRAW = 0.1
+_HELD = {"pause": "paused", "brake": "braked", "pilot": "a pilot flies"}
 _FRAME, _LEAST_EVENTS = 6, 1
 """Lines that the table has beside its vehicles, and events that stay in sight below the keys."""
 
@@ -88,9 +89,16 @@ def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:
     wanted = setpoint.position if setpoint is not None else None
     return (
         vehicle.name,
-        vehicle.activity.machine.state if flying else "preflight",
+        _doing(vehicle) if flying else "preflight",
         vehicle.estimator or "none",
         f"{battery.remaining:.0%}" if battery else "-",
         f"{distance(wanted, estimate.position) * 1000:.0f} mm" if wanted and estimate else "-",
         f"{estimate.position[2]:.2f} m" if estimate else "-",
     )
+
+
+def _doing(vehicle: Vehicle) -> str:
+    """The state that a vehicle is in, and what keeps it from going on."""
+    hold = vehicle.activity.hold
+    held = () if hold is None else sorted(_HELD.get(holder, holder) for holder in hold.holders)
+    return ", ".join((vehicle.state, *held))

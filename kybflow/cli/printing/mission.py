@@ -28,6 +28,7 @@ from kybflow.dsl.plan import (
     SetOption,
     StatePlan,
     Switch,
+    Values,
     VehiclePlan,
 )
 from kybflow.dsl.reading.values import shown_value
@@ -145,13 +146,27 @@ def _phase(phase: PhasePlan, groups: dict[str, tuple[str, ...]]) -> str:
     """The states, options and vehicles that a phase sets, and its transitions."""
     states: dict[str, list[str]] = {}
     for vehicle, state in phase.run.items():
-        states.setdefault(phase.chains.get(vehicle, state), []).append(vehicle)
+        goal = _goal(phase.chains.get(vehicle, state), phase.values.get(vehicle, ()))
+        states.setdefault(goal, []).append(vehicle)
     names = {of: name for name, of in groups.items()}
     steps = [f"{names.get(tuple(v), ', '.join(v))}: {state}" for state, v in states.items()]
     steps += [f"give {vehicle} to {flow}" for vehicle, flow in phase.give.items()]
     steps += [_action(option) for option in phase.set]
     ways = "; ".join(f"{cause_of(way)}: {way.target}" for way in phase.transitions)
     return "; ".join(steps) + (f" ({ways})" if ways else "")
+
+
+def _goal(state: str, values: Values) -> str:
+    """A state, and the values (SI) that it is entered with."""
+    shown = ", ".join(f"{name} {_number(value)}" for name, value in values)
+    return f"{state} with {shown}" if shown else state
+
+
+def _number(value: Any) -> str:
+    """A value (SI) without the digits that nobody reads."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_number, value))}]"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _callback(callback: CallbackPlan) -> str:
@@ -166,10 +181,10 @@ def _callback(callback: CallbackPlan) -> str:
 
 def _action(action: ActionPlan) -> str:
     match action:
-        case Switch(vehicle, state):
-            return f"switch {vehicle} to {state}"
+        case Switch(vehicle, state, values):
+            return f"switch {vehicle} to {_goal(state, values)}"
         case SetOption(option, value):
-            return f"set {option} to {f'{value:.4g}' if isinstance(value, float) else value}"
+            return f"set {option} to {_number(value)}"
         case Enable(vehicle, label, on):
             return f"{'enable' if on else 'disable'} {label} of {vehicle}"
         case Emit(name):

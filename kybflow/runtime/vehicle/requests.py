@@ -259,6 +259,10 @@ class Requests:
             self._activity.switch(request.state, request.at, request.values)
         except Refused as refusal:
             return str(refusal)
+        except PartFailed as failure:
+            if request.values:  # nobody has foreseen them; the vehicle does what it did
+                return str(failure)
+            raise
         self._failsafe.waive_brake()
         if self._failsafe.latched is not None:
             self._failsafe.latched = _SAFER.get(request.state)
@@ -269,8 +273,11 @@ class Requests:
         where it would come to rest."""
         motion = self._activity.entry().motion
         points = tuple(dict.fromkeys((motion.position, Coast.after(motion).end)))
-        params = self._activity.params_of(request.state, request.values)
-        return self.judge.objection(self._plan.name, request.state, params, points)
+        try:
+            params = self._activity.params_of(request.state, request.values)
+            return self.judge.objection(self._plan.name, request.state, params, points)
+        except Exception as error:  # a part may raise anything, and nothing has changed yet
+            return described(error)
 
     def _refuse(self, request: SwitchRequest, reason: str) -> str:
         by = request.by.name.lower()

@@ -108,6 +108,7 @@ def test_only_pause_and_land_act_without_enter(run) -> None:
     assert path(told, "a") == ["idle", "up", "hold", "auto_land", "landed"]
 
 
+@pytest.mark.thorough
 def test_a_key_that_means_nothing_is_told(run) -> None:
     person = Person()
 
@@ -121,6 +122,7 @@ def test_a_key_that_means_nothing_is_told(run) -> None:
     assert given(flown(run, person, (0.5, presses), stop)) == [("terminal", "stop")]
 
 
+@pytest.mark.thorough
 def test_the_lease_of_another_is_taken_as_the_choice_says(run) -> None:
     person, saw = Person(), []
 
@@ -143,6 +145,7 @@ def test_the_lease_of_another_is_taken_as_the_choice_says(run) -> None:
     assert refused[-1].startswith("`terminal` commands this run")
 
 
+@pytest.mark.thorough
 def test_a_refusal_is_shown(run) -> None:
     person, saw = Person(), []
 
@@ -162,16 +165,18 @@ def test_a_refusal_is_shown(run) -> None:
     assert named(told, "switch_refused")
 
 
-@pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 40), (40, 12)])
-def test_the_table_shows_the_keys_and_the_answer(run, width: int, height: int) -> None:
-    person, shown = Person(), []
+SIZES = ((80, 24), (120, 40), (40, 12))
+
+
+def test_the_table_shows_the_keys_and_the_answer(run) -> None:
+    person, shown = Person(), {size: [] for size in SIZES}
 
     def sees(engine):
-        file = StringIO()
-        console = Console(file=file, width=width, height=height)
-        drawing = LivePanel(console, person.commander)._drawing(engine, 1.0)
-        console.print(drawing)
-        shown.append(file.getvalue())
+        for width, height in SIZES:
+            file = StringIO()
+            console = Console(file=file, width=width, height=height)
+            console.print(LivePanel(console, person.commander)._drawing(engine, 1.0))
+            shown[width, height].append(file.getvalue())
 
     flown(
         run,
@@ -179,13 +184,16 @@ def test_the_table_shows_the_keys_and_the_answer(run, width: int, height: int) -
         (0.1, sees),
         (1.0, lambda engine: person.press(engine, "operator.go", "enter")),
         (4.0, sees),
+        (4.5, lambda engine: person.press(engine, "pause")),
+        (4.6, sees),
         (5.0, lambda engine: person.press(engine, "stop", "enter")),
     )
-    waits, flies = shown
-    assert all(len(line) <= width for line in (waits + flies).splitlines())
-    assert all(len(one.splitlines()) <= height for one in shown)
-    assert "p  pause    l  land" in flies
-    assert "emit operator.go: accepted" in flies
-    if width >= 80:
-        assert "events     1  operator.go\n" in waits
-        assert "\na          5  down    7  auto_home\n" in flies
+    for (width, height), (waits, flies, paused) in shown.items():
+        assert all(len(line) <= width for line in (waits + flies).splitlines())
+        assert all(len(one.splitlines()) <= height for one in (waits, flies, paused))
+        assert "p  pause    l  land" in flies
+        assert "emit operator.go: accepted" in flies
+        if width >= 80:
+            assert "events     1  operator.go\n" in waits
+            assert ", paused │" in paused
+            assert "\na          5  down    7  auto_home\n" in flies

@@ -14,9 +14,12 @@ from short_flights import down, hold, named, path, up
 
 from kybflow.api.entry_judge import PlanEntryJudge
 from kybflow.core.errors import Refused
+from kybflow.core.signals import SetpointKind
 from kybflow.dsl.plan import TransitionPlan
 from kybflow.flight.motion import Motion
+from kybflow.parts import AIR
 from kybflow.recording.earlier_run import read_earlier_run
+from kybflow.runtime.behaviors.fly_to import FlyTo
 from kybflow.runtime.commanding.orders import parse
 from kybflow.runtime.vehicle.requests import Requester, Requests, SwitchRequest
 from kybflow.world.shapes import Box
@@ -40,6 +43,7 @@ def flown(run, *asked: tuple[float, str], watch=lambda engine: None, **facts):
     return done, told, [(one.answer.accepted, one.answer.reason) for one in people.told]
 
 
+@pytest.mark.thorough
 def test_it_flies_where_it_is_told_and_then_as_the_mission_says(run) -> None:
     seen = []
 
@@ -174,6 +178,36 @@ def test_it_is_flown_again_from_its_record(run, tmp_path) -> None:
     assert [(e.time, e.name, e.fields) for e in retold] == [
         (e.time, e.name, e.fields) for e in told
     ]
+
+
+class Fragile(FlyTo, flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    """As a lab's own behavior may be."""
+
+    def __init__(self, params, entry) -> None:
+        super().__init__(params, entry)
+        if params.dwell > 1.0:
+            raise ZeroDivisionError("too patient")
+
+    @classmethod
+    def footprint(cls, params, entry):
+        return super().footprint(params, entry) if params.patience < 20.0 else 1 / 0
+
+
+@pytest.mark.thorough
+def test_a_part_that_raises_with_values_is_not_entered(run) -> None:
+    fragile = replace(part("behaviors", "fly_to", position=(0.0, 1.0, 1.0)), cls=Fragile)
+    states = [up("hold"), hold(60.0, "down"), state("goto", fragile, THEN_HOLD), down()]
+    people = People(
+        Asked(5.0, "switch a goto dwell=2 s"),
+        Asked(5.1, "switch a goto patience=20 s"),
+        Asked(5.2, "stop"),
+    )
+    _, told = run(vehicle("a", states), observers=(people.look,), servers=(people.serve,))
+    first, second = (one.answer for one in people.told[:2])
+    assert (first.accepted, second.accepted) == (False, False)
+    assert "too patient" in first.reason
+    assert second.reason == "ZeroDivisionError: division by zero"
+    assert path(told, "a") == ["up", "hold", "auto_land", "landed"]
 
 
 def test_where_nobody_can_judge_no_value_is_taken() -> None:
