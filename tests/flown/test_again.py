@@ -31,6 +31,7 @@ COUNT, FROM, EVERY = 50, 0.5, 0.2
 STATES = ("up", "still", "side", "down", "hover", "brake", "landed", "auto_land", "fault", "sid")
 COMMANDS = (
     *(f"switch {v} {state}" for v in "ab" for state in STATES),
+    *(f"switch {v} side position=[{x}, 0, 1] speed=50 cm/s" for v in "ab" for x in (-1, 0.5, 9)),
     *(f"phase team {phase}" for phase in ("launch", "dance", "dnce")),
     *("pause", "resume", "pause a", "resume a", "pause b", "resume b", "reset", "reset a"),
     *("emit operator.go", "emit ready", "emit landed", "emit a.landed", "emit operator.og"),
@@ -91,7 +92,7 @@ def foreseen(words: str, saw: Situation) -> str | None:
     """Why a command would be refused, as the situation has it; empty where it doesn't tell that."""
     command, *names = words.split()
     vehicles = {v.name: v for v in saw.vehicles}
-    if command == "switch":
+    if command == "switch" and len(names) == 2:
         return vehicles[names[0]].enter.get(names[1], "")
     if command in ("pause", "resume", "reset") and names:
         why: str | None = getattr(vehicles[names[0]], command)

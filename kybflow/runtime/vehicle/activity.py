@@ -313,7 +313,7 @@ class Activity:
 
     def _told_values(self) -> dict[str, str]:
         """Return the values that a state is entered with, as its event tells them."""
-        shown = ", ".join(f"{name}={value}" for name, value in self._values)
+        shown = ", ".join(f"{name} {value}" for name, value in self._values)
         return {"values": shown} if shown else {}
 
     def _landing(self, state: StatePlan, context: VehicleContext) -> TouchDown:

@@ -9,6 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 from commanders import Asked, People
+from hypothesis import given
+from hypothesis import strategies as st
 from plans import part, plan, state, vehicle
 from short_flights import down, hold, named, path, up
 
@@ -62,7 +64,7 @@ def test_it_flies_where_it_is_told_and_then_as_the_mission_says(run) -> None:
     assert answers == [(True, "")] * 3
     started = [e for e in named(told, "behavior_started") if e.fields["behavior"] == "goto"]
     assert [e.fields.get("values") for e in started] == [
-        "position=(1.0, 0.5, 1.2), speed=0.8",
+        "position (1.0, 0.5, 1.2), speed 0.8",
         None,
     ]
     assert any(dist(place, (1.0, 0.5, 1.2)) < 0.05 for place in seen)
@@ -71,18 +73,18 @@ def test_it_flies_where_it_is_told_and_then_as_the_mission_says(run) -> None:
 
 
 HIGH = (0.0, 0.0, 1.0)
+JUDGE = PlanEntryJudge(plan(goer(), obstacles=POLE))
 
 
 def refusal(written: str, state: str = "goto", at=HIGH) -> str:
     """What is said of a command that enters `goto` at a place."""
     order = parse(f"switch a {state} {written}")
-    judge = PlanEntryJudge(plan(goer(), obstacles=POLE))
     try:
-        values = judge.read("a", state, order.values)
+        values = JUDGE.read("a", state, order.values)
     except Refused as error:
         return str(error)
     params = replace(goer().states[state].behavior.params, **dict(values))
-    return judge.objection("a", state, params, [at]) or ""
+    return JUDGE.objection("a", state, params, [at]) or ""
 
 
 @pytest.mark.parametrize(
@@ -104,6 +106,18 @@ def refusal(written: str, state: str = "goto", at=HIGH) -> str:
 def test_what_the_compiler_would_refuse_is_refused_in_its_words(values: str, reason: str) -> None:
     said = refusal(values)
     assert said.startswith(reason) if reason else said == ""
+
+
+@given(
+    st.sampled_from(["position", "speed", "heading"]),
+    st.text(max_size=40) | st.text("[{*&!#,: 1.em-}]"),
+)
+def test_whatever_is_written_is_a_value_or_refused(name: str, text: str) -> None:
+    try:
+        values = JUDGE.read("a", "goto", ((name, text),))
+    except Refused:
+        return
+    assert [name] == [own for own, _ in values]
 
 
 def test_a_path_is_judged_from_where_it_begins() -> None:
