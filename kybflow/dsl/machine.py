@@ -275,7 +275,8 @@ class VehicleMachine(StateMachine):
     `starts` builds the behavior of a state that is asked for before anything is left; what it
     raises leaves all as it was. `airborne` decides between `brake` and `landed` for a vehicle whose
     behavior would not start and whose state has no other way out. While its failsafe has `latched`
-    it enters `fault` in place of `landed` when it steps.
+    it enters `fault` in place of `landed` when it steps. A `next` that is open leads nowhere while
+    its target is not `welcome`.
     """
 
     def __init__(
@@ -287,6 +288,7 @@ class VehicleMachine(StateMachine):
         starts: Callable[[str], bool],
         airborne: Callable[[], bool],
         latched: Callable[[], bool],
+        welcome: Callable[[str], bool] = lambda _: True,
     ) -> None:
         states = vehicle.states
         super().__init__(_START, states, on_enter, on_exit)
@@ -300,7 +302,9 @@ class VehicleMachine(StateMachine):
                 target = transition.target
                 if target == "landed":
                     self._declare(name, "fault", transition, guard, latched, self._has_started)
-                self._declare(name, target, transition, guard, partial(self._may_enter, target))
+                guards: list[Guard] = [guard, partial(self._may_enter, target)]
+                guards += [partial(welcome, target)] if transition.cause == "next" else []
+                self._declare(name, target, transition, *guards)
             self._machine.events["step"].transitions[name].extend(last_way_out)
         healthy = states.keys() - {"fault"}
         for name in states:

@@ -191,6 +191,12 @@ class Behavior(Part[P]):
         return None
 
     @classmethod
+    def objection(cls, params: P, entry: Entry) -> str | None:
+        """Return why no `next` and no request may lead to it now, so that the vehicle stays in the
+        behavior that it is in; None if one may."""
+        return None
+
+    @classmethod
     def refusal(cls, params: P, entry: Vec3) -> str | None:
         """Return why it would refuse to start at rest at `entry` (world); None if it starts."""
         return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from math import cos, isnan, pi, sin
 from typing import Any
@@ -81,10 +81,10 @@ def kept() -> list[tuple[Time, Setpoint]]:
     return Tap.kept
 
 
-def hand(say: Say) -> dict[str, Any]:
+def hand(say: Say, stuck: float | None = STUCK) -> dict[str, Any]:
     own = PartPlan("hand", Hand, HandParams(say), "inputs.stick")
     names = {name: name for name in ("take", "give", "end")}
-    return {"inputs": (InputPlan("stick", own, names, SILENT, STUCK),)}
+    return {"inputs": (InputPlan("stick", own, names, SILENT, stuck),)}
 
 
 def flier(**own: Any) -> VehiclePlan:
@@ -142,6 +142,22 @@ def test_a_lost_input_brakes_in_time_and_takes_the_way_that_the_mission_says(
     [failed] = named(told, "behavior_failed")
     assert pytest.approx(lost.time + 1.5 * NS, abs=0.01 * NS) == failed.time
     assert path(told, "a") == ["up", "hand", "down", "landed"]
+
+
+@pytest.mark.thorough
+def test_no_button_takes_over_while_the_sticks_are_off_their_centres(run) -> None:
+    def say(now: Time) -> InputReading:
+        pressed = ("give",) if now < 7 * NS else ("take",) if now % NS < NS // 2 else ()
+        held = ("end",) if now > 12 * NS else pressed if now > 6 * NS else ()
+        return said(0.4 if 6.5 * NS < now < 9 * NS else 0.0, 0.0, 0.0, *held)._replace(heard=now)
+
+    _, told = run(flier(), **hand(say, None))
+    assert path(told, "a") == ["up", "hand", "auto", "hand", "down", "landed"]
+    refused = named(told, "switch_refused")
+    assert [round(e.time / NS, 1) for e in refused] == [7.0, 8.0]
+    assert refused[0].fields["reason"] == "the sticks of `stick` are off their centres"
+    back = [e for e in named(told, "behavior_started") if e.fields["behavior"] == "hand"][1]
+    assert pytest.approx(9.0, abs=0.02) == back.time / NS
 
 
 def moments(seed: int) -> Say:
@@ -223,10 +239,9 @@ def test_pushed_into_fence_and_obstacles_it_stays_inside_and_touches_nothing(
                 closest[name] = min(closest[name], shape.distance(truth.position))
 
     steered = flier(by=("velocity", "tilt", "signals")[seed % 3], speed=0.9, acceleration=1.5)
-    no_stuck = hand(pushing(seed))
-    no_stuck["inputs"] = (replace(no_stuck["inputs"][0], stuck_after=None),)
+    pushed = hand(pushing(seed), None)
     flown, told = run(
-        steered, seed=seed, obstacles=SOLIDS, observers=(look,), time_limit=120.0, **no_stuck
+        steered, seed=seed, obstacles=SOLIDS, observers=(look,), time_limit=120.0, **pushed
     )
     assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]
     assert path(told, "a") == ["up", "hand", "down", "landed"]

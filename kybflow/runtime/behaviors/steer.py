@@ -12,8 +12,9 @@ of an AR.Drone: the same, but with all four at zero it brakes by itself. `z` is 
 `climb`, `turn` that of `turn_rate`. The setpoint is a position which this velocity moves, so that
 it rests where the sticks are let go, and nothing drifts.
 
-It starts at the setpoint's position and velocity, and refuses to start while the sticks are off
-their centres, or while the input is lost. The setpoint stays `margin` inside the fence, `lowest`
+It starts at the setpoint's position and velocity. No `next` and no request leads to it while the
+sticks are off their centres or the input is lost; where it is entered all the same, it obeys once
+they have been centred. The setpoint stays `margin` inside the fence, `lowest`
 above the ground of the start, and its vehicle's hubs `clearance` away from obstacles and from other
 vehicles: it stops in time, and slides along them (`kybflow.flight.clearance`).
 
@@ -85,12 +86,10 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         reading = entry.inputs.get(params.input)
         if reading is None:
             raise Refused(f"`{params.input}` is lost")
-        if not _is_centred(reading):
-            raise Refused(f"the sticks of `{params.input}` are off their centres")
         self._context = entry.context
         self._position, self._velocity = entry.motion.position, entry.motion.velocity
         self._heading, self._rate = entry.heading, 0.0
-        self._obeys = True
+        self._obeys = _is_centred(reading)
         self._lost: float | None = None
         self._last: Time = entry.now
 
@@ -111,6 +110,8 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         if reading is None:
             return None
         self._obeys = self._obeys or _is_centred(reading)
+        centred = f"the sticks of `{self.params.input}` to be at their centres"
+        self.waits_for = None if self._obeys else centred
         if not (self._obeys and reading.engaged):
             return None
         return tuple(reading.axes[axis] for axis in AXES)
@@ -161,6 +162,15 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         for name, other in tick.fleet.items():
             if other is not None and name != self._context.vehicle:
                 yield Sphere(other.position, 0.5 * self._context.diameters.get(name, 0.0))
+
+    @classmethod
+    def objection(cls, params: SteerParams, entry: Entry) -> str | None:
+        reading = entry.inputs.get(params.input)
+        if reading is None:
+            return f"`{params.input}` is lost"
+        if not _is_centred(reading):
+            return f"the sticks of `{params.input}` are off their centres"
+        return None
 
     @classmethod
     def footprint(cls, params: SteerParams, entry: Vec3 | None) -> Footprint | None:

@@ -27,6 +27,8 @@ PATIENCE: Time = 10 * NS
 """How long a landing may be refused before it has failed."""
 UNCLEAR: Time = NS // 2
 """How long after its rotors stopped it may not show yet that a vehicle falls."""
+REPEATED: Time = NS // 10
+"""How long no transition may have been refused until another refusal is told."""
 LIGHT, DEEP = 0.5, 0.05
 """A thrust over the hover thrust, and a setpoint's depth below the vehicle (m), that bring down
 whatever is in the air."""
@@ -85,6 +87,7 @@ class Activity:
         self._off = 0.0
         self._touch_down: TouchDown | None = None
         self._waits_for: str | None = None
+        self._unwelcome: Time = -NS
 
     def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
         """Enter the first state."""
@@ -96,6 +99,7 @@ class Activity:
             starts=self._starts,
             airborne=lambda: self.off_ground,
             latched=self._latched,
+            welcome=self._is_welcome,
         )
         self.begun = True
         self.machine.begin()
@@ -356,6 +360,25 @@ class Activity:
             raise Refused(reason)
         behavior: Behavior[Any] = state.behavior.cls(self.params_of(state.name, values), entry)
         return behavior
+
+    def unwelcome(self, state: StatePlan) -> str | None:
+        """Return why nothing should lead to `state` now, None when something may."""
+        reason: str | None = state.behavior.cls.objection(
+            self._params[state.behavior.label], self.entry()
+        )
+        return reason
+
+    def _is_welcome(self, name: str) -> bool:
+        """Whether a `next` may lead to a state now; the first of several refusals in a row is
+        told."""
+        state, now = self.plan.states[name], self._events.now
+        reason = self.unwelcome(state)
+        if reason is not None:
+            if now - self._unwelcome > REPEATED:
+                fields = {"state": name, "by": "mission", "reason": reason}
+                self._events.tell("switch_refused", self._name, self.state.at, **fields)
+            self._unwelcome = now
+        return reason is None
 
     def misplaced(self, state: StatePlan, estimate: Estimate | None) -> str | None:
         """Return why a take-off can't start from where the vehicle is, None when it can."""

@@ -207,7 +207,8 @@ class Requests:
         entry = self._activity.entry()
         held = None if _comes_down(plan) else self._held(by)
         fit = held or unfit(plan, entry.flight, entry.estimate is not None)
-        return fit or self._activity.misplaced(plan, entry.estimate)
+        fit = fit or self._activity.misplaced(plan, entry.estimate)
+        return fit or self._activity.unwelcome(plan)
 
     def pause_objection(self) -> str | None:
         """Return why a pause would be refused now."""

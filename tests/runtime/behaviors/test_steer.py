@@ -41,10 +41,15 @@ class Flight:
     """A steered vehicle that is always on its setpoint."""
 
     def __init__(
-        self, where: Vec3 = HEIGHT, velocity: Vec3 = ZERO, site: VehicleContext = SITE, **own: Any
+        self,
+        where: Vec3 = HEIGHT,
+        velocity: Vec3 = ZERO,
+        site: VehicleContext = SITE,
+        reading: InputReading = CENTRED,
+        **own: Any,
     ) -> None:
         self.now, self.dt = 0, site.dt
-        begin = entry(where, velocity, context=site)._replace(inputs={"stick": CENTRED})
+        begin = entry(where, velocity, context=site)._replace(inputs={"stick": reading})
         self.behavior = Steer(SteerParams(input="stick", **own), begin)
         self.setpoint = at_rest(where, velocity)
         self.way: list[Setpoint] = []
@@ -177,8 +182,22 @@ def test_after_a_hold_the_sticks_must_have_been_centred() -> None:
 )
 def test_it_takes_over_only_with_sticks_at_their_centres(inputs: Any, reason: str) -> None:
     begin: Entry = entry(HEIGHT)._replace(inputs=inputs)
-    with pytest.raises(Refused, match=reason):
-        Steer(SteerParams(input="stick"), begin)
+    assert reason == Steer.objection(SteerParams(input="stick"), begin)
+    assert Steer.objection(SteerParams(input="a"), entry(HEIGHT)) is None
+
+
+def test_it_refuses_to_start_without_its_input() -> None:
+    with pytest.raises(Refused, match="`stick` is lost"):
+        Steer(SteerParams(input="stick"), entry(HEIGHT))
+
+
+def test_entered_off_centre_it_waits_for_the_sticks() -> None:
+    flight = Flight(reading=sticks(y=0.2))
+    flight.fly(1.0, sticks(y=0.5))
+    assert flight.velocity == ZERO
+    assert flight.behavior.waits_for == "the sticks of `stick` to be at their centres"
+    flight.fly(0.1, CENTRED)
+    assert flight.behavior.waits_for is None
 
 
 @pytest.mark.parametrize("seed", range(100))
