@@ -21,7 +21,7 @@ from kybflow.runtime.vehicle.vehicle import Vehicle
 
 _LAST_EVENTS = 6
 _REDRAW = 0.1
-_HELD = {"pause": "paused", "brake": "braked", "pilot": "a pilot flies"}
+_HELD = {"pause": "paused", "brake": "braked", "pilot": "by pilot"}
 _FRAME, _LEAST_EVENTS = 6, 1
 """Lines that the table has beside its vehicles, and events that stay in sight below the keys."""
 

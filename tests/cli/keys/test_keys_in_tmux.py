@@ -34,6 +34,41 @@ vehicles:
       down: {do: land}
 """
 
+WITH_A_PILOT = """
+import sys
+from pathlib import Path
+
+from plans import part, plan, state, vehicle
+from rehearsals import opening
+from short_flights import down, hold, up
+
+from kybflow.api.flight import RunRequest
+from kybflow.cli.commands.run import fly_plan
+from kybflow.dsl.plan import TransitionPlan
+
+autopilot, mode = sys.argv[1:]
+driver, opened = opening(autopilot)
+go = TransitionPlan("next", "up", event="operator.go")
+idle = state("idle", part("behaviors", "wait_on_ground"), go)
+states = [idle, up("hold"), hold(1000.0, "down"), down()]
+flier = vehicle("a", states, driver=driver, tracker=part("trackers", "on_board"))
+def taken(session):
+    inner = session.advance
+    def advance(now):
+        wanted = Path("take")
+        if wanted.exists():
+            wanted.unlink()
+            session.links["a"].autopilot.give_to_pilot(mode)
+        inner(now)
+    session.advance = advance
+    return session
+
+opened_by = driver.cls.open.__func__
+driver.cls.open = classmethod(lambda cls, seats, chance: taken(opened_by(cls, seats, chance)))
+sys.exit(fly_plan(plan(flier), RunRequest(out=Path("run"), speed=2.0), report=False))
+"""
+PILOTS_MODE = {"px4": "POSCTL", "ardupilot": "LOITER"}
+
 
 class Screen:
     """A shell in a terminal of 80 columns."""
@@ -75,15 +110,22 @@ class Screen:
 
 
 @pytest.fixture
-def screen(tmp_path: Path) -> Iterator[Screen]:
+def shell(tmp_path: Path) -> Iterator[Screen]:
+    shell = Screen(tmp_path)
+    shell.run("stty -g > before")
+    yield shell
+    shell.close()
+
+
+@pytest.fixture
+def screen(shell: Screen, tmp_path: Path) -> Screen:
+    """A run that waits for a person."""
     (tmp_path / "mission.yaml").write_text(MISSION, encoding="utf-8")
-    screen = Screen(tmp_path)
-    screen.run("stty -g > before")
+    screen = shell
     flags = "--speed 4 --no-report --no-commands --out run"
     screen.run(f"{sys.executable} -m kybflow run mission.yaml {flags}")
     screen.shows(r"1  operator\.go")
-    yield screen
-    screen.close()
+    return screen
 
 
 def has_its_shell_back(screen: Screen, word: str) -> None:
@@ -120,3 +162,23 @@ def test_the_shell_is_back_after_the_run_was_killed(number: str, screen: Screen)
     subprocess.run(["pkill", f"-{number}", "-t", screen.terminal(), "python"], check=True)
     screen.shows("interrupted" if number == "TERM" else "Killed")
     has_its_shell_back(screen, "afterwards")
+
+
+@pytest.mark.parametrize("autopilot", PILOTS_MODE)
+def test_a_vehicle_is_asked_back_from_a_pilot_by_key(
+    autopilot: str, shell: Screen, tmp_path: Path
+) -> None:
+    pytest.importorskip("pymavlink", reason="pymavlink is not installed")
+    (tmp_path / "fly.py").write_text(WITH_A_PILOT, encoding="utf-8")
+    shell.run(f"{sys.executable} fly.py {autopilot} {PILOTS_MODE[autopilot]}")
+    shell.shows(r"1  operator\.go")
+    shell.press("1", "Enter")
+    shell.shows(r"a +│ hold")
+    (tmp_path / "take").touch()
+    shell.shows(r"a +│ hold, by pilot")
+    shell.press("r", "Enter")
+    shell.shows(r"resume: accepted")
+    shell.shows(r"a +│ hold +│")
+    shell.press("l")
+    shell.shows(r"test succeeded")
+    has_its_shell_back(shell, "afterwards")
