@@ -1,26 +1,28 @@
 """Judges in flight what a state is to be entered with, by the compiler's own checks and in its
-words: as in a mission whose vehicle begins there in that state, with those values.
-
-The checks are imported when they are needed first: a flight that nobody commands doesn't pay.
-"""
+words: as in a mission whose vehicle begins there in that state, with those values."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import Vec3
 from kybflow.core.params import fields_of
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.entry_values import OF_ENTRIES
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
+from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.document import Document, ObstacleEntry, PartUse, StateEntry, VehicleEntry
 from kybflow.dsl.plan import PartPlan, Plan, Values, VehiclePlan
+from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Scalar
+from kybflow.dsl.shaping.entry_values import entry_values
+from kybflow.dsl.shaping.world import Points
+from kybflow.parts.catalog import Catalog, PartSpec
 
-if TYPE_CHECKING:
-    from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-    from kybflow.dsl.document import Document, PartUse, StateEntry
-    from kybflow.dsl.reading.nodes import MappingEntry
-
-_WRITTEN = "the command"
-"""The file that a person's values are read from, as far as a span is concerned."""
+_HERE = Span("the command", 1, 1, 1, 1)
+"""Where a person's values stand."""
 
 
 class PlanEntryJudge:
@@ -30,15 +32,10 @@ class PlanEntryJudge:
         self._plan = plan
 
     def read(self, vehicle: str, state: str, written: Values) -> Values:
-        from kybflow.dsl.diagnostics.diagnostic import collect
-        from kybflow.dsl.reading.nodes import Mapping
-        from kybflow.dsl.shaping.entry_values import entry_values
-
         plan = self._vehicle(vehicle).states[state]
         if plan.built_in:
             raise Refused(f"`{state}` is built in and takes no values")
-        entries = {name: self._entry(name, text) for name, text in written}
-        asked = Mapping(entries, _span())
+        asked = Mapping({name: self._entry(name, text) for name, text in written}, _HERE)
         values, found = collect(entry_values(asked, _use(plan.behavior, plan.behavior.params)))
         if found:
             raise Refused(_said(found[0]))
@@ -47,16 +44,10 @@ class PlanEntryJudge:
     def objection(
         self, vehicle: str, state: str, params: Any, points: Sequence[Vec3]
     ) -> str | None:
-        from kybflow.dsl.checks.case import Case
-        from kybflow.dsl.checks.entry_values import OF_ENTRIES
-        from kybflow.parts.catalog import Catalog
-
-        found = (
-            finding
-            for point in points
-            for check in OF_ENTRIES
-            for finding in check(Case(self._document(vehicle, state, params, point), Catalog({})))
+        cases = (
+            Case(self._document(vehicle, state, params, point), Catalog({})) for point in points
         )
+        found = (finding for case in cases for check in OF_ENTRIES for finding in check(case))
         first = next(found, None)
         return None if first is None else _said(first)
 
@@ -65,30 +56,23 @@ class PlanEntryJudge:
 
     def _entry(self, name: str, text: str) -> MappingEntry:
         """One value, as a mission would have it. Raises Refused for what is no YAML."""
-        from kybflow.dsl.diagnostics.diagnostic import collect
-        from kybflow.dsl.reading.composer import compose
-        from kybflow.dsl.reading.nodes import MappingEntry, Scalar
-        from kybflow.dsl.shaping.world import Points
-
-        node, found = compose(text, _WRITTEN)
+        node, found = compose(text, _HERE.file)
         if node is not None:
             node, more = collect(Points(self._plan.points).apply(node))
             found = [*found, *more]
         if node is None or found:
             raise Refused(f"`{name}`: {_said(found[0])}")
-        return MappingEntry(Scalar(name, _span()), node)
+        return MappingEntry(Scalar(name, _HERE), node)
 
     def _document(self, vehicle: str, state: str, params: Any, point: Vec3) -> Document:
         """The mission of one vehicle that begins at `point` in its state."""
-        from kybflow.dsl.document import Document, ObstacleEntry, VehicleEntry
-
         plan, own = self._plan, self._vehicle(vehicle)
-        entered = self._state(own.states[state].behavior, state, params)
+        entered = StateEntry(_text(state), _use(own.states[state].behavior, params), (), _HERE)
         beginner = VehicleEntry(
             name=_text(vehicle),
             airframe=own.airframe,
             start=point,
-            start_span=_span(),
+            start_span=_HERE,
             heading=own.heading,
             estimators=(),
             processors=tuple(_use(part, part.params) for part in own.processors),
@@ -97,7 +81,7 @@ class PlanEntryJudge:
             driver=_use(own.driver, own.driver.params),
             begin=_text(state),
             states={state: entered},
-            span=_span(),
+            span=_HERE,
         )
         return Document(
             mission=_text(plan.mission),
@@ -112,25 +96,15 @@ class PlanEntryJudge:
             vehicles={vehicle: beginner},
             expect=(),
             obstacles=tuple(
-                ObstacleEntry(_text(name), shape, _span()) for name, shape in plan.obstacles.items()
+                ObstacleEntry(_text(name), shape, _HERE) for name, shape in plan.obstacles.items()
             ),
         )
 
-    @staticmethod
-    def _state(behavior: PartPlan, state: str, params: Any) -> StateEntry:
-        from kybflow.dsl.document import StateEntry
-
-        return StateEntry(_text(state), _use(behavior, params), (), _span())
-
 
 def _use(part: PartPlan, params: Any) -> PartUse:
-    from kybflow.dsl.document import PartUse
-    from kybflow.parts.catalog import PartSpec
-
     own = params.__class__
     spec = PartSpec(part.cls.kind, part.name, part.cls, own, fields_of(own), "")
-    label = part.label.partition(".")[2]
-    return PartUse(_text(part.name), spec, params, label, _span())
+    return PartUse(_text(part.name), spec, params, part.label.partition(".")[2], _HERE)
 
 
 def _said(finding: Diagnostic) -> str:
@@ -140,13 +114,5 @@ def _said(finding: Diagnostic) -> str:
     return f"{finding.message}{label}{hint}"
 
 
-def _span() -> Any:
-    from kybflow.dsl.diagnostics.spans import Span
-
-    return Span(_WRITTEN, 1, 1, 1, 1)
-
-
-def _text(text: str) -> Any:
-    from kybflow.dsl.diagnostics.spans import Text
-
-    return Text(text, _span(), verbatim=False)
+def _text(text: str) -> Text:
+    return Text(text, _HERE, verbatim=False)
