@@ -55,8 +55,8 @@ def real_time_part(plan: Plan, again: Mapping[str, str] = NOTHING) -> PartPlan |
     if not plan.simulated:
         return None
     sensors = (s.part for v in plan.vehicles for s in v.sensors)
-    live = (i.part for i in plan.inputs if i.name not in again and i.part.cls.real_time)
-    return next((p for p in sensors if p.cls.real_time(p.params)), None) or next(live, None)
+    inputs = (i.part for i in plan.inputs if i.name not in again)
+    return next((p for p in (*sensors, *inputs) if p.cls.real_time(p.params)), None)
 
 
 def check_pace(plan: Plan, speed: float | None, again: Mapping[str, str] = NOTHING) -> None:

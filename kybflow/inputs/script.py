@@ -40,7 +40,10 @@ class ScriptParams:
 
 class Script(Input[ScriptParams]):
     stuck_after = None
-    real_time = False
+
+    @classmethod
+    def real_time(cls, params: ScriptParams) -> bool:
+        return False
 
     @classmethod
     def axes(cls, params: ScriptParams) -> tuple[str, ...]:

@@ -30,7 +30,9 @@ class SticksInputParams:
 
 
 class SticksInput(Input[SticksInputParams]):
-    real_time = False
+    @classmethod
+    def real_time(cls, params: SticksInputParams) -> bool:
+        return False
 
     @classmethod
     def buttons(cls, params: SticksInputParams) -> tuple[str, ...]:

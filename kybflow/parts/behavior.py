@@ -150,7 +150,8 @@ class Behavior(Part[P]):
     subscribe to while it is active, if the driver provides them. grips: `update` may return a Grip.
     waits_for: what it waits for, in words, None while it goes on; told as `behavior_waits`.
     lets_go: whether no command is sent now, so that the vehicle's own watchdog brings it down.
-    axes: those that the inputs must have which its parameters name.
+    axes: those that the inputs must have which its parameters name. push: what a hand that steers
+    it should feel, along the axes x, y and z.
     """
 
     kind = "behaviors"
@@ -162,6 +163,7 @@ class Behavior(Part[P]):
     waits_for: str | None = None
     lets_go: bool = False
     axes: ClassVar[tuple[str, ...]] = ()
+    push: Vec3 = ZERO
 
     def __init_subclass__(
         cls,

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import ClassVar
 
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import InputReading, Sticks, Time
 from kybflow.parts.base import Objection, P, Part
 
@@ -33,20 +34,33 @@ class InputLink(ABC):
         """Release the device."""
 
 
+class FeltLink(InputLink):
+    """An open input that pushes back."""
+
+    @abstractmethod
+    def feel(self, push: Vec3) -> None:
+        """Let the hand feel what it steers: `push`, along the axes x, y and z, about 1 for a whole
+        mismatch. Called once a tick, after the vehicles have acted. Raises DriverError."""
+
+
 class Input(Part[P]):
     """Gives axes, each -1 to 1, and buttons. A mission hears a button as the event `INPUT.BUTTON`.
 
     stuck_after: seconds after which an axis away from its centre that gives the same number over
     and over is stuck, unless the mission says otherwise; None for a device whose axes have steps.
-    real_time: a person is at it, so that a simulation beside it must run in real time.
     reads_terminal: it takes the keys of the terminal, so that nobody else may.
     """
 
     kind = "inputs"
-    helpers = frozenset({"rows", "sdl"})
+    helpers = frozenset({"haptics", "rows", "sdl"})
     stuck_after: ClassVar[float | None] = 10.0
-    real_time: ClassVar[bool] = True
     reads_terminal: ClassVar[bool] = False
+
+    @classmethod
+    def real_time(cls, params: P) -> bool:
+        """Return whether a person is at it, so that a simulation beside it must run in real
+        time."""
+        return True
 
     @classmethod
     def axes(cls, params: P) -> tuple[str, ...]:

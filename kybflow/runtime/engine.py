@@ -142,6 +142,8 @@ class Engine:
         fleet = {vehicle.name: vehicle.sense(now) for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)
+        if self.plan.inputs:
+            self.inputs.feel(self.vehicles)
         if self.plan.flows:
             self.flows.step(now, dt)
         if self.events.unanswered:

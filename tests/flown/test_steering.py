@@ -36,7 +36,9 @@ class HandParams:
 class Hand(Input[HandParams]):
     """A person in a test, who is as fast as the simulation."""
 
-    real_time = False
+    @classmethod
+    def real_time(cls, params: HandParams) -> bool:
+        return False
 
     @classmethod
     def buttons(cls, params: HandParams) -> tuple[str, ...]:

@@ -25,7 +25,7 @@ sticks have been at their centres. World frame, metres.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import cos, hypot, pi, sin, tan
 from typing import ClassVar, Literal
 
@@ -46,6 +46,8 @@ _HARD = 2.5
 """The largest acceleration (m/s^2) with which the setpoint is kept away from something."""
 _TURNING = 4.0
 """The largest change of the rate of turning, rad/s^2."""
+_FELT = 0.5
+"""Metres from which a hand feels what the setpoint comes near to."""
 _HELD = 1.5
 """Ticks without an update after which the vehicle was held."""
 
@@ -123,7 +125,9 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         brakes = sticks is None or (p.by == "signals" and not any(sticks))
         level = self._level(x, y, dt, brakes=brakes)
         rise = _towards(before[2], z * p.climb, p.acceleration * dt)
-        asked = bounded((*level, rise), self._surfaces(tick))
+        surfaces = tuple(self._surfaces(tick))
+        asked = bounded((*level, rise), surfaces)
+        self._let_feel(x, y, z, surfaces, tick)
         change = shortened(sub(asked, before), _HARD * dt)
         self._velocity = velocity = add(before, change)
         mean = scale(add(before, velocity), 0.5 * dt)
@@ -133,6 +137,25 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         acceleration = scale(change, 1.0 / dt) if dt > 0.0 else ZERO
         motion = Motion(self._position, velocity, acceleration)
         return motion.setpoint(self._heading, self._rate)
+
+    def _let_feel(
+        self, x: float, y: float, z: float, surfaces: Iterable[Surface], tick: Tick
+    ) -> None:
+        """Work out what the hand should feel: how the vehicle's velocity differs from the one that
+        is asked, as a share of the largest, and the way out of what it comes near to."""
+        p, turned = self.params, self._heading if self.params.frame == "heading" else 0.0
+        c, s = cos(turned), sin(turned)
+        velocity = tick.known().velocity
+        out = ZERO
+        for room, normal in surfaces:
+            if room < _FELT:
+                out = add(out, scale(normal, 1.0 - max(room, 0.0) / _FELT))
+        (vx, vy, vz), (ox, oy, oz) = velocity, out
+        self.push = (
+            (c * vx + s * vy) / p.speed - x + c * ox + s * oy,
+            (c * vy - s * vx) / p.speed - y + c * oy - s * ox,
+            vz / p.climb - z + oz,
+        )
 
     def _level(self, x: float, y: float, dt: float, *, brakes: bool) -> tuple[float, float]:
         """The level velocity in the next tick, but for what is in the way."""

@@ -12,16 +12,21 @@ broken, since it may be the one that lands.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import isfinite
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from kybflow.core.errors import DriverError, described
+from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, InputReading, InputReadings, Time
 from kybflow.dsl.plan import InputPlan
 from kybflow.parts import InputLink
+from kybflow.parts.input import FeltLink
 from kybflow.runtime.events import Events, Fields
+
+if TYPE_CHECKING:
+    from kybflow.runtime.vehicle.vehicle import Vehicle
 
 RECOVERED: Time = NS // 2
 """How long an input must be well until it counts again."""
@@ -58,6 +63,8 @@ class Inputs:
         self._heard: dict[str, InputReading | None] = dict.fromkeys(plan.name for plan in plans)
         self.readings: InputReadings = MappingProxyType(self._heard)
         self._inputs = tuple(_Input(plan, links[plan.name], events, note) for plan in plans)
+        opened = ((one, links[one.plan.name]) for one in self._inputs)
+        self._felt = [(one, link) for one, link in opened if isinstance(link, FeltLink)]
 
     def __len__(self) -> int:
         return len(self._inputs)
@@ -66,6 +73,13 @@ class Inputs:
         """Read every input; tell what happened, in flight only. Called at the start of a tick."""
         for one in self._inputs:
             self._heard[one.plan.name] = one.step(now, flying)
+
+    def feel(self, vehicles: Iterable[Vehicle]) -> None:
+        """Let each hand feel the vehicle that it steers. Called at the end of a tick."""
+        if self._felt:
+            pushes = {name: push for vehicle in vehicles for name, push in vehicle.pushes()}
+            for one, link in self._felt:
+                one.feel(link, pushes.get(one.plan.name, ZERO))
 
     def objections(self) -> Iterator[tuple[InputPlan, str | None]]:
         """Yield each input with why it can't be used now, None where it can."""
@@ -87,12 +101,14 @@ class _Input:
         self._well: Time | None = None
         self._told = False
         self._began: Time | None = None
+        self._unfelt: InputTrouble | None = None
 
     def step(self, now: Time, flying: bool) -> InputReading | None:
         self._began = now if self._began is None else self._began
         reading, silence = self._read(now)
         self._record(reading, silence, now)
-        trouble = silence or self._doubt(reading, now)
+        trouble = silence or self._unfelt or self._doubt(reading, now)
+        self._unfelt = None
         if flying and reading is not None:
             for button in sorted(reading.held - self._held):
                 self._events.tell(f"{self.plan.name}.{button}", at=self.plan.at)
@@ -101,6 +117,12 @@ class _Input:
         if flying:
             self._tell()
         return reading if self.trouble is None else None
+
+    def feel(self, link: FeltLink, push: Vec3) -> None:
+        try:
+            link.feel(push)
+        except Exception as error:  # an input must not stop the flight
+            self._unfelt = InputTrouble(described(error))
 
     def _read(self, now: Time) -> tuple[InputReading | None, InputTrouble | None]:
         """Return what the device says, with its buttons as the mission calls them, or why it says

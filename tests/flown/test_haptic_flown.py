@@ -1,0 +1,48 @@
+"""The haptic loop closed in flight: a simulated hand steers, and feels the vehicle and the wall."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from plans import part, state, vehicle
+from short_flights import down, path, up
+
+from kybflow.core.files import File
+from kybflow.dsl.plan import InputPlan, TransitionPlan
+from kybflow.inputs.rows import parse
+from kybflow.recording.earlier_run import read_earlier_run
+
+HAND = """\
+t, x, y, z, turn, buttons
+0, 0, 0, 0, 0,
+7, 1, 0, 0, 0,
+17, 0, 0, 0, 0,
+19, 0, 0, 0, 0, end
+"""
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("rate", [100, 250])
+def test_a_hand_feels_the_wall_that_the_vehicle_comes_to(run: Any, rate: int) -> None:
+    device = part("inputs", "haptic", device="simulated", hand=File("hand.csv", "1", HAND))
+    own = replace(device, label="inputs.hand")
+    inputs = (InputPlan("hand", own, {"end": "end"}, 0.3),)
+    end = TransitionPlan("next", "down", event="hand.end")
+    steered = part("behaviors", "steer", input="hand", speed=0.5)
+    states = [
+        up("wait", 1.0),
+        state("wait", part("behaviors", "hover", for_time=0.5), TransitionPlan("then", "steered")),
+        state("steered", steered, end, TransitionPlan("failed", "down")),
+        down(),
+    ]
+    flown, told = run(vehicle("a", states), inputs=inputs, control_rate=rate)
+    assert path(told, "a") == ["up", "wait", "steered", "down", "landed"]
+    rows = parse(read_earlier_run(flown.folder).inputs["hand"]).rows
+    felt = {row.time / 1e9: row.axes["force_x"] for row in rows}
+    free = [force for time, force in felt.items() if 9.0 < time < 9.5]
+    near = [force for time, force in felt.items() if 15.0 < time < 16.5]
+    rest = [force for time, force in felt.items() if 5.5 < time < 6.5]
+    assert max(map(abs, rest)) < 0.1
+    assert sum(near) / len(near) < sum(free) / len(free) - 0.2
