@@ -1,17 +1,18 @@
 """The bodies of motion capture: what is wrong with one, by its poses alone, whatever gives them.
 
 lost: no pose for longer than a bound, or than three of the stream's own intervals where that is
-longer. froze: fresh stamps, but bit by bit the same pose while the vehicle is in the air; noise and
-motion make that impossible for a body that is seen. On the ground nothing is said of it: what
-stands still may be measured without noise, as a simulator can. jumped: three poses in a row are
-where no flight could have brought the vehicle since the last one (`kybflow.flight.pose_track`).
-swapped: it jumped to where another body was: within `near` + `pace` * t of its last place, or of
-the one that it has just left; or it comes back after more than `MEMORY` where another vehicle
-believes itself to be. Then its poses, which agree with one another but are another's, are withheld
-until it jumps or is lost again.
+longer. froze: fresh stamps, but bit by bit the same pose while the vehicle is in the air; noise
+and motion make that impossible for a body that is seen. On the ground the same is said where poses
+have wavered there before, as real ones do: a vehicle whose take-off is not seen would go on to
+climb. Where they have not, what stands still is measured without noise, as a simulator can.
+jumped: three poses in a row are where no flight could have brought the vehicle since the last one
+(`kybflow.flight.pose_track`). swapped: it jumped to where another body was: within `near` + `pace`
+times the time since of its last place, or of the one that it has just left; or it comes back after
+more than `MEMORY` where another vehicle believes itself to be. Then its poses, which agree with
+one another but are another's, are withheld until it jumps or is lost again.
 
-In the air, a pose that is the one before it bit by bit is no measurement and is withheld, from the
-first on, so that an estimate ages from when its body froze, not from when that is told; once it was
+Then a pose that is the one before it bit by bit is no measurement and is withheld, from the first
+on, so that an estimate ages from when its body froze, not from when that is told; once it was
 told, also on the ground, until the pose changes. All others pass: whether the vehicle can be there
 is for the estimators to say (`kybflow.flight.pose_gate`).
 """
@@ -30,6 +31,11 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.findings import Finding, Trouble, nearest, tell
 
 LOST, FROZE = "body_lost", "body_froze"
+WAVERS = 30
+"""So many poses in a row on the ground, each a little beside the last one, are measured with
+noise."""
+STILL = 0.01
+"""Metres between two poses of a vehicle that stands."""
 MEMORY = 0.25
 """Seconds for which a body is near where it was."""
 _MEMORY = round(MEMORY * NS)
@@ -149,8 +155,8 @@ class _Body:
     vehicle whose poses it gets, empty where they are its own."""
 
     __slots__ = (
-        "_before", "_last", "began", "changed", "due", "interval", "left", "of", "stamp", "track",
-        "trouble",
+        "_before", "_last", "_wavered", "began", "changed", "due", "interval", "left", "of",
+        "stamp", "track", "trouble",
     )  # fmt: skip
 
     def __init__(self, now: Time) -> None:
@@ -164,6 +170,7 @@ class _Body:
         self.interval: Time | None = None
         self._before: Time | None = None
         self._last: Pose | None = None
+        self._wavered = 0
 
     def found(self, finding: Finding) -> Finding:
         """From now on that is wrong with it."""
@@ -181,8 +188,11 @@ class _Body:
             self._before = passed
         self.stamp = stamp
         same = last is not None and last.position == position and last.attitude == attitude
-        if same and (in_air or self.trouble.is_told(FROZE)):
+        if same and (in_air or self._wavered >= WAVERS or self.trouble.is_told(FROZE)):
             return True
+        if self._wavered < WAVERS and not in_air and last is not None:
+            stands = not same and distance(last.position, position) < STILL
+            self._wavered = self._wavered + 1 if stands else 0
         self.changed = stamp
         return False
 

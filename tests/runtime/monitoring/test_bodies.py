@@ -117,6 +117,18 @@ def test_what_stands_still_without_noise_is_not_frozen_before_it_flies() -> None
     assert still(bodies, range(2 * NS, 3 * NS, NS // 100), in_air=True) == (0, [FROZE])
 
 
+def test_what_wavered_on_the_ground_and_stands_still_is_frozen_there_too() -> None:
+    """A vehicle that takes off meanwhile would climb until its link fails."""
+    bodies = Bodies()
+    noise = random.Random(1)
+    for time in range(0, NS, NS // 100):
+        there = (noise.gauss(0.0, 0.0005), 0.0, 0.0)
+        bodies.judge("a", [Pose(time, there, LEVEL)], time, in_air=False)
+    passed, told = still(bodies, range(NS, 2 * NS, NS // 100), in_air=False)
+    assert passed <= 1
+    assert told == [FROZE]
+
+
 def test_what_froze_in_the_air_is_withheld_on_the_ground_until_it_moves() -> None:
     bodies = Bodies()
     still(bodies, range(0, NS, NS // 100), in_air=True)
