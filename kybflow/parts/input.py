@@ -40,7 +40,7 @@ class FeltLink(InputLink):
     @abstractmethod
     def feel(self, push: Vec3) -> None:
         """Let the hand feel what it steers: `push`, along the axes x, y and z, about 1 for a whole
-        mismatch. Called once a tick, after the vehicles have acted. Raises DriverError."""
+        mismatch. Called once a tick, after `read`. Raises DriverError."""
 
 
 class Input(Part[P]):

@@ -134,7 +134,7 @@ class Engine:
         self._ticked = now
         self.events.turn(now)
         if self.plan.inputs:
-            self.inputs.step(now)
+            self.inputs.step(now, self.vehicles)
         self.commander.step(now)
         self.options.apply()
         if self.plan.faults:
@@ -142,8 +142,6 @@ class Engine:
         fleet = {vehicle.name: vehicle.sense(now) for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)
-        if self.plan.inputs:
-            self.inputs.feel(self.vehicles)
         if self.plan.flows:
             self.flows.step(now, dt)
         if self.events.unanswered:

@@ -69,13 +69,11 @@ class Inputs:
     def __len__(self) -> int:
         return len(self._inputs)
 
-    def step(self, now: Time, *, flying: bool = True) -> None:
-        """Read every input; tell what happened, in flight only. Called at the start of a tick."""
+    def step(self, now: Time, vehicles: Iterable[Vehicle] = (), *, flying: bool = True) -> None:
+        """Read every input, tell what happened, in flight only, and let each hand feel those of the
+        vehicles that it steers, as they were in the last tick. Called at the start of a tick."""
         for one in self._inputs:
             self._heard[one.plan.name] = one.step(now, flying)
-
-    def feel(self, vehicles: Iterable[Vehicle]) -> None:
-        """Let each hand feel the vehicle that it steers. Called at the end of a tick."""
         if self._felt:
             pushes = {name: push for vehicle in vehicles for name, push in vehicle.pushes()}
             for one, link in self._felt:
