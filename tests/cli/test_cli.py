@@ -381,6 +381,8 @@ def test_show_tells_groups_flows_callbacks_faults_and_world() -> None:
     assert "groups\n  swarm: a, b, c, d\n" in formation
     assert "flow solo (drives what it is given; begins with leave)\n" in formation
     assert "others: turn; give d to solo (event solo.finished: again)\n" in formation
+    steered = run("show", str(REPO / "missions" / "joystick.yaml")).output
+    assert "stick: script (a is take; b is give; y is land; dead man: right_shoulder)" in steered
     lives = run("show", str(REPO / "missions" / "two_lives.yaml")).output
     assert "callbacks\n  sick.fault_injected: log `{vehicle} suffers {fault}" in lives
     assert "faults\n  battery_sag on sick, when behavior == eight and elapsed > 4 s\n" in lives

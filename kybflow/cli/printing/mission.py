@@ -21,6 +21,7 @@ from kybflow.dsl.plan import (
     EnterPhase,
     FaultPlan,
     FlowPlan,
+    InputPlan,
     LogText,
     PartPlan,
     PhasePlan,
@@ -105,6 +106,7 @@ def _sections(plan: Plan) -> Iterator[tuple[str, list[str]]]:
     """The heading and lines of each section that the mission has beside its vehicles."""
     every = [
         ("world", list(_world(plan))),
+        ("inputs", [_input(own) for own in plan.inputs]),
         ("groups", [f"{name}: {', '.join(of)}" for name, of in plan.groups.items()]),
         *((_flow_heading(flow), _flow(flow, plan.groups)) for flow in plan.flows),
         ("callbacks", [_callback(callback) for callback in plan.callbacks]),
@@ -130,6 +132,14 @@ def _world(plan: Plan) -> Iterator[str]:
 
 def _point(point: Vec3) -> str:
     return f"[{', '.join(f'{value:.4g}' for value in point)}] m"
+
+
+def _input(own: InputPlan) -> str:
+    """`stick: gamepad (a is take; dead man: right_shoulder)`."""
+    renamed = [f"{button} is {name}" for button, name in own.buttons.items() if button != name]
+    held = [] if own.dead_man is None else [f"dead man: {own.dead_man}"]
+    known = "; ".join((*renamed, *held))
+    return f"{own.name}: {own.part.name}" + (f" ({known})" if known else "")
 
 
 def _flow_heading(flow: FlowPlan) -> str:
