@@ -8,7 +8,7 @@ quaternions rotate body to world.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from enum import Enum, IntEnum
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple, Protocol, TypeVar, cast
@@ -317,6 +317,10 @@ class Event(NamedTuple):
     at: str = ""
 
 
+CENTRE = 0.05
+"""How far from zero an axis of an input may be at rest."""
+
+
 class InputReading(NamedTuple):
     """What a person's input says: each axis by name, -1 to 1, and the names of the buttons that are
     held. heard: when the device said so, or was last known to have nothing new. engaged: its
@@ -326,6 +330,10 @@ class InputReading(NamedTuple):
     axes: Mapping[str, float]
     held: frozenset[str] = frozenset()
     engaged: bool = True
+
+    def is_centred(self, axes: Iterable[str]) -> bool:
+        """Return whether each of these axes is at rest."""
+        return all(abs(self.axes[axis]) <= CENTRE for axis in axes)
 
 
 InputReadings = Mapping[str, InputReading | None]

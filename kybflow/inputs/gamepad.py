@@ -36,6 +36,7 @@ from kybflow.core.tables import header_line, need, read_table
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import NUMBER, Number, Ratio
 from kybflow.inputs import sdl
+from kybflow.inputs.deflection import beyond
 from kybflow.parts import AXES, Input, InputLink, param, params
 from kybflow.parts.base import Objection
 from kybflow.parts.input import SticksOf
@@ -161,7 +162,8 @@ class PadLink(InputLink):
 
     def _axes(self, state: sdl.PadState) -> dict[str, float]:
         own = self._map(state.name)
-        return {axis: self._shaped(_value(state, own[axis])) for axis in AXES}
+        zone, expo = self._params.dead_zone, self._params.expo
+        return {axis: beyond(_value(state, own[axis]), zone, expo) for axis in AXES}
 
     def _map(self, name: str) -> dict[str, Calibration]:
         p = self._params
@@ -169,12 +171,6 @@ class PadLink(InputLink):
         tables = {} if p.controllers is None else read_controllers(p.controllers)
         named = (table for part, table in tables.items() if part.lower() in name.lower())
         return {**usual, **next(named, {})}
-
-    def _shaped(self, value: float) -> float:
-        zone, expo = self._params.dead_zone, self._params.expo
-        size = max(0.0, abs(value) - zone) / (1.0 - zone)
-        soft = (1.0 - expo) * size + expo * size**3
-        return -soft if value < 0.0 < soft else soft
 
     def trouble(self) -> str | None:
         if self._gone:

@@ -25,6 +25,7 @@ from kybflow.core.geometry import ZERO, Vec3, add, scale
 from kybflow.core.signals import NS, InputReading, Time
 from kybflow.core.units import Force, Length, Ratio
 from kybflow.flight.governor import shortened
+from kybflow.inputs.deflection import beyond
 from kybflow.inputs.haptics import (
     EnergyTank,
     ForceDimension,
@@ -108,9 +109,8 @@ class HapticLink(FeltLink):
         return InputReading(now, dict(zip((*AXES, *_FORCES), values, strict=True)), state.held)
 
     def _deflection(self, place: float) -> float:
-        share, zone = max(-1.0, min(1.0, place / self._params.reach)), self._params.dead_zone
-        size = max(0.0, abs(share) - zone) / (1.0 - zone)
-        return -size if share < 0.0 < size else size
+        share = max(-1.0, min(1.0, place / self._params.reach))
+        return beyond(share, self._params.dead_zone)
 
     def feel(self, push: Vec3) -> None:
         state, p = self._state, self._params

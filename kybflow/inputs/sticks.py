@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from kybflow.core.signals import InputReading, Sticks, Time
 from kybflow.core.units import Ratio
+from kybflow.inputs.deflection import beyond
 from kybflow.parts import Input, InputLink, param, params
 from kybflow.parts.input import SticksOf
 
@@ -59,15 +60,9 @@ class SticksLink(InputLink):
 
     def _of(self, sticks: Sticks) -> InputReading:
         raw = (sticks.pitch, -sticks.roll, 2.0 * sticks.throttle - 1.0, sticks.yaw)
-        x, y, z, turn = (self._beyond(value) for value in raw)
+        x, y, z, turn = (beyond(value, self._params.dead_zone) for value in raw)
         up = {f"switch{i}" for i, level in enumerate(sticks.switches, 1) if level > _UP}
         return InputReading(sticks.time, {"x": x, "y": y, "z": z, "turn": turn}, frozenset(up))
-
-    def _beyond(self, value: float) -> float:
-        """The value from the edge of the dead zone on."""
-        zone = self._params.dead_zone
-        size = max(0.0, abs(value) - zone) / (1.0 - zone)
-        return -size if value < 0.0 < size else size
 
     def close(self) -> None:
         """The vehicle's link is the driver's."""

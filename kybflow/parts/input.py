@@ -52,7 +52,7 @@ class Input(Part[P]):
     """
 
     kind = "inputs"
-    helpers = frozenset({"haptics", "rows", "sdl"})
+    helpers = frozenset({"deflection", "haptics", "rows", "sdl"})
     stuck_after: ClassVar[float | None] = 10.0
     reads_terminal: ClassVar[bool] = False
 

@@ -40,8 +40,6 @@ from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, param, params
 from kybflow.parts.behavior import SPEED_SHARE
 from kybflow.world.shapes import Box, Shape, Sphere
 
-CENTRE = 0.05
-"""How far from zero an axis may be at rest."""
 _HARD = 2.5
 """The largest acceleration (m/s^2) with which the setpoint is kept away from something."""
 _TURNING = 4.0
@@ -91,7 +89,7 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         self._context = entry.context
         self._position, self._velocity = entry.motion.position, entry.motion.velocity
         self._heading, self._rate = entry.heading, 0.0
-        self._obeys = _is_centred(reading)
+        self._obeys = reading.is_centred(AXES)
         self._lost: float | None = None
         self._last: Time = entry.now
 
@@ -111,7 +109,7 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
             self._obeys = False
         if reading is None:
             return None
-        self._obeys = self._obeys or _is_centred(reading)
+        self._obeys = self._obeys or reading.is_centred(AXES)
         centred = f"the sticks of `{self.params.input}` to be at their centres"
         self.waits_for = None if self._obeys else centred
         if not (self._obeys and reading.engaged):
@@ -191,7 +189,7 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         reading = entry.inputs.get(params.input)
         if reading is None:
             return f"`{params.input}` is lost"
-        if not _is_centred(reading):
+        if not reading.is_centred(AXES):
             return f"the sticks of `{params.input}` are off their centres"
         return None
 
@@ -200,10 +198,6 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         points = () if entry is None else (entry,)
         sharpest = max(params.acceleration, GRAVITY * tan(params.tilt))
         return Footprint(points, params.speed, None, is_endless=True, acceleration=sharpest)
-
-
-def _is_centred(reading: InputReading) -> bool:
-    return all(abs(reading.axes[axis]) <= CENTRE for axis in AXES)
 
 
 def _towards(before: float, wanted: float, most: float) -> float:

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 RECOVERED: Time = NS // 2
 """How long an input must be well until it counts again."""
-CENTRE = 0.05
-"""How far from zero an axis may be at rest."""
 _NOTHING: frozenset[str] = frozenset()
 
 NoteInput = Callable[[str, Time, InputReading | None, str], None]
@@ -163,7 +161,7 @@ class _Input:
         if reading.axes != self._axes:
             self._axes, self._moved = reading.axes, now
         still, bound = (now - self._moved) / NS, self.plan.stuck_after
-        if bound is not None and still > bound and not is_centred(reading):
+        if bound is not None and still > bound and not reading.is_centred(reading.axes):
             return InputTrouble(f"its axes are stuck for {still:.2f} s", still, bound)
         return None
 
@@ -188,8 +186,3 @@ class _Input:
         elif self.trouble is None and self._told:
             self._events.tell("input_recovered", at=at, input=name)
             self._told = False
-
-
-def is_centred(reading: InputReading) -> bool:
-    """Return whether every axis is at rest."""
-    return all(abs(value) <= CENTRE for value in reading.axes.values())
