@@ -14,13 +14,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence, Set
 from typing import TYPE_CHECKING
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.signals import NS, MeasurementKind, Time
 from kybflow.drivers.mavlink.control import others
 from kybflow.drivers.mavlink.control.others import OtherCommanders
 from kybflow.drivers.mavlink.control.requests import CommandRequests
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.telemetry import received_status
 from kybflow.drivers.mavlink.telemetry import truth as ground_truth
 from kybflow.drivers.mavlink.telemetry.battery import BatteryReports

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence, Set
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import LEVEL, ZERO, heading_of
 from kybflow.core.signals import (
@@ -31,6 +29,7 @@ from kybflow.drivers.mavlink.control.setpoints import HoverThrottle, compensated
 from kybflow.drivers.mavlink.firmware import FirmwareProfile, Latency
 from kybflow.drivers.mavlink.preflight.checks import LineCapacity, PreflightChecks
 from kybflow.drivers.mavlink.protocol import codec
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Anchor
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.errors import Refused
 from kybflow.core.signals import Time
 from kybflow.drivers.emulated_autopilot.state import EmulatedState
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 
 MIDDLE = 1500
 ACCEPTED, UNSUPPORTED, FAILED = 0, 3, 4

@@ -6,10 +6,9 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any, NamedTuple
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.geometry import Quat, Vec3, add, from_heading, rotate
 from kybflow.drivers.emulation.control import FREE, Axes, PositionTarget
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import attitude_from_ned, from_frd, heading_from_ned
 
 LOCAL, LOCAL_OFFSET, BODY, BODY_OFFSET, BODY_FRD = 1, 7, 8, 9, 12

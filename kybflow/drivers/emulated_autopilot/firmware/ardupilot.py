@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.geometry import tilt_of
 from kybflow.core.signals import NS, Time
 from kybflow.core.units import DEG
@@ -24,6 +22,7 @@ from kybflow.drivers.emulated_autopilot.state import (
     Role,
 )
 from kybflow.drivers.emulation.control import Speeds
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Tangent
 
 EARTH = 6_378_100.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.geometry import tilt_of
 from kybflow.core.signals import NS, Time
 from kybflow.core.units import DEG
@@ -13,6 +11,7 @@ from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware, by_num
 from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
 from kybflow.drivers.emulated_autopilot.state import EmulatedState, FailsafeAction, FlightMode, Role
 from kybflow.drivers.emulation.control import Speeds
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Tangent
 
 TEMPORARILY_REJECTED, DENIED = 1, 2

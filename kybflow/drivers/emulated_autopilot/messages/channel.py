@@ -6,10 +6,9 @@ import random
 from collections.abc import Mapping
 from typing import Any
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.signals import NEVER, NS, Time
 from kybflow.drivers.emulation.breaking import BreakableLink, Failures
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, Counts, Packer, Parser
 from kybflow.drivers.mavlink.protocol.signing import Signing
 from kybflow.drivers.mavlink.transport.sockets import UdpIn

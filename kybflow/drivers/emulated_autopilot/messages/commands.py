@@ -7,13 +7,12 @@ from collections.abc import Callable
 from math import isfinite
 from typing import Any
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.control import payload
 from kybflow.drivers.emulated_autopilot.messages.channel import Channel, name_of
 from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
 from kybflow.drivers.emulated_autopilot.state import CRITICAL, Role
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 FORCED = 21196

@@ -5,13 +5,12 @@ from __future__ import annotations
 import random
 from typing import Any
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.signals import Measurement, Time
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.messages.channel import Channel
 from kybflow.drivers.emulated_autopilot.messages.handlers import MessageHandlers
 from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.transport.wire import Wire
 
 CHUNK = 50

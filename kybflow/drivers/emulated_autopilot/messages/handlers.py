@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.geometry import Vec3, heading_of
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.control import setpoints
@@ -16,6 +14,7 @@ from kybflow.drivers.emulated_autopilot.messages.commands import CUSTOM, Command
 from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
 from kybflow.drivers.emulated_autopilot.state import PilotSticks, Role
 from kybflow.drivers.emulation.control import PositionTarget
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import (
     Tangent,
     attitude_from_ned,

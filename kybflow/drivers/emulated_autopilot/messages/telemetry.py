@@ -10,12 +10,11 @@ from collections.abc import Callable
 from math import degrees, hypot
 from typing import Any
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.geometry import conjugate, rotate, to_euler
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.state import Role
 from kybflow.drivers.emulation.control import FREE, PositionTarget
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned, to_frd, to_ned
 
 QUADROTOR = 2

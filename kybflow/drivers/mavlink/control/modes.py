@@ -6,11 +6,10 @@ in force, and only they count.
 
 from __future__ import annotations
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.signals import Time
 from kybflow.drivers.mavlink.control.requests import CommandRequests, Retries
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 

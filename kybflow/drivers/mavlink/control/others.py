@@ -21,12 +21,11 @@ from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.geometry import Vec3, distance, norm
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.control.requests import name_of
 from kybflow.drivers.mavlink.protocol.codec import NO_ACCELERATION, NO_POSITION, NO_VELOCITY
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message

@@ -22,8 +22,6 @@ from __future__ import annotations
 from itertools import takewhile
 from typing import TYPE_CHECKING, NamedTuple
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3, conjugate, rotate, scale, to_euler
 from kybflow.core.signals import (
     NS,
@@ -39,6 +37,7 @@ from kybflow.core.signals import (
     Sticks,
     Time,
 )
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import (
     Anchor,
     Tangent,

@@ -11,10 +11,9 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.signals import NS, Battery, BatteryWarning, Time
 from kybflow.drivers.mavlink.protocol import codec
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus, ReceivedText
 
 if TYPE_CHECKING:

@@ -18,10 +18,9 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.clock_offset import Offset
 from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.framing import Message
 
 MS: Time = NS // 1000

@@ -15,9 +15,8 @@ from math import isnan
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 
 if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message

@@ -13,11 +13,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.geometry import Vec3, add, distance, norm, scale, sub
 from kybflow.core.signals import NS, Estimate, Odometry, Time
 from kybflow.drivers.mavlink.protocol import codec
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Anchor
 
 if TYPE_CHECKING:

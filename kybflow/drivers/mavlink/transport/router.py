@@ -14,10 +14,9 @@ from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.framing import (
     NUMBERS,
     ONBOARD,

@@ -1,0 +1,29 @@
+"""What an install without the extras can't do is told with the command that brings it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+WITHOUT = """
+import sys
+sys.modules["pymavlink"] = None
+from kybflow.__main__ import main
+sys.argv = ["kybflow", *sys.argv[1:]]
+main()
+"""
+
+
+@pytest.mark.parametrize("target", ["emulated_px4", "px4"])
+def test_a_target_that_needs_mavlink_says_what_to_install(target: str, tmp_path: Path) -> None:
+    mission = str(MISSIONS / "first_flight.yaml")
+    command = ["run", mission, "--target", target, "--plain", "--out", str(tmp_path / "run")]
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT, *command], capture_output=True, text=True, check=False
+    )
+    said = done.stdout + done.stderr
+    assert "MAVLink needs pymavlink: pip install 'kybflow[mavlink]'" in said
+    assert "Traceback" not in said
+    assert done.returncode != 0
