@@ -10,9 +10,10 @@ import pytest
 from plans import part, vehicle
 from short_flights import down, hold, named, path, up
 
-from kybflow.core.signals import Imu, Truth
+from kybflow.core.signals import NS, Imu, Truth
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, FaultPlan
+from kybflow.flight.descent import Descent
 from kybflow.parts import Effect
 
 LOST = 9.0
@@ -124,6 +125,36 @@ def test_lost_while_it_climbs_it_lands(run) -> None:
     landing = watch.landing()
     assert landing.speed <= 1.5
     assert landing.climbed <= 0.3
+
+
+class Loses(MOCAP.cls):
+    """Motion capture that has no estimate any more from `at` seconds on."""
+
+    at: ClassVar[float]
+
+    def update(self, measurements, now):
+        estimate = super().update(measurements, now)
+        return estimate if now < self.at * NS else None
+
+
+@pytest.mark.parametrize(("lost", "least"), [(2.507, 0.2), (9.507, -0.7)])
+def test_it_begins_at_the_speed_at_which_the_estimate_was_lost(run, monkeypatch, lost, least):
+    """It is lost in a tick in which the vehicle needs it and no supervisor looks."""
+    begun: list[float] = []
+
+    def noted(hover: float, most: float, climb: float, rest: float) -> Descent:
+        begun.append(climb)
+        return Descent(hover, most, climb, rest)
+
+    monkeypatch.setattr("kybflow.runtime.behaviors.land_blind.Descent", noted)
+    monkeypatch.setattr(Loses, "at", lost, raising=False)
+    sees = EstimatorPlan(replace(MOCAP, cls=Loses), None, 1.0, None)
+    watch = Watch()
+    states = [up("hold", 1.8), hold(1.0, "down"), down()]
+    run(vehicle("a", states, estimators=(sees,)), observers=(watch,))
+    true = watch.seen[0][1].velocity[2]
+    assert least < true < least + 0.5
+    assert begun == [pytest.approx(true, abs=0.1)]
 
 
 def test_one_that_is_not_heard_and_loses_its_load_comes_down_by_its_own_watchdog(run) -> None:

@@ -97,11 +97,11 @@ class Control:
         if activity.land_mode is not None:
             return self._landing(tick)
         if tick.estimate is None and activity.behavior.needs_estimate:
+            if activity.off_ground and self._reactions.lost_estimate(tick):
+                return None  # `followed` stays: what is entered begins at its speed
             self.followed = None
             if not activity.off_ground:
                 return RESTING, None
-            if self._reactions.lost_estimate(tick):
-                return None
         output = activity.update(tick)
         if isinstance(output, Command):
             self.followed = None
