@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kybflow.core.errors import FileError
@@ -24,6 +24,7 @@ WORDS = st.from_regex(r"[A-Za-z]{1,9}( [A-Za-z`.]{1,9})?", fullmatch=True)
 SILENT = st.builds(lambda why: ({}, frozenset(), why), WORDS)
 
 
+@settings(max_examples=30)
 @given(st.dictionaries(st.integers(0, 150_000), st.one_of(SPOKEN, SILENT), min_size=1))
 def test_what_is_written_reads_back_to_the_tick(told: dict[int, tuple[object, ...]]) -> None:
     rows = tuple(InputRow(tick * NS // 250, *told[tick]) for tick in sorted(told))  # type: ignore[arg-type]
