@@ -27,8 +27,8 @@ STAGES = (
 )
 BUDGET = {
     1: {
-        "simulator": 3180,
-        "engine and vehicle": 1514,
+        "simulator": 3280,
+        "engine and vehicle": 1557,
         "tracker": 953,
         "estimator": 699,
         "processors": 320,
@@ -37,8 +37,8 @@ BUDGET = {
         "supervisors": 104,
     },
     8: {
-        "simulator": 2880,
-        "engine and vehicle": 1350,
+        "simulator": 2960,
+        "engine and vehicle": 1388,
         "tracker": 953,
         "estimator": 699,
         "processors": 320,
