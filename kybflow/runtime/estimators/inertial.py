@@ -39,6 +39,9 @@ from kybflow.world.vehicle_context import VehicleContext
 
 LONGEST_LEAP = 0.5
 """Seconds without an anchor after which the next one is taken as it is."""
+FARTHEST, SURE = 0.15, 3.0
+"""Metres, and spreads of the estimate that is followed, by which that may be off this one; farther
+it has jumped, which would be taken for a speed."""
 NOISY = 0.01
 MOST_ACCELERATION, MOST_TURN = 1.0, 0.1
 """Bounds of the biases, m/s^2 and rad/s, along each axis."""
@@ -110,16 +113,15 @@ class Inertial(Estimator[InertialParams]):
         last, self._anchored = self._anchored, seen
         self._anchor_spread = estimate.spread
         dt = (seen - last) / NS if last is not None else LONGEST_LEAP
-        if dt >= LONGEST_LEAP:
+        off = dist(estimate.position, self._position)
+        if dt >= LONGEST_LEAP or off > FARTHEST + SURE * estimate.spread:
             self._position, self._velocity = estimate.position, estimate.velocity
             if last is None:
                 self._attitude = estimate.attitude
         elif dt > 0.0:
             share = estimate.spread / NOISY
             self._follow(estimate, 2.0 * pi * self.params.bandwidth / (1.0 + share * share), dt)
-            self._anchor_spread = hypot(
-                self._anchor_spread, dist(estimate.position, self._position)
-            )
+            self._anchor_spread = hypot(estimate.spread, off)
 
     def _move(self, imu: Imu) -> None:
         """Go on to the IMU's time."""

@@ -179,8 +179,19 @@ def test_what_it_is_off_the_estimate_that_it_follows_counts_as_its_spread():
     there = world.estimate(spread=0.03)
     x, y, z = there.position
     estimator.update((world.imu(),), world.now)
-    estimator.anchor(world.estimate(spread=0.03)._replace(position=(x + 0.5, y, z)))
-    assert estimator.update((), world.now).spread > 0.4
+    estimator.anchor(world.estimate(spread=0.03)._replace(position=(x + 0.2, y, z)))
+    assert estimator.update((), world.now).spread > 0.19
+
+
+def test_a_jump_of_what_it_follows_is_no_speed():
+    world = World()
+    estimator = anchored(world, 5.0)
+    for _ in range(30):
+        estimator.update((world.imu(),), world.now)
+        x, y, z = world.position()
+        estimator.anchor(world.estimate()._replace(position=(x, y, z - 0.35)))
+    slow = estimator.update((), world.now).velocity
+    assert distance(slow, world.velocity()) < 0.05
 
 
 def test_an_imu_that_falls_silent_leaves_no_estimate():

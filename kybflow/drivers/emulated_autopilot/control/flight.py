@@ -28,8 +28,8 @@ TAKES_HOLD, SLIGHT, SLOW = 0.6, 0.65, 0.25
 """It counts as standing after these seconds with less thrust than this share of its hover thrust
 and a climb or descent slower than this."""
 TOUCHES, PUSHED = 0.3, 0.9
-"""Where it is to land, it has touched something after these seconds with less thrust than this
-share of its hover thrust and hardly a descent: it stays level then, as PX4 with `ground_contact`
+"""Where it is to land, it has touched something if in these seconds it has hardly come down, with
+less thrust than this share of its hover thrust: it stays level then, as PX4 with `ground_contact`
 and ArduPilot with `land_complete_maybe`."""
 LIFTS, LIFTED = 0.9, 0.08
 """It counts as flying with more thrust than this share of its hover thrust, this far above where it
@@ -59,7 +59,8 @@ class EmulatedFlight:
         self._attitude: Quat = from_heading(0.0)
         self._turning = False
         self._slight: Time | None = None
-        self._sank: Time = 0
+        self._looks: Time = 0
+        self._was_at: float | None = None
         self._has_touched = False
         self._is_home = False
         self._began: Time = 0
@@ -73,7 +74,8 @@ class EmulatedFlight:
         self._heading = estimator.attitude.heading
         self._attitude = estimator.attitude.value
         self._is_home, self._turning, self._began = False, False, now
-        self._sank, self._has_touched = now, False
+        self._looks, self._was_at = now + round(TOUCHES * NS), None
+        self._has_touched = False
         if self._state.flying.role is Role.FOLLOW:
             self._state.climb_to = None
         self._leave_the_ground()
@@ -120,10 +122,8 @@ class EmulatedFlight:
             up = body_z(estimator.attitude.value)[2]
             control.learn(up, estimator.acceleration[2], clear, dt)
         share = control.thrust / control.hover
-        if share > PUSHED or abs(climb) > SLOW:
-            self._sank = now
-        elif now - self._sank > TOUCHES * NS:
-            self._has_touched = True
+        if now >= self._looks:
+            self._look(now, share)
         if state.is_down:
             if share > LIFTS and height > LIFTED:
                 state.landed, state.has_flown, self._slight = LandedState.AIR, True, None
@@ -135,6 +135,13 @@ class EmulatedFlight:
         else:
             self._slight = None
             self._tell()
+
+    def _look(self, now: Time, share: float) -> None:
+        """Notice that something is in the way down."""
+        was, height = self._was_at, self._state.estimator.position[2]
+        if was is not None and was - height < SLOW * TOUCHES and share < PUSHED:
+            self._has_touched = True
+        self._looks, self._was_at = now + round(TOUCHES * NS), height
 
     def _tell(self) -> None:
         role, climbing = self._state.flying.role, self._state.climb_to is not None
