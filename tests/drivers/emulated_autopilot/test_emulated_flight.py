@@ -6,6 +6,7 @@ import pytest
 
 mavlink = pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is not installed")
 
+from dataclasses import replace  # noqa: E402
 from math import pi  # noqa: E402
 
 from autopilot_bench import (  # noqa: E402
@@ -14,6 +15,7 @@ from autopilot_bench import (  # noqa: E402
     FAILED,
     GUIDED,
     LAND,
+    PLAIN,
     POSITION,
     PX4_HOLD,
     PX4_LAND,
@@ -195,6 +197,18 @@ def test_on_the_floor_a_landing_follows_no_position_any_more(name):
     assert bench.mode(PX4_LAND if bench.px4 else LAND) == ACCEPTED
     assert bench.run(20.0, is_down)
     assert abs(bench.truth.position[0]) < 0.35
+
+
+@BOTH
+def test_a_landing_that_begins_in_a_climb_holds_its_place_on_the_way_down(name):
+    """What only stops climbing has touched nothing; level, it would go with the wind."""
+    bench = Bench(name, params=replace(PLAIN, wind=(2.0, 0.0, 0.0)))
+    bench.take_off(1.0)
+    bench.wanted = lambda: bench.go(0.0, 0.0, 2.0, mask=VELOCITY)
+    bench.run(1.5)
+    x, _, _ = bench.truth.position
+    assert landing(bench)
+    assert abs(bench.truth.position[0] - x) < 0.3
 
 
 def test_loiter_without_a_pilot_sinks():

@@ -137,9 +137,12 @@ class EmulatedFlight:
             self._tell()
 
     def _look(self, now: Time, share: float) -> None:
-        """Notice that something is in the way down."""
+        """Notice that something is in the way down, or that it comes down after all: what still
+        climbed when the landing began has only stopped climbing."""
         was, height = self._was_at, self._state.estimator.position[2]
-        if was is not None and was - height < SLOW * TOUCHES and share < PUSHED:
+        if was is not None and was - height >= SLOW * TOUCHES:
+            self._has_touched = False
+        elif was is not None and share < PUSHED:
             self._has_touched = True
         self._looks, self._was_at = now + round(TOUCHES * NS), height
 
