@@ -12,7 +12,10 @@ vector, body frame) from these, and k the `bandwidth` in rad/s:
 
 all poles at -k (a Luenberger observer: Franklin, Powell and Emami-Naeini, "Feedback Control of
 Dynamic Systems", sec. 7.5); attitude as in Mahony, Hamel and Pflimlin, IEEE TAC 2008, eq. 13. The
-gains shrink by 1 + (spread / 1 cm)^2, so that a noisy estimate teaches little. A tilt's error looks
+gains shrink by 1 + (spread / 1 cm)^2, and the attitude's by 1 + (shake / 10 mrad)^2 too, so that a
+noisy estimate teaches little. shake^2: half of the mean square of the change of d from one pose to
+the next, along an axis, which a steady difference has no part in (J. von Neumann, "Distribution of
+the Ratio of the Mean Square Successive Difference to the Variance", 1941). A tilt's error looks
 like a bias and is learnt with it. After half a second without such an estimate the state is set to
 the next one; the biases are kept. There is no estimate before the first, nor when no IMU came for
 0.1 s.
@@ -42,7 +45,11 @@ LONGEST_LEAP = 0.5
 FARTHEST, SURE = 0.15, 3.0
 """Metres, and spreads of the estimate that is followed, by which that may be off this one; farther
 it has jumped, which would be taken for a speed."""
-NOISY = 0.01
+NOISY, SHAKY = 0.01, 0.01
+"""Metres of spread, and radians by which the attitude that is followed shakes along an axis, from
+which on little is learnt."""
+SHAKES = 0.25
+"""Seconds over which that is taken."""
 MOST_ACCELERATION, MOST_TURN = 1.0, 0.1
 """Bounds of the biases, m/s^2 and rad/s, along each axis."""
 
@@ -85,6 +92,7 @@ class Inertial(Estimator[InertialParams]):
         self._attitude: Quat = LEVEL
         self._rates = ZERO
         self._accelerometer_bias = self._gyro_bias = ZERO
+        self._turned, self._shake = ZERO, 0.0
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
         for measurement in measurements:
@@ -164,6 +172,11 @@ class Inertial(Estimator[InertialParams]):
         dx = two * (w * mx - x * mw - y * mz + z * my)
         dy = two * (w * my + x * mz - y * mw - z * mx)
         dz = two * (w * mz - x * my + y * mx - z * mw)
+        tx, ty, tz = self._turned
+        self._turned = (dx, dy, dz)
+        shook = ((dx - tx) ** 2 + (dy - ty) ** 2 + (dz - tz) ** 2) / 6.0
+        self._shake += (shook - self._shake) * dt / (SHAKES + dt)
+        k /= 1.0 + self._shake / (SHAKY * SHAKY)
         self._attitude = integrate(self._attitude, (dx, dy, dz), min(2.0 * k * dt, 1.0))
         s = -k * k * dt
         self._gyro_bias = _within(self._gyro_bias, (s * dx, s * dy, s * dz), MOST_TURN)

@@ -194,6 +194,20 @@ def test_a_jump_of_what_it_follows_is_no_speed():
     assert distance(slow, world.velocity()) < 0.05
 
 
+def test_attitudes_that_shake_are_not_learnt():
+    """Sparse ones with 30 mrad of noise: their tilt would be a push, their turns a bias."""
+    shaken = random.Random(0)
+    world = World()
+    estimator = anchored(world, 5.0)
+    for tick in range(500):
+        estimator.update((world.imu(),), world.now)
+        if tick % 15 == 0:
+            seen = world.estimate(spread=0.012)
+            turn = from_euler(*(shaken.gauss(0.0, 0.03) for _ in range(3)))
+            estimator.anchor(seen._replace(attitude=multiply(seen.attitude, turn)))
+    assert max(off for off, _ in alone(estimator, world, 2.5)) < 0.35
+
+
 def test_an_imu_that_falls_silent_leaves_no_estimate():
     world = World()
     estimator = anchored(world, 1.0)
