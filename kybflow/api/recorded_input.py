@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing, suppress
 from pathlib import Path
 
 from kybflow.core.errors import DriverError, KybflowError
@@ -50,11 +51,6 @@ def record_input(
     """Record an input until `seconds` have passed or somebody interrupts; return how many rows the
     table in `out` has. Raises DriverError where the device can't be opened, RunUnwritten where the
     table can't be written."""
-    clock = WallClock(RATE) if clock is None else clock
-    try:
-        file = GrowingFile(out, "table")
-    except OSError as error:
-        raise RunUnwritten(f"`{out}` can't be written: {error.strerror}") from error
     axes: tuple[str, ...] = plan.part.cls.axes(plan.part.params)
     rows = 0
 
@@ -65,21 +61,24 @@ def record_input(
         shown(now, reading, why)
         rows += 1
 
-    link = plan.part.cls.open(plan.part.params, _nobody)
-    try:
+    device = closing(plan.part.cls.open(plan.part.params, _nobody))  # before the table is emptied
+    with suppress(KeyboardInterrupt), device as link, closing(_table(out)) as file:
+        clock = WallClock(RATE) if clock is None else clock
         file.write(head(axes).encode())
         inputs = Inputs((plan,), {plan.name: link}, Events(), note)
         while seconds is None or clock.now < seconds * NS:
             inputs.step(clock.now)
             clock.step()
-    except KeyboardInterrupt:
-        pass
-    finally:
-        link.close()
-        file.close()
     if file.failed is not None:
         raise RunUnwritten(file.failed)
     return rows
+
+
+def _table(out: Path) -> GrowingFile:
+    try:
+        return GrowingFile(out, "table")
+    except OSError as error:
+        raise RunUnwritten(f"`{out}` can't be written: {error.strerror}") from error
 
 
 def _nobody(vehicle: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,14 @@ from plans import part
 
 from kybflow.api.recorded_input import InputUnknown, input_named, record_input
 from kybflow.cli.app import app
+from kybflow.core.errors import DriverError
 from kybflow.core.files import File
 from kybflow.core.signals import NS
 from kybflow.dsl.plan import InputPlan
 from kybflow.inputs.rows import parse
+from kybflow.inputs.script import Script, ScriptParams
+from kybflow.parts import InputLink
+from kybflow.parts.input import SticksOf
 from kybflow.runtime.clock import SimulatedClock
 
 MISSION = Path(__file__).parents[2] / "missions" / "teleoperation.yaml"
@@ -29,6 +34,21 @@ def test_a_table_holds_what_was_done_by_the_missions_names(tmp_path: Path) -> No
     assert (rows, said.axes, said.buttons) == (4, ("x",), ("leave",))
     assert shown == [0.0, 1.0, 2.0, 3.0]
     assert [row.lost for row in said.rows] == ["", "", "unplugged", ""]
+
+
+def test_a_device_that_cannot_be_opened_leaves_an_earlier_table(tmp_path: Path) -> None:
+    class Unplugged(Script):
+        @classmethod
+        def open(cls, params: ScriptParams, sticks_of: SticksOf) -> InputLink:
+            raise DriverError("no device")
+
+    script = part("inputs", "script", file=File("operator.csv", "1", TEXT))
+    plan = InputPlan("stick", dataclasses.replace(script, cls=Unplugged), {}, 0.3)
+    out = tmp_path / "mine.csv"
+    out.write_text(TEXT, encoding="utf-8")
+    with pytest.raises(DriverError, match="no device"):
+        record_input(plan, out, 1.0, lambda *_: None, SimulatedClock(250))
+    assert out.read_text(encoding="utf-8") == TEXT
 
 
 def test_the_only_input_needs_no_name() -> None:
