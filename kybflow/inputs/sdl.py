@@ -12,6 +12,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from kybflow.core.errors import DriverError, described
@@ -119,8 +120,9 @@ class _SdlThread(threading.Thread):
         """Hear what happened, and tell how everything is."""
         for event in pygame.event.get():
             if event.type == pygame.JOYDEVICEADDED:
-                pad = _Pad(pygame, controller, event.device_index)
-                self._pads[pad.number] = pad
+                with suppress(pygame.error):  # it may be gone again
+                    pad = _Pad(pygame, controller, event.device_index)
+                    self._pads[pad.number] = pad
             elif event.type == pygame.JOYDEVICEREMOVED:
                 self._pads.pop(event.instance_id, None)
             elif event.type == pygame.CONTROLLERBUTTONDOWN and event.instance_id in self._pads:

@@ -144,3 +144,15 @@ def test_a_table_that_is_none_is_refused(row: str, message: str) -> None:
     text = TABLE.splitlines()[0] + f"\n{row}\n"
     with pytest.raises(FileError, match=message):
         read_controllers(File("pads.csv", row, text))
+
+
+def test_a_controller_that_is_gone_before_it_is_opened_ends_nothing(
+    opened: Callable[..., PadLink],
+) -> None:
+    import pygame
+
+    link = opened()
+    pygame.event.post(pygame.event.Event(pygame.JOYDEVICEADDED, device_index=77))
+    plugged = VirtualPad()
+    until(link, lambda r: True)
+    plugged.unplug()
