@@ -8,9 +8,10 @@ buttons are `button0` to `button3`. The force is
 p being what the steered behavior lets the hand feel: how much slower or faster the vehicle is than
 asked, as a share of its speed, and the way out of what it comes near to. It is no longer than
 `most`, and passive: the device gives out no more energy than the hand put in and 0.05 J
-(`kybflow.inputs.haptics`). TeleKyb had f = -20 x - 5 v + 100 (mean velocity - asked / 5), with
-nothing that kept it passive. `force_x`, `force_y` and `force_z` tell the force as shares of `most`,
-as axes, so that the report shows it.
+(`kybflow.inputs.haptics`). All but the damping fades within 200 ms when the vehicle is held, the
+input is lost, or the tick says nothing. TeleKyb had f = -20 x - 5 v + 100 (mean velocity - asked /
+5), with nothing that kept it passive. `force_x`, `force_y` and `force_z` tell the force as shares
+of `most`, as axes, so that the report shows it.
 
 `device: force_dimension` is an omega, delta, sigma or lambda (`pip install 'kybflow[haptics]'` and
 the maker's SDK); `simulated` is a hand that follows the script `hand`.
@@ -18,19 +19,22 @@ the maker's SDK); `simulated` is a hand that follows the script `hand`.
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Literal
 
 from kybflow.core.files import File
-from kybflow.core.geometry import ZERO, Vec3, add, scale
-from kybflow.core.signals import NS, InputReading, Time
+from kybflow.core.geometry import Vec3, add, scale
+from kybflow.core.signals import InputReading, Time
 from kybflow.core.units import Force, Length, Ratio
 from kybflow.flight.governor import shortened
 from kybflow.inputs.deflection import beyond
 from kybflow.inputs.haptics import (
-    EnergyTank,
+    STEP,
     ForceDimension,
     HapticDevice,
     HapticState,
+    Servo,
+    ServoThread,
     SimulatedHand,
 )
 from kybflow.inputs.script import read_rows
@@ -85,41 +89,60 @@ class Haptic(Input[HapticParams]):
     @classmethod
     def open(cls, params: HapticParams, sticks_of: SticksOf) -> InputLink:
         if params.device == "simulated" and params.hand is not None:
-            return HapticLink(params, SimulatedHand(read_rows(params.hand).rows, params.reach))
-        return HapticLink(params, ForceDimension())
+            hand = SimulatedHand(read_rows(params.hand).rows, params.reach)
+            return HapticLink(params, hand, threaded=False)
+        return HapticLink(params, ForceDimension(), threaded=True)
 
 
 class HapticLink(FeltLink):
-    """Reads a device and pushes back, once a tick each."""
+    """Reads what a servo did last and hands over what the hand should feel. A simulated device's
+    servo is stepped here, up to the time of the tick; a real one has its own thread."""
 
-    def __init__(self, params: HapticParams, device: HapticDevice) -> None:
+    def __init__(self, params: HapticParams, device: HapticDevice, *, threaded: bool) -> None:
         self._params, self._device = params, device
-        self._tank = EnergyTank()
-        self._state: HapticState | None = None
-        self._read: Time = 0
-        self._dt = 0.0
-        self._force = ZERO
+        self._servo = Servo(device, self._law)
+        self._thread = ServoThread(self._servo) if threaded else None
+        self._stepped: Time = -STEP
+        self._now: Time = 0
 
     def read(self, now: Time) -> InputReading | None:
-        self._dt, self._read = (now - self._read) / NS, now
-        self._state = state = self._device.read(now)
-        x, y, z = (self._deflection(place) for place in state.position)
-        felt = scale(self._force, 1.0 / self._params.most)
-        values = (x, y, z, 0.0, *felt)
-        return InputReading(now, dict(zip((*AXES, *_FORCES), values, strict=True)), state.held)
+        if self._thread is None:
+            self._catch_up(now)
+        self._now = now if self._thread is None else self._thread.now()
+        last = self._servo.last
+        if last is None:
+            return None
+        held = last.state.held | self._servo.pressed()
+        x, y, z = (self._deflection(place) for place in last.state.position)
+        felt = scale(last.force, 1.0 / self._params.most)
+        axes = dict(zip((*AXES, *_FORCES), (x, y, z, 0.0, *felt), strict=True))
+        return InputReading(now - max(0, self._now - last.at), axes, held)
+
+    def _catch_up(self, now: Time) -> None:
+        while self._stepped + STEP <= now:
+            self._stepped += STEP
+            self._servo.step(self._stepped)
+
+    def trouble(self) -> str | None:
+        return None if self._thread is None else self._thread.trouble
 
     def _deflection(self, place: float) -> float:
+        """What is no number stays none: the input is lost then."""
+        if not isfinite(place):
+            return place
         share = max(-1.0, min(1.0, place / self._params.reach))
         return beyond(share, self._params.dead_zone)
 
-    def feel(self, push: Vec3) -> None:
-        state, p = self._state, self._params
-        if state is None:
-            return
+    def feel(self, push: Vec3 | None) -> None:
+        self._servo.feel(push, self._now)
+
+    def _law(self, push: Vec3, state: HapticState, share: float) -> Vec3:
+        p = self._params
         wanted = add(scale(push, p.force), scale(state.position, -p.spring / p.reach))
-        wanted = add(wanted, scale(state.velocity, -p.damping))
-        self._force = self._tank.passed(shortened(wanted, p.most), state, self._dt)
-        self._device.feel(self._force)
+        damped = scale(state.velocity, -p.damping)
+        return shortened(add(scale(wanted, share), damped), p.most)
 
     def close(self) -> None:
+        if self._thread is not None:
+            self._thread.close()
         self._device.close()

@@ -38,9 +38,10 @@ class FeltLink(InputLink):
     """An open input that pushes back."""
 
     @abstractmethod
-    def feel(self, push: Vec3) -> None:
+    def feel(self, push: Vec3 | None) -> None:
         """Let the hand feel what it steers: `push`, along the axes x, y and z, about 1 for a whole
-        mismatch. Called once a tick, after `read`. Raises DriverError."""
+        mismatch; None: nothing, since the vehicle is held or the input lost. Called once a tick,
+        after `read`. Raises DriverError."""
 
 
 class Input(Part[P]):

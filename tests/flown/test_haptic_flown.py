@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from failsafe_parts import orders
 from plans import part, state, vehicle
 from short_flights import down, path, up
 
@@ -23,9 +24,8 @@ t, x, y, z, turn, buttons
 """
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("rate", [100, 250])
-def test_a_hand_feels_the_wall_that_the_vehicle_comes_to(run: Any, rate: int) -> None:
+def flown_by_hand(run: Any, rate: int, **more: Any) -> dict[float, float]:
+    """The force along x at each time, as a share of the largest."""
     device = part("inputs", "haptic", device="simulated", hand=File("hand.csv", "1", HAND))
     own = replace(device, label="inputs.hand")
     inputs = (InputPlan("hand", own, {"end": "end"}, 0.3),)
@@ -37,12 +37,32 @@ def test_a_hand_feels_the_wall_that_the_vehicle_comes_to(run: Any, rate: int) ->
         state("steered", steered, end, TransitionPlan("failed", "down")),
         down(),
     ]
-    flown, told = run(vehicle("a", states), inputs=inputs, control_rate=rate)
+    flown, told = run(vehicle("a", states), inputs=inputs, control_rate=rate, **more)
     assert path(told, "a") == ["up", "wait", "steered", "down", "landed"]
     rows = parse(read_earlier_run(flown.folder).inputs["hand"]).rows
-    felt = {row.time / 1e9: row.axes["force_x"] for row in rows}
+    return {row.time / 1e9: row.axes["force_x"] for row in rows}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("rate", [100, 250])
+def test_a_hand_feels_the_wall_that_the_vehicle_comes_to(run: Any, rate: int) -> None:
+    felt = flown_by_hand(run, rate)
     free = [force for time, force in felt.items() if 9.0 < time < 9.5]
     near = [force for time, force in felt.items() if 15.0 < time < 16.5]
     rest = [force for time, force in felt.items() if 5.5 < time < 6.5]
     assert max(map(abs, rest)) < 0.1
     assert sum(near) / len(near) < sum(free) / len(free) - 0.2
+
+
+@pytest.mark.thorough
+def test_a_paused_vehicle_pushes_no_hand(run: Any) -> None:
+    pausing = orders(
+        (9.5, lambda v: v.requests.pause("operator", "m.yaml:3")),
+        (11.0, lambda v: v.requests.resume("operator")),
+    )
+    felt = flown_by_hand(run, 250, observers=(pausing,))
+    before = [force for time, force in felt.items() if 9.0 < time < 9.45]
+    paused = [force for time, force in felt.items() if 10.2 < time < 10.9]
+    assert sum(before) / len(before) < -0.1
+    assert paused
+    assert max(map(abs, paused)) < 0.02

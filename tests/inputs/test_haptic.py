@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import random
-from math import sin
+import sys
+import time
+from math import nan, sin
 
 import pytest
+from fake_force_dimension import FakeForceDimension
 
 from kybflow.core.errors import DriverError
 from kybflow.core.files import File
 from kybflow.core.geometry import ZERO, Vec3, norm
 from kybflow.core.signals import NS, InputReading
 from kybflow.inputs.haptic import Haptic, HapticLink, HapticParams
-from kybflow.inputs.haptics import RESERVE, SimulatedHand
+from kybflow.inputs.haptics import FADE, HELD, RESERVE, EnergyTank, HapticState, SimulatedHand
 from kybflow.inputs.rows import parse
 
 
@@ -24,7 +27,7 @@ def hand_of(*moves: tuple[float, float, float, float]) -> str:
 def opened(text: str, **own: float) -> tuple[HapticLink, SimulatedHand]:
     params = HapticParams(device="simulated", hand=File("hand.csv", text, text), **own)  # type: ignore[arg-type]
     device = SimulatedHand(parse(text).rows, params.reach)
-    return HapticLink(params, device), device
+    return HapticLink(params, device, threaded=False), device
 
 
 def read(link: HapticLink, now: int) -> InputReading:
@@ -70,25 +73,151 @@ def pushes(kind: str, seed: int):
     return push
 
 
+def drawn(
+    rate: int, seed: int, seconds: float, jitter: float
+) -> tuple[HapticLink, SimulatedHand, list[int]]:
+    """A hand that goes anywhere, stiff and strong forces, and the times of the ticks."""
+    draw = random.Random(1000 * rate + seed)
+    moves = [(0.4 * i, *(draw.uniform(-1, 1) for _ in range(3))) for i in range(int(3 * seconds))]
+    link, device = opened(hand_of(*moves), spring=6.0, damping=8.0, most=12.0, force=8.0)
+    times, now = list[int](), 0
+    while now < seconds * NS:
+        times.append(now)
+        late = draw.random() < jitter
+        now += int(draw.uniform(0.02, 0.2) * NS) if late else NS // rate
+    return link, device, times
+
+
+def energy_given(
+    kind: str, rate: int, seed: int, seconds: float = 4.0, jitter: float = 0.05, delay: int = 25
+) -> tuple[float, float]:
+    """The most energy that the device had given at any time, and its strongest force as a share of
+    the largest, where the vehicle answers `delay` ticks late."""
+    link, device, times = drawn(rate, seed, seconds, jitter)
+    push, most, strongest = pushes(kind, seed), 0.0, 0.0
+    said: list[InputReading] = []
+    for now in times:
+        said.append(read(link, now))
+        link.feel(push(now / NS, said[-1], said[max(0, len(said) - 1 - delay)]))
+        most = max(most, device.given)
+        strongest = max(strongest, norm(tuple(said[-1].axes[f"force_{a}"] for a in "xyz")))  # type: ignore[arg-type]
+    return most, strongest
+
+
 @pytest.mark.parametrize("rate", [100, 250])
 @pytest.mark.parametrize("kind", ["random", "shaking", "along", "wall"])
 def test_it_is_passive_whatever_it_is_told_to_feel(kind: str, rate: int) -> None:
-    draw = random.Random(rate)
-    moves = [(0.4 * i, *(draw.uniform(-1, 1) for _ in range(3))) for i in range(25)]
-    link, device = opened(hand_of(*moves), spring=6.0, damping=8.0, most=12.0, force=8.0)
-    push, most, strongest = pushes(kind, rate), 0.0, 0.0
-    said: list[InputReading] = []
-    for tick in range(10 * rate):
-        said.append(read(link, tick * NS // rate))
-        link.feel(push(tick / rate, said[-1], said[max(0, len(said) - 25)]))
-        most = max(most, device.given)
-        strongest = max(strongest, norm(tuple(said[-1].axes[f"force_{a}"] for a in "xyz")))  # type: ignore[arg-type]
+    most, strongest = energy_given(kind, rate, rate)
     assert most <= RESERVE + 1e-9
     assert 0.05 < strongest <= 1.0 + 1e-9
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize("rate", [100, 250])
+@pytest.mark.parametrize("seed", range(10))
+def test_it_is_passive_with_any_delay_and_late_ticks(seed: int, rate: int) -> None:
+    draw = random.Random(seed)
+    for kind in ("random", "shaking", "along", "wall"):
+        delay, jitter = draw.randrange(60), draw.uniform(0.0, 0.3)
+        most, _ = energy_given(kind, rate, seed, 8.0, jitter, delay)
+        assert most <= RESERVE + 1e-9
+
+
+@pytest.mark.parametrize("rate", [100, 250])
+def test_without_its_tank_an_active_law_gives_energy(
+    rate: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(EnergyTank, "passed", lambda self, force, state: force)
+    most, _ = energy_given("along", rate, rate)
+    assert most > 10 * RESERVE
+
+
+def faded(link: HapticLink, device: SimulatedHand, after: float) -> tuple[float, float]:
+    """The force before, and `after` seconds later without a word of the tick, of a hand at rest."""
+    for tick in range(250):
+        read(link, tick * NS // 250)
+        link.feel((-1.0, 0.0, 0.0))
+    before = norm(device.force)
+    read(link, NS + int(after * NS))
+    return before, norm(device.force)
+
+
+def test_a_force_fades_when_the_tick_says_nothing() -> None:
+    link, device = opened(hand_of((0.0, 0.5, 0.0, 0.0)), damping=0.0)
+    before, after = faded(link, device, HELD + FADE + 0.002)
+    assert HELD + FADE <= 0.2
+    assert before > 1.0
+    assert after == 0.0
+
+
+def test_a_force_fades_when_there_is_nothing_to_feel() -> None:
+    link, device = opened(hand_of((0.0, 0.5, 0.0, 0.0)), damping=0.0)
+    before, _ = faded(link, device, 0.0)
+    link.feel(None)
+    read(link, NS + NS // 20)
+    half = norm(device.force)
+    read(link, NS + int((FADE + 0.004) * NS))
+    assert 0.2 * before < half < 0.9 * before
+    assert norm(device.force) == 0.0
+
+
+def test_a_device_that_gives_no_number_gets_no_force_and_is_no_full_stick() -> None:
+    link, device = opened(hand_of((0.0, 0.5, 0.0, 0.0)))
+    faded(link, device, 0.0)
+    device.read = lambda now: HapticState((nan, 0.0, 0.0), (nan, 0.0, 0.0))  # type: ignore[method-assign]
+    said = read(link, 2 * NS)
+    assert said.axes["x"] != said.axes["x"]
+    assert device.force == ZERO
+
+
+def waited(true) -> bool:
+    """Whether something becomes true within two seconds."""
+    until = time.monotonic() + 2.0
+    while not true() and time.monotonic() < until:
+        time.sleep(0.002)
+    return true()
+
+
+def test_a_device_of_force_dimension_is_driven_by_a_thread(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    dhd = FakeForceDimension()
+    monkeypatch.setitem(sys.modules, "forcedimension_core", dhd)
+    dhd.position, dhd.mask = (-0.05, 0.0, 0.0), 2
+    link = Haptic.open(HapticParams(), lambda _: None)
+    assert isinstance(link, HapticLink)
+    try:
+        assert waited(lambda: link.read(NS) is not None)
+        said = read(link, NS)
+        assert (said.axes["x"], said.held) == (1.0, {"button1"})
+
+        def pushed() -> bool:
+            link.read(NS)
+            link.feel((-1.0, 0.0, 0.0))
+            return dhd.force[0] > 2.0
+
+        assert waited(pushed)
+        assert waited(lambda: dhd.force == (0.0, 0.0, 0.0))
+        dhd.fails = True
+        assert waited(lambda: link.trouble() is not None)
+        dhd.fails = False
+        assert waited(lambda: link.trouble() is None)
+    finally:
+        link.close()
+    assert (dhd.force, dhd.forces, dhd.is_open) == ((0.0, 0.0, 0.0), False, False)
+
+
+def test_no_device_of_force_dimension_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    dhd = FakeForceDimension()
+    dhd.is_there = False
+    monkeypatch.setitem(sys.modules, "forcedimension_core", dhd)
+    with pytest.raises(DriverError, match="no device"):
+        Haptic.open(HapticParams(), lambda _: None)
+
+
 def test_a_spring_gives_back_what_was_put_in() -> None:
-    link, device = opened(hand_of((0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)), damping=0.0)
+    moves = hand_of((0.0, 0.0, 0.0, 0.0), (0.3, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    link, device = opened(moves, damping=0.0)
     for tick in range(500):
         read(link, tick * NS // 250)
         link.feel(ZERO)

@@ -114,9 +114,9 @@ class _Input:
             self._tell()
         return reading if self.trouble is None else None
 
-    def feel(self, link: FeltLink, push: Vec3) -> None:
+    def feel(self, link: FeltLink, push: Vec3 | None) -> None:
         try:
-            link.feel(push)
+            link.feel(push if self.trouble is None else None)
         except Exception as error:  # an input must not stop the flight
             self._unfelt = InputTrouble(described(error))
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from kybflow.core.geometry import ZERO, Vec3, distance
+from kybflow.core.geometry import Vec3, distance
 from kybflow.core.params import named_in
 from kybflow.core.signals import (
     NO_INPUTS,
@@ -254,11 +254,12 @@ class Vehicle:
             self.now, self.context, estimate, followed, thrust, flight, lift, self._inputs
         )  # fmt: skip
 
-    def pushes(self) -> Iterator[tuple[str, Vec3]]:
-        """Yield each input that steers it now, with what the hand should feel."""
+    def pushes(self) -> Iterator[tuple[str, Vec3 | None]]:
+        """Yield each input that steers it now, with what the hand should feel, None
+        while it is held."""
         part, hold = self.activity.state.behavior, self.activity.hold
         for name in named_in(part.params, "input").values():
-            yield name, ZERO if hold is not None else self.activity.behavior.push
+            yield name, self.activity.behavior.push if hold is None else None
 
     def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
         """Return each (supervisor, reason, mission line) that would end the mission at once if the

@@ -7,24 +7,26 @@ from typing import Any
 import pytest
 
 from kybflow.core.errors import DriverError
+from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, Event, InputReading, Time
 from kybflow.dsl.plan import InputPlan, PartPlan
 from kybflow.inputs.script import Script
-from kybflow.parts import InputLink
+from kybflow.parts.input import FeltLink
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.inputs import Inputs
 
 TICK = NS // 250
 
 
-class Device(InputLink):
-    """Says what a test makes it say; `heard` None is now."""
+class Device(FeltLink):
+    """Says what a test makes it say; `heard` None is now. felt: what its hand was to feel last."""
 
     def __init__(self) -> None:
         self.x, self.held = 0.0, frozenset[str]()
         self.heard: Time | None = None
         self.gone: str | None = None
         self.error: Exception | None = None
+        self.felt: Vec3 | None = None
 
     def read(self, now: Time) -> InputReading | None:
         if self.error is not None:
@@ -33,6 +35,9 @@ class Device(InputLink):
 
     def trouble(self) -> str | None:
         return self.gone
+
+    def feel(self, push: Vec3 | None) -> None:
+        self.felt = push
 
     def close(self) -> None: ...
 
@@ -201,3 +206,15 @@ def test_the_preflight_names_what_is_wrong() -> None:
     [(plan, reason)] = bench.inputs.objections()
     assert (plan.name, reason) == ("stick", "no controller is plugged in")
     assert bench.told == []
+
+
+def test_the_hand_of_a_lost_input_feels_nothing() -> None:
+    bench = Bench()
+    bench.run(0.1)
+    felt = [bench.device.felt]
+    bench.device.gone = "unplugged"
+    bench.run(0.1)
+    felt.append(bench.device.felt)
+    bench.device.gone = None
+    bench.run(1.0)
+    assert [*felt, bench.device.felt] == [ZERO, None, ZERO]
