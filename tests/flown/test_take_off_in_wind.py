@@ -24,7 +24,7 @@ targets:
   windy: {{all: {{driver: {{use: emulated_autopilot, autopilot: {autopilot}, wind: [0, -5, 0]}}}}}}
 expect:
   - max(nano.position_error in up) < 50 cm
-  - max(nano.position_error in hold) < 15 cm
+  - max(nano.position_error in hold) < 20 cm
   - finally distance(nano to nano.start) < 2 cm
 """
 
@@ -32,7 +32,8 @@ expect:
 @pytest.mark.thorough
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_it_is_not_blown_away(autopilot: str, tmp_path: Path):
-    """The wind takes 1.75 m/s^2, more than half of what 20 degrees of tilt can give."""
+    """The wind takes 1.75 m/s^2, more than half of what 20 degrees of tilt can give. An autopilot
+    that climbs by itself drops its own integral when it is handed over: the tracker begins anew."""
     mission = tmp_path / "windy.yaml"
     mission.write_text(MISSION.format(autopilot=autopilot), encoding="utf-8")
     compiled = compile_mission(mission, catalog=load_catalog(), target="windy", sets=())

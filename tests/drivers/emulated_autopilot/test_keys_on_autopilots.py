@@ -45,7 +45,7 @@ def test_a_person_lets_it_go_and_asks_it_back_from_a_pilot(autopilot, tmp_path):
         servers=(person.commander.serve,),
     )
     assert 0.0 <= flight.at("control_taken") - TAKEN < 0.1
-    assert offered == ["pause", "land", "resume", "stop"]
+    assert offered == ["pause", "resume", "stop"]
     assert 0.0 <= flight.at("control_returned") - BACK < 1.5
     assert flight.path == ["idle", "up", "hold", "down", "landed"]
     assert [e.fields["command"] for e in flight.events("command_given")] == [
