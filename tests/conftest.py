@@ -1,16 +1,18 @@
 """Makes the helpers in `support/` importable and hypothesis draw the same in every run.
 
 Programs that a test starts hear Ctrl-C, which a shell takes from what it runs in the background.
-OpenCV takes one thread, for every core has a worker already. `run` flies a plan in the simulator;
-every event carries what the table of events says.
+OpenCV takes one thread, for every core has a worker already. What is collected stays until the
+end: the garbage collector doesn't look through it again and again. `run` flies a plan in the
+simulator; every event carries what the table of events says.
 """
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
@@ -25,6 +27,16 @@ os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
 
 settings.register_profile("seeded", derandomize=True, database=None, deadline=None)
 settings.load_profile("seeded")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture
