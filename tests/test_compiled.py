@@ -12,6 +12,7 @@ import pytest
 
 pytestmark = [
     pytest.mark.thorough,
+    pytest.mark.xdist_group("compiled"),  # to compile takes minutes: one worker does
     pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler"),
 ]
 

@@ -136,10 +136,13 @@ HARDLY_DRAWN = {"camera_swapped"}
 @pytest.mark.thorough
 def test_every_fault_of_the_catalog_and_every_scenario_is_drawn(tmp_path: Path) -> None:
     folder = with_library(tmp_path)
-    drawn = [draw(seed, folder) for seed in range(700)]
-    assert {one.scenario for one in drawn} == {*SCENARIOS}
-    faults = {fault.part.name for one in drawn for fault in one.plan.faults}
-    assert faults >= {*load_catalog().names("faults")} - HARDLY_DRAWN
+    missing = {*SCENARIOS, *load_catalog().names("faults")} - HARDLY_DRAWN
+    for seed in range(700):
+        drawn = draw(seed, folder)
+        missing -= {drawn.scenario, *(fault.part.name for fault in drawn.plan.faults)}
+        if not missing:
+            break
+    assert missing == set()
 
 
 @pytest.mark.slow
