@@ -25,8 +25,6 @@ from kybflow.runtime.clock import SimulatedClock
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.vehicle.requests import Requester
 
-pytestmark = pytest.mark.thorough
-
 FUZZ = """
 import os, random, socket, sys
 path, count = sys.argv[1], int(sys.argv[2])
@@ -144,9 +142,9 @@ def beside(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable
     base = Path(tempfile.mkdtemp(dir="/tmp"))
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(base))
 
-    def beside(code: str | None, *words: str, seconds: float = LONGEST) -> Flown:
-        """Fly in real time, beside a program that is given the socket, until it has ended; with
-        none, for so many seconds."""
+    def beside(code: str | None, *words: str, seconds: float = 10.0) -> Flown:
+        """Fly in real time for so many seconds, and on until the program beside it, which is given
+        the socket, has ended."""
         clocks: list[WatchedClock] = []
 
         def clock_for(plan: Any, speed: float | None) -> WatchedClock:
@@ -155,13 +153,14 @@ def beside(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable
 
         monkeypatch.setattr(flight, "clock_for", clock_for)
         server, told = CommandServer(), []
-        flying = plan(vehicle("a", [up("hold"), hold(seconds, "down"), down()]), time_limit=120.0)
+        flying = plan(vehicle("a", [up("hold"), hold(LONGEST, "down"), down()]), time_limit=120.0)
         request = RunRequest(out=tmp_path / f"run{len(list(tmp_path.iterdir()))}", speed=1.0)
         with flood(base, code, *words) as program:
 
             def lands(engine: Engine) -> None:
                 (own,) = engine.vehicles
-                if code is not None and own.state == "hold" and program.poll() is not None:
+                is_over = engine.seconds() > seconds and program.poll() is not None
+                if is_over and own.state == "hold":
                     own.requests.switch("down", Requester.OPERATOR)
 
             flown = fly(flying, request, (told.append, server.hear), (lands,), (server.serve,))
@@ -169,6 +168,7 @@ def beside(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable
             said = program.communicate()[0]
         assert flown.exit_code == 0, flown.summary["reason"]
         assert path(told, "a") == ["up", "hold", "down", "landed"]
+        assert named(told, "observer_failed") == []
         return Flown(told, server, sorted(clocks[0].late), said)
 
     yield beside
@@ -191,11 +191,18 @@ def is_as_punctual(flood: Flown, calm: Flown) -> None:
     sys.stdout.write("\n".join((*seen, "")))
 
 
-def test_a_hundred_thousand_fuzzed_messages(beside: Callable[..., Flown]) -> None:
-    calm = beside(None, seconds=10.0)
-    flown = beside(FUZZ, "100000")
+@pytest.mark.parametrize(
+    "count",
+    [
+        pytest.param(30_000, marks=pytest.mark.thorough),
+        pytest.param(100_000, marks=pytest.mark.slow),
+    ],
+)
+def test_fuzzed_messages(count: int, beside: Callable[..., Flown]) -> None:
+    calm = beside(None, seconds=14.0)
+    flown = beside(FUZZ, str(count))
     sent, refused = map(int, flown.said.split())
-    assert sent >= 100_000
+    assert sent >= count
     counted = flown.server.refused
     assert counted[UNREADABLE] > 0.9 * sent
     assert refused >= counted[UNREADABLE]
@@ -204,8 +211,9 @@ def test_a_hundred_thousand_fuzzed_messages(beside: Callable[..., Flown]) -> Non
     is_as_punctual(flown, calm)
 
 
+@pytest.mark.thorough
 def test_a_thousand_clients(beside: Callable[..., Flown]) -> None:
-    calm = beside(None, seconds=6.0)
+    calm = beside(None)
     flown = beside(CROWDED, "1000")
     clients, answered = map(int, flown.said.split())
     assert clients == 1000
@@ -214,8 +222,9 @@ def test_a_thousand_clients(beside: Callable[..., Flown]) -> None:
     is_as_punctual(flown, calm)
 
 
+@pytest.mark.thorough
 def test_a_client_that_is_killed(beside: Callable[..., Flown]) -> None:
-    flown = beside(KILLED)
+    flown = beside(KILLED, seconds=5.0)
     assert flown.server.refused == {CUT: 1}
     assert [event.fields["reason"] for event in named(flown.told, "clients_refused")] == [
         f"1 {CUT}"
