@@ -52,7 +52,7 @@ a third rotors and IMU, which MuJoCo no longer computes."""
 
 
 @needs_repeatable_counts
-@pytest.mark.parametrize("count", BUDGET)
+@pytest.mark.parametrize("count", [1, pytest.param(8, marks=pytest.mark.thorough)])
 def test_a_tick_stays_within_its_budget(
     count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -95,6 +95,7 @@ def test_a_library_is_no_mission(folder: Path):
     assert "is a library" in fly_case(case(folder, "shared")).reason[0]
 
 
+@pytest.mark.thorough
 def test_parallel_flights_are_those_of_one_process(folder: Path):
     cases = [case(folder, "good", seed) for seed in range(3)]
     alone, together = (run_cases(cases, jobs, lambda _: None) for jobs in (1, 2))
@@ -135,10 +136,14 @@ def orphaned(case: FlightCase) -> FlightResult:
     ("name", "reason"),
     [
         ("killed", "the process that flew it died (SIGKILL)"),
-        ("raised", "kybflow failed: ZeroDivisionError: of all things"),
+        pytest.param(
+            "raised",
+            "kybflow failed: ZeroDivisionError: of all things",
+            marks=pytest.mark.thorough,
+        ),
     ],
 )
-@pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.thorough), 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.thorough)])
 def test_a_flight_that_takes_its_process_along_is_the_only_one_lost(
     folder: Path, name: str, reason: str, jobs: int
 ):
@@ -200,13 +205,8 @@ def test_no_worker_outlives_its_session(long: Path):
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGKILL, "", "")
 
 
-@pytest.mark.parametrize(
-    "number",
-    [
-        pytest.param(n, marks=[] if n == signal.SIGINT else [pytest.mark.thorough])
-        for n in Interrupts.SIGNALS
-    ],
-)
+@pytest.mark.thorough
+@pytest.mark.parametrize("number", Interrupts.SIGNALS)
 def test_a_terminal_that_interrupts_ends_the_command(folder: Path, number: int):
     command = [sys.executable, "-m", "kybflow", "test", "broken.yaml", "--seeds", "0..99999"]
     with subprocess.Popen(
@@ -240,17 +240,13 @@ def test_what_cannot_be_written_is_said_before_any_flight(folder: Path, option: 
     assert "FAILED" not in done.output
 
 
+@pytest.mark.thorough
 def test_names_are_told_as_they_are(folder: Path):
     (folder / "all:100:.yaml").write_text((folder / "broken.yaml").read_text())
     done = ran(str(folder / "all:100:.yaml"), "--out", str(folder / "runs"))
     assert "FAILED" in done.output
     assert done.output.count("all:100:.yaml") >= 2
     assert "\N{HUNDRED POINTS SYMBOL}" not in done.output
-
-
-def test_a_folder_that_holds_nothing_is_not_left(folder: Path):
-    assert ran(str(folder / "good.yaml"), "--out", str(folder / "runs")).exit_code == 0
-    assert list((folder / "runs").iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -283,11 +279,12 @@ def test_junit_tells_failures_from_errors(folder: Path, tmp_path: Path):
     assert suite[1][0].attrib == {"message": "why?", "type": "failed"}
 
 
-def test_the_command_tells_what_was_not_taken(folder: Path):
+def test_the_command_tells_what_was_not_taken_and_leaves_no_folder_that_holds_nothing(folder: Path):
     done = ran(str(folder / "good.yaml"), "--out", str(folder / "runs"))
     assert done.exit_code == 0
     assert "1 of 1" in done.output
     assert f"{folder / 'good.yaml'}:9: not taken: nano: still" in done.output
+    assert list((folder / "runs").iterdir()) == []
 
 
 def test_what_never_flew_has_nothing_to_tell_of_its_states(folder: Path):
@@ -303,6 +300,7 @@ def test_what_never_flew_has_nothing_to_tell_of_its_states(folder: Path):
     assert len(coverage_of([stuck, flew])[path].missed) == len(stuck.items) - 1
 
 
+@pytest.mark.thorough
 def test_full_fails_when_something_was_not_taken(folder: Path):
     assert ran(str(folder / "good.yaml"), "--full", "--out", str(folder)).exit_code == 1
 

@@ -117,7 +117,7 @@ PRINTS = [
     ["new", "mine"],
     ["--version"],
 ]
-QUICK = 3
+QUICK = 1
 """How many of them are tried in every run of the tests; each is a process of its own."""
 
 
@@ -145,6 +145,7 @@ def test_output_that_cannot_be_written_is_said_in_one_sentence(
     assert done.stderr == "kybflow: the output can't be written: No space left on device\n"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("words", [["parts"], ["schema"]], ids=" ".join)
 def test_an_output_that_was_closed_is_nobodys_concern(words: list[str]) -> None:
     done = subprocess.run(
@@ -160,7 +161,9 @@ def test_an_output_that_was_closed_is_nobodys_concern(words: list[str]) -> None:
 FIRST = str(REPO / "missions" / "first_flight.yaml")
 
 
-@pytest.mark.parametrize("outlet", ["| head -1", "> /dev/full"])
+@pytest.mark.parametrize(
+    "outlet", [pytest.param("| head -1", marks=pytest.mark.thorough), "> /dev/full"]
+)
 def test_a_flight_goes_on_when_nobody_can_be_told(tmp_path: Path, outlet: str) -> None:
     command = f"{sys.executable} -m kybflow run {FIRST} --no-report --out {tmp_path} {outlet}"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)

@@ -16,7 +16,9 @@ main()
 """
 
 
-@pytest.mark.parametrize("target", ["emulated_px4", "px4"])
+@pytest.mark.parametrize(
+    "target", [pytest.param("emulated_px4", marks=pytest.mark.thorough), "px4"]
+)
 def test_a_target_that_needs_mavlink_says_what_to_install(target: str, tmp_path: Path) -> None:
     mission = str(MISSIONS / "first_flight.yaml")
     command = ["run", mission, "--target", target, "--plain", "--out", str(tmp_path / "run")]

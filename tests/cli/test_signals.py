@@ -153,12 +153,14 @@ def lands(left: Left, phase: str) -> None:
     assert left.recorded == pytest.approx(left.summary["sim_time_s"], abs=0.1)
 
 
-@pytest.mark.parametrize("phase", phases(quick="up"))
+@pytest.mark.thorough
+@pytest.mark.parametrize("phase", ["up", "go"])
 def test_sigterm_lands(signalled, phase: str):
     lands(signalled((PHASES[phase], signal.SIGTERM)), phase)
 
 
-@pytest.mark.parametrize("phase", phases(quick="hold"))
+@pytest.mark.thorough
+@pytest.mark.parametrize("phase", ["hold", "down"])
 def test_a_closed_terminal_lands(signalled, phase: str):
     lands(signalled((PHASES[phase], signal.SIGHUP)), phase)
 
@@ -168,11 +170,13 @@ def test_ctrl_c_lands(signalled, phase: str):
     lands(signalled((PHASES[phase], signal.SIGINT)), phase)
 
 
-@pytest.mark.parametrize("phase", phases(quick="down"))
+@pytest.mark.thorough
+@pytest.mark.parametrize("phase", ["down", "hold"])
 def test_ctrl_backslash_lands(signalled, phase: str):
     lands(signalled((PHASES[phase], signal.SIGQUIT)), phase)
 
 
+@pytest.mark.thorough
 def test_signals_without_a_meaning_change_nothing(signalled):
     left = signalled((PHASES["up"], signal.SIGUSR1), (PHASES["hold"], signal.SIGUSR2))
     assert (left.code, left.summary["outcome"]) == (0, "succeeded")
@@ -246,7 +250,7 @@ main()
     [
         ("click", signal.SIGINT),
         ("kybflow.dsl.compiler", signal.SIGTERM),
-        ("kybflow.report.page", signal.SIGHUP),
+        pytest.param("kybflow.report.page", signal.SIGHUP, marks=pytest.mark.thorough),
         pytest.param("kybflow.cli.app", signal.SIGINT, marks=pytest.mark.thorough),
         pytest.param("kybflow.dsl.compiler", signal.SIGINT, marks=pytest.mark.thorough),
         pytest.param("mujoco", signal.SIGINT, marks=pytest.mark.thorough),

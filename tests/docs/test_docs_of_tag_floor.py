@@ -65,7 +65,7 @@ def compiled(mission: Path, target: str = "sim") -> Any:
 
 
 def recorded(mission: Path, east: float) -> None:
-    """A video of the vehicle that stands so far east of its start."""
+    """A video of the vehicle that stands so far east of its start: a second, over and over."""
     plan = compiled(mission)
     (vehicle,) = plan.vehicles
     (camera,) = vehicle.cameras.values()
@@ -74,8 +74,9 @@ def recorded(mission: Path, east: float) -> None:
     size = (camera.lens.width, camera.lens.height)
     code = cv2.VideoWriter.fourcc(*"MJPG")
     writer = cv2.VideoWriter(str(mission.with_name("standing.avi")), code, RATE, size)
-    for _ in range(SECONDS * RATE):
-        writer.write(cv2.cvtColor(room.draw(camera, body), cv2.COLOR_GRAY2BGR))
+    second = [cv2.cvtColor(room.draw(camera, body), cv2.COLOR_GRAY2BGR) for _ in range(RATE)]
+    for frame in second * SECONDS:
+        writer.write(frame)
     writer.release()
 
 

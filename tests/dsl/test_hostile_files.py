@@ -116,6 +116,9 @@ HOSTILE = {
     "a huge name": (HEAD + b"vehicles: {" + b"a" * 100_000 + b": {}}\n", "KYB004"),
 }
 
+LARGE = {"a long chain of `like`", "many unknown names", "many vehicles in one place"}
+"""These take as long as all others."""
+
 
 def compiled(path: Path) -> tuple[Result, float]:
     """What the compiler says of a file, and the processor's seconds for that."""
@@ -132,7 +135,10 @@ def ordinary() -> float:
     return min(compiled(ORDINARY)[1] for _ in range(3))
 
 
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=pytest.mark.thorough) if n in LARGE else n for n in HOSTILE],
+)
 def test_it_is_answered_with_a_diagnostic_in_bounded_time(
     name: str, tmp_path: Path, ordinary: float
 ) -> None:

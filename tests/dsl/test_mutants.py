@@ -17,8 +17,9 @@ def share_found(folder: Path, every: int) -> float:
     return sum(one.is_found for one in wrong) / len(wrong)
 
 
-def test_a_sample_of_mutants_is_refused_at_the_right_line(tmp_path: Path) -> None:
-    assert share_found(tmp_path, 37) > 0.95
+@pytest.mark.parametrize("every", [111, pytest.param(37, marks=pytest.mark.thorough)])
+def test_a_sample_of_mutants_is_refused_at_the_right_line(every: int, tmp_path: Path) -> None:
+    assert share_found(tmp_path, every) > 0.95
 
 
 def test_a_sample_of_random_mutants_gives_no_traceback() -> None:

@@ -32,7 +32,7 @@ expect:
     "target",
     [
         "sim",
-        "emulated_px4",
+        pytest.param("emulated_px4", marks=pytest.mark.thorough),
         pytest.param("emulated_ardupilot", marks=pytest.mark.slow),
     ],
 )

@@ -231,7 +231,7 @@ def test_a_link_that_fails_ends_its_own_vehicle_and_no_other(run, method, way):
     assert path(told, "b") == ["up", "hold", "down", "landed"]
 
 
-@pytest.mark.parametrize("state", ["override", "armed"])
+@pytest.mark.parametrize("state", ["override", pytest.param("armed", marks=pytest.mark.thorough)])
 def test_a_link_whose_state_raises_ends_its_own_vehicle_and_no_other(run, state):
     class Broken(Cut):
         def read(self, now):

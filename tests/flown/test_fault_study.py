@@ -33,9 +33,10 @@ def held(case: Case, seen: Seen) -> list[str]:
         wrong.append(f"{seen.off:.3f} m off with an estimator in use")
     if seen.blind > FASTEST:
         wrong.append(f"came down blindly with {seen.blind:.2f} m/s")
-    calm = undisturbed(case.mission, case.vehicle)
-    if case.fault not in TOUCHES_BOTH and seen.other > calm.other + NOISE:
-        wrong.append(f"the others were {seen.other:.3f} m off, {calm.other:.3f} m in peace")
+    if case.fault not in TOUCHES_BOTH:
+        calm = undisturbed(case.mission, case.vehicle)
+        if seen.other > calm.other + NOISE:
+            wrong.append(f"the others were {seen.other:.3f} m off, {calm.other:.3f} m in peace")
     return wrong
 
 
@@ -43,9 +44,9 @@ def held(case: Case, seen: Seen) -> list[str]:
     ("state", "fault"),
     [
         pytest.param("round", "gust", marks=pytest.mark.thorough),
-        ("round", "imu_bias_step"),
+        pytest.param("round", "imu_bias_step", marks=pytest.mark.thorough),
         ("still", "mocap_noise"),
-        ("up", "mass_change"),
+        pytest.param("up", "mass_change", marks=pytest.mark.thorough),
         ("land_blind", "rotor_weak"),
     ],
 )
@@ -81,6 +82,7 @@ def test_two_couriers_whose_cameras_are_exchanged_come_down() -> None:
     assert held(case, seen) == []
 
 
+@pytest.mark.thorough
 def test_the_study_has_every_fault_of_the_catalog() -> None:
     studied = {case.fault for mission in STUDIED for case in cases(mission)}
     assert studied == set(load_catalog().names("faults"))

@@ -24,6 +24,7 @@ FAULTS = {
     "imu_bias_step": {"gyro": (0.02, 0.0, 0.0), "accelerometer": (0.1, 0.0, 0.1)},
     "clock_late": {"by": 0.02},
 }
+QUICK = ("mocap_noise", "gust", "rotor_weak", "clock_late")
 
 
 def flier(name="a", **more):
@@ -45,7 +46,9 @@ def hover_error(flown):
     return flown.summary["vehicles"]["a"]["behaviors"][1]["position_error_m"]
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize(
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.thorough) for n in FAULTS]
+)
 def test_a_vehicle_feels_it_flies_through_it_and_it_is_told(run, undisturbed, name):
     flown, told = run(flier(), faults=(fault(name, **FAULTS[name]),))
     assert path(told, "a") == ["up", "hold", "down", "landed"]
@@ -123,7 +126,7 @@ def test_on_the_way_to_where_it_lands_the_floor_is_no_place_to_touch_down(run):
     there = part("behaviors", "land", position=(2.0, 0.0, 0.0))
     states = [up("hold", height=0.3), hold(0.5, "down"), state("down", there, then("landed"))]
     falls = fault("mass_change", time=6.0, lasts=0.4, factor=3.0)
-    _, told = run(vehicle("a", states), faults=(falls,))
+    _, told = run(vehicle("a", states), faults=(falls,), time_limit=8.0)
     [collided] = named(told, "collided")
     assert path(told[: told.index(collided)], "a") == ["up", "hold", "down"]
 

@@ -38,8 +38,17 @@ def moved(path: Path) -> None:
     path.parent.rename(path.parent.with_name("moved"))
 
 
-@pytest.mark.parametrize("file", ["log.mcap", "events.jsonl"])
-@pytest.mark.parametrize("lose", [removed, shortened, moved])
+@pytest.mark.parametrize(
+    ("lose", "file"),
+    [
+        (removed, "log.mcap"),
+        (shortened, "events.jsonl"),
+        (moved, "log.mcap"),
+        pytest.param(removed, "events.jsonl", marks=pytest.mark.thorough),
+        pytest.param(shortened, "log.mcap", marks=pytest.mark.thorough),
+        pytest.param(moved, "events.jsonl", marks=pytest.mark.thorough),
+    ],
+)
 def test_a_run_whose_record_is_lost_in_flight_has_not_succeeded(
     plan: Plan, tmp_path: Path, file: str, lose: Callable[[Path], None]
 ) -> None:

@@ -14,9 +14,9 @@ from kybflow.parts.catalog import load_catalog
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 DRAWN = frozenset({"courier", "courier_hard"})
 """Camera frames are drawn for these, which takes long: they have no second seed but the slow."""
-LONG = frozenset({"courier_hard", "joystick"})
-"""Flown in the thorough tests only: the one takes a tenth of the time that all others have, the
-other flies what `teleoperation` does."""
+LONG = frozenset({"courier", "courier_hard", "formation", "joystick"})
+"""Flown in the thorough tests only: the couriers and the formation take longer than all others
+together; `joystick` flies what `teleoperation` does."""
 GUESSES = ("80 %", "120 %")
 
 

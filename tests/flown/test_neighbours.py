@@ -85,8 +85,15 @@ def test_two_that_brake_each_other_land_side_by_side_and_say_why(flown) -> None:
     assert set(times(told, "landed")) == {"a", "b"}
 
 
-@pytest.mark.parametrize("order", ["operator.land", "operator.down_all"])
-@pytest.mark.parametrize("goal", [ABOVE, BESIDE])
+@pytest.mark.parametrize(
+    ("goal", "order"),
+    [
+        (ABOVE, "operator.land"),
+        (BESIDE, "operator.down_all"),
+        pytest.param(ABOVE, "operator.down_all", marks=pytest.mark.thorough),
+        pytest.param(BESIDE, "operator.land", marks=pytest.mark.thorough),
+    ],
+)
 def test_two_neighbours_land_when_they_are_asked_to(flown, order: str, goal: list[float]) -> None:
     run, told = flown(goal, (9.0, order), over=30.0, apart="finally distance(a to b) > 20 cm")
     assert (set(times(told, "too_close")) == {"a", "b"}) is (goal is BESIDE)

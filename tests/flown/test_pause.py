@@ -18,6 +18,7 @@ FLYING = {
     "follow_path": {"path": ((0.5, 0.0, 0.6), PLACE)},
     "hover": {"for_time": 4.0},
 }
+QUICK = ("figure_eight", "hover")
 
 
 def pausing(begin: float, end: float):
@@ -37,7 +38,10 @@ def duration(flown, name: str) -> float:
     return visit["end_s"] - visit["start_s"]
 
 
-@pytest.mark.parametrize("name", FLYING)
+@pytest.mark.parametrize(
+    "name",
+    [n if n in QUICK else pytest.param(n, marks=pytest.mark.thorough) for n in FLYING],
+)
 def test_every_flying_behavior_goes_on_where_it_was(run, name):
     tracker, samples = followed()
     behavior = part("behaviors", name, **FLYING[name])
@@ -57,7 +61,9 @@ def test_every_flying_behavior_goes_on_where_it_was(run, name):
     assert velocity <= 0.02
 
 
-@pytest.mark.parametrize(("name", "when"), [("up", 1.5), ("down", 4.5)])
+@pytest.mark.parametrize(
+    ("name", "when"), [pytest.param("up", 1.5, marks=pytest.mark.thorough), ("down", 4.5)]
+)
 def test_a_take_off_and_a_landing_are_paused_too(run, name, when):
     tracker, samples = followed()
     plan = vehicle("a", [up("down"), down()], tracker=tracker)
@@ -138,6 +144,7 @@ def test_on_the_ground_a_pause_stops_the_clock_only(run):
     wait = state(
         "wait", part("behaviors", "wait_on_ground"), TransitionPlan("next", "up", after=1.0)
     )
-    flown, told = run(vehicle("a", [wait, up("down"), down()]), observers=(pausing(0.5, 40.0),))
+    flier = vehicle("a", [wait, up("down"), down()], hover_limit=5.0)
+    flown, told = run(flier, observers=(pausing(0.5, 10.0),))
     assert path(told, "a") == ["wait", "up", "down", "landed"]
-    assert duration(flown, "wait") == pytest.approx(40.5, abs=0.1)
+    assert duration(flown, "wait") == pytest.approx(10.5, abs=0.1)

@@ -163,7 +163,7 @@ def test_no_brake_for_the_estimates_sake_stops_a_vehicle_that_comes_down(run):
 
 
 def test_a_reset_on_the_ground_makes_it_fly_again(run):
-    other = vehicle("b", [up("hold"), hold(30.0, "down"), down()], start=(1.5, 0.0, 0.0))
+    other = vehicle("b", [up("hold"), hold(14.0, "down"), down()], start=(1.5, 0.0, 0.0))
     asks = orders(
         (14.0, lambda v: v.requests.switch("up", Requester.OPERATOR)),
         (14.5, lambda v: v.requests.reset("operator")),

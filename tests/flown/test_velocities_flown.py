@@ -11,6 +11,7 @@ from kybflow.core.geometry import norm
 LOOK = 0.052
 """Seconds from one look of an observer to the next, at most."""
 TRACKERS = ("cascade", "velocity", "geometric")
+VELOCITIES = ((0.9, 0.0, 0.0), (-0.6, 0.6, 0.0), (0.0, 0.0, 0.7))
 
 
 def flight(run, tracker: str, processors: list, velocity=(0.9, 0.0, 0.0), **more):
@@ -38,8 +39,14 @@ def flight(run, tracker: str, processors: list, velocity=(0.9, 0.0, 0.0), **more
     return flown, told, seen
 
 
-@pytest.mark.parametrize("tracker", TRACKERS)
-@pytest.mark.parametrize("velocity", [(0.9, 0.0, 0.0), (-0.6, 0.6, 0.0), (0.0, 0.0, 0.7)])
+@pytest.mark.parametrize(
+    ("tracker", "velocity"),
+    [
+        pytest.param(tracker, velocity, marks=[] if i == k else [pytest.mark.thorough])
+        for i, tracker in enumerate(TRACKERS)
+        for k, velocity in enumerate(VELOCITIES)
+    ],
+)
 def test_a_velocity_towards_the_fence_stops_at_the_wall(run, tracker: str, velocity) -> None:
     flown, told, seen = flight(run, tracker, [part("processors", "fence")], velocity, for_time=8.0)
     assert flown.summary["outcome"] == "succeeded"

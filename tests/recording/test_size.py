@@ -16,7 +16,10 @@ SECONDS = 8.0
 """Then every vehicle lands, which is recorded too."""
 
 
-@pytest.mark.parametrize(("mission", "budget"), [("figure_eight", 340), ("courier", 472)])
+@pytest.mark.parametrize(
+    ("mission", "budget"),
+    [("figure_eight", 340), pytest.param("courier", 472, marks=pytest.mark.thorough)],
+)
 def test_a_recording_takes_no_more_than_its_budget(
     mission: str, budget: float, tmp_path: Path
 ) -> None:

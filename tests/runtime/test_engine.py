@@ -301,7 +301,9 @@ def test_preflight_keeps_a_vehicle_on_the_ground_that_would_land_at_once(run):
 def test_options_of_the_command_line_reach_the_part_and_the_record(run):
     options = (("a.processors.position_error.limit", "20 cm"),)
     jump = state("jump", Jumping, then("down"))
-    _, told = run(vehicle("a", [up("jump"), jump, down()], hover_limit=1.0), options=options)
+    _, told = run(
+        vehicle("a", [up("jump"), jump, down()], hover_limit=1.0), options=options, time_limit=9.0
+    )
     assert named(told, "option_changed")[0].fields["by"] == "command line"
     assert named(told, "position_error_exceeded")[0].fields["bound"] == pytest.approx(0.2)
 

@@ -165,11 +165,10 @@ def test_a_rolling_shutter_shears_by_the_speed_and_the_row_time() -> None:
 @pytest.mark.parametrize(
     "at",
     [
-        body(velocity=(0.5, 0.8, 0.0)),
-        body(rates=(0.0, 0.0, 3.0)),
-        body(z=0.3, velocity=(0, 0, 1.0)),
+        pytest.param(body(velocity=(0.5, 0.8, 0.0)), marks=pytest.mark.thorough, id="even"),
+        pytest.param(body(rates=(0.0, 0.0, 3.0)), id="turning"),
+        pytest.param(body(z=0.3, velocity=(0, 0, 1.0)), marks=pytest.mark.thorough, id="climbing"),
     ],
-    ids=["even", "turning", "climbing"],
 )
 def test_motion_blur_is_the_mean_over_the_exposure(at: Truth) -> None:
     exposure, count = 0.01, 21

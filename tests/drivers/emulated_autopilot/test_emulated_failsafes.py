@@ -123,7 +123,8 @@ def test_ardupilot_minds_the_heartbeat_of_its_station_only_where_it_is_told_to(i
 
 
 @pytest.mark.parametrize(
-    ("name", "forgets", "gives_up"), [("px4", 1.0, 5.0), ("ardupilot", 7.2, 7.9)]
+    ("name", "forgets", "gives_up"),
+    [("px4", 1.0, 5.0), pytest.param("ardupilot", 7.2, 7.9, marks=pytest.mark.thorough)],
 )
 def test_without_vision_it_lands_blindly_and_late(name, forgets, gives_up):
     bench = Bench(name)
@@ -149,7 +150,10 @@ def test_a_jump_of_vision_is_not_believed_at_once_unless_it_is_told():
     assert bench.pilot.state.estimator.position[0] == pytest.approx(1.0, abs=0.1)
 
 
-@pytest.mark.parametrize(("name", "seconds"), [("px4", 10.0), ("ardupilot", 10.0)])
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [pytest.param("px4", 10.0, marks=pytest.mark.thorough), ("ardupilot", 10.0)],
+)
 def test_armed_and_left_alone_on_the_ground_it_disarms(name, seconds):
     bench = Bench(name, outside=False, is_prepared=False)
     bench.run(12.0)

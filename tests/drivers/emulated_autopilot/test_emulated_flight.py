@@ -29,7 +29,12 @@ from kybflow.core.geometry import from_euler, heading_of, norm, tilt_of  # noqa:
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned  # noqa: E402
 from kybflow.drivers.sim import SimParams  # noqa: E402
 
+thorough = pytest.mark.thorough
 BOTH = pytest.mark.parametrize("name", ["px4", "ardupilot"])
+PX4_QUICKLY = pytest.mark.parametrize("name", ["px4", pytest.param("ardupilot", marks=thorough)])
+ARDUPILOT_QUICKLY = pytest.mark.parametrize(
+    "name", [pytest.param("px4", marks=thorough), "ardupilot"]
+)
 
 
 def landing(bench):
@@ -54,7 +59,7 @@ def test_it_arms_climbs_follows_positions_and_velocities_and_lands(name):
     assert bench.last("EXTENDED_SYS_STATE" if bench.px4 else "HEARTBEAT") is not None
 
 
-@BOTH
+@ARDUPILOT_QUICKLY
 def test_the_same_seed_gives_the_same_flight(name):
     flights = []
     for _ in range(2):
@@ -64,7 +69,7 @@ def test_the_same_seed_gives_the_same_flight(name):
     assert flights[0] == flights[1]
 
 
-@BOTH
+@PX4_QUICKLY
 def test_it_flies_with_an_imu_that_is_noisy_and_biased_on_a_model_that_is_wrong(name):
     bench = Bench(name, params=SimParams(gust=0.3), seed=5)
     bench.take_off(1.0)
@@ -73,7 +78,7 @@ def test_it_flies_with_an_imu_that_is_noisy_and_biased_on_a_model_that_is_wrong(
     assert bench.truth.position == pytest.approx((1.0, 1.0, 1.0), abs=0.15)
 
 
-@BOTH
+@ARDUPILOT_QUICKLY
 def test_heading_goes_by_neds_yaw(name):
     bench = Bench(name)
     bench.take_off(1.0)
@@ -82,7 +87,7 @@ def test_heading_goes_by_neds_yaw(name):
     assert heading_of(bench.truth.attitude) == pytest.approx(pi / 2, abs=0.05)
 
 
-@BOTH
+@PX4_QUICKLY
 def test_an_attitude_and_a_thrust_are_followed(name):
     bench = Bench(name)
     bench.take_off(2.0)
@@ -121,7 +126,7 @@ def test_ardupilot_takes_thrust_for_a_climb_rate_unless_it_is_told_otherwise():
     assert bench.truth.velocity[2] == pytest.approx(0.5, abs=0.1)
 
 
-@BOTH
+@ARDUPILOT_QUICKLY
 def test_it_flies_on_its_own_gps(name):
     bench = Bench(name, outside=False, is_prepared=False, params=SimParams(), seed=2)
     bench.run(12.0)
@@ -158,7 +163,7 @@ def test_ardupilot_leaves_the_ground_by_its_take_off_alone():
     assert bench.command(*takes_off) == FAILED, "it flies"
 
 
-@pytest.mark.parametrize("first", ["arm", "mode"])
+@pytest.mark.parametrize("first", ["arm", pytest.param("mode", marks=thorough)])
 def test_px4_takes_off_by_its_mode_armed_before_or_after(first):
     bench = Bench("px4", outside=False, is_prepared=False, params=SimParams(), seed=2)
     bench.run(12.0)
@@ -169,7 +174,7 @@ def test_px4_takes_off_by_its_mode_armed_before_or_after(first):
     assert bench.run(5.0, lambda: bench.pilot.state.mode == PX4_HOLD)
 
 
-@BOTH
+@ARDUPILOT_QUICKLY
 def test_it_holds_where_it_is_in_its_holding_mode(name):
     bench = Bench(name)
     bench.take_off(1.0)
@@ -182,7 +187,7 @@ def test_it_holds_where_it_is_in_its_holding_mode(name):
     assert bench.truth.position == pytest.approx(before, abs=0.03)
 
 
-@BOTH
+@ARDUPILOT_QUICKLY
 def test_on_the_floor_a_landing_follows_no_position_any_more(name):
     """After one that drifts it would slide over the floor for seconds, and tip over."""
     bench = Bench(name)
@@ -219,7 +224,7 @@ def test_loiter_without_a_pilot_sinks():
     assert bench.truth.velocity[2] < -1.0
 
 
-@BOTH
+@PX4_QUICKLY
 def test_a_position_without_yaw_is_followed_too(name):
     bench = Bench(name)
     bench.take_off(1.0)

@@ -87,7 +87,8 @@ def test_where_others_may_command_it_the_run_may_succeed(tmp_path) -> None:
     assert flight.flown.exit_code == 0
 
 
-@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+@thorough
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_a_station_that_only_listens_is_no_commander(autopilot, tmp_path) -> None:
     flight = Rehearsal(autopilot, tmp_path, deeds=[(WRONG, station(seconds=2.0))])
     assert flight.events("foreign_command") == []

@@ -62,7 +62,8 @@ def test_a_cut_link_is_nothing_when_it_is_short_and_else_lands_it(autopilot, sec
         assert flight.after(WRONG, LANDS[autopilot]) < NOTICES[autopilot]
 
 
-@pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
+@thorough
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_where_silence_is_allowed_its_own_failsafe_is_an_alarm_and_lands_it(autopilot, tmp_path):
     cut = fault("link_cut", 2.5)
     flight = Rehearsal(autopilot, tmp_path, faults=[cut], supervisors=supervised(**PATIENT))
@@ -107,7 +108,7 @@ def test_one_that_is_nearly_down_is_not_taken_back(autopilot, tmp_path):
     assert "its own failsafe" in flight.flown.summary["reason"]
 
 
-@each(("px4", 5.0), ("ardupilot", 1.0))
+@each(("px4", 5.0))
 def test_set_points_that_stall_are_a_matter_of_its_own_failsafe(autopilot, seconds, tmp_path):
     mute = fault("link_cut", seconds, way="to_vehicle")
     flight = Rehearsal(autopilot, tmp_path, faults=[mute])

@@ -7,7 +7,6 @@ import pytest
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
 from rehearsals import (
-    AUTOPILOTS,
     DRIVER,
     FOLLOWS,
     HEIGHT,
@@ -134,7 +133,7 @@ class Cuts(Supervisor[NoParams]):
         return Alarm("alarmed", Reaction.CUT, "the test says so") if wrong else None
 
 
-@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_cut_stops_its_rotors_in_the_air(autopilot, tmp_path):
     alarm = PartPlan("cuts", Cuts, NoParams(), "supervisors.cuts", LINE)
     flight = Rehearsal(autopilot, tmp_path, supervisors=(*supervised(), alarm))

@@ -89,10 +89,14 @@ def test_it_will_not_arm(autopilot, what, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("what", "check", "words"),
-    [("bar", "command mode", "not today"), ("blind", "position", "it has none")],
+    ("autopilot", "what", "check", "words"),
+    [
+        ("px4", "bar", "command mode", "not today"),
+        ("ardupilot", "blind", "position", "it has none"),
+        pytest.param("ardupilot", "bar", "command mode", "not today", marks=thorough),
+        pytest.param("px4", "blind", "position", "it has none", marks=thorough),
+    ],
 )
-@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_it_does_not_pass_the_preflight(autopilot, what, check, words, tmp_path):
     failure = {"bar": "Mode change denied: not today", "blind": True}[what]
     flight = Rehearsal(autopilot, tmp_path, deeds=[(0.0, broken(**{what: failure}))])
@@ -166,7 +170,7 @@ def test_the_preflight_names_each_parameter_that_is_wrong_and_the_cure(autopilot
 DANGEROUS = {"px4": "COM_OBL_RC_ACT is 0:", "ardupilot": "FS_GCS_ENABLE is 0:"}
 
 
-@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_a_run_tells_each_parameter_that_is_wrong_once(autopilot, tmp_path):
     file = tmp_path / "bare.yaml"
     file.write_text(MISSION.format(autopilot=autopilot), encoding="utf-8")

@@ -36,7 +36,10 @@ BUDGET = {("px4", 1): 2204, ("px4", 4): 2198, ("ardupilot", 1): 2176}
 @needs_repeatable_counts
 @pytest.mark.parametrize(
     ("firmware", "count"),
-    [pytest.param(*key, marks=[pytest.mark.thorough] if key[1] > 1 else []) for key in BUDGET],
+    [
+        pytest.param(*key, marks=[pytest.mark.thorough] if key != ("px4", 1) else [])
+        for key in BUDGET
+    ],
 )
 def test_the_driver_stays_within_its_budget(firmware: str, count: int, tmp_path: Path) -> None:
     plan = fleet(count, f"emulated_{firmware}")

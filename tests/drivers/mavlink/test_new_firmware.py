@@ -97,6 +97,7 @@ for check in bench.link.checks(bench.now):
     assert "ACME_VISION is 0,  should be 1:  takes poses from kybflow" in said
 
 
+@pytest.mark.thorough
 def test_a_second_file_emulates_it(copy: Path) -> None:
     target = ("validate", MISSION, "--target", "emulated_acme")
     code, said = kybflow_says(copy, *target)

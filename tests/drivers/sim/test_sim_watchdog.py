@@ -47,8 +47,18 @@ def cut_after(seconds, seed, height=1.0, bias=0.0, since=4.0):
     return top / last, fastest, link.truth().position[2]
 
 
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("height", [0.6, 1.5, 2.5])
+HEIGHTS = {0.6: 0, 1.5: 1, 2.5: 2}
+"""Metres, each with the seed of the quick tests; the others are thorough."""
+
+
+@pytest.mark.parametrize(
+    ("height", "seed"),
+    [
+        pytest.param(height, seed, marks=[] if seed == quick else [pytest.mark.thorough])
+        for height, quick in HEIGHTS.items()
+        for seed in range(5)
+    ],
+)
 def test_a_vehicle_that_nobody_commands_any_more_comes_down_gently(height, seed):
     session, link, now = in_flight(SimParams(), height, seed=seed)
     fastest, _ = left_alone(session, link, now)
@@ -64,7 +74,9 @@ def assert_gently_down(climbed, fastest, height):
     assert height == pytest.approx(0.0, abs=0.02)
 
 
-@pytest.mark.parametrize("seed", [100, 101, 104])
+@pytest.mark.parametrize(
+    "seed", [100, *(pytest.param(s, marks=pytest.mark.thorough) for s in (101, 104))]
+)
 def test_a_long_flight_does_not_make_it_climb(seed):
     assert_gently_down(*cut_after(60.0, seed))
 

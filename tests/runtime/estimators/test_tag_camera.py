@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from math import cos, degrees, pi, sin
 
 import pytest
@@ -70,8 +71,13 @@ def test_it_needs_frames():
     assert TagCamera.needs == {Frame}
 
 
-def test_in_flight_the_error_is_a_few_millimetres():
-    errors, estimate = flown(lively(), 3.0, room(TAGS), TAGS)
+@pytest.fixture(scope="module")
+def undisturbed():
+    return flown(lively(), 3.0, room(TAGS), TAGS)
+
+
+def test_in_flight_the_error_is_a_few_millimetres(undisturbed):
+    errors, estimate = undisturbed
     checked(errors)
     assert estimate.source == "tag_camera"
     assert 0.04 <= estimate.age <= 0.04 + 1.0 / RATE + 0.01
@@ -83,11 +89,11 @@ def test_over_a_minute_of_flight_the_error_is_a_few_millimetres():
     checked(flown(lively(), 60.0, room(TAGS), TAGS)[0])
 
 
-def test_a_map_of_which_a_third_is_wrong_costs_nothing():
-    clean, _ = flown(lively(), 1.5, room(TAGS), TAGS)
+def test_a_map_of_which_a_third_is_wrong_costs_nothing(undisturbed):
     wrong, _ = misplaced(TAGS, 0.3, numpy.random.default_rng(4))
     errors, _ = flown(lively(), 1.5, room(TAGS), wrong)
     assert None not in errors
+    clean = undisturbed[0][: len(errors)]
     assert numpy.mean([e[0] for e in errors]) <= 2.0 * numpy.mean([e[0] for e in clean])
 
 
@@ -112,15 +118,20 @@ def test_where_the_vehicle_is_carried_off_there_is_no_estimate_and_then_the_righ
 
 
 HEIGHTS, LIGHTS = (0.1, 0.13, 0.17, 0.2, 0.25), (0.8, 0.15, 0.4, 1.0, 1.5)
-FAST = set(zip(HEIGHTS, LIGHTS, strict=True))
+QUICK = ((0.1, 0.8), (0.2, 1.0))
+THOROUGH = ((0.13, 0.15), (0.17, 0.4), (0.25, 1.5))
 
 
 @pytest.mark.parametrize(
     ("height", "brightness"),
     [
-        pytest.param(h, b, marks=[] if (h, b) in FAST else [pytest.mark.slow])
-        for h in HEIGHTS
-        for b in LIGHTS
+        *QUICK,
+        *(pytest.param(*case, marks=pytest.mark.thorough) for case in THOROUGH),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in product(HEIGHTS, LIGHTS)
+            if case not in (*QUICK, *THOROUGH)
+        ),
     ],
 )
 def test_it_takes_off_from_a_pad_of_small_tags(height, brightness):

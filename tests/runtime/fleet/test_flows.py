@@ -416,7 +416,7 @@ def test_a_callback_enters_a_phase(run) -> None:
         phase("land", run={"a": "down"}),
     )
     callback = CallbackPlan(actions=(EnterPhase("team", "land"),), **AT_STILL)
-    flown, _ = run(waiting("a"), flows=(team,), callbacks=(callback,))
+    flown, _ = run(waiting("a"), flows=(team,), callbacks=(callback,), time_limit=12.0)
     ends = [(p["name"], p["ended"]) for p in flown.summary["flows"]["team"]["phases"]]
     assert ends == [("launch", "next"), ("still", "asked"), ("land", "done")]
 

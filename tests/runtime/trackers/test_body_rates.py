@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, sin
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from onboard_control import RATES, following
 from plans import part, state, then, vehicle
@@ -79,6 +79,7 @@ def test_half_a_turn_and_more_is_made_the_shorter_way() -> None:
     axis=st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: norm(v) > 0.1),
     angle=st.floats(-1.5, 1.5),
 )
+@settings(max_examples=40)
 def test_followed_it_brings_the_attitude_home(axis: Vec3, angle: float) -> None:
     size = norm(axis)
     attitude = turned((axis[0] / size, axis[1] / size, axis[2] / size), angle)

@@ -165,7 +165,7 @@ def errors(flown) -> tuple[float, float, float, float]:
     return position["mean"], position["max"], velocity["mean"], velocity["max"]
 
 
-@pytest.mark.parametrize("lap", [10.0, 5.0])
+@pytest.mark.parametrize("lap", [pytest.param(10.0, marks=pytest.mark.thorough), 5.0])
 def test_it_flies_the_eight_nearer_than_cascade(run, lap: float) -> None:
     cascade, _ = run(*eight("cascade", lap))
     flown, _ = run(*eight("geometric", lap))

@@ -258,7 +258,13 @@ def test_whatever_the_error_it_asks_for_no_more_than_the_airframe_has(
     assert (x * x + y * y) ** 0.5 <= (z + GRAVITY) * 0.3641 + 1e-9  # tan(FRAME.tilt)
 
 
-@pytest.mark.parametrize("by", ["position", "velocity", "acceleration"])
+@pytest.mark.parametrize(
+    "by",
+    [
+        "position",
+        *(pytest.param(b, marks=pytest.mark.thorough) for b in ("velocity", "acceleration")),
+    ],
+)
 def test_a_vehicle_that_follows_setpoints_flies_a_mission_by_it(run, by: str) -> None:
     driver, opened = following()
     go = part("behaviors", "fly_to", position=(0.8, -0.4, 0.8))

@@ -33,7 +33,9 @@ class Dropped(Autopilot):
             super().send(command, now)
 
 
-@pytest.mark.parametrize("way", ["says so", "says nothing", "says it late"])
+@pytest.mark.parametrize(
+    "way", ["says so", "says it late", pytest.param("says nothing", marks=pytest.mark.thorough)]
+)
 def test_one_that_disarms_in_the_air_has_not_landed(run, way):
     own = wrapped(lambda _, link: Dropped(link, way))
     flown, told = run(flight(own))

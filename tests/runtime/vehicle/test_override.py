@@ -197,7 +197,14 @@ def test_a_vehicle_that_a_pilot_took_is_left_alone_until_a_person_asks_for_it(ru
     assert flown.exit_code == 0
 
 
-@pytest.mark.parametrize("brakes", [(7.5, 7.9), (7.5, 8.5), (7.99, 10.9)])
+@pytest.mark.parametrize(
+    "brakes",
+    [
+        pytest.param((7.5, 7.9), marks=pytest.mark.thorough),
+        (7.5, 8.5),
+        pytest.param((7.99, 10.9), marks=pytest.mark.thorough),
+    ],
+)
 def test_a_brake_from_before_it_was_taken_ends_with_that(run, brakes):
     """What it braked for is over, or is found again when it is back."""
     own, _ = driver("pilot")

@@ -77,7 +77,11 @@ def test_stamps_begin_now_and_go_on_with_the_run() -> None:
 
 
 @pytest.mark.parametrize(
-    "what", [[str(MISSIONS / "first_flight.yaml")], ["--still", "a=1,2,3"]], ids=["flown", "still"]
+    "what",
+    [
+        pytest.param([str(MISSIONS / "first_flight.yaml")], marks=pytest.mark.thorough, id="flown"),
+        pytest.param(["--still", "a=1,2,3"], id="still"),
+    ],
 )
 def test_the_command_serves_until_it_is_ended(what: list[str], plan: Plan, tmp_path: Path) -> None:
     port = free_port()
