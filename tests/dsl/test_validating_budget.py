@@ -5,6 +5,8 @@ A change that adds more than 3 % to a pass raises the budget below in the same c
 
 from __future__ import annotations
 
+import gc
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -58,3 +60,21 @@ def test_validating_stays_within_its_budget(mission: str) -> None:
 
     lines = off_budget(bytecodes.counts, BUDGET[mission])
     assert not lines, "\n".join(["", *lines])
+
+
+@needs_repeatable_counts
+def test_what_listens_to_the_garbage_collector_is_not_counted() -> None:
+    def counted() -> Counter[str]:
+        bytecodes = Bytecodes((), "all")
+        bytecodes.start()
+        kept = [[] for _ in range(10_000)]
+        bytecodes.stop()
+        assert len(kept) == 10_000
+        return bytecodes.counts
+
+    alone = counted()
+    gc.callbacks.append(lambda phase, found: None)
+    try:
+        assert counted() == alone
+    finally:
+        gc.callbacks.pop()

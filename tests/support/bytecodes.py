@@ -6,6 +6,7 @@ and not always the same), so every budget holds for that version and its tests s
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections import Counter
 from collections.abc import Mapping
@@ -32,6 +33,7 @@ class Bytecodes:
 
     stages: (beginning of a module's path below `kybflow/`, its stage), the first match counts. Code
     that matches none, like geometry or the standard library, belongs to the stage that called it.
+    No garbage is collected meanwhile, for what listens to that (Hypothesis) would be counted.
     """
 
     def __init__(self, stages: tuple[tuple[str, str], ...], otherwise: str) -> None:
@@ -40,10 +42,12 @@ class Bytecodes:
         self._stage_of: dict[str, str | None] = {}
 
     def start(self) -> None:
+        gc.disable()
         sys.settrace(self._called)
 
     def stop(self) -> None:
         sys.settrace(None)
+        gc.enable()
 
     def _called(self, frame: FrameType, event: str, argument: Any) -> Any:
         frame.f_trace_opcodes, frame.f_trace_lines = True, False
