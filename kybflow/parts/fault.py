@@ -28,7 +28,8 @@ Rotors = tuple[float, float, float, float]
 class Effect:
     """What a fault does to one simulated vehicle; the defaults do nothing.
 
-    filter: changes every arriving measurement, simulated cameras' frames included. wind: added to
+    filter: changes every arriving measurement, simulated cameras' frames included. repeats: whether
+    that filter sends again what was sent before, so that it comes after all others. wind: added to
     the world's. mass: factor on the body's mass and inertia. payload: mass added to that, kg.
     rotors: factor on each rotor's thrust. sag: fraction of the battery's charge that is missing.
     gyro_bias, accelerometer_bias: added to the IMU's, rad/s and m/s^2, body frame. late: delay of
@@ -39,6 +40,7 @@ class Effect:
     """
 
     filter: Filter | None = None
+    repeats: bool = False
     wind: Air | None = None
     mass: float = 1.0
     payload: float = 0.0
@@ -84,7 +86,8 @@ class Rig:
     @property
     def filters(self) -> tuple[Filter, ...]:
         """Every filter, in the order in which they apply."""
-        return tuple(e.filter for e, _ in self._effects if e.filter is not None)
+        effects = sorted((e for e, _ in self._effects), key=lambda e: e.repeats)
+        return tuple(e.filter for e in effects if e.filter is not None)
 
     @property
     def blows(self) -> bool:

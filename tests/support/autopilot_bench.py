@@ -50,6 +50,7 @@ class Bench:
         self.vehicle.subscribe(frozenset(kinds))
         body = SimulatedBody(
             self.vehicle.send,
+            self.vehicle.controller.attitude,
             self.vehicle.grip,
             self.vehicle.truth,
         )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Mapping
 
-from kybflow.core.geometry import LEVEL, ZERO, Vec3
+from kybflow.core.geometry import LEVEL, ZERO, Vec3, conjugate, multiply
 from kybflow.core.signals import NEVER, NS, Battery, Command, Imu, Measurement, Position, Time
 from kybflow.drivers.emulated_autopilot.control.flight import EmulatedFlight
 from kybflow.drivers.emulated_autopilot.control.payload import Outputs
@@ -203,8 +203,14 @@ class OnboardAutopilot:
             self._resume(now)
         if state.armed:
             self.commanded = self.flight.step(now, dt)
-            self._body.drive(self.commanded, now)
+            self._body.drive(self._for_the_loop(self.commanded), now)
             self.flight.watch(now, dt)
+
+    def _for_the_loop(self, command: Command) -> Command:
+        """The command whose attitude is as far from what the attitude loop believes as that of
+        `command` is from the estimate: an autopilot has one estimator."""
+        off = multiply(conjugate(self.state.estimator.attitude.value), command.attitude)
+        return command._replace(attitude=multiply(self._body.attitude(), off))
 
     def _fail_over(self, mode: int | None, words: str, cause: str, now: Time) -> None:
         if mode is None:

@@ -134,7 +134,7 @@ class EmulatedEstimator:
     def feel(self, imu: Imu, now: Time) -> None:
         """Propagate with a sample of the IMU."""
         self.imu = imu
-        self.attitude.feel(imu)
+        self.attitude.feel(imu, self._observer.bias if self.sees(now) else None)
         x, y, z = rotate(self.attitude.value, imu.specific_force)
         self.acceleration = (x, y, z - GRAVITY)
         self._observer.feel(self.acceleration, imu.dt, now)

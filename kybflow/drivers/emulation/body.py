@@ -12,7 +12,7 @@ from collections.abc import Callable
 from math import exp, sqrt
 from typing import NamedTuple
 
-from kybflow.core.geometry import heading_of
+from kybflow.core.geometry import Quat, heading_of
 from kybflow.core.signals import NS, Battery, Command, Time, Truth
 from kybflow.core.units import DEG
 from kybflow.drivers.emulation.breaking import Failures
@@ -30,11 +30,13 @@ EMPTY, SPAN = 9.6, 3.0
 class SimulatedBody(NamedTuple):
     """The simulated vehicle under an emulated computer.
 
-    drive: takes the command that the attitude loop follows. move: opens or closes the payload's
+    drive: takes the command that the attitude loop follows. attitude: the one that the loop itself
+    believes in. move: opens or closes the payload's
     servo. look: the simulator's truth, for sensors and for what a simulator itself reports.
     """
 
     drive: Callable[[Command, Time], None]
+    attitude: Callable[[], Quat]
     move: Callable[[bool, Time], None]
     look: Callable[[], Truth]
 

@@ -1,7 +1,10 @@
 """How an emulated computer estimates its motion: an attitude filter and a position observer.
 
 Attitude: the explicit complementary filter with bias of Mahony, Hamel and Pflimlin (IEEE TAC 2008,
-eq. 34), from gyroscope, accelerometer and a heading that is seen. World ENU, body FLU.
+eq. 34), from gyroscope, accelerometer and a heading that is seen. In flight thrust is all that an
+accelerometer feels, whatever the tilt; where the position is seen, the gravity that levels the
+attitude is what the accelerometer feels less the acceleration that is seen, as in effect in the
+filters of PX4 and ArduPilot. World ENU, body FLU.
 
 Position: inertial, corrected by what is seen of it. Per axis a constant-gain observer with the
 error of the acceleration as its third state, all poles at exp(-w dt), w the bandwidth and dt the
@@ -36,10 +39,9 @@ from kybflow.core.geometry import (
 )
 from kybflow.core.signals import NS, Imu, Time
 
-LEVELLING = 0.10
-"""How fast the accelerometer levels the attitude, 1/s."""
-LEARNING = LEVELLING**2 / 4.0
-"""How fast the gyroscope's bias is learnt, 1/s^2."""
+LEVELLING, AIDED = 0.10, 0.6
+"""How fast the accelerometer levels the attitude by itself and where the acceleration is seen, 1/s.
+The bias of the gyroscope is learnt at critical damping, with a quarter of its square, 1/s^2."""
 AIMING, AIMING_BIAS = 1.0, 0.1
 """How fast the heading follows the one that is seen, 1/s, and the bias about the vertical,
 1/s^2."""
@@ -74,15 +76,22 @@ class AttitudeFilter:
         """Drop the last heading: none is seen any more."""
         self._off = 0.0
 
-    def feel(self, imu: Imu) -> None:
-        """Propagate with a sample of the IMU."""
-        up = rotate(conjugate(self.value), UP)
+    def feel(self, imu: Imu, lacking: Vec3 | None) -> None:
+        """Propagate with a sample of the IMU. lacking: the acceleration that is seen and that the
+        accelerometer doesn't explain, m/s^2 in the world; None where none is seen: then the vehicle
+        is taken to accelerate nowhere."""
+        back = conjugate(self.value)
+        up = rotate(back, UP)
         force, size = imu.specific_force, norm(imu.specific_force)
-        error = scale(cross(force, up), 1.0 / size) if LIGHTEST < size < HEAVIEST else ZERO
-        learnt = add(scale(error, LEARNING), scale(up, AIMING_BIAS * self._off))
+        gain, error = LEVELLING, ZERO
+        if lacking is not None:
+            gain, error = AIDED, scale(cross(force, rotate(back, lacking)), 1.0 / GRAVITY**2)
+        elif LIGHTEST < size < HEAVIEST:
+            error = scale(cross(force, up), 1.0 / size)
+        learnt = add(scale(error, gain**2 / 4.0), scale(up, AIMING_BIAS * self._off))
         self._bias = sub(self._bias, scale(learnt, imu.dt))
         self.rate = sub(imu.angular_velocity, self._bias)
-        aimed = add(scale(error, LEVELLING), scale(up, AIMING * self._off))
+        aimed = add(scale(error, gain), scale(up, AIMING * self._off))
         self.value = integrate(self.value, add(self.rate, aimed), imu.dt)
         self._off *= max(0.0, 1.0 - AIMING * imu.dt)
 
@@ -93,18 +102,19 @@ MOST_BIAS = 0.5
 
 
 class PositionObserver:
-    """The position of one vehicle; it starts at zero, at rest."""
+    """The position of one vehicle; it starts at zero, at rest. `bias`: the acceleration that it
+    moves by beyond that of the accelerometer, m/s^2 in the world."""
 
     def __init__(self) -> None:
         self.position: Vec3 = ZERO
         self.velocity: Vec3 = ZERO
-        self._bias: Vec3 = ZERO
+        self.bias: Vec3 = ZERO
         self._past: deque[tuple[Time, Vec3]] = deque()
         self._shifted: Vec3 = ZERO
 
     def feel(self, acceleration: Vec3, dt: float, now: Time) -> None:
         """Propagate by `dt` with an acceleration in the world, without gravity."""
-        a = add(acceleration, self._bias)
+        a = add(acceleration, self.bias)
         move = add(scale(self.velocity, dt), scale(a, 0.5 * dt * dt))
         self.position = add(self.position, move)
         self.velocity = add(self.velocity, scale(a, dt))
@@ -129,8 +139,8 @@ class PositionObserver:
         b = [k**3 / dt**2 * e for k, e in zip(k, off, strict=True)]
         self._shift((p[0], p[1], p[2]))
         self.velocity = add(self.velocity, (v[0], v[1], v[2]))
-        x, y, z = add(self._bias, (b[0], b[1], b[2]))
-        self._bias = (_within(x), _within(y), _within(z))
+        x, y, z = add(self.bias, (b[0], b[1], b[2]))
+        self.bias = (_within(x), _within(y), _within(z))
 
     def jump(self, off: Vec3) -> None:
         """Shift the position: the sightings have jumped."""

@@ -78,7 +78,9 @@ class Fleet(Generic[Onboard]):
             vehicle = self._world.links[seat.context.vehicle]
             assert isinstance(vehicle, SimulatedVehicle)
             chance = random.Random(generator.getrandbits(64))
-            body = SimulatedBody(vehicle.send, vehicle.grip, vehicle.truth)
+            body = SimulatedBody(
+                vehicle.send, vehicle.controller.attitude, vehicle.grip, vehicle.truth
+            )
             onboard, has_gps = build(number, body, chance)
             self.members.append(EmulatedVehicle(vehicle, onboard, has_gps=has_gps))
         self._due: Time = 0

@@ -103,7 +103,7 @@ class AttitudeController:
         turn = 0.0
         if heading is not None:
             self._held = None
-            turn = AIMING * wrap(heading - heading_of(self._attitude()))
+            turn = AIMING * wrap(heading - heading_of(self.attitude()))
         else:
             attitude = self._holding(attitude)
         if armed is not self.armed:
@@ -115,14 +115,15 @@ class AttitudeController:
         lift = self._share * thrust
         self._aboard.setpoints[self._index] = (float(armed), *attitude, *rates, lift, turn)
 
-    def _attitude(self) -> Quat:
+    def attitude(self) -> Quat:
+        """The attitude that the filter believes in, body to world."""
         w, x, y, z, _, _, _, _ = self._aboard.filters[self._index]
         return (w, x, y, z)
 
     def _holding(self, attitude: Quat) -> Quat:
         """The tilt of `attitude`, at the heading of the moment when nobody knew one any more."""
         if self._held is None:
-            self._held = heading_of(self._attitude())
+            self._held = heading_of(self.attitude())
         return multiply(from_heading(self._held - heading_of(attitude)), attitude)
 
 

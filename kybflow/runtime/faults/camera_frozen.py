@@ -29,7 +29,7 @@ class CameraFrozen(Fault[CameraFrozenParams]):
         self._kept: dict[str, Frame] = {}
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
-        return {vehicle: Effect(filter=self._keep)}
+        return {vehicle: Effect(filter=self._keep, repeats=True)}
 
     def _keep(self, measurement: Measurement) -> Measurement | None:
         if not isinstance(measurement, Frame):

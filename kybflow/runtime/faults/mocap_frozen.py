@@ -30,7 +30,7 @@ class MocapFrozen(Fault[MocapFrozenParams]):
         self._kept: Pose | None = None
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
-        return {vehicle: Effect(filter=self._keep)}
+        return {vehicle: Effect(filter=self._keep, repeats=True)}
 
     def _keep(self, measurement: Measurement) -> Measurement | None:
         if not isinstance(measurement, Pose):

@@ -1,12 +1,14 @@
-"""The position observer of an emulated computer: what a sighting changes."""
+"""The estimators of an emulated computer: what a sighting changes."""
 
 from __future__ import annotations
 
+from math import cos, sin, tan
+
 import pytest
 
-from kybflow.core.geometry import ZERO
-from kybflow.core.signals import NS
-from kybflow.drivers.emulation.estimation import PositionObserver
+from kybflow.core.geometry import GRAVITY, ZERO, rotate
+from kybflow.core.signals import NS, Imu
+from kybflow.drivers.emulation.estimation import AttitudeFilter, PositionObserver
 
 
 @pytest.mark.parametrize("gap", [0.25, 0.9, 3.0])
@@ -24,3 +26,21 @@ def test_sightings_teach_a_speed_and_an_acceleration():
         observer.feel(ZERO, dt, round(t * NS))
         observer.correct(observer.off((0.1 * t * t, 0.3 * t, 0.0), round(t * NS)), (4.0,) * 3, dt)
     assert observer.velocity == pytest.approx((0.2 * t, 0.3, 0.0), abs=0.02)
+
+
+def test_what_is_seen_levels_the_attitude_of_a_vehicle_that_accelerates():
+    """It is tilted and accelerates along its thrust, which says nothing about the tilt; and its
+    gyroscope is off."""
+    dt, tilt, off = 0.01, 0.1, 0.06
+    attitude, observer = AttitudeFilter(0.0), PositionObserver()
+    felt = Imu(0, dt, (0.0, 0.0, GRAVITY / cos(tilt)), (0.0, off, 0.0))
+    for step in range(1, 4001):
+        t = step * dt
+        attitude.feel(felt, observer.bias)
+        x, y, z = rotate(attitude.value, felt.specific_force)
+        observer.feel((x, y, z - GRAVITY), dt, round(t * NS))
+        seen = (0.5 * GRAVITY * tan(tilt) * t * t, 0.0, 0.0)
+        observer.correct(observer.off(seen, round(t * NS)), (4.0,) * 3, dt)
+    assert attitude.rate == pytest.approx(ZERO, abs=0.001)
+    up = rotate(attitude.value, (0.0, 0.0, 1.0))
+    assert up == pytest.approx((sin(tilt), 0.0, cos(tilt)), abs=0.002)

@@ -151,6 +151,15 @@ def test_mocap_frozen_keeps_the_first_pose_and_gives_it_the_times_of_the_others(
     assert passed(rig, BATTERY) is BATTERY
 
 
+def test_what_repeats_repeats_the_noise_too() -> None:
+    rig = Rig("a")
+    rig.begin(effect_of("mocap_frozen"), 0)
+    rig.begin(effect_of("mocap_noise"), 0)
+    first, *later = (passed(rig, POSE._replace(time=i)) for i in range(5))
+    assert first.position != POSE.position
+    assert {pose.position for pose in later} == {first.position}
+
+
 def test_mocap_jump_moves_poses_by_its_offset() -> None:
     rig = Rig("a")
     rig.begin(effect_of("mocap_jump"), 0)
