@@ -348,7 +348,8 @@ class Tick(NamedTuple):
     behavior was entered. fleet: every vehicle's estimate by name, frozen before any behavior runs,
     None for a vehicle without one. setpoint: the one that the tracker followed in the last tick.
     imu: the newest, if the vehicle subscribes to it. link_age: seconds since the link last
-    delivered anything. payload: where the payload is, None while unknown. inputs: what the
+    delivered anything. link_delay: seconds of a round trip to the vehicle, zero while unknown.
+    payload: where the payload is, None while unknown. inputs: what the
     mission's inputs say.
     """
 
@@ -361,6 +362,7 @@ class Tick(NamedTuple):
     fleet: dict[str, Estimate | None]
     imu: Imu | None = None
     link_age: float = 0.0
+    link_delay: float = 0.0
     payload: PayloadState | None = None
     inputs: InputReadings = NO_INPUTS
 

@@ -58,13 +58,15 @@ class Link(ABC):
     mode by itself; None while it follows. While overridden, the link sends no command until the
     operator requests control (`Reclaimable`). armed: whether the vehicle reports that it is armed;
     None if it reports nothing. is_heard: whether the last `read` received data from the vehicle
-    itself, not only from a simulator beside it.
+    itself, not only from a simulator beside it. delay: seconds of a round trip to the vehicle, the
+    shorter one of the newest two, so that a single slow one doesn't count; zero while unknown.
     """
 
     rig: Rig | None = None
     override: Override | None = None
     armed: bool | None = None
     is_heard: bool = True
+    delay: float = 0.0
 
     @abstractmethod
     def read(self, now: Time) -> Sequence[Measurement]:

@@ -102,6 +102,7 @@ class AutopilotLink(Link):
             self._learn_hover_throttle(now)
             self._watch_parameters(now)
             self._upkeep.step(now)
+            self.delay = self.contact.sync.round_trip
         self._publish_state()
 
     def read(self, now: Time) -> Sequence[Measurement]:

@@ -1,10 +1,18 @@
-"""Report a link that has fallen silent.
+"""Report a link that has fallen silent, or slow.
 
 Alarm `link_lost` in the air while nothing at all has arrived for longer than `age`, no measurement
 and no report. What can't be heard can't be commanded either: the vehicle's own watchdog acts then.
 The value is the silence in seconds.
 
-The default reaction is `land`, or `land_blind` where by then there is no estimate.
+Alarm `link_slow` in the air while the newest two round trips to the vehicle both took longer than
+`delay`. A loop that is closed over the link turns unstable when it is late by its phase margin over
+its crossover frequency: with the default gains by 1.24 rad / 3.5 rad/s = 0.35 s for accelerations
+(`on_board`), by 1.41 rad / 7.5 rad/s = 0.19 s for attitudes (`cascade`), of which the vehicle's own
+lag takes a part. The value is the shorter round trip in seconds. Drivers that measure none never
+raise it; `mavlink` asks five times a second.
+
+The default reaction is `land`, or `land_blind` where by then there is no estimate. An autopilot
+lands by its own land mode, whose loops the link is no part of.
 """
 
 from __future__ import annotations
@@ -17,17 +25,26 @@ from kybflow.parts import Supervisor, param, params
 @params
 class LinkSupervisorParams:
     age: Duration = param("Longest silence.", default=0.5, above=0.0, tightens="down")
+    delay: Duration = param("Longest round trip.", default=0.2, above=0.0, tightens="down")
     reaction: ReactionName = param("What the failsafe does.", default="land", tightens="up")
 
 
 class LinkSupervisor(Supervisor[LinkSupervisorParams]):
     always = True
     unhurried = True
-    events = ("link_lost",)
+    events = ("link_lost", "link_slow")
 
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:
-        silence, bound = tick.link_age, self.params.age
-        if not airborne or silence <= bound:
+        p, silence, delay = self.params, tick.link_age, tick.link_delay
+        if not airborne:
             return None
-        reason = f"nothing has arrived for {silence:.2f} s, {bound:g} s allowed"
-        return Alarm("link_lost", Reaction[self.params.reaction.upper()], reason, silence, bound)
+        if silence > p.age:
+            reason = f"nothing has arrived for {silence:.2f} s, {p.age:g} s allowed"
+            return self._alarm("link_lost", reason, silence, p.age)
+        if delay > p.delay:
+            reason = f"two round trips in a row took {delay:.2f} s and more, {p.delay:g} s allowed"
+            return self._alarm("link_slow", reason, delay, p.delay)
+        return None
+
+    def _alarm(self, event: str, reason: str, value: float, bound: float) -> Alarm:
+        return Alarm(event, Reaction[self.params.reaction.upper()], reason, value, bound)

@@ -54,14 +54,15 @@ class LinkHealth:
     """Whether a link works.
 
     error: the first exception of the link in words, None while it works. age: seconds since the
-    vehicle's last message, or since the link was first read.
+    vehicle's last message, or since the link was first read. delay: seconds of a round trip to the
+    vehicle, zero while unknown.
     """
 
-    __slots__ = ("_driver", "_report", "age", "error")
+    __slots__ = ("_driver", "_report", "age", "delay", "error")
 
     def __init__(self, driver: str, report: Callable[[PartFailed], None]) -> None:
         self.error: str | None = None
-        self.age = 0.0
+        self.age = self.delay = 0.0
         self._driver, self._report = driver, report
 
     def fail(self, error: Exception) -> None:
@@ -123,7 +124,7 @@ class LinkIn:
             if measurements or self.heard is None:
                 if self._link.is_heard or self._alive is None:
                     self._note_alive(now)
-                self.heard = now
+                self.heard, self._health.delay = now, self._link.delay
                 measurements = accept(measurements, now)
         except Exception as error:  # a driver may raise anything
             self.truth, measurements = None, ()

@@ -299,11 +299,14 @@ class Vehicle:
         knowledge = self.knowledge
         elapsed, followed = (now - self.activity.entered) / NS, self._control.followed
         estimate, battery, imu = knowledge.estimate, knowledge.battery, knowledge.imu
-        age, payload = self._health.age, knowledge.payload.state
+        health, payload = self._health, knowledge.payload.state
         return made(
             Tick,
-            (now, dt, elapsed, estimate, battery, followed, fleet, imu, age, payload, self._inputs),
-        )
+            (
+                now, dt, elapsed, estimate, battery, followed, fleet, imu, health.age, health.delay,
+                payload, self._inputs,
+            ),
+        )  # fmt: skip
 
     def _record(self, now: Time, wanted: Setpoint | None, command: Command) -> None:
         """Record the tick and, in the air, its errors: what the behavior wanted against the truth,

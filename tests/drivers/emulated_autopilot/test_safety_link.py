@@ -1,5 +1,5 @@
-"""The link is cut, setpoints stall, the program dies: the vehicle is safe on its own, and on
-return goes on or lands as the mission says."""
+"""The link is cut or slow, setpoints stall, the program dies: the vehicle is safe on its own, and
+on return goes on or lands as the mission says."""
 
 from __future__ import annotations
 
@@ -154,7 +154,35 @@ def test_when_the_program_dies_it_lands_and_stops_its_rotors(autopilot, tmp_path
 def test_a_program_that_is_late_does_not_come_between_an_autopilot_and_its_rotors(
     autopilot, tmp_path
 ):
-    flight = Rehearsal(autopilot, tmp_path, faults=[fault("clock_late", 2.0, by=0.3)])
+    flight = Rehearsal(
+        autopilot,
+        tmp_path,
+        faults=[fault("clock_late", 2.0, by=0.3)],
+        supervisors=supervised(link={"delay": 1.0}),
+    )
     assert flight.is_safe()
     late = [s for s in flight.samples if WRONG <= s.time < WRONG + 1.0]
     assert min(s.position[2] for s in late) > HEIGHT - 0.1
+
+
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
+def test_a_slow_link_is_noticed_and_the_autopilot_lands_it(autopilot, tmp_path):
+    flight = Rehearsal(autopilot, tmp_path, faults=[fault("clock_late", by=0.3)])
+    assert flight.is_safe()
+    slow = flight.only("link_slow").fields
+    assert (slow["value"], slow["bound"]) == (pytest.approx(0.31, abs=0.02), 0.2)
+    assert flight.at("link_slow") - WRONG < 0.75
+    assert flight.after(WRONG, LANDS[autopilot]) < 1.2
+    assert flight.path == ["up", "hold", "auto_land", "fault"]
+
+
+@thorough
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+@pytest.mark.parametrize(("seconds", "by"), [(0.4, 0.3), (None, 0.05)])
+def test_a_hiccup_is_no_slow_link_nor_is_one_that_is_a_little_late(
+    autopilot, seconds, by, tmp_path
+):
+    flight = Rehearsal(autopilot, tmp_path, faults=[fault("clock_late", seconds, by=by)])
+    assert flight.is_safe()
+    assert flight.path == ["up", "hold", "down", "landed"]
+    assert flight.events("link_slow") == []

@@ -14,6 +14,15 @@ def test_a_silence_lands() -> None:
     assert expected == LinkSupervisor(LinkSupervisorParams(), SITE).check(silent, airborne=True)
 
 
+def test_a_slow_link_lands_and_tells_its_delay_and_the_bound() -> None:
+    slow = tick()._replace(link_delay=0.31)
+    reason = "two round trips in a row took 0.31 s and more, 0.2 s allowed"
+    expected = Alarm("link_slow", Reaction.LAND, reason, 0.31, 0.2)
+    assert expected == LinkSupervisor(LinkSupervisorParams(), SITE).check(slow, airborne=True)
+    quick = tick()._replace(link_delay=0.2)
+    assert LinkSupervisor(LinkSupervisorParams(), SITE).check(quick, airborne=True) is None
+
+
 def test_within_its_age_and_on_the_ground_it_is_silent() -> None:
     assert (
         LinkSupervisor(LinkSupervisorParams(), SITE).check(

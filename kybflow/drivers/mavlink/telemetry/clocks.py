@@ -2,10 +2,10 @@
 
 An autopilot stamps what it says with the time since it booted. `BootClock` brings that to the run's
 time by the least delay (`kybflow.core.clock_offset`): a message is heard at a tick, up to a tick
-late, but of some hundred a second a few come just before one. `TimeSync` measures the same offset
-there and back. Its answers too wait for a tick, on one of the two ways only: its offset is half of
-that wrong, some 2 ms, whatever is averaged. So stamps come from `BootClock`, and `TimeSync` says
-how long the way is, and answers the autopilot.
+late, but of some hundred a second a few come just before one. An offset by TIMESYNC would be half a
+tick wrong, some 2 ms, whatever is averaged: its answers wait for a tick on one of the two ways. So
+stamps come from `BootClock`, and `TimeSync` says how long the way there and back is, which no
+stamp can tell, and answers the autopilot.
 
 What it answers with is not the run's time but the autopilot's own, as `BootClock` knows it. An
 autopilot that has learned the offset adds it to the stamps that we send; one that has not takes
@@ -16,7 +16,6 @@ are right for both.
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple
 
 from kybflow.core.clock_offset import Offset
 from kybflow.core.signals import NS, Time
@@ -30,13 +29,11 @@ AGREED = 3
 """So many of them in a row are of another boot."""
 LONGEST_UP = 10 * 365 * 86400 * NS
 """A later stamp counts from 1970 and not from the boot."""
-OFTEN: Time = NS // 10
-SELDOM: Time = NS
-FIRST = 20
-"""How many requests are sent at the faster rate."""
-MEMORY: Time = 10 * NS
-SLOW: Time = 5 * MS
-"""A round trip that is longer than the shortest by more than this says nothing about the offset."""
+INTERVAL: Time = NS // 5
+"""Between two requests. A link that holds its messages back and then delivers them all at once ends
+with a round trip no longer than this, however long it held them."""
+MOST_AWAITED = 20
+"""How many requests may be answered yet."""
 
 
 class BootClock:
@@ -90,45 +87,22 @@ def boot_time(message: Message) -> Time | None:
     return stamp if 0 < stamp < LONGEST_UP else None
 
 
-class Sample(NamedTuple):
-    """One round trip: when its answer arrived, how long it took, and the offset from the
-    autopilot's time to ours, all nanoseconds."""
-
-    time: Time
-    round_trip: Time
-    offset: Time
-
-
 class TimeSync:
-    """TIMESYNC in both directions. Pure: it returns what must be sent."""
+    """TIMESYNC in both directions. Pure: it returns what must be sent. `round_trip`: the shorter
+    one of the newest two, seconds, the wait for our tick included; zero before the second."""
 
     def __init__(self, clock: BootClock) -> None:
-        self._clock, self._reboots = clock, clock.reboots
-        self._asked: deque[Time] = deque(maxlen=FIRST)
-        self._sent = 0
-        self._next: Time | None = None
-        self._samples: deque[Sample] = deque()
-
-    @property
-    def round_trip(self) -> Time | None:
-        """The shortest round trip of the last ten seconds, nanoseconds, a tick included."""
-        return min((sample.round_trip for sample in self._samples), default=None)
-
-    @property
-    def offset(self) -> Time | None:
-        """The offset from the autopilot's time to ours, nanoseconds, by the quickest round trip of
-        the last ten seconds."""
-        quickest = min(self._samples, key=lambda sample: sample.round_trip, default=None)
-        return None if quickest is None else quickest.offset
+        self.round_trip = 0.0
+        self._clock = clock
+        self._asked: deque[Time] = deque(maxlen=MOST_AWAITED)
+        self._next: Time = 0
+        self._newest: Time = 0
 
     def due(self, now: Time) -> list[Message]:
-        """The requests to send now: ten a second at first, then one."""
-        while self._samples and now - self._samples[0].time > MEMORY:
-            self._samples.popleft()
-        if self._next is not None and now < self._next:
+        """The request to send now."""
+        if now < self._next:
             return []
-        self._sent += 1
-        self._next = now + (OFTEN if self._sent < FIRST else SELDOM)
+        self._next = now + INTERVAL
         self._asked.append(now)
         return [_message(0, now)]
 
@@ -136,22 +110,14 @@ class TimeSync:
         """The answer to a request of the autopilot; nothing while its clock is unknown."""
         if message.get_type() != "TIMESYNC":
             return []
-        if self._clock.reboots != self._reboots:
-            self._reboots = self._clock.reboots
-            self._samples.clear()
         if message.tc1 == 0:
             own = self._clock.to_boot(now)
             return [_message(own, message.ts1)] if own else []
         if message.ts1 in self._asked:
             self._asked.remove(message.ts1)
-            self._learn(message.ts1, message.tc1, now)
+            before, self._newest = self._newest, now - message.ts1
+            self.round_trip = min(before, self._newest) / NS
         return []
-
-    def _learn(self, sent: Time, there: Time, now: Time) -> None:
-        sample = Sample(now, now - sent, (sent + now) // 2 - there)
-        least = self.round_trip
-        if least is None or sample.round_trip <= least + SLOW:
-            self._samples.append(sample)
 
 
 def _message(tc1: int, ts1: int) -> Message:
