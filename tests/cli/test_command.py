@@ -61,14 +61,19 @@ def flying(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[subproce
             run.kill()
 
 
-def state() -> dict[str, Any]:
+def situation() -> dict[str, Any]:
     with connect("run-a") as watcher:
-        [vehicle] = watcher.state()["vehicles"]
+        return watcher.state()
+
+
+def state() -> dict[str, Any]:
+    [vehicle] = situation()["vehicles"]
     return vehicle
 
 
 def is_in(name: str) -> None:
-    until(lambda: state()["state"] == name, name)
+    """Wait until the preflight is over and the vehicle in this state."""
+    until(lambda: situation()["flying"] and state()["state"] == name, name)
 
 
 def test_a_person_commands_a_run(flying: subprocess.Popen[str]) -> None:
