@@ -1,4 +1,7 @@
-"""A wheel built with `HATCH_BUILD_HOOK_ENABLE_MYPYC=true` is the plain one, only faster."""
+"""A wheel built with `HATCH_BUILD_HOOK_ENABLE_MYPYC=true` is the plain one, only faster.
+
+To compile it takes minutes: `--dist loadfile` has one worker do so.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,6 @@ import pytest
 
 pytestmark = [
     pytest.mark.thorough,
-    pytest.mark.xdist_group("compiled"),  # to compile takes minutes: one worker does
     pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler"),
 ]
 

@@ -137,10 +137,9 @@ def flood(base: Path, code: str | None, *words: str) -> Iterator[subprocess.Pope
             program.kill()
 
 
-@pytest.fixture
-def beside(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., Flown]]:
+@pytest.fixture(scope="module")
+def beside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Flown]]:
     base = Path(tempfile.mkdtemp(dir="/tmp"))
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(base))
 
     def beside(code: str | None, *words: str, seconds: float = 10.0) -> Flown:
         """Fly in real time for so many seconds, and on until the program beside it, which is given
@@ -151,11 +150,12 @@ def beside(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable
             clocks.append(WatchedClock(plan.control_rate, speed))
             return clocks[0]
 
-        monkeypatch.setattr(flight, "clock_for", clock_for)
         server, told = CommandServer(), []
         flying = plan(vehicle("a", [up("hold"), hold(LONGEST, "down"), down()]), time_limit=120.0)
-        request = RunRequest(out=tmp_path / f"run{len(list(tmp_path.iterdir()))}", speed=1.0)
-        with flood(base, code, *words) as program:
+        request = RunRequest(out=tmp_path_factory.mktemp("floods") / "run", speed=1.0)
+        with pytest.MonkeyPatch.context() as patch, flood(base, code, *words) as program:
+            patch.setenv("XDG_RUNTIME_DIR", str(base))
+            patch.setattr(flight, "clock_for", clock_for)
 
             def lands(engine: Engine) -> None:
                 (own,) = engine.vehicles
@@ -173,6 +173,12 @@ def beside(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable
 
     yield beside
     shutil.rmtree(base)
+
+
+@pytest.fixture(scope="module")
+def calm(beside: Callable[..., Flown]) -> Flown:
+    """A flight beside nothing."""
+    return beside(None)
 
 
 def figures(name: str, flown: Flown) -> str:
@@ -198,8 +204,7 @@ def is_as_punctual(flood: Flown, calm: Flown) -> None:
         pytest.param(100_000, marks=pytest.mark.slow),
     ],
 )
-def test_fuzzed_messages(count: int, beside: Callable[..., Flown]) -> None:
-    calm = beside(None, seconds=14.0)
+def test_fuzzed_messages(count: int, beside: Callable[..., Flown], calm: Flown) -> None:
     flown = beside(FUZZ, str(count))
     sent, refused = map(int, flown.said.split())
     assert sent >= count
@@ -212,8 +217,7 @@ def test_fuzzed_messages(count: int, beside: Callable[..., Flown]) -> None:
 
 
 @pytest.mark.thorough
-def test_a_thousand_clients(beside: Callable[..., Flown]) -> None:
-    calm = beside(None)
+def test_a_thousand_clients(beside: Callable[..., Flown], calm: Flown) -> None:
     flown = beside(CROWDED, "1000")
     clients, answered = map(int, flown.said.split())
     assert clients == 1000

@@ -56,7 +56,7 @@ HEIGHTS = {0.6: 0, 1.5: 1, 2.5: 2}
     [
         pytest.param(height, seed, marks=[] if seed == quick else [pytest.mark.thorough])
         for height, quick in HEIGHTS.items()
-        for seed in range(5)
+        for seed in range(3)
     ],
 )
 def test_a_vehicle_that_nobody_commands_any_more_comes_down_gently(height, seed):
