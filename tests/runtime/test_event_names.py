@@ -14,7 +14,7 @@ from kybflow.parts.observables import EVENT_FIELDS, EVENTS, OF_THE_RUN, TOO_LATE
 
 KYBFLOW = Path(__file__).parents[2] / "kybflow"
 TOLD = re.compile(r'\btell\(\s*"(\w+)"(?: if [^,]*? else "(\w+)")?|(?:_tell|Finding)\(\s*"(\w+)"')
-RAISED = re.compile(r'\bAlarm\(\s*"(\w+)"')
+RAISED = re.compile(r'\b(?:Alarm|_alarm)\(\s*"(\w+)"')
 PAGE = (KYBFLOW.parent / "docs" / "mission-language.md").read_text(encoding="utf-8")
 CATALOG = load_catalog()
 PARTS = [(kind, name) for kind in CATALOG.kinds() for name in CATALOG.names(kind)]
