@@ -38,13 +38,11 @@ class LinkSupervisor(Supervisor[LinkSupervisorParams]):
         p, silence, delay = self.params, tick.link_age, tick.link_delay
         if not airborne:
             return None
+        reaction = Reaction[p.reaction.upper()]
         if silence > p.age:
             reason = f"nothing has arrived for {silence:.2f} s, {p.age:g} s allowed"
-            return self._alarm("link_lost", reason, silence, p.age)
+            return Alarm("link_lost", reaction, reason, silence, p.age)
         if delay > p.delay:
             reason = f"two round trips in a row took {delay:.2f} s and more, {p.delay:g} s allowed"
-            return self._alarm("link_slow", reason, delay, p.delay)
+            return Alarm("link_slow", reaction, reason, delay, p.delay)
         return None
-
-    def _alarm(self, event: str, reason: str, value: float, bound: float) -> Alarm:
-        return Alarm(event, Reaction[self.params.reaction.upper()], reason, value, bound)
