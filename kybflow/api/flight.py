@@ -17,10 +17,9 @@ from kybflow.api.entry_judge import PlanEntryJudge
 from kybflow.api.opening import (
     Devices,
     build_vehicles,
-    check_pace,
     clock_for,
     open_devices,
-    real_time_part,
+    pace_of,
 )
 from kybflow.core.errors import DriverError, PartFailed, described
 from kybflow.core.geometry import Vec3
@@ -69,11 +68,12 @@ a program that only starts and ends may search more."""
 class RunRequest:
     """The settings of a run beside its plan.
 
-    speed: pace of a simulated clock, 1 for real time, None for as fast as possible. options:
-    changes of parts' parameters before take-off, as (name, value). emitted: the operator's events,
-    as (seconds, name). out: the run folder, None for one under `runs/`. sets: the `NAME=VALUE` that
-    the plan was compiled with, for `provenance.json` only. again: the commands of an earlier run,
-    given at the same ticks; inputs: what its inputs said, by name, in place of the devices.
+    speed: pace of a simulated clock, 1 for real time, None for as fast as its sensors and inputs
+    allow. options: changes of parts' parameters before take-off, as (name, value). emitted: the
+    operator's events, as (seconds, name). out: the run folder, None for one under `runs/`. sets:
+    the `NAME=VALUE` that the plan was compiled with, for `provenance.json` only. again: the
+    commands of an earlier run, given at the same ticks; inputs: what its inputs said, by name, in
+    place of the devices.
     """
 
     seed: int = 0
@@ -210,7 +210,7 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
     devices = open_devices(plan, seed)
     try:
         vehicles = build_vehicles(plan, devices, events, lambda _: VehicleObserver(), Score(plan))
-        clock = clock_for(plan, 1.0 if real_time_part(plan) else None)
+        clock = clock_for(plan, pace_of(plan, None))
         inputs = Inputs(plan.inputs, devices.inputs, events)
         engine = Engine(plan, clock, devices.sessions, vehicles, events, inputs=inputs)
         lines = engine.inspect()
@@ -298,9 +298,9 @@ class _Run:
         devices: Devices | None = None
         try:
             again = self._request.inputs
-            check_pace(self._plan, self._request.speed, again)
+            pace = pace_of(self._plan, self._request.speed, again)
             devices = open_devices(self._plan, self._request.seed, again)
-            self._reason = self._flown(devices, observers)
+            self._reason = self._flown(devices, pace, observers)
         except DriverError as error:
             self._driver_failed = str(error)
         except PartFailed as failure:
@@ -312,7 +312,9 @@ class _Run:
         self._judge()
         self._events.tell("run_ended", reason=self._reason or self._driver_failed)
 
-    def _flown(self, devices: Devices, observers: Sequence[Observer]) -> str | None:
+    def _flown(
+        self, devices: Devices, pace: float | None, observers: Sequence[Observer]
+    ) -> str | None:
         plan, events = self._plan, self._events
         inputs = Inputs(plan.inputs, devices.inputs, events, self._note)
         vehicles = build_vehicles(
@@ -321,7 +323,7 @@ class _Run:
         judge = PlanEntryJudge(plan)
         for vehicle in vehicles:
             vehicle.requests.judge = judge
-        clock = clock_for(plan, self._request.speed)
+        clock = clock_for(plan, pace)
         request = self._request
         engine = self._engine = Engine(
             plan,
@@ -342,6 +344,7 @@ class _Run:
                 reason = engine.run()
             finally:
                 engine.commander.close()
+                inputs.end(clock.now, "the run ended")
         self._driver_failed = next((v.link_error for v in vehicles if v.link_error), None)
         return reason
 

@@ -59,12 +59,16 @@ def real_time_part(plan: Plan, again: Mapping[str, str] = NOTHING) -> PartPlan |
     return next((p for p in (*sensors, *inputs) if p.cls.real_time(p.params)), None)
 
 
-def check_pace(plan: Plan, speed: float | None, again: Mapping[str, str] = NOTHING) -> None:
-    """Raises DriverError for a pace of the simulated clock that a sensor or a person can't keep."""
+def pace_of(plan: Plan, asked: float | None, again: Mapping[str, str] = NOTHING) -> float | None:
+    """The pace of the simulated clock: what was asked for, else real time where a sensor or a
+    person needs that. Raises DriverError for a pace that they can't keep."""
     part = real_time_part(plan, again)
-    if part is not None and speed != 1.0:
-        reason = f"`{part.name}` ({part.at}) measures in real time, so the simulation must go at"
-        raise DriverError(f"{reason} its pace: fly with `--speed 1`")
+    if part is None:
+        return asked
+    if asked not in (None, 1.0):
+        reason = f"`{part.name}` ({part.at}) works in real time, which the simulation must keep"
+        raise DriverError(f"{reason}: fly with `--speed 1` or without `--speed`")
+    return 1.0
 
 
 def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> Devices:

@@ -66,9 +66,12 @@ def record_input(
         clock = WallClock(RATE) if clock is None else clock
         file.write(head(axes).encode())
         inputs = Inputs((plan,), {plan.name: link}, Events(), note)
-        while seconds is None or clock.now < seconds * NS:
-            inputs.step(clock.now)
-            clock.step()
+        try:
+            while seconds is None or clock.now < seconds * NS:
+                inputs.step(clock.now)
+                clock.step()
+        finally:
+            inputs.end(clock.now + NS // RATE, "the record ended")
     if file.failed is not None:
         raise RunUnwritten(file.failed)
     return rows

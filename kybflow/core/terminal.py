@@ -11,7 +11,6 @@ import select
 import signal
 import termios
 import threading
-from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -24,11 +23,12 @@ class Terminal:
     """A context in which keys are neither echoed nor wait for Enter. Ctrl-C, Ctrl-Z and Ctrl-\\ act
     as ever; Ctrl-S is a key like others, for it would stop what the run prints, and so the run.
 
-    number: the file descriptor that keys come from. show: writes to the screen.
+    number: the file descriptor that keys come from. screen: the one that the run prints to; None
+    where it prints nowhere.
     """
 
-    def __init__(self, number: int, show: Callable[[str], None]) -> None:
-        self._number, self._show = number, show
+    def __init__(self, number: int, screen: int | None) -> None:
+        self._number, self._screen = number, screen
         self._before: list[Any] | None = None
         self._stops: Any = None
         self._is_closed = False
@@ -86,6 +86,12 @@ class Terminal:
     def _is_ours(self) -> bool:
         """Whether the run is in the foreground, so that what is typed is meant for it."""
         return os.tcgetpgrp(self._number) == os.getpgrp()
+
+    def _show(self, codes: str) -> None:
+        """Write past the buffer of the screen, which may be in use when a signal comes."""
+        if self._screen is not None:
+            with suppress(OSError):  # it may be gone
+                os.write(self._screen, codes.encode())
 
     def _suspend(self, number: int, _: object) -> None:
         """Ctrl-Z: leave the terminal to the shell, and stop until that goes on with the run."""

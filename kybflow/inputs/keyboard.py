@@ -50,14 +50,9 @@ class Keyboard(Input[KeyboardParams]):
     def open(cls, params: KeyboardParams, sticks_of: SticksOf) -> InputLink:
         if not sys.stdin.isatty():
             raise DriverError("there is no terminal to press keys in")
-        return KeyLink(params, Terminal(sys.stdin.fileno(), _show))
-
-
-def _show(text: str) -> None:
-    screen = sys.__stdout__  # the live table puts another in its place
-    if screen is not None:
-        screen.write(text)
-        screen.flush()
+        screen = sys.__stdout__  # the live table puts another in its place
+        shown = screen.fileno() if screen is not None and screen.isatty() else None
+        return KeyLink(params, Terminal(sys.stdin.fileno(), shown))
 
 
 class KeyLink(InputLink):

@@ -8,7 +8,8 @@
 
 `t` is in seconds of the run, from 0 on and rising. An axis is -1 to 1, or `nan`. `buttons` are
 those that are held, by name; `lost` says why the input says nothing from then on, and leaves the
-axes empty. Both columns may be missing. A row holds until the next, the last to the end.
+axes empty. Both columns may be missing. A row holds until the next, the last to the end;
+`kybflow record-input` and every run end theirs with a `lost`.
 """
 
 from __future__ import annotations

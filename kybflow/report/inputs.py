@@ -24,14 +24,13 @@ def input_figures(run: Run) -> list[Figure]:
 
 
 def _input(name: str, said: InputRows, run: Run) -> Figure:
-    time = np.array([*(row.time / NS for row in said.rows), run.end])
+    times = [*(row.time / NS for row in said.rows), run.end]
+    time = np.repeat(times, 2)[1:-1]  # each row holds from its time to the next one's
     traces = []
     for number, axis in enumerate(said.axes):
-        values = np.array([row.axes.get(axis, np.nan) for row in said.rows], float)
+        values = np.repeat([row.axes.get(axis, np.nan) for row in said.rows], 2)
         colour = VEHICLES[number % len(VEHICLES)]
-        trace = line(axis, time, np.append(values, values[-1:]), colour, 1.6, hover="%{y:.2f}")
-        trace["line"]["shape"] = "hv"
-        traces.append(trace)
+        traces.append(line(axis, time, values, colour, 1.6, hover="%{y:.2f}"))
     layout = over_time(run, "deflection", "normal")
     layout["yaxis"]["range"] = [-1.05, 1.05]
     layout |= bands(_lost(said, run.end))
@@ -43,7 +42,7 @@ def _lost(said: InputRows, end: float) -> Iterator[tuple[str, float, float, str,
     """A band for each time in which it said nothing."""
     ends = [*(row.time / NS for row in said.rows[1:]), end]
     for row, until in zip(said.rows, ends, strict=True):
-        if row.lost:
+        if row.lost and row.time / NS < until:
             font = {"size": 10, "color": "ink"}
             label = {"label": {"text": row.lost, "textposition": "top left", "font": font}}
             yield _LOST, row.time / NS, until, TINTS[FAULT], label

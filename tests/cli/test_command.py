@@ -14,26 +14,12 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 from waiting import until
+from waiting_mission import MISSION
 
 from kybflow.api.commands import CommandRefused, connect
 from kybflow.cli.app import app
 from kybflow.cli.printing.situation import described
 
-MISSION = """
-kybflow: 1
-mission: waiting
-import: {std: kybflow/airframes}
-world: {fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}}
-vehicles:
-  nano:
-    like: std.nano_plus
-    start: {at: [0, 0, 0]}
-    behaviors:
-      idle: {do: wait_on_ground, next: [{event: operator.go, go: up}]}
-      up:   {do: take_off, height: 60 cm, then: hold}
-      hold: {do: hover, for_time: 1000 s, then: down}
-      down: {do: land}
-"""
 SPEED = "8"
 
 

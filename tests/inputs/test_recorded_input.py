@@ -31,9 +31,9 @@ def test_a_table_holds_what_was_done_by_the_missions_names(tmp_path: Path) -> No
     out, shown = tmp_path / "mine.csv", list[float]()
     rows = record_input(plan, out, 5.0, lambda now, *_: shown.append(now / NS), SimulatedClock(250))
     said = parse(out.read_text(encoding="utf-8"))
-    assert (rows, said.axes, said.buttons) == (4, ("x",), ("leave",))
-    assert shown == [0.0, 1.0, 2.0, 3.0]
-    assert [row.lost for row in said.rows] == ["", "", "unplugged", ""]
+    assert (rows, said.axes, said.buttons) == (5, ("x",), ("leave",))
+    assert shown == pytest.approx([0.0, 1.0, 2.0, 3.0, 5.0], abs=0.01)
+    assert [row.lost for row in said.rows] == ["", "", "unplugged", "", "the record ended"]
 
 
 def test_a_device_that_cannot_be_opened_leaves_an_earlier_table(tmp_path: Path) -> None:

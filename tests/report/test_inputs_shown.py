@@ -32,9 +32,11 @@ def test_the_axes_are_steps_and_a_lost_input_is_a_band(folder: Path) -> None:
     [figure] = input_figures(read_run(folder))
     assert figure.title == "Input stick"
     x, z = figure.traces
-    assert (x["name"], z["name"], x["line"]["shape"]) == ("x", "z", "hv")
-    drawn = np.frombuffer(base64.b64decode(x["y"]["bdata"]), "<f4")
-    assert pytest.approx([0.0, 0.5, 0.5, np.nan, np.nan], nan_ok=True) == drawn
+    assert (x["name"], z["name"]) == ("x", "z")
+    time, drawn = (np.frombuffer(base64.b64decode(x[way]["bdata"]), "<f4") for way in "xy")
+    assert pytest.approx([0.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 6.0], abs=0.01) == time
+    nothing = [np.nan, np.nan]
+    assert pytest.approx([0.0, 0.0, 0.5, 0.5, 0.5, 0.5, *nothing], nan_ok=True) == drawn
     [band] = figure.layout["shapes"]
     assert band["x0"] == 4.0
     assert band["label"]["text"] == "unplugged"

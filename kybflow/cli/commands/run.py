@@ -197,13 +197,7 @@ def _person(*, plain: bool) -> TerminalCommander | None:
     from kybflow.cli.keys.terminal_commander import TerminalCommander
     from kybflow.core.terminal import Terminal
 
-    screen = sys.stdout  # the table puts another in its place
-
-    def show(codes: str) -> None:
-        screen.write(codes)
-        screen.flush()
-
-    return TerminalCommander(Terminal(sys.stdin.fileno(), show))
+    return TerminalCommander(Terminal(sys.stdin.fileno(), sys.stdout.fileno()))
 
 
 def _reported(flown: Flown, tell: Callable[[str], None], complain: Callable[[str], None]) -> int:

@@ -278,7 +278,7 @@ def meant(part: str, key: str, node: Mapping, known: Schemas, beside: frozenset[
     if not known:
         return f"`{part}` has no parameters"
     near = get_close_matches(key, known) or get_close_matches(key, beside, cutoff=_SURE)
-    if beside and not near:
+    if not near and "for" in beside:  # a fault: what it is to do could be meant as well as when
         return did_you_mean(key, {*known, *beside})
     if not near:
         free = {name: schema for name, schema in known.items() if name not in node.entries}

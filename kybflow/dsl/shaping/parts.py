@@ -67,8 +67,7 @@ class PartDecoder:
         spec = yield from self.spec(kind, name)
         if spec is None:
             return None
-        beside = own if word == "inject" else frozenset()
-        params = yield from params_of(spec.params, body, spec.name, name.span, beside)
+        params = yield from params_of(spec.params, body, spec.name, name.span, own)
         if params is None:
             return None
         label = node.get("as") if isinstance(node, Mapping) and word == "use" else None

@@ -7,7 +7,8 @@ An input is lost while its link knows of a problem (unplugged), while nothing ha
 for `silent_after`, while an axis is no number from -1 to 1, and while an axis away from its centre
 has given the same numbers for `stuck_after`. There is no reading of a lost input. It has recovered
 when it has been well for half a second. A button is told when it goes down, also while an axis is
-broken, since it may be the one that lands.
+broken, since it may be the one that lands; one that was held before a silence and still is after
+it has not gone down again.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 RECOVERED: Time = NS // 2
 """How long an input must be well until it counts again."""
 _NOTHING: frozenset[str] = frozenset()
+_SILENT = (None, _NOTHING)
 
 NoteInput = Callable[[str, Time, InputReading | None, str], None]
 """Receives, with an input's name and the time, what it said, or None and why it said nothing."""
@@ -77,6 +79,12 @@ class Inputs:
             for one, link in self._felt:
                 one.feel(link, pushes.get(one.plan.name, ZERO))
 
+    def end(self, now: Time, why: str) -> None:
+        """Note that nothing more is heard, so that a record's last deflection doesn't go on where
+        the record steers another flight. now: after the last step."""
+        for one in self._inputs:
+            one.end(now, why)
+
     def objections(self) -> Iterator[tuple[InputPlan, str | None]]:
         """Yield each input with why it can't be used now, None where it can."""
         for one in self._inputs:
@@ -105,10 +113,10 @@ class _Input:
         self._record(reading, silence, now)
         trouble = silence or self._unfelt or self._doubt(reading, now)
         self._unfelt = None
-        if flying and reading is not None:
-            for button in sorted(reading.held - self._held):
+        if reading is not None:
+            for button in sorted(reading.held - self._held) if flying else ():
                 self._events.tell(f"{self.plan.name}.{button}", at=self.plan.at)
-        self._held = _NOTHING if reading is None else reading.held
+            self._held = reading.held
         self._judge(trouble, now)
         if flying:
             self._tell()
@@ -119,6 +127,10 @@ class _Input:
             link.feel(push if self.trouble is None else None)
         except Exception as error:  # an input must not stop the flight
             self._unfelt = InputTrouble(described(error))
+
+    def end(self, now: Time, why: str) -> None:
+        if self._noted not in (None, _SILENT):
+            self._note(self.plan.name, now, None, why)
 
     def _read(self, now: Time) -> tuple[InputReading | None, InputTrouble | None]:
         """Return what the device says, with its buttons as the mission calls them, or why it says
@@ -146,7 +158,7 @@ class _Input:
         self, reading: InputReading | None, silence: InputTrouble | None, now: Time
     ) -> None:
         """Note what is new."""
-        new = (None, _NOTHING) if reading is None else (reading.axes, reading.held)
+        new = _SILENT if reading is None else (reading.axes, reading.held)
         if new != self._noted and (reading is not None or silence is not None):
             self._note(self.plan.name, now, reading, "" if silence is None else silence.reason)
             self._noted = new

@@ -361,11 +361,11 @@ class Activity:
         behavior: Behavior[Any] = state.behavior.cls(self.params_of(state.name, values), entry)
         return behavior
 
-    def unwelcome(self, state: StatePlan) -> str | None:
-        """Return why nothing should lead to `state` now, None when something may."""
-        reason: str | None = state.behavior.cls.objection(
-            self._params[state.behavior.label], self.entry()
-        )
+    def unwelcome(self, state: StatePlan, values: Values = ()) -> str | None:
+        """Return why nothing should lead to `state` now, with `values` in place of its own; None
+        when something may."""
+        params = self.params_of(state.name, values)
+        reason: str | None = state.behavior.cls.objection(params, self.entry())
         return reason
 
     def _is_welcome(self, name: str) -> bool:

@@ -192,9 +192,12 @@ class Requests:
         same = [request.answered for request in asked if request.goal == heard.goal]
         _answer(partial(self._switch, heard), same)
 
-    def objection(self, state: str, by: Requester = Requester.OPERATOR) -> str | None:
-        """Return why a request for `state` would be refused now, None if nothing is known that
-        speaks against it: its behavior may still refuse to start."""
+    def objection(
+        self, state: str, by: Requester = Requester.OPERATOR, values: Values = ()
+    ) -> str | None:
+        """Return why a request for `state`, with `values` in place of its own, would be refused
+        now, None if nothing is known that speaks against it: its behavior may still refuse to
+        start."""
         plan, latched = self._plan.states.get(state), self._failsafe.latched
         if self._override.is_somebodys:
             return _SOMEBODYS
@@ -208,7 +211,7 @@ class Requests:
         held = None if _comes_down(plan) else self._held(by)
         fit = held or unfit(plan, entry.flight, entry.estimate is not None)
         fit = fit or self._activity.misplaced(plan, entry.estimate)
-        return fit or self._activity.unwelcome(plan)
+        return fit or (self._misled if values else self._activity.unwelcome)(plan, values)
 
     def pause_objection(self) -> str | None:
         """Return why a pause would be refused now."""
@@ -238,7 +241,8 @@ class Requests:
         self.waiting = True
 
     def _switch(self, request: SwitchRequest) -> str | None:
-        reason = self.objection(request.state, request.by) or self._granted(request)
+        reason = self.objection(request.state, request.by, request.values)
+        reason = reason or self._granted(request)
         return None if reason is None else self._refuse(request, reason)
 
     def _held(self, by: Requester) -> str | None:
@@ -252,10 +256,7 @@ class Requests:
         return None
 
     def _granted(self, request: SwitchRequest) -> str | None:
-        """Enter the state; return why its values are refused or its behavior refused to start, None
-        if it started."""
-        if request.values and (reason := self._misled(request)):
-            return reason
+        """Enter the state; return why its behavior refused to start, None if it started."""
         try:
             self._activity.switch(request.state, request.at, request.values)
         except Refused as refusal:
@@ -269,14 +270,15 @@ class Requests:
             self._failsafe.latched = _SAFER.get(request.state)
         return None
 
-    def _misled(self, request: SwitchRequest) -> str | None:
+    def _misled(self, state: StatePlan, values: Values) -> str | None:
         """Return what speaks against the values of a request, from where the vehicle is and from
         where it would come to rest."""
         motion = self._activity.entry().motion
         points = tuple(dict.fromkeys((motion.position, Coast.after(motion).end)))
         try:
-            params = self._activity.params_of(request.state, request.values)
-            return self.judge.objection(self._plan.name, request.state, params, points)
+            params = self._activity.params_of(state.name, values)
+            reason = self.judge.objection(self._plan.name, state.name, params, points)
+            return reason or self._activity.unwelcome(state, values)
         except Exception as error:  # a part may raise anything, and nothing has changed yet
             return described(error)
 

@@ -13,26 +13,12 @@ from pathlib import Path
 
 import pytest
 from waiting import until
+from waiting_mission import MISSION
 
 pytestmark = [
     pytest.mark.thorough,
     pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed"),
 ]
-MISSION = """
-kybflow: 1
-mission: waiting
-import: {std: kybflow/airframes}
-world: {fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}}
-vehicles:
-  nano:
-    like: std.nano_plus
-    start: {at: [0, 0, 0]}
-    behaviors:
-      idle: {do: wait_on_ground, next: [{event: operator.go, go: up}]}
-      up:   {do: take_off, height: 60 cm, then: hold}
-      hold: {do: hover, for_time: 1000 s, then: down}
-      down: {do: land}
-"""
 
 WITH_A_PILOT = """
 import sys

@@ -19,7 +19,7 @@ number = os.open(sys.argv[1], os.O_RDWR)  # whoever leads a session gets the ter
 os.tcsetpgrp(number, os.getpgrp())
 from kybflow.core.terminal import Terminal
 signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended"))
-with Terminal(number, lambda codes: os.write(number, codes.encode())) as terminal:
+with Terminal(number, number) as terminal:
     print("ready", flush=True)
     while True:
         data = terminal.read()

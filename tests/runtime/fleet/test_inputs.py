@@ -179,6 +179,16 @@ def test_a_button_is_heard_of_a_device_with_a_broken_axis(bench: Bench) -> None:
     assert bench.names == ["stick.leave", "input_lost"]
 
 
+def test_a_button_that_is_held_through_a_silence_is_told_once(bench: Bench) -> None:
+    bench.device.held = frozenset({"a"})
+    bench.run(0.1)
+    bench.device.gone = "unplugged"
+    bench.run(0.1)
+    bench.device.gone = None
+    bench.run(0.1)
+    assert bench.names == ["stick.leave", "input_lost"]
+
+
 def test_the_dead_man_switch_engages() -> None:
     bench = Bench(dead_man="hold")
     bench.run(0.1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from mcap.reader import make_reader
 from plans import part, plan, vehicle, wrapped
 from short_flights import down, named, up
 
-from kybflow.api.opening import check_pace
+from kybflow.api.opening import pace_of
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Battery, Event, Frame, Imu, Measurement, Pose, Position, Time
@@ -302,23 +303,16 @@ class Live(Scripted):
         return True
 
 
-def test_a_sensor_of_the_wall_clock_flies_with_no_simulation_that_is_faster(run) -> None:
-    closed: list[str] = []
-    _, told = flown(run, sensor(lambda now: [], Live, closed))
-    (ended,) = named(told, "run_ended")
-    assert ended.fields["reason"] == (
-        "`scripted` (m.yaml:7) measures in real time, so the simulation must go at its pace: fly "
-        "with `--speed 1`"
-    )
-    assert closed == [], "nothing was opened"
-
-
-def test_at_its_pace_it_does() -> None:
+def test_a_sensor_of_the_wall_clock_sets_the_pace_of_a_simulation() -> None:
     body = vehicle("a", [down()], sensors=(sensor(lambda now: [], Live),))
-    check_pace(plan(body), 1.0)
-    with pytest.raises(DriverError, match="--speed 1"):
-        check_pace(plan(body), 2.0)
-    check_pace(plan(body, simulated=False), None)
+    assert pace_of(plan(body), None) == pace_of(plan(body), 1.0) == 1.0
+    reason = (
+        "`scripted` (m.yaml:7) works in real time, which the simulation must keep: fly with "
+        "`--speed 1` or without `--speed`"
+    )
+    with pytest.raises(DriverError, match=re.escape(reason)):
+        pace_of(plan(body), 2.0)
+    assert pace_of(plan(body, simulated=False), None) is None
 
 
 @pytest.fixture

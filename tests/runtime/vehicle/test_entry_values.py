@@ -23,7 +23,7 @@ from kybflow.parts import AIR
 from kybflow.recording.earlier_run import read_earlier_run
 from kybflow.runtime.behaviors.fly_to import FlyTo
 from kybflow.runtime.commanding.orders import parse
-from kybflow.runtime.vehicle.requests import Requester, Requests, SwitchRequest
+from kybflow.runtime.vehicle.requests import Requests
 from kybflow.world.shapes import Box
 
 POLE = {"pole": Box((0.9, -1.1, 0.0), (1.1, -0.9, 2.0))}
@@ -154,8 +154,7 @@ def test_who_is_in_motion_is_judged_from_where_it_comes_to_rest() -> None:
     requests = Requests(goer(), activity, None, None, None, None)
     requests.judge = Judge()
     goal = (("position", (1.0, 0.0, 1.0)),)
-    request = SwitchRequest("goto", Requester.OPERATOR, values=goal)
-    assert requests._misled(request) == "no"
+    assert requests._misled(goer().states["goto"], goal) == "no"
     [(position, (here, there))] = asked
     assert (position, here) == ((1.0, 0.0, 1.0), (0.0, 0.0, 1.0))
     assert there[0] > 0.3
@@ -206,20 +205,26 @@ class Fragile(FlyTo, flight=AIR >> AIR, emits=SetpointKind.POSITION):
     def footprint(cls, params, entry):
         return super().footprint(params, entry) if params.patience < 20.0 else 1 / 0
 
+    @classmethod
+    def objection(cls, params, entry):
+        return "too careless" if params.tolerance > 0.2 else None
+
 
 @pytest.mark.thorough
-def test_a_part_that_raises_with_values_is_not_entered(run) -> None:
+def test_a_part_that_raises_with_values_or_speaks_against_them_is_not_entered(run) -> None:
     fragile = replace(part("behaviors", "fly_to", position=(0.0, 1.0, 1.0)), cls=Fragile)
     states = [up("hold"), hold(60.0, "down"), state("goto", fragile, THEN_HOLD), down()]
     people = People(
         Asked(5.0, "switch a goto dwell=2 s"),
         Asked(5.1, "switch a goto patience=20 s"),
-        Asked(5.2, "stop"),
+        Asked(5.2, "switch a goto tolerance=30 cm"),
+        Asked(5.3, "stop"),
     )
     _, told = run(vehicle("a", states), observers=(people.look,), servers=(people.serve,))
-    first, second = (one.answer for one in people.told[:2])
-    assert (first.accepted, second.accepted) == (False, False)
+    first, second, third = (one.answer for one in people.told[:3])
+    assert not any(answer.accepted for answer in (first, second, third))
     assert "too patient" in first.reason
+    assert third.reason == "too careless"
     assert second.reason == "ZeroDivisionError: division by zero"
     assert path(told, "a") == ["up", "hold", "auto_land", "landed"]
 
