@@ -47,6 +47,9 @@ ANGLE = Dimension("angle", "rad", {"deg": DEG, "rad": 1.0}, "20 deg", bare_allow
 ANGULAR_RATE = Dimension(
     "angular rate", "rad/s", {"deg/s": DEG, "rad/s": 1.0}, "50 deg/s", bare_allowed=False
 )
+ANGULAR_ACCELERATION = Dimension(
+    "angular acceleration", "rad/s^2", {"deg/s^2": DEG, "rad/s^2": 1.0}, "2 rad/s^2"
+)
 DURATION = Dimension("duration", "s", {"s": 1.0, "ms": 1e-3, "min": 60.0}, "300 ms")
 FREQUENCY = Dimension("frequency", "Hz", {"Hz": 1.0, "kHz": 1e3}, "120 Hz")
 MASS = Dimension("mass", "kg", {"kg": 1.0, "g": 1e-3}, "1.05 kg")
@@ -59,8 +62,8 @@ VOLTAGE = Dimension("voltage", "V", {"V": 1.0, "mV": 1e-3}, "14.8 V")
 DIMENSIONS: dict[str, Dimension] = {
     d.name: d
     for d in (
-        NUMBER, LENGTH, SPEED, ACCELERATION, ANGLE, ANGULAR_RATE, DURATION, FREQUENCY, MASS,
-        INERTIA, FORCE, RATIO, DAMPING, VOLTAGE,
+        NUMBER, LENGTH, SPEED, ACCELERATION, ANGLE, ANGULAR_RATE, ANGULAR_ACCELERATION, DURATION,
+        FREQUENCY, MASS, INERTIA, FORCE, RATIO, DAMPING, VOLTAGE,
     )
 }  # fmt: skip
 """Every dimension, by name."""
@@ -72,6 +75,7 @@ Speed = Annotated[float, SPEED]
 Acceleration = Annotated[float, ACCELERATION]
 Angle = Annotated[float, ANGLE]
 AngularRate = Annotated[float, ANGULAR_RATE]
+AngularAcceleration = Annotated[float, ANGULAR_ACCELERATION]
 Duration = Annotated[float, DURATION]
 Frequency = Annotated[float, FREQUENCY]
 Mass = Annotated[float, MASS]

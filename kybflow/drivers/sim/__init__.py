@@ -18,10 +18,12 @@ from kybflow.core.units import (
     DEG,
     Acceleration,
     Angle,
+    AngularAcceleration,
     AngularRate,
     Duration,
     Frequency,
     Length,
+    Number,
     Ratio,
     Speed,
     Velocity,
@@ -101,6 +103,65 @@ class SimParams:
     battery_rate: Frequency = param(
         "Battery reports a second.", default=10.0, at_least=0.1, at_most=100.0, read_only=True
     )
+    calm: bool = param(
+        "Still air and a perfect lab: everything below but the watchdog and the viewer is nought.",
+        default=True, read_only=True,
+    )  # fmt: skip
+    force_noise: Acceleration = param(
+        "Random force on the body over its mass along each axis, standard deviation; it lasts half"
+        " a second, as eddies of a room do.",
+        default=0.08, at_least=0.0, at_most=5.0, read_only=True,
+    )  # fmt: skip
+    torque_noise: AngularAcceleration = param(
+        "Random torque over the moment of inertia about each axis, standard deviation; it lasts"
+        " half a second too.",
+        default=0.5, at_least=0.0, at_most=50.0, read_only=True,
+    )  # fmt: skip
+    drag_error: Ratio = param(
+        "How far drag may be from the airframe's, beside `model_error`.",
+        default=0.5, at_least=0.0, at_most=0.9, read_only=True,
+    )  # fmt: skip
+    inflow: Number = param(
+        "Drag along body z over that in the rotors' plane: rotors that climb through air lose"
+        " thrust (Svacha, Mohta and Kumar, ICUAS 2017).",
+        default=2.0, at_least=0.0, at_most=10.0, read_only=True,
+    )  # fmt: skip
+    loop_error: Ratio = param(
+        "How far the inertia and rotor time that the on-board gains are made for may be wrong.",
+        default=0.1, at_least=0.0, at_most=0.3, read_only=True,
+    )  # fmt: skip
+    gyro_filter: Frequency = param(
+        "Cut-off of the second-order low-pass before the on-board rate loop, as PX4's"
+        " `IMU_GYRO_CUTOFF`.",
+        default=50.0, at_least=10.0, at_most=1000.0, read_only=True,
+    )  # fmt: skip
+    dead_time: Duration = param(
+        "From the gyroscope's sample to the motors' answer: the loop, the ESC's protocol.",
+        default=0.005, at_least=0.0, at_most=0.05, read_only=True,
+    )  # fmt: skip
+    command_latency: Duration = param(
+        "How late a command arrives on board.", default=0.010, at_least=0.0, at_most=0.2,
+        read_only=True,
+    )  # fmt: skip
+    command_jitter: Duration = param(
+        "Standard deviation of that.", default=0.003, at_least=0.0, at_most=0.1, read_only=True
+    )
+    mocap_misalignment: Angle = param(
+        "Standard deviation of the angle about each axis between the body and what motion capture"
+        " takes for it.",
+        default=1.0 * DEG, at_least=0.0, at_most=10.0 * DEG, read_only=True,
+    )  # fmt: skip
+    mocap_loss: Ratio = param(
+        "Poses that never arrive.", default=0.01, at_least=0.0, at_most=0.9, read_only=True
+    )
+    stamp_error: Duration = param(
+        "How far the stamps of poses may be off, the same for the whole flight.",
+        default=0.005, at_least=0.0, at_most=0.1, read_only=True,
+    )  # fmt: skip
+    stamp_jitter: Duration = param(
+        "Standard deviation of each stamp around that.",
+        default=0.001, at_least=0.0, at_most=0.05, read_only=True,
+    )  # fmt: skip
     watchdog: bool = param(
         "Level out and come down by itself when no command arrives for 250 ms.",
         default=True, read_only=True,

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 Numbers = tuple[float, ...]
+LONGEST = 50
+"""The longest dead time of the on-board loop, in physics steps."""
 
 
 class Rows(Protocol):
@@ -19,12 +21,16 @@ class Aboard:
     """The rows of `count` vehicles. steps: how many physics steps have been made.
 
     setpoints, filters, loops, gains: what `onboard` follows, has estimated, remembers and is tuned
-    by. controls, rotors, thrusts, winds, constants: what `rotors.push` takes.
+    by. gyros: what their gyroscopes' filters remember. asked: the controls that are on their way to
+    the rotors, `LONGEST` rows a vehicle, and in `delays` where the next stands and how many there
+    are. controls, rotors, thrusts, winds, pushes, constants: what `rotors.push` takes.
     """
 
     def __init__(self, count: int, rows: Callable[[int, int], Any]) -> None:
         self.count, self.steps = count, 0
-        self.tables = [rows(count, width) for width in (10, 8, 7, 12, 4, 4, 4, 2, 4)]
+        widths = (10, 8, 7, 12, 7, 2, 4, 4, 4, 3, 6, 5)
+        self.tables = [*(rows(count, width) for width in widths), rows(count * LONGEST, 4)]
         self.setpoints: Rows
-        self.setpoints, self.filters, self.loops, self.gains, *rest = self.tables
-        self.controls, self.rotors, self.thrusts, self.winds, self.constants = rest
+        self.setpoints, self.filters, self.loops, self.gains, self.gyros, *rest = self.tables
+        self.delays, self.controls, self.rotors, self.thrusts, *rest = rest
+        self.winds, self.pushes, self.constants, self.asked = rest

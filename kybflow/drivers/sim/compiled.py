@@ -20,7 +20,7 @@ import numpy
 from llvmlite import binding
 
 from kybflow.drivers.sim.aboard import Aboard, Numbers
-from kybflow.drivers.sim.onboard import control, estimate, shares
+from kybflow.drivers.sim.onboard import control, estimate, shares, smooth
 from kybflow.drivers.sim.rotors import push
 from kybflow.drivers.sim.sensors import ImuErrors, feel
 
@@ -65,7 +65,7 @@ class CompiledStepper:
         self._address, self._owners = ctypes.addressof(self._memory), (model, data)
         self._unused = ctypes.c_void_p()
         self._nothing = ctypes.addressof(self._unused)
-        self._engine = _loaded(_kept(_fingerprint((push, feel, estimate, control))))
+        self._engine = _loaded(_kept(_fingerprint((push, feel, estimate, smooth, control))))
         # ctypes passes whole numbers soonest as addresses
         kind = ctypes.PYFUNCTYPE(None, *[ctypes.c_void_p] * 6)
         self._kernel = kind(self._engine.get_function_address(_NAME))

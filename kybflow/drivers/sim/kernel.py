@@ -14,7 +14,8 @@ from numba import njit, types
 from numba.core.errors import NumbaError
 from numba.cpython.unsafe.tuple import tuple_setitem
 
-from kybflow.drivers.sim.onboard import control, estimate
+from kybflow.drivers.sim.aboard import LONGEST
+from kybflow.drivers.sim.onboard import control, estimate, smooth
 from kybflow.drivers.sim.rotors import push
 from kybflow.drivers.sim.sensors import feel
 
@@ -31,11 +32,11 @@ def _put_in(numbers: Any, row: Any, values: Any) -> None:
 
 
 _compiled = njit(error_model="numpy", _nrt=False)
-_push, _feel, _estimate, _control = map(_compiled, (push, feel, estimate, control))
+_push, _feel, _estimate, _smooth, _control = map(_compiled, (push, feel, estimate, smooth, control))
 _row, _put = map(_compiled, (_row_of, _put_in))
 _NUMBERS = types.CPointer(types.float64)
 _mj_step = types.ExternalFunction("mj_step", types.void(_NUMBERS, _NUMBERS))
-_2, _3, _4, _6, _7, _8, _9, _10, _12 = ((0.0,) * n for n in (2, 3, 4, 6, 7, 8, 9, 10, 12))
+_2, _3, _4, _5, _6, _7, _8, _9, _10, _12 = ((0.0,) * n for n in (2, 3, 4, 5, 6, 7, 8, 9, 10, 12))
 
 
 def steps(first: Any, last: Any, count: Any, memory: Any) -> None:
@@ -45,14 +46,16 @@ def steps(first: Any, last: Any, count: Any, memory: Any) -> None:
     positions, velocities, accelerations, forces = memory[3], memory[4], memory[5], memory[6]
     shares, rotations, before = memory[7], memory[8], memory[9]
     setpoints, filters, loops, gains = memory[10], memory[11], memory[12], memory[13]
-    controls, rotors, thrusts, winds = memory[14], memory[15], memory[16], memory[17]
-    constants, part = memory[18], _row(shares, 0, _3)
+    gyros, delays, controls, rotors = memory[14], memory[15], memory[16], memory[17]
+    thrusts, winds, pushes, constants = memory[18], memory[19], memory[20], memory[21]
+    asked, part = memory[22], _row(shares, 0, _3)
     for step in range(first, last):
         for i in range(count):
             velocity = _row(velocities, i, _6)
             force, rotation, after = _push(
                 _row(positions, i, _7), velocity, _row(rotors, i, _4), _row(controls, i, _4),
-                _row(thrusts, i, _4), _row(winds, i, _2), _row(constants, i, _4),
+                _row(thrusts, i, _4), _row(winds, i, _3), _row(pushes, i, _6),
+                _row(constants, i, _5),
             )  # fmt: skip
             _put(before, i, velocity)
             _put(forces, i, force)
@@ -67,12 +70,21 @@ def steps(first: Any, last: Any, count: Any, memory: Any) -> None:
             )  # fmt: skip
             setpoint = _row(setpoints, i, _10)
             filtered, rates = _estimate(_row(filters, i, _8), setpoint, sample, part)
+            gyro, rates = _smooth(_row(gyros, i, _7), rates)
             loop, wanted = _control(
                 _row(loops, i, _7), filtered, rates, setpoint, _row(gains, i, _12)
             )
             _put(errors, here, sample)
             _put(filters, i, filtered)
+            _put(gyros, i, gyro)
             _put(loops, i, loop)
+            place, late = _row(delays, i, _2)
+            if late > 0.0:
+                here = i * LONGEST + int(place)
+                arrived = _row(asked, here, _4)
+                _put(asked, here, wanted)
+                _put(delays, i, ((place + 1.0) % late, late))
+                wanted = arrived
             _put(controls, i, wanted)
 
 

@@ -22,7 +22,7 @@ vehicle with a weak rotor stays level and in the air; it spins.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import exp, sqrt, tau
 from typing import NamedTuple
 
 from kybflow.core.geometry import (
@@ -36,7 +36,7 @@ from kybflow.core.geometry import (
     wrap,
 )
 from kybflow.core.signals import Command
-from kybflow.drivers.sim.aboard import Aboard, Numbers
+from kybflow.drivers.sim.aboard import LONGEST, Aboard, Numbers
 from kybflow.world.vehicle_context import Airframe
 
 LEVELLING = 0.10
@@ -65,13 +65,23 @@ STOPPED: Numbers = (0.0, 0.0, 0.0, 0.0)
 AT_REST: Numbers = (0.0, 0.0, 0.0, *STOPPED)
 
 
+class Loop(NamedTuple):
+    """What an on-board loop is made of. airframe: the one that its gains are made for. cut_off: of
+    the second-order low-pass that its gyroscope passes, Hz; 0 for none. dead_time: from its
+    gyroscope's sample to the rotors' control, seconds."""
+
+    airframe: Airframe
+    cut_off: float = 0.0
+    dead_time: float = 0.0
+
+
 class AttitudeController:
     """Hands the commands of one vehicle to its on-board law, `estimate` and `control`. `rest`: the
     upward specific force that was felt before it was armed, m/s^2; gravity where that was not long
     enough."""
 
     def __init__(
-        self, airframe: Airframe, heading: float, dt: float, aboard: Aboard, index: int
+        self, airframe: Airframe, loop: Loop, heading: float, dt: float, aboard: Aboard, index: int
     ) -> None:
         self._dt, self._aboard, self._index = dt, aboard, index
         self._held: float | None = None
@@ -80,7 +90,9 @@ class AttitudeController:
         self.rest, self._lifted, self._steps = GRAVITY, 0.0, 0
         aboard.setpoints[index] = (0.0, *LEVEL, *ZERO, 0.0, 0.0)
         aboard.filters[index] = (*from_heading(heading), *ZERO, 0.0)
-        aboard.gains[index] = tuple(_gains(airframe, dt))
+        aboard.gains[index] = tuple(_gains(loop.airframe, dt))
+        aboard.gyros[index] = (*ZERO, *ZERO, _share(loop.cut_off, dt))
+        aboard.delays[index] = (0.0, float(min(LONGEST, round(loop.dead_time / dt))))
 
     def gained(self) -> tuple[float, float]:
         """The upward speed that the IMU has felt since the last call or since it was armed, m/s,
@@ -127,6 +139,12 @@ class AttitudeController:
         return multiply(from_heading(self._held - heading_of(attitude)), attitude)
 
 
+def _share(cut_off: float, dt: float) -> float:
+    """The part of a change that one of two equal stages takes in a step, so that both together let
+    half the power of `cut_off` pass."""
+    return 1.0 - exp(-tau * cut_off * dt / sqrt(sqrt(2.0) - 1.0)) if cut_off else 1.0
+
+
 def shares(dt: float) -> Numbers:
     """The parts of turn rate, levelling and aiming that a step of `dt` seconds takes."""
     return (0.5 * dt, 0.25 * LEVELLING * dt, 0.25 * AIMING * dt)
@@ -158,6 +176,19 @@ def estimate(
     nz = z + w * hz + x * hy - y * hx
     n = 1.0 / sqrt(nw * nw + nx * nx + ny * ny + nz * nz)
     return (nw * n, nx * n, ny * n, nz * n, bx, by, bz, lifted), (gx, gy, gz)
+
+
+def smooth(gyro: Numbers, rates: Numbers) -> tuple[Numbers, Numbers]:
+    """The next state of a gyroscope's low-pass, and the turn rates after it. gyro: its state: two
+    first-order stages of each axis, and the part of a change that a stage takes in a step, which is
+    1 where nothing filters."""
+    ax, ay, az, bx, by, bz, share = gyro
+    if share >= 1.0:
+        return gyro, rates
+    gx, gy, gz = rates
+    ax, ay, az = ax + share * (gx - ax), ay + share * (gy - ay), az + share * (gz - az)
+    bx, by, bz = bx + share * (ax - bx), by + share * (ay - by), bz + share * (az - bz)
+    return (ax, ay, az, bx, by, bz, share), (bx, by, bz)
 
 
 def control(

@@ -57,9 +57,11 @@ class Receiver:
         if not late:
             self._on_the_way.clear()
 
-    def delay(self, command: Command, now: Time) -> Time:
-        """A command is sent at `now` and arrives late: when."""
-        due = now + self.late
+    def delay(self, command: Command, now: Time, more: Time) -> Time:
+        """A command is sent at `now` and arrives late, by `more` beside: when. None overtakes
+        another."""
+        last = self._on_the_way[-1][0] if self._on_the_way else now
+        due = max(last, now + self.late + more)
         self._on_the_way.append((due, command))
         return due
 

@@ -7,6 +7,7 @@ battery. Its speed follows the control with first-order lag, solved exactly over
 
 Its drag torque is `torque_ratio` f about body z, counterclockwise for the first and third rotor.
 Air that moves in the rotors' plane drags: the force is d m (wind - velocity) along body x and y.
+Air that moves along body z changes the rotors' inflow and so their thrust, by as much as another d.
 """
 
 from __future__ import annotations
@@ -18,14 +19,15 @@ from kybflow.drivers.sim.model import BuiltAirframe
 from kybflow.world.vehicle_context import Airframe
 
 
-def constants(airframe: Airframe, body: BuiltAirframe, dt: float) -> Numbers:
+def constants(airframe: Airframe, body: BuiltAirframe, inflow: float, dt: float) -> Numbers:
     """What `push` must know of a vehicle for good: each rotor's distance from the body's x and y
-    axis; torque over thrust; force over wind; the part of its lag that a rotor makes up in a
-    step."""
+    axis; torque over thrust; force over wind, in the rotors' plane and `inflow` times as much along
+    body z; the part of its lag that a rotor makes up in a step."""
     return (
         airframe.arm / sqrt(2.0),
         airframe.torque_ratio,
         body.drag * body.mass,
+        inflow * body.drag * body.mass,
         1.0 - exp(-dt / body.rotor_time),
     )
 
@@ -37,19 +39,21 @@ def push(
     controls: Numbers,
     thrust: Numbers,
     wind: Numbers,
+    more: Numbers,
     constants: Numbers,
 ) -> tuple[Numbers, Numbers, Numbers]:
     """The force on the body, world frame, and the torque about its origin, body frame, as MuJoCo
     takes them at a free joint; the rotation from body to world, row by row; and the rotors' states
     after the step. position, velocity: a free joint's. thrust: the rotors' largest, N. wind: along
-    body x and y."""
+    body x, y and z. more: what else pushes, force and torque as they are returned."""
     _, _, _, w, x, y, z = position
     vx, vy, vz, _, _, _ = velocity
     a, b, c, d = rotors
     i, j, k, m = controls
     fa, fb, fc, fd = thrust
-    windx, windy = wind
-    half, ratio, drag, gain = constants
+    windx, windy, windz = wind
+    px, py, pz, tx, ty, tz = more
+    half, ratio, drag, inflow, gain = constants
     x2, y2, z2 = x + x, y + y, z + z
     wx, wy, wz = w * x2, w * y2, w * z2
     xx, xy, xz = x * x2, x * y2, x * z2
@@ -60,15 +64,15 @@ def push(
     fx = drag * (windx - r00 * vx - r10 * vy - r20 * vz)
     fy = drag * (windy - r01 * vx - r11 * vy - r21 * vz)
     fa, fb, fc, fd = fa * a, fb * b, fc * c, fd * d
-    fz = fa + fb + fc + fd
+    fz = fa + fb + fc + fd + inflow * (windz - r02 * vx - r12 * vy - r22 * vz)
     return (
         (
-            r00 * fx + r01 * fy + r02 * fz,
-            r10 * fx + r11 * fy + r12 * fz,
-            r20 * fx + r21 * fy + r22 * fz,
-            half * (fa + fb - fc - fd),
-            half * (fb + fc - fa - fd),
-            ratio * (fa - fb + fc - fd),
+            r00 * fx + r01 * fy + r02 * fz + px,
+            r10 * fx + r11 * fy + r12 * fz + py,
+            r20 * fx + r21 * fy + r22 * fz + pz,
+            half * (fa + fb - fc - fd) + tx,
+            half * (fb + fc - fa - fd) + ty,
+            ratio * (fa - fb + fc - fd) + tz,
         ),
         (r00, r01, r02, r10, r11, r12, r20, r21, r22),
         (a + gain * (i - a), b + gain * (j - b), c + gain * (k - c), d + gain * (m - d)),

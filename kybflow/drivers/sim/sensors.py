@@ -10,11 +10,12 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 from math import exp, sqrt
+from statistics import NormalDist
 from typing import Any
 
 import numpy
 
-from kybflow.core.geometry import GRAVITY, Vec3, integrate
+from kybflow.core.geometry import GRAVITY, LEVEL, Quat, Vec3, integrate, multiply
 from kybflow.core.signals import NS, Battery, Imu, Pose, Position, Time, Truth
 from kybflow.drivers.sim.aboard import Numbers
 from kybflow.world.vehicle_context import Airframe
@@ -128,26 +129,56 @@ class Schedule:
         self.due = round(self._count * NS / self.rate)
 
 
+class Stamps:
+    """When poses are said to have been measured: off by `error` seconds and by a `jitter`, its
+    standard deviation; a part of them, `lost`, never arrives."""
+
+    def __init__(
+        self, error: float, jitter: float, lost: float, generator: numpy.random.Generator
+    ) -> None:
+        self._error, self._jitter, self._lost = error, jitter, lost
+        self._chances = draw(generator, [0.0, 0.0], [1.0, 1.0])
+        self._are_exact = not (error or jitter or lost)
+        self._rare = NormalDist().inv_cdf(lost) if lost else 0.0
+
+    def of(self, at: Time) -> Time | None:
+        """The stamp of a pose at `at`, None for one that is lost."""
+        if self._are_exact:
+            return at
+        jitter, chance = next(self._chances)
+        if self._lost and chance < self._rare:
+            return None
+        return at + round((self._error + self._jitter * jitter) * NS)
+
+
 class PoseSampler:
-    """Poses of one vehicle at their own rate, with noise; they arrive `latency` late."""
+    """Poses of one vehicle at their own rate, with noise; they arrive `latency` late. markers: the
+    body that is seen, in the vehicle's."""
 
     def __init__(
         self, rate: float, latency: float, position_noise: float, attitude_noise: float,
-        generator: numpy.random.Generator,
+        markers: Quat, stamps: Stamps, generator: numpy.random.Generator,
     ) -> None:  # fmt: skip
+        self._markers, self._stamps = markers, stamps
         self.schedule = Schedule(rate)
         self.latency: Time = round(latency * NS)
         deviations = [position_noise] * 3 + [attitude_noise] * 3
         self._noise = draw(generator, [0.0] * 6, deviations)
 
-    def measure(self, truth: Truth, at: Time, now: Time) -> Pose:
-        """The pose at `at`, from the truth at `now`, at most a physics step later."""
+    def measure(self, truth: Truth, at: Time, now: Time) -> Pose | None:
+        """The pose at `at`, from the truth at `now`, at most a physics step later; None where it is
+        lost."""
+        stamp = self._stamps.of(at)
         back = (at - now) / NS
         (px, py, pz), (vx, vy, vz), attitude, (ox, oy, oz), _ = truth
         nx, ny, nz, ax, ay, az = next(self._noise)
         position = (px + back * vx + nx, py + back * vy + ny, pz + back * vz + nz)
         turn = (back * ox + ax, back * oy + ay, back * oz + az)
-        return Pose(at, position, integrate(attitude, turn, 1.0))
+        if stamp is None:
+            return None
+        if self._markers != LEVEL:
+            attitude = multiply(attitude, self._markers)
+        return Pose(stamp, position, integrate(attitude, turn, 1.0))
 
 
 class Positions:

@@ -12,8 +12,8 @@ import mujoco
 import numpy
 
 from kybflow.core.errors import described
-from kybflow.drivers.sim.aboard import Aboard, Numbers
-from kybflow.drivers.sim.onboard import control, estimate, shares
+from kybflow.drivers.sim.aboard import LONGEST, Aboard, Numbers
+from kybflow.drivers.sim.onboard import control, estimate, shares, smooth
 from kybflow.drivers.sim.rotors import push
 from kybflow.drivers.sim.sensors import Array, ImuErrors, feel
 
@@ -45,14 +45,14 @@ class Stepper:
         """Make `count` steps."""
         on, model, data, part = self._aboard, self._model, self._data, self._shares
         rotors, controls, filters, loops = on.rotors, on.controls, on.filters, on.loops
-        setpoints, gains, self._felt = on.setpoints, on.gains, []
+        setpoints, gains, gyros, self._felt = on.setpoints, on.gains, on.gyros, []
         first = self.errors.take(count)
         for errors in self.errors.block[first : first + count]:
             rotations, velocities = [], self._velocities.tolist()
             for i, position in enumerate(self._positions.tolist()):
                 force, rotation, rotors[i] = push(
                     position, velocities[i], rotors[i], controls[i],
-                    on.thrusts[i], on.winds[i], on.constants[i],
+                    on.thrusts[i], on.winds[i], on.pushes[i], on.constants[i],
                 )  # fmt: skip
                 _PACK(self._forces, _SIZE * i, *force)
                 rotations.append(rotation)
@@ -60,9 +60,23 @@ class Stepper:
             felt = list(map(feel, rotations, velocities, self._accelerations.tolist(), errors))
             for i, sample in enumerate(felt):
                 filters[i], rates = estimate(filters[i], setpoints[i], sample, part)
-                loops[i], controls[i] = control(loops[i], filters[i], rates, setpoints[i], gains[i])
+                gyros[i], rates = smooth(gyros[i], rates)
+                loops[i], wanted = control(loops[i], filters[i], rates, setpoints[i], gains[i])
+                controls[i] = self._delayed(i, wanted)
             self._felt.append(felt)
         on.steps += count
+
+    def _delayed(self, vehicle: int, wanted: Numbers) -> Numbers:
+        """What reaches the rotors now that `wanted` is asked for."""
+        on = self._aboard
+        place, count = on.delays[vehicle]
+        if count == 0.0:
+            return wanted
+        here = vehicle * LONGEST + int(place)
+        arrived: Numbers = on.asked[here]
+        on.asked[here] = wanted
+        on.delays[vehicle] = ((place + 1.0) % count, count)
+        return arrived
 
 
 def rows() -> Callable[[int, int], Any]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from math import exp, sqrt
+from collections.abc import Callable, Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy
 
-from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.geometry import ZERO
 from kybflow.core.signals import (
     NS,
     Command,
@@ -23,6 +22,8 @@ from kybflow.core.signals import (
     Truth,
 )
 from kybflow.drivers.sim.aboard import Aboard, Numbers
+from kybflow.drivers.sim.air import GustyWind
+from kybflow.drivers.sim.lab import as_flown, lab
 from kybflow.drivers.sim.model import BuiltAirframe
 from kybflow.drivers.sim.onboard import AttitudeController
 from kybflow.drivers.sim.receiver import Receiver
@@ -32,6 +33,7 @@ from kybflow.drivers.sim.sensors import (
     PoseSampler,
     Positions,
     SimulatedBattery,
+    Stamps,
     bias,
     draw,
     draw_blocks,
@@ -44,8 +46,6 @@ if TYPE_CHECKING:
     import random
 
 OWN_LANDING = Override("its own watchdog lands it", lands=True)
-GUST_TIME = 1.0
-"""Seconds."""
 ROTOR_SPREAD = 0.2
 """How much the rotors differ from each other, as a part of `model_error`."""
 
@@ -66,28 +66,6 @@ class Surroundings(Protocol):
     def grip(self, index: int, is_open: bool, armed: bool) -> bool: ...
 
 
-class GustyWind:
-    """The air that one vehicle flies in, m/s, world frame: steady wind, and gusts that are an
-    Ornstein-Uhlenbeck process along each axis, which forgets within `GUST_TIME`. gust: their
-    standard deviation. noise: rows of three standard normal numbers."""
-
-    def __init__(self, steady: Vec3, gust: float, noise: Iterator[list[float]]) -> None:
-        self._steady = steady
-        self._gust = gust
-        self._noise = noise
-        self._now = ZERO
-        self.blows = gust > 0.0 or any(steady)
-
-    def after(self, seconds: float) -> Vec3:
-        """The wind, `seconds` after the last call."""
-        keep = exp(-seconds / GUST_TIME)
-        kick = self._gust * sqrt(1.0 - keep * keep)
-        (x, y, z), (nx, ny, nz) = self._now, next(self._noise)
-        self._now = (keep * x + kick * nx, keep * y + kick * ny, keep * z + kick * nz)
-        (sx, sy, sz), (x, y, z) = self._steady, self._now
-        return (sx + x, sy + y, sz + z)
-
-
 class SimulatedVehicle(Link):
     """A vehicle in a world, and the link to it. `index` is its place there. `is_wired`: who reads
     and commands it sits on board, so that a fault of the link does not come between."""
@@ -98,11 +76,14 @@ class SimulatedVehicle(Link):
     def __init__(
         self, world: Surroundings, index: int, seat: Seat, generator: random.Random
     ) -> None:
-        context, p = seat.context, seat.params
-        streams = numpy.random.default_rng(generator.getrandbits(64)).spawn(5)
+        context, p = seat.context, as_flown(seat.params)
+        streams = numpy.random.default_rng(generator.getrandbits(64)).spawn(7)
         self._world = world
         self._index = index
-        self.body = build(context.airframe, p.model_error, streams[0])
+        body = build(context.airframe, p.model_error, streams[0])
+        own = lab(p, context.airframe, body, streams[5])
+        self.body = body._replace(drag=body.drag * own.drag)
+        self.eddies, self._late = own.eddies, own.late
         imu = streams[1]
         offsets = [*bias(imu, p.gyro_bias), *bias(imu, p.accelerometer_bias)]
         noises = [p.gyro_noise] * 3 + [p.accelerometer_noise] * 3
@@ -110,12 +91,13 @@ class SimulatedVehicle(Link):
         self.imu_bias: Numbers = (*ZERO, *ZERO)
         self._dt = 1.0 / p.physics
         self.controller = AttitudeController(
-            context.airframe, context.heading, self._dt, world.aboard, index
+            context.airframe, own.loop, context.heading, self._dt, world.aboard, index
         )
-        world.aboard.constants[index] = constants(context.airframe, self.body, self._dt)
+        world.aboard.constants[index] = constants(context.airframe, self.body, own.inflow, self._dt)
+        stamps = Stamps(own.stamps, p.stamp_jitter, p.mocap_loss, streams[6])
         self.capture = PoseSampler(
             p.mocap_rate, p.mocap_latency, p.mocap_position_noise, p.mocap_attitude_noise,
-            streams[2],
+            own.markers, stamps, streams[2],
         )  # fmt: skip
         spread = (p.position_noise, p.position_noise, p.position_noise_up)
         self._positions = Positions(p.position_rate, p.position_latency, spread, streams[4])
@@ -143,7 +125,9 @@ class SimulatedVehicle(Link):
         if capture.schedule.due <= now:
             truth = self._world.truth(self._seen_as)
             while (at := capture.schedule.due) <= now:
-                self._arriving.append((at + capture.latency, capture.measure(truth, at, now)))
+                pose = capture.measure(truth, at, now)
+                if pose is not None:
+                    self._arriving.append((at + capture.latency, pose))
                 capture.schedule.move_on()
         if battery.schedule.due <= now:
             self._arriving.append((now, battery.measure(now)))
@@ -229,10 +213,11 @@ class SimulatedVehicle(Link):
         receiver = self._receiver
         if self._mute:
             return
-        if not receiver.late:
+        late = 0 if self._late is None else round(max(0.0, next(self._late)[0]) * NS)
+        if not (receiver.late or late):
             receiver.hear(command, now)
             return
-        self._minded = min(self._minded, receiver.delay(command, now))
+        self._minded = min(self._minded, receiver.delay(command, now, late))
         self.due = min(self.due, self._minded)
         self._world.hurry(self.due)
 

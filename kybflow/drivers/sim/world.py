@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import mujoco
 
 from kybflow.core.errors import DriverError, Refused
-from kybflow.core.geometry import add, conjugate, rotate
+from kybflow.core.geometry import ZERO, add, conjugate, rotate
 from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.sim.aboard import Aboard
 from kybflow.drivers.sim.contacts import Contacts
@@ -157,12 +157,16 @@ class SimulatedWorld(Session):
         model.body_mass[place] = mass
         mujoco.mj_setConst(model, mujoco.MjData(model))
         self._stepper.errors.bias(index, vehicle.imu_bias)
-        self.aboard.winds[index] = (0.0, 0.0)
+        self.aboard.winds[index] = ZERO
         self._winds = self._blowing()
         self._truths = {}
 
     def _blowing(self) -> list[tuple[int, SimulatedVehicle]]:
-        return [(i, v) for i, v in enumerate(self._vehicles) if v.wind.blows or v.rig.blows]
+        return [
+            (i, v)
+            for i, v in enumerate(self._vehicles)
+            if v.wind.blows or v.rig.blows or v.eddies is not None
+        ]
 
     def _measure(self, now: Time) -> None:
         for vehicle in self._vehicles:
@@ -175,14 +179,15 @@ class SimulatedWorld(Session):
         return -(-due * self._rate // NS)
 
     def _blow(self) -> None:
-        """Give each rotor drag its wind along body x and y."""
+        """Give each vehicle the wind along its body's axes, and what else pushes it."""
         now = (self.aboard.steps + 1) * NS // self._rate
         elapsed, self._blown = (now - self._blown) / NS, now
         for index, vehicle in self._winds:
             to_body = conjugate(self.truth(index).attitude)
             wind = add(vehicle.wind.after(elapsed), vehicle.rig.wind(now))
-            x, y, _ = rotate(to_body, wind)
-            self.aboard.winds[index] = (x, y)
+            self.aboard.winds[index] = rotate(to_body, wind)
+            if vehicle.eddies is not None:
+                self.aboard.pushes[index] = vehicle.eddies.after(elapsed)
 
 
 def _parcels(

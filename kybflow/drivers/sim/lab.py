@@ -1,0 +1,72 @@
+"""How a vehicle in a lab differs from what its maker says, and what its lab does to it; drawn once
+a flight. A calm world has none of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from kybflow.core.geometry import LEVEL, Quat, integrate
+from kybflow.drivers.sim import SimParams
+from kybflow.drivers.sim.air import EDDY_TIME, Wandering
+from kybflow.drivers.sim.model import BuiltAirframe
+from kybflow.drivers.sim.onboard import Loop
+from kybflow.drivers.sim.sensors import bias, draw
+from kybflow.world.vehicle_context import Airframe
+
+_NOUGHT = dict.fromkeys(
+    (
+        "force_noise", "torque_noise", "drag_error", "inflow", "loop_error", "gyro_filter",
+        "dead_time", "command_latency", "command_jitter", "mocap_misalignment", "mocap_loss",
+        "stamp_error", "stamp_jitter",
+    ),
+    0.0,
+)  # fmt: skip
+
+
+class Lab(NamedTuple):
+    """drag: the body's over what it would be. inflow: drag along body z over that. loop: what the
+    on-board loop is made of. eddies: what pushes the body, N, world frame, and turns it, N m, body
+    frame; None in still air. markers: the body that motion capture takes for the vehicle's, in the
+    vehicle's. stamps: how much later than it was a pose is stamped, s. late: seconds by which each
+    command is late; None where none is."""
+
+    drag: float
+    inflow: float
+    loop: Loop
+    eddies: Wandering | None
+    markers: Quat
+    stamps: float
+    late: Iterator[list[float]] | None
+
+
+def as_flown(params: SimParams) -> SimParams:
+    """The parameters, without all that a calm world doesn't have."""
+    nought: dict[str, Any] = _NOUGHT
+    return replace(params, **nought) if params.calm else params
+
+
+def lab(p: SimParams, airframe: Airframe, body: BuiltAirframe, generator: Any) -> Lab:
+    """Draw a vehicle's. p: as flown."""
+    drag, jx, jy, jz, lag, stamps = generator.uniform(-1.0, 1.0, 6).tolist()
+    wrong, (ix, iy, iz) = p.loop_error, airframe.inertia
+    believed = replace(
+        airframe,
+        inertia=(ix * (1.0 + wrong * jx), iy * (1.0 + wrong * jy), iz * (1.0 + wrong * jz)),
+        rotor_time=airframe.rotor_time * (1.0 + wrong * lag),
+    )
+    turned = bias(generator, p.mocap_misalignment)
+    eddies, commands = generator.spawn(2)
+    spread = [body.mass * p.force_noise] * 3 + [j * p.torque_noise for j in body.inertia]
+    noise = draw(eddies, [0.0] * 6, [1.0] * 6)
+    latency, jitter = p.command_latency, p.command_jitter
+    return Lab(
+        1.0 + p.drag_error * drag,
+        p.inflow,
+        Loop(believed, p.gyro_filter, p.dead_time),
+        Wandering(spread, EDDY_TIME, noise) if any(spread) else None,
+        integrate(LEVEL, turned, 1.0),
+        p.stamp_error * stamps,
+        draw(commands, [latency], [jitter]) if latency or jitter else None,
+    )
