@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from math import cos, sin, sqrt
 
-from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, heading_of, rotate_back
+from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, heading_of, rotate_back, sub
 from kybflow.core.params import param, params
-from kybflow.core.signals import Command, Estimate, Setpoint, Tick
-from kybflow.core.units import Number
+from kybflow.core.signals import Command, Estimate, Imu, MeasurementKind, Setpoint, Tick
+from kybflow.core.units import Frequency, Number
+from kybflow.flight.disturbance import DisturbanceObserver
 from kybflow.flight.steering import Steering
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.world.vehicle_context import VehicleContext
@@ -21,6 +22,15 @@ class GeometricParams(SteeringParams):
     integral: Number = param(
         "Acceleration per metre and second of position error.", default=8.0, at_least=0
     )
+    observer: Frequency = param(
+        "Bandwidth at which disturbances are estimated from the accelerometer, 0 for not at all.",
+        default=0.0, at_least=0.0, at_most=20.0, read_only=True,
+    )  # fmt: skip
+
+
+def used_by(params: GeometricParams) -> frozenset[MeasurementKind]:
+    """Return the kinds of measurement that the law follows better with."""
+    return frozenset({Imu}) if params.observer else frozenset()
 
 
 class GeometricLaw:
@@ -30,6 +40,7 @@ class GeometricLaw:
         self._drag = context.airframe.drag
         self._steering = Steering(context, params.mass_guess)
         self._integral = (0.0, 0.0)
+        self._observer = DisturbanceObserver(context.airframe)
 
     @property
     def hover_thrust(self) -> float:
@@ -42,10 +53,20 @@ class GeometricLaw:
         steering.weigh(setpoint, estimate, p.lift_off, dt)
         up = body_z(estimate.attitude)
         wanted, turning = self._wanted(p, setpoint, estimate, up, dt)
+        wanted = sub(wanted, self._disturbance(p.observer, tick))
         force, attitude = steering.attitude(wanted, up, setpoint, p, dt)
         still = steering.limited or not steering.flies
         rates = _rates(ZERO if still else turning, force, attitude, setpoint.heading_rate)
         return steering.command(force, attitude, rates, estimate, up)
+
+    def _disturbance(self, bandwidth: float, tick: Tick) -> Vec3:
+        """What pushes the vehicle, m/s^2, world."""
+        steering = self._steering
+        if bandwidth == 0.0 or not steering.flies:
+            self._observer.rest()
+            return ZERO
+        estimate, given = tick.known(), steering.force_along
+        return self._observer.update(tick.imu, estimate, given, bandwidth, tick.dt)
 
     def _wanted(
         self, p: GeometricParams, setpoint: Setpoint, estimate: Estimate, up: Vec3, dt: float

@@ -114,6 +114,11 @@ class Tracker(Part[P]):
         """Return the kinds of command that it may emit with these parameters."""
         return frozenset({cls.emits})
 
+    @classmethod
+    def uses(cls, params: P) -> frozenset[MeasurementKind]:
+        """Return the kinds of measurement that it follows better with."""
+        return frozenset()
+
     @property
     @abstractmethod
     def hover_thrust(self) -> float:

@@ -104,7 +104,7 @@ class SimParams:
         "Battery reports a second.", default=10.0, at_least=0.1, at_most=100.0, read_only=True
     )
     calm: bool = param(
-        "Still air and a perfect lab: everything below but the watchdog and the viewer is nought.",
+        "Still air and a perfect lab: none of what follows, down to `stamp_jitter`.",
         default=True, read_only=True,
     )  # fmt: skip
     force_noise: Acceleration = param(

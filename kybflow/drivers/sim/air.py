@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import exp, sqrt
 
 from kybflow.core.geometry import Vec3, add
-from kybflow.drivers.sim.aboard import Numbers
+from kybflow.drivers.sim.steps.aboard import Numbers
 
 GUST_TIME = 1.0
 """Seconds."""

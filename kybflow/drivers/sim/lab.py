@@ -8,11 +8,10 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from kybflow.core.geometry import LEVEL, Quat, integrate
-from kybflow.drivers.sim import SimParams
 from kybflow.drivers.sim.air import EDDY_TIME, Wandering
 from kybflow.drivers.sim.model import BuiltAirframe
-from kybflow.drivers.sim.onboard import Loop
 from kybflow.drivers.sim.sensors import bias, draw
+from kybflow.drivers.sim.steps.onboard import Loop
 from kybflow.world.vehicle_context import Airframe
 
 _NOUGHT = dict.fromkeys(
@@ -41,14 +40,13 @@ class Lab(NamedTuple):
     late: Iterator[list[float]] | None
 
 
-def as_flown(params: SimParams) -> SimParams:
-    """The parameters, without all that a calm world doesn't have."""
-    nought: dict[str, Any] = _NOUGHT
-    return replace(params, **nought) if params.calm else params
+def as_flown(params: Any) -> Any:
+    """A simulated vehicle's parameters, without all that a calm world doesn't have."""
+    return replace(params, **_NOUGHT) if params.calm else params
 
 
-def lab(p: SimParams, airframe: Airframe, body: BuiltAirframe, generator: Any) -> Lab:
-    """Draw a vehicle's. p: as flown."""
+def lab(p: Any, airframe: Airframe, body: BuiltAirframe, generator: Any) -> Lab:
+    """Draw a vehicle's. p: its parameters, as flown."""
     drag, jx, jy, jz, lag, stamps = generator.uniform(-1.0, 1.0, 6).tolist()
     wrong, (ix, iy, iz) = p.loop_error, airframe.inertia
     believed = replace(

@@ -7,7 +7,8 @@ right; the first and the third turn clockwise seen from above and so push the bo
 clockwise.
 
 MuJoCo knows bodies and what they touch, and neither actuators nor sensors: their cost grows with
-actuators times degrees of freedom. `rotors` and `sensors` compute what rotors do and IMUs feel.
+actuators times degrees of freedom. `steps.rotors` and `sensors` compute what rotors do and what
+IMUs feel.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from math import exp
 
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NEVER, NS, Command, Time
-from kybflow.drivers.sim.onboard import AttitudeController
+from kybflow.drivers.sim.steps.onboard import AttitudeController
 from kybflow.flight.descent import Descent
 from kybflow.world.vehicle_context import Airframe
 

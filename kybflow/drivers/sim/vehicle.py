@@ -21,13 +21,10 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.drivers.sim.aboard import Aboard, Numbers
 from kybflow.drivers.sim.air import GustyWind
 from kybflow.drivers.sim.lab import as_flown, lab
 from kybflow.drivers.sim.model import BuiltAirframe
-from kybflow.drivers.sim.onboard import AttitudeController
 from kybflow.drivers.sim.receiver import Receiver
-from kybflow.drivers.sim.rotors import constants
 from kybflow.drivers.sim.sensors import (
     Averages,
     PoseSampler,
@@ -38,6 +35,9 @@ from kybflow.drivers.sim.sensors import (
     draw,
     draw_blocks,
 )
+from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
+from kybflow.drivers.sim.steps.onboard import AttitudeController
+from kybflow.drivers.sim.steps.rotors import constants
 from kybflow.parts import Link, Override, Rig, Seat
 from kybflow.parts.link import Touch
 from kybflow.world.vehicle_context import Airframe

@@ -11,11 +11,11 @@ import mujoco
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import ZERO, add, conjugate, rotate
 from kybflow.core.signals import NS, Time, Truth
-from kybflow.drivers.sim.aboard import Aboard
 from kybflow.drivers.sim.contacts import Contacts
 from kybflow.drivers.sim.model import FIRST_BODY, BuiltAirframe, loaded, world_text
 from kybflow.drivers.sim.parcels import FallingParcel
-from kybflow.drivers.sim.stepping import rows, stepper
+from kybflow.drivers.sim.steps.aboard import Aboard
+from kybflow.drivers.sim.steps.stepper import rows, stepper
 from kybflow.drivers.sim.vehicle import SimulatedVehicle
 from kybflow.drivers.sim.viewer import Viewer
 from kybflow.parts import Link, Seat, Session

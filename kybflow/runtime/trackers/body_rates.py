@@ -18,9 +18,9 @@ from __future__ import annotations
 from math import atan2
 
 from kybflow.core.geometry import Quat, Vec3, conjugate, multiply, norm, rotate
-from kybflow.core.signals import Command, CommandKind, Setpoint, SetpointKind, Tick
+from kybflow.core.signals import Command, CommandKind, MeasurementKind, Setpoint, SetpointKind, Tick
 from kybflow.core.units import AngularRate, Damping
-from kybflow.flight.geometric_law import GeometricLaw, GeometricParams
+from kybflow.flight.geometric_law import GeometricLaw, GeometricParams, used_by
 from kybflow.flight.governor import shortened
 from kybflow.parts import Tracker, param, params
 from kybflow.world.vehicle_context import VehicleContext
@@ -44,6 +44,10 @@ class BodyRates(Tracker[BodyRatesParams]):
     def __init__(self, params: BodyRatesParams, context: VehicleContext) -> None:
         super().__init__(params, context)
         self._law = GeometricLaw(params, context)
+
+    @classmethod
+    def uses(cls, params: BodyRatesParams) -> frozenset[MeasurementKind]:
+        return used_by(params)
 
     @property
     def hover_thrust(self) -> float:

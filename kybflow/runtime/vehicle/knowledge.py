@@ -89,7 +89,8 @@ class Knowledge:
         self._streams: dict[MeasurementKind, _Stream] = {}
         needs = [e.part.cls.uses(e.part.params) for e in plan.estimators]
         self.needs: frozenset[MeasurementKind] = frozenset().union(*needs)
-        link.subscribe(self.needs)
+        tracker = plan.tracker
+        link.subscribe(self.needs | tracker.cls.uses(tracker.params))
 
     def update(self, now: Time) -> Estimate | None:
         """Read the measurements, and update and return the estimate."""

@@ -8,7 +8,7 @@ import pytest
 from sim_worlds import FRAME
 
 from kybflow.core.geometry import from_euler, from_heading
-from kybflow.drivers.sim.onboard import AT_REST, _gains, control
+from kybflow.drivers.sim.steps.onboard import AT_REST, _gains, control
 
 STEP = 0.002
 

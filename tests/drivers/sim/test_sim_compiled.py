@@ -13,7 +13,7 @@ from sim_worlds import PERIOD, QUIET, STOPPED, lift, push, seat, thrust, world
 
 from kybflow.core.signals import NS, Imu
 from kybflow.drivers.sim import SimParams
-from kybflow.drivers.sim.stepping import Stepper
+from kybflow.drivers.sim.steps.stepper import Stepper
 from kybflow.parts import Effect
 
 needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="needs the extra `fast`")
@@ -33,7 +33,7 @@ def plain(monkeypatch):
 
 def flight(build):
     """Three vehicles: one is listened to and its IMU breaks, one is deserted, one is late."""
-    params = SimParams(gust=0.5, mocap_rate=130.0)
+    params = SimParams(gust=0.5, mocap_rate=130.0, calm=False)
     session = build(*(seat(name, (3.0 * i, 0.0, 0.0), params) for i, name in enumerate("abc")))
     a, b, c = session.links.values()
     a.subscribe(frozenset({Imu}))
@@ -65,7 +65,7 @@ def test_the_flight_is_the_same_to_the_bit(plain):
 @pytest.fixture
 def compiler(monkeypatch, tmp_path):
     """Notes what is compiled, and keeps it in a folder of its own or one that can't be."""
-    from kybflow.drivers.sim import compiled, kernel
+    from kybflow.drivers.sim.steps import compiled, kernel
 
     asked = []
 
@@ -81,7 +81,7 @@ def compiler(monkeypatch, tmp_path):
 
 @needs_numba
 def test_a_kernel_that_does_not_compile_is_done_without(plain, compiler, monkeypatch):
-    from kybflow.drivers.sim import kernel
+    from kybflow.drivers.sim.steps import kernel
 
     def refuses(name):
         raise RuntimeError("no such type")
@@ -99,7 +99,7 @@ def test_a_kernel_that_does_not_compile_is_done_without(plain, compiler, monkeyp
 
 @needs_numba
 def test_machine_code_that_cannot_be_kept_is_done_without(compiler, monkeypatch):
-    from kybflow.drivers.sim import compiled
+    from kybflow.drivers.sim.steps import compiled
 
     monkeypatch.setattr(compiled, "PLACES", compiled.PLACES[:1])
     with pytest.warns(UserWarning, match="Not a directory"):
@@ -109,7 +109,7 @@ def test_machine_code_that_cannot_be_kept_is_done_without(compiler, monkeypatch)
 
 @needs_numba
 def test_machine_code_is_kept_where_it_can_be_written(compiler, tmp_path):
-    from kybflow.drivers.sim.compiled import _kept
+    from kybflow.drivers.sim.steps.compiled import _kept
 
     assert [_kept("a law"), _kept("a law")] == [b"machine code", b"machine code"]
     assert len(compiler) == 1
@@ -120,7 +120,7 @@ def test_machine_code_is_kept_where_it_can_be_written(compiler, tmp_path):
 
 @needs_numba
 def test_damaged_machine_code_is_compiled_anew(compiler, tmp_path):
-    from kybflow.drivers.sim.compiled import _kept
+    from kybflow.drivers.sim.steps.compiled import _kept
 
     _kept("a law")
     (file,) = (tmp_path / "kept").iterdir()
@@ -139,13 +139,13 @@ def test_a_kept_kernel_is_loaded_without_numba():
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )  # fmt: skip
     loaded = run.stdout.split()
-    assert "kybflow.drivers.sim.compiled" in loaded
-    assert not {"numba", "scipy", "kybflow.drivers.sim.kernel"} & set(loaded)
+    assert "kybflow.drivers.sim.steps.compiled" in loaded
+    assert not {"numba", "scipy", "kybflow.drivers.sim.steps.kernel"} & set(loaded)
 
 
 @needs_numba
 def test_another_law_is_another_kernel():
-    from kybflow.drivers.sim.compiled import _fingerprint
+    from kybflow.drivers.sim.steps.compiled import _fingerprint
 
     first, second = (eval(f"lambda x: x * {k}") for k in ("2.0", "3.0"))
     assert _fingerprint([first]) == _fingerprint([first]) != _fingerprint([second])

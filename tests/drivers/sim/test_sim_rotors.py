@@ -69,7 +69,7 @@ def test_they_are_mujocos_own(parcel):
         controls, thrusts = session.aboard.controls[0], session.aboard.thrusts[0]
         now += STEP
         session.advance(now)
-        data.ctrl[:] = (*controls, *session.aboard.winds[0])
+        data.ctrl[:] = (*controls, *session.aboard.winds[0][:2])
         model.actuator_gainprm[:4, 0] = thrusts
         mujoco.mj_step(model, data)
         imu = next(m for m in link.read(now) if isinstance(m, Imu))

@@ -36,7 +36,7 @@ from kybflow.core.geometry import (
     wrap,
 )
 from kybflow.core.signals import Command
-from kybflow.drivers.sim.aboard import LONGEST, Aboard, Numbers
+from kybflow.drivers.sim.steps.aboard import LONGEST, Aboard, Numbers
 from kybflow.world.vehicle_context import Airframe
 
 LEVELLING = 0.10
@@ -92,6 +92,7 @@ class AttitudeController:
         aboard.filters[index] = (*from_heading(heading), *ZERO, 0.0)
         aboard.gains[index] = tuple(_gains(loop.airframe, dt))
         aboard.gyros[index] = (*ZERO, *ZERO, _share(loop.cut_off, dt))
+        aboard.is_slow = aboard.is_slow or loop.cut_off > 0.0 or loop.dead_time > 0.0
         aboard.delays[index] = (0.0, float(min(LONGEST, round(loop.dead_time / dt))))
 
     def gained(self) -> tuple[float, float]:

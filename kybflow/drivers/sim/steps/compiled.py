@@ -19,10 +19,10 @@ import mujoco
 import numpy
 from llvmlite import binding
 
-from kybflow.drivers.sim.aboard import Aboard, Numbers
-from kybflow.drivers.sim.onboard import control, estimate, shares, smooth
-from kybflow.drivers.sim.rotors import push
 from kybflow.drivers.sim.sensors import ImuErrors, feel
+from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
+from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
+from kybflow.drivers.sim.steps.rotors import push
 
 FAILURES = (ImportError, AttributeError, OSError, RuntimeError)
 """What may go wrong when the kernel is compiled, kept or loaded, or MuJoCo's library is missing."""
@@ -107,7 +107,7 @@ def _kept(fingerprint: str) -> bytes:
             kept = file.read_bytes()
             if kept[:_DIGEST] == _digest(kept[_DIGEST:]):
                 return kept[_DIGEST:]
-    from kybflow.drivers.sim.kernel import machine_code
+    from kybflow.drivers.sim.steps.kernel import machine_code
 
     code = machine_code(_NAME)
     _keep(code, files)

@@ -18,7 +18,8 @@ class Rows(Protocol):
 
 
 class Aboard:
-    """The rows of `count` vehicles. steps: how many physics steps have been made.
+    """The rows of `count` vehicles. steps: how many physics steps have been made. is_slow: one of
+    their on-board loops filters its gyroscope or has a dead time.
 
     setpoints, filters, loops, gains: what `onboard` follows, has estimated, remembers and is tuned
     by. gyros: what their gyroscopes' filters remember. asked: the controls that are on their way to
@@ -27,7 +28,7 @@ class Aboard:
     """
 
     def __init__(self, count: int, rows: Callable[[int, int], Any]) -> None:
-        self.count, self.steps = count, 0
+        self.count, self.steps, self.is_slow = count, 0, False
         widths = (10, 8, 7, 12, 7, 2, 4, 4, 4, 3, 6, 5)
         self.tables = [*(rows(count, width) for width in widths), rows(count * LONGEST, 4)]
         self.setpoints: Rows

@@ -14,10 +14,10 @@ from numba import njit, types
 from numba.core.errors import NumbaError
 from numba.cpython.unsafe.tuple import tuple_setitem
 
-from kybflow.drivers.sim.aboard import LONGEST
-from kybflow.drivers.sim.onboard import control, estimate, smooth
-from kybflow.drivers.sim.rotors import push
 from kybflow.drivers.sim.sensors import feel
+from kybflow.drivers.sim.steps.aboard import LONGEST
+from kybflow.drivers.sim.steps.onboard import control, estimate, smooth
+from kybflow.drivers.sim.steps.rotors import push
 
 
 def _row_of(numbers: Any, row: Any, like: Any) -> Any:

@@ -12,10 +12,10 @@ import mujoco
 import numpy
 
 from kybflow.core.errors import described
-from kybflow.drivers.sim.aboard import LONGEST, Aboard, Numbers
-from kybflow.drivers.sim.onboard import control, estimate, shares, smooth
-from kybflow.drivers.sim.rotors import push
 from kybflow.drivers.sim.sensors import Array, ImuErrors, feel
+from kybflow.drivers.sim.steps.aboard import LONGEST, Aboard, Numbers
+from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
+from kybflow.drivers.sim.steps.rotors import push
 
 _PACK, _SIZE = struct.Struct("6d").pack_into, 6 * 8
 
@@ -46,7 +46,7 @@ class Stepper:
         on, model, data, part = self._aboard, self._model, self._data, self._shares
         rotors, controls, filters, loops = on.rotors, on.controls, on.filters, on.loops
         setpoints, gains, gyros, self._felt = on.setpoints, on.gains, on.gyros, []
-        first = self.errors.take(count)
+        first, is_slow = self.errors.take(count), on.is_slow
         for errors in self.errors.block[first : first + count]:
             rotations, velocities = [], self._velocities.tolist()
             for i, position in enumerate(self._positions.tolist()):
@@ -60,9 +60,10 @@ class Stepper:
             felt = list(map(feel, rotations, velocities, self._accelerations.tolist(), errors))
             for i, sample in enumerate(felt):
                 filters[i], rates = estimate(filters[i], setpoints[i], sample, part)
-                gyros[i], rates = smooth(gyros[i], rates)
+                if is_slow:
+                    gyros[i], rates = smooth(gyros[i], rates)
                 loops[i], wanted = control(loops[i], filters[i], rates, setpoints[i], gains[i])
-                controls[i] = self._delayed(i, wanted)
+                controls[i] = self._delayed(i, wanted) if is_slow else wanted
             self._felt.append(felt)
         on.steps += count
 
@@ -83,7 +84,7 @@ def rows() -> Callable[[int, int], Any]:
     """Makes empty rows, for so many vehicles and of such a width, as the fastest stepper likes
     them; every stepper takes either kind."""
     if _is_fast():
-        from kybflow.drivers.sim.compiled import ArrayRows
+        from kybflow.drivers.sim.steps.compiled import ArrayRows
 
         return ArrayRows
     return lambda count, width: [(0.0,) * width] * count
@@ -94,7 +95,7 @@ def stepper(model: Any, data: Any, aboard: Aboard, sources: Sequence[Iterator[Ar
     can't be compiled; a flight is the same without, only slower."""
     if not _is_fast():
         return Stepper(model, data, aboard, sources)
-    from kybflow.drivers.sim.compiled import FAILURES, CompiledStepper
+    from kybflow.drivers.sim.steps.compiled import FAILURES, CompiledStepper
 
     try:
         return CompiledStepper(model, data, aboard, sources)

@@ -1,0 +1,76 @@
+"""What pushes a vehicle beside its rotors and the drag that is known of, from its accelerometer.
+
+An accelerometer feels all forces but gravity. What the rotors give acts along body z, and drag in
+their plane (`kybflow.drivers.sim.steps.rotors` has the same model); the rest is the disturbance:
+
+    d = R (f + c (v - (v . z) z)) - F z,      F' = (u - F) / T
+    e' = w (d - l - e),                       l' = (d - l) / L
+
+f: specific force, body. R: attitude, z = R e3. c: the airframe's drag. u: the specific force that
+was commanded along z; F: what rotors with the time constant T give of it. e: the estimate, which
+forgets noise within 1 / w. l: what lasts for L, `WASHOUT`. Along body x and y neither the thrust
+nor the mass comes in, so that what is estimated there does not depend on what is commanded, and
+can't make the loop unstable.
+
+The observer is that of Smeur, Chu and de Croon (Adaptive Incremental Nonlinear Dynamic Inversion,
+JGCD 2016, sec. III; outer loop: Cascaded incremental nonlinear dynamic inversion for MAV
+disturbance rejection, Control Engineering Practice 2018, eq. 18) written as an estimate that the
+law subtracts, which can be bounded.
+"""
+
+from __future__ import annotations
+
+from math import tau
+
+from kybflow.core.geometry import GRAVITY, ZERO, Vec3, rotate, rotate_back
+from kybflow.core.signals import IMU_TIMEOUT, Estimate, Imu
+from kybflow.world.vehicle_context import Airframe
+
+WASHOUT = 3.0
+"""Seconds in which what lasts is left to the law's integral and to the estimated mass, so that the
+bias of an accelerometer does no harm."""
+LARGEST = 2.0
+"""The largest estimate along each axis, m/s^2: a wind of 8 m/s on an airframe with drag 0.25."""
+
+
+class DisturbanceObserver:
+    """acceleration: the estimate, m/s^2, world; zero while the vehicle stands, and where no IMU is
+    heard."""
+
+    __slots__ = ("_drag", "_given", "_lasting", "_rotor_time", "acceleration")
+
+    def __init__(self, airframe: Airframe) -> None:
+        self._drag, self._rotor_time = airframe.drag, airframe.rotor_time
+        self._given = GRAVITY
+        self._lasting = self.acceleration = ZERO
+
+    def update(
+        self, imu: Imu | None, estimate: Estimate, given: float, bandwidth: float, dt: float
+    ) -> Vec3:
+        """Take what was felt in the last `dt` seconds; the new estimate. given: the specific force
+        that the last command asks for along body z, m/s^2. bandwidth: hertz."""
+        felt, now = self._given, estimate.time
+        self._given = felt + dt / (self._rotor_time + dt) * (given - felt)
+        if imu is None or now - imu.time > IMU_TIMEOUT:
+            self.acceleration = ZERO
+            return ZERO
+        drag, attitude = self._drag, estimate.attitude
+        (fx, fy, fz), (vx, vy, _) = imu.specific_force, rotate_back(attitude, estimate.velocity)
+        dx, dy, dz = rotate(attitude, (fx + drag * vx, fy + drag * vy, fz - self._given))
+        (ex, ey, ez), share = self.acceleration, 1.0 - 1.0 / (1.0 + tau * bandwidth * dt)
+        (bx, by, bz), slow = self._lasting, dt / (WASHOUT + dt)
+        bx, by, bz = bx + slow * (dx - bx), by + slow * (dy - by), bz + slow * (dz - bz)
+        self._lasting = (bx, by, bz)
+        dx, dy, dz = dx - bx, dy - by, dz - bz
+        ex, ey, ez = ex + share * (dx - ex), ey + share * (dy - ey), ez + share * (dz - ez)
+        self.acceleration = _bounded(ex), _bounded(ey), _bounded(ez)
+        return self.acceleration
+
+    def rest(self) -> None:
+        """Forget it: the ground carries the vehicle."""
+        self._given = GRAVITY
+        self._lasting = self.acceleration = ZERO
+
+
+def _bounded(value: float) -> float:
+    return LARGEST if value > LARGEST else -LARGEST if value < -LARGEST else value

@@ -1,0 +1,122 @@
+"""What a lab does to a simulated vehicle, and that a calm world does nothing of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi, sin, sqrt
+
+import numpy
+import pytest
+from sim_worlds import FRAME, PERIOD, QUIET, push, seat, thrust, world
+
+from kybflow.core.geometry import LEVEL
+from kybflow.core.signals import NS, Pose
+from kybflow.core.units import DEG
+from kybflow.drivers.sim.air import Wandering
+from kybflow.drivers.sim.lab import as_flown
+from kybflow.drivers.sim.sensors import Stamps, draw
+from kybflow.drivers.sim.steps.onboard import AttitudeController, Loop, smooth
+
+LAB = replace(as_flown(QUIET), calm=False)
+"""A lab that does nothing to a vehicle but what a test asks for."""
+HOVER = FRAME.mass * 9.81
+
+
+def lab(**facts):
+    session = world(seat(params=replace(LAB, **facts)))
+    return session, session.links["a"]
+
+
+def test_a_calm_world_has_nothing_of_a_lab() -> None:
+    calm, still = world(seat(params=QUIET)), world(seat(params=LAB))
+    for session in (calm, still):
+        push(session, session.links["a"], 1.0, thrust(1.1 * HOVER))
+    assert calm.truth(0) == still.truth(0)
+
+
+def test_what_wanders_has_its_deviation_and_forgets_in_its_time() -> None:
+    noise = draw(numpy.random.default_rng(1), [0.0, 0.0], [1.0, 1.0])
+    process = Wandering((0.08, 2.0), 0.5, noise)
+    values = numpy.array([process.after(0.02) for _ in range(100_000)])
+    assert values.std(axis=0) == pytest.approx((0.08, 2.0), rel=0.03)
+    x = values[:, 0] / 0.08
+    assert (x[:-25] * x[25:]).mean() == pytest.approx(numpy.exp(-1.0), abs=0.05)
+
+
+def test_eddies_push_and_turn_a_vehicle() -> None:
+    session, link = lab(force_noise=0.5)
+    push(session, link, 3.0, thrust(1.05 * HOVER))
+    assert 0.05 < abs(session.truth(0).velocity[0]) < 5.0
+    session, link = lab(torque_noise=2.0)
+    push(session, link, 3.0, thrust(1.05 * HOVER))
+    assert session.truth(0).attitude != LEVEL
+
+
+@pytest.mark.parametrize(("inflow", "rises"), [(2.0, 0.5), (0.0, 0.0)])
+def test_wind_from_below_lifts_where_rotors_feel_it(inflow: float, rises: float) -> None:
+    session, link = lab(inflow=inflow, wind=(0.0, 0.0, 1.0))
+    push(session, link, 2.0, thrust(1.3 * HOVER))
+    still, other = lab(inflow=inflow)
+    push(still, other, 2.0, thrust(1.3 * HOVER))
+    gained = session.truth(0).velocity[2] - still.truth(0).velocity[2]
+    assert gained == pytest.approx(rises, abs=0.15 if inflow else 1e-9)
+
+
+def test_a_gyroscopes_filter_halves_the_power_at_its_cut_off() -> None:
+    aboard = world().aboard
+    AttitudeController(FRAME, Loop(FRAME, cut_off=50.0), 0.0, 0.0005, aboard, 0)
+    gyro, passed = aboard.gyros[0], []
+    for step in range(4000):
+        rate = sin(2.0 * pi * 50.0 * step * 0.0005)
+        gyro, (x, _, _) = smooth(gyro, (rate, 0.0, 0.0))
+        passed.append(x)
+    assert max(passed[2000:]) == pytest.approx(sqrt(0.5), abs=0.02)
+
+
+def test_controls_reach_the_rotors_after_the_dead_time() -> None:
+    session, link = lab(dead_time=0.02)
+    prompt, other = lab()
+    seen = []
+    for _ in range(20):
+        for flown, own in ((session, link), (prompt, other)):
+            push(flown, own, 0.004, thrust(HOVER), flown.now)
+        seen.append((session.aboard.rotors[0][0] > 0.0, prompt.aboard.rotors[0][0] > 0.0))
+    assert [late for _, late in seen].index(True) + 5 == [late for late, _ in seen].index(True)
+
+
+def test_commands_arrive_late_in_their_order() -> None:
+    session, link = lab(command_latency=0.02, command_jitter=0.004)
+    begun, now = None, 0
+    while begun is None:
+        link.send(thrust(HOVER), now)
+        now += PERIOD
+        session.advance(now)
+        begun = now / NS if session.aboard.setpoints[0][0] else None
+    assert 0.008 < begun < 0.04
+
+
+def test_stamps_are_off_and_some_poses_are_lost() -> None:
+    stamps = Stamps(0.005, 0.001, 0.02, numpy.random.default_rng(3))
+    said = [stamps.of(NS) for _ in range(20_000)]
+    late = [stamp - NS for stamp in said if stamp is not None]
+    assert 1.0 - len(late) / len(said) == pytest.approx(0.02, abs=0.004)
+    assert numpy.mean(late) / NS == pytest.approx(0.005, abs=1e-4)
+    assert numpy.std(late) / NS == pytest.approx(0.001, rel=0.03)
+    exact = Stamps(0.0, 0.0, 0.0, numpy.random.default_rng(3))
+    assert exact.of(123) == 123
+
+
+def test_motion_capture_takes_another_body_for_the_vehicle() -> None:
+    session, link = lab(
+        mocap_misalignment=2.0 * DEG, mocap_attitude_noise=0.0, mocap_position_noise=0.0
+    )
+    measured, _ = push(session, link, 0.1, thrust(0.0))
+    turns = {tuple(round(v, 9) for v in m.attitude) for m in measured if isinstance(m, Pose)}
+    [(_, x, y, z)] = turns
+    assert 0.002 < sqrt(x * x + y * y + z * z) < 0.08
+
+
+def test_the_on_board_gains_are_those_of_another_airframe() -> None:
+    right, wrong = (lab(loop_error=error)[0].aboard.gains[0] for error in (0.0, 0.1))
+    assert right != wrong
+    assert wrong == pytest.approx(right, rel=0.4)
