@@ -33,5 +33,17 @@ class Aboard:
         self.tables = [*(rows(count, width) for width in widths), rows(count * LONGEST, 4)]
         self.setpoints: Rows
         self.setpoints, self.filters, self.loops, self.gains, self.gyros, *rest = self.tables
+        self.delays: Rows
+        self.asked: Rows
         self.delays, self.controls, self.rotors, self.thrusts, *rest = rest
         self.winds, self.pushes, self.constants, self.asked = rest
+
+    def delayed(self, vehicle: int, wanted: Numbers) -> Numbers:
+        """The controls that reach a vehicle's rotors in the step in which `wanted` is asked for."""
+        place, count = self.delays[vehicle]
+        if count == 0.0:
+            return wanted
+        here = vehicle * LONGEST + int(place)
+        arrived, self.asked[here] = self.asked[here], wanted
+        self.delays[vehicle] = ((place + 1.0) % count, count)
+        return arrived

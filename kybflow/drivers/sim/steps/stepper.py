@@ -13,7 +13,7 @@ import numpy
 
 from kybflow.core.errors import described
 from kybflow.drivers.sim.sensors import Array, ImuErrors, feel
-from kybflow.drivers.sim.steps.aboard import LONGEST, Aboard, Numbers
+from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
 from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
 from kybflow.drivers.sim.steps.rotors import push
 
@@ -63,21 +63,9 @@ class Stepper:
                 if is_slow:
                     gyros[i], rates = smooth(gyros[i], rates)
                 loops[i], wanted = control(loops[i], filters[i], rates, setpoints[i], gains[i])
-                controls[i] = self._delayed(i, wanted) if is_slow else wanted
+                controls[i] = on.delayed(i, wanted) if is_slow else wanted
             self._felt.append(felt)
         on.steps += count
-
-    def _delayed(self, vehicle: int, wanted: Numbers) -> Numbers:
-        """What reaches the rotors now that `wanted` is asked for."""
-        on = self._aboard
-        place, count = on.delays[vehicle]
-        if count == 0.0:
-            return wanted
-        here = vehicle * LONGEST + int(place)
-        arrived: Numbers = on.asked[here]
-        on.asked[here] = wanted
-        on.delays[vehicle] = ((place + 1.0) % count, count)
-        return arrived
 
 
 def rows() -> Callable[[int, int], Any]:

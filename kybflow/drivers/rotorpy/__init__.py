@@ -1,0 +1,65 @@
+"""Quadrotors that move by somebody else's equations: those of rotorpy.
+
+Everything else is the simulator's: the on-board loop, the IMU, motion capture, the battery, the
+link and its faults. Mass, inertia, arms, thrust and the rotors' time constant are the airframe's,
+within `model_error`; the air is that of rotorpy's AscTec Hummingbird (`aerodynamics`), and what the
+airframe says about drag plays no part. So a controller is tried on a plant that it wasn't made for.
+
+rotorpy knows one floor and nothing to run into. Who comes nearer to an obstacle or to another
+vehicle than an arm's length has collided with it and is told so, but nothing stops it. There are no
+payloads, no viewer, and nobody starts above the floor. Needs `pip install 'kybflow[rotorpy]'`.
+Folk, Paulos and Kumar, RotorPy, arXiv 2306.04485.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+from kybflow.core.signals import Battery, CommandKind, Imu, Pose, Position
+from kybflow.core.units import Number
+from kybflow.drivers.sim import SimParams
+from kybflow.parts import Driver, Seat, Session, param, params
+from kybflow.parts.base import Objection
+
+if TYPE_CHECKING:
+    import random
+
+
+@params
+class RotorpyParams(SimParams):
+    aerodynamics: Number = param(
+        "Drag, inflow and translational lift over the Hummingbird's, both over the mass.",
+        default=1.0, at_least=0.0, at_most=5.0, read_only=True,
+    )  # fmt: skip
+
+
+class Rotorpy(Driver[RotorpyParams]):
+    """rotorpy is imported when it is opened."""
+
+    accepts = frozenset({CommandKind.ATTITUDE_THRUST})
+    provides = frozenset({Pose, Battery, Imu, Position})
+    simulated: ClassVar[bool] = True
+    packages = ("rotorpy",)
+    brings = ("simulated_camera",)
+    targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {"rotorpy": {}}
+
+    @classmethod
+    def objection(cls, params: RotorpyParams) -> Objection | None:
+        if params.live:
+            return Objection("live", "rotorpy has no viewer", "fly on `sim` to watch")
+        return None
+
+    @classmethod
+    def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
+        from kybflow.drivers.rotorpy.world import RotorpyWorld
+
+        return RotorpyWorld(seats, generator)
+
+    @classmethod
+    def watchdog(cls, params: RotorpyParams) -> str | None:
+        return None if params.watchdog else "`watchdog` is off: nothing lands it should this stop"
+
+    @classmethod
+    def step_rate(cls, params: RotorpyParams) -> float | None:
+        return params.physics

@@ -1,0 +1,152 @@
+"""One vehicle as rotorpy computes it; the only `import rotorpy`.
+
+rotorpy's own adaptive integrator is replaced by one step of the classical Runge-Kutta method, which
+is as exact over 2 ms and several times as fast. So is its ground, which holds a vehicle down that
+rises by less than a millimetre a step: here the floor at z = 0 stops who sinks into it, sideways
+and in turning too, and lays them level.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Any
+
+import numpy
+from rotorpy.vehicles.hummingbird_params import quad_params
+from rotorpy.vehicles.multirotor import Multirotor
+from scipy.integrate import OdeSolver
+
+from kybflow.core.geometry import GRAVITY, Vec3, from_heading, heading_of
+from kybflow.core.signals import Truth
+from kybflow.drivers.sim.model import BuiltAirframe
+from kybflow.drivers.sim.steps.aboard import Numbers
+from kybflow.world.vehicle_context import VehicleContext
+
+HUMMINGBIRD: dict[str, Any] = quad_params
+"""What rotorpy says about that airframe, SI."""
+FASTEST = 1000.0
+"""The speed at which a rotor gives its largest thrust, rad/s. It is only a unit: rotorpy's
+coefficients are scaled to it."""
+CORNERS = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
+"""Where the rotors are along body x and y, in the simulator's order."""
+TURNING = (1.0, -1.0, 1.0, -1.0)
+"""The sign of each rotor's drag torque about body z."""
+
+
+class RungeKutta(OdeSolver):  # type: ignore[misc]  # scipy has no types
+    """The classical method, in one step."""
+
+    def __init__(self, fun: Any, t0: float, y0: Any, t_bound: float, vectorized: bool) -> None:
+        super().__init__(fun, t0, y0, t_bound, vectorized)
+        self.t: float
+        self.y: Any
+
+    def _step_impl(self) -> tuple[bool, None]:
+        f, t, y, h = self.fun, self.t, self.y, self.t_bound - self.t
+        a = f(t, y)
+        b = f(t + 0.5 * h, y + 0.5 * h * a)
+        c = f(t + 0.5 * h, y + 0.5 * h * b)
+        d = f(t + h, y + h * c)
+        self.t, self.y = self.t_bound, y + h / 6.0 * (a + 2.0 * (b + c) + d)
+        return True, None
+
+
+class Plant:
+    """A vehicle's body and rotors. aerodynamics: those of the Hummingbird times so much."""
+
+    def __init__(self, context: VehicleContext, body: BuiltAirframe, aerodynamics: float) -> None:
+        self._thrust_per_square = sum(body.thrust) / 4.0 / FASTEST**2
+        told = {**_frame(context, body), **self._rotors(context, body, aerodynamics)}
+        self._inertia = body.inertia
+        self._model = Multirotor(told, integrator_kwargs={"method": RungeKutta})
+        w, x, y, z = from_heading(context.heading)
+        self._state: dict[str, Any] = {
+            "x": numpy.array(context.start), "v": numpy.zeros(3), "w": numpy.zeros(3),
+            "q": numpy.array((x, y, z, w)), "wind": numpy.zeros(3),
+            "rotor_speeds": numpy.zeros(4),
+        }  # fmt: skip
+
+    def _rotors(
+        self, context: VehicleContext, body: BuiltAirframe, aerodynamics: float
+    ) -> dict[str, Any]:
+        """The rotors' and the air's coefficients: forces over mass and airspeed are those of the
+        Hummingbird in hover."""
+        k, theirs = self._thrust_per_square, HUMMINGBIRD
+        heavier = aerodynamics * body.mass / theirs["mass"]
+        hovers = sqrt(body.mass * GRAVITY / k)
+        slower = sqrt(theirs["mass"] * GRAVITY / theirs["k_eta"]) / hovers
+        return {
+            "k_eta": k,
+            "k_m": context.airframe.torque_ratio * k,
+            "tau_m": body.rotor_time,
+            "rotor_speed_min": 0.0,
+            "rotor_speed_max": 1.5 * FASTEST,
+            **{name: theirs[name] * heavier * slower for name in ("k_d", "k_z")},
+            **{name: theirs[name] * heavier for name in ("k_h", "c_Dx", "c_Dy", "c_Dz")},
+        }
+
+    @property
+    def truth(self) -> Truth:
+        """The state now."""
+        s = self._state
+        qx, qy, qz, qw = s["q"].tolist()
+        return Truth(_vector(s["x"]), _vector(s["v"]), (qw, qx, qy, qz), _vector(s["w"]))
+
+    @property
+    def thrusts(self) -> Numbers:
+        """What each rotor gives now, N."""
+        return tuple((self._thrust_per_square * self._state["rotor_speeds"] ** 2).tolist())
+
+    @property
+    def is_down(self) -> bool:
+        """Whether it stands on the floor."""
+        return bool(self._state["x"][2] <= 0.0)
+
+    def load(self, mass: float) -> None:
+        """Weigh `mass` from now on, with the same radii of gyration."""
+        model, share = self._model, mass / self._model.mass
+        model.mass = mass
+        model.inertia = model.inertia * share
+        model.inv_inertia = model.inv_inertia / share
+        model.weight = model.weight * share
+
+    def step(self, thrusts: Numbers, wind: Vec3, more: Numbers, dt: float) -> Vec3:
+        """Move on by `dt` seconds; the mean acceleration meanwhile, world. thrusts: what each rotor
+        is to give, N. more: what else pushes, N, world, and turns it, N m, body."""
+        state, k = self._state, self._thrust_per_square
+        state["wind"] = numpy.array(wind)
+        before = state["v"]
+        speeds = numpy.sqrt(numpy.maximum(thrusts, 0.0) / k)
+        state = self._state = self._model.step(state, {"cmd_motor_speeds": speeds}, dt)
+        if any(more):
+            state["v"] = state["v"] + dt / self._model.mass * numpy.array(more[:3])
+            state["w"] = state["w"] + dt * (self._model.inv_inertia @ numpy.array(more[3:]))
+        if self.is_down and state["v"][2] <= 0.0:
+            self._stand()
+        return _vector((state["v"] - before) / dt)
+
+    def _stand(self) -> None:
+        heading = heading_of(self.truth.attitude)
+        w, x, y, z = from_heading(heading)
+        state = self._state
+        state["x"][2] = 0.0
+        state["v"], state["w"] = numpy.zeros(3), numpy.zeros(3)
+        state["q"] = numpy.array((x, y, z, w))
+
+
+def _frame(context: VehicleContext, body: BuiltAirframe) -> dict[str, Any]:
+    half, (jx, jy, jz) = context.airframe.arm / sqrt(2.0), body.inertia
+    corners = enumerate(CORNERS)
+    return {
+        "mass": body.mass,
+        **dict(zip(("Ixx", "Iyy", "Izz"), (jx, jy, jz), strict=True)),
+        **dict.fromkeys(("Ixy", "Ixz", "Iyz"), 0.0),
+        "num_rotors": 4,
+        "rotor_pos": {f"r{n}": numpy.array((half * x, half * y, 0.0)) for n, (x, y) in corners},
+        "rotor_directions": numpy.array(TURNING),
+    }
+
+
+def _vector(array: Any) -> Vec3:
+    x, y, z = array.tolist()
+    return (x, y, z)

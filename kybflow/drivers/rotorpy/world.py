@@ -1,0 +1,170 @@
+"""The session: vehicles that rotorpy moves, in lockstep with the engine's clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy
+
+from kybflow.core.errors import DriverError, Refused
+from kybflow.core.geometry import ZERO, Quat, add, distance, rotate
+from kybflow.core.signals import NS, Time, Truth
+from kybflow.drivers.rotorpy.plant import Plant
+from kybflow.drivers.sim.sensors import ImuErrors, feel
+from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
+from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
+from kybflow.drivers.sim.vehicle import SimulatedVehicle
+from kybflow.parts import Link, Seat, Session
+from kybflow.parts.link import Touch
+
+if TYPE_CHECKING:
+    import random
+
+
+class RotorpyWorld(Session):
+    """Every vehicle with a plant of its own. Raises DriverError for vehicles that disagree about
+    the physics' rate, carry something or start above the floor."""
+
+    def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
+        rates = {seat.params.physics for seat in seats}
+        if len(rates) != 1:
+            raise DriverError(f"vehicles in one world need one physics rate, found {sorted(rates)}")
+        for seat in seats:
+            _check(seat)
+        self._rate: int = round(rates.pop())
+        self._dt = 1.0 / self._rate
+        self.aboard = Aboard(len(seats), lambda count, width: [(0.0,) * width] * count)
+        self._seats = [seat.context for seat in seats]
+        self._vehicles = [
+            SimulatedVehicle(self, i, seat, generator) for i, seat in enumerate(seats)
+        ]
+        self._plants = [
+            Plant(seat.context, vehicle.body, seat.params.aerodynamics)
+            for seat, vehicle in zip(seats, self._vehicles, strict=True)
+        ]
+        self.links: dict[str, Link] = {
+            context.vehicle: vehicle
+            for context, vehicle in zip(self._seats, self._vehicles, strict=True)
+        }
+        sources = [vehicle.imu_errors for vehicle in self._vehicles]
+        self._errors = ImuErrors(sources, numpy.ndarray.tolist)
+        self._shares = shares(self._dt)
+        self._touching: list[set[Touch]] = [set(_floor(plant)) for plant in self._plants]
+        self._blown: Time = 0
+        for vehicle in self._vehicles:
+            vehicle.measure(0)
+
+    @property
+    def now(self) -> Time:
+        """The time of the last physics step."""
+        return self.aboard.steps * NS // self._rate
+
+    def advance(self, now: Time) -> None:
+        last = ((now + 1) * self._rate - 1) // NS
+        if self.aboard.steps >= last:
+            return
+        self._blow(now)
+        while self.aboard.steps < last:
+            self._step()
+        for index, vehicle in enumerate(self._vehicles):
+            begun = set(self._touches(index))
+            for touch in sorted(begun - self._touching[index]):
+                vehicle.tell_touch(touch)
+            self._touching[index] = begun
+
+    def _step(self) -> None:
+        on, row = self.aboard, self._errors.take(1)
+        for i, (vehicle, plant) in enumerate(zip(self._vehicles, self._plants, strict=True)):
+            before, most = plant.truth, on.thrusts[i]
+            asked = tuple(u * f for u, f in zip(on.controls[i], most, strict=True))
+            moved = plant.step(asked, on.winds[i], on.pushes[i], self._dt)
+            on.rotors[i] = tuple(
+                given / f if f else 0.0 for given, f in zip(plant.thrusts, most, strict=True)
+            )
+            velocity = (*before.velocity, *before.angular_velocity)
+            felt = feel(_rows(before.attitude), velocity, moved, self._errors.block[row][i])
+            on.filters[i], rates = estimate(on.filters[i], on.setpoints[i], felt, self._shares)
+            on.gyros[i], rates = smooth(on.gyros[i], rates)
+            on.loops[i], wanted = control(
+                on.loops[i], on.filters[i], rates, on.setpoints[i], on.gains[i]
+            )
+            on.controls[i] = on.delayed(i, wanted)
+            if vehicle.listens:
+                vehicle.feel(felt)
+        on.steps += 1
+        for vehicle in self._vehicles:
+            if vehicle.due <= self.now:
+                vehicle.measure(self.now)
+
+    def _blow(self, now: Time) -> None:
+        """Give each vehicle its wind, world frame, and what else pushes it."""
+        elapsed, self._blown = (now - self._blown) / NS, now
+        for i, vehicle in enumerate(self._vehicles):
+            if vehicle.wind.blows or vehicle.rig.blows:
+                self.aboard.winds[i] = add(vehicle.wind.after(elapsed), vehicle.rig.wind(now))
+            if vehicle.eddies is not None:
+                self.aboard.pushes[i] = vehicle.eddies.after(elapsed)
+
+    def _touches(self, index: int) -> Iterator[Touch]:
+        """What a vehicle touches now: the floor, and whatever its arms reach."""
+        context, plant = self._seats[index], self._plants[index]
+        place, arm = plant.truth.position, context.airframe.arm
+        yield from _floor(plant)
+        for name, shape in context.obstacles.items():
+            if shape.distance(place) < arm:
+                yield Touch(name, carries=False)
+        for other, beside in enumerate(self._seats):
+            there = self._plants[other].truth.position
+            if other != index and distance(there, place) < arm + beside.airframe.arm:
+                yield Touch(beside.vehicle, carries=False)
+
+    def truth(self, index: int) -> Truth:
+        """The state of a vehicle now."""
+        return self._plants[index].truth
+
+    def index(self, name: str) -> int:
+        """The place of a vehicle."""
+        return list(self.links).index(name)
+
+    def refit(self, index: int) -> None:
+        """Obey a vehicle's rig."""
+        vehicle = self._vehicles[index]
+        self._plants[index].load(vehicle.body.mass * vehicle.rig.mass + vehicle.rig.payload)
+        self._errors.bias(index, vehicle.imu_bias)
+        self.aboard.winds[index] = ZERO
+
+    def grip(self, index: int, is_open: bool, armed: bool) -> bool:
+        """Nobody carries anything."""
+        raise Refused("it carries no payload")
+
+    def hurry(self, due: Time) -> None:
+        """Each step looks what is due."""
+
+    def find_listeners(self) -> None:
+        """Each step asks who listens."""
+
+    def close(self) -> None:
+        """There is nothing to release."""
+
+
+def _check(seat: Seat) -> None:
+    context = seat.context
+    if context.payload is not None:
+        raise DriverError(f"rotorpy knows no payloads, and `{context.vehicle}` has one")
+    if context.start[2] > 0.0:
+        height = context.start[2]
+        raise DriverError(
+            f"rotorpy knows one floor, and `{context.vehicle}` starts {height:g} m above it"
+        )
+
+
+def _floor(plant: Plant) -> Iterator[Touch]:
+    if plant.is_down:
+        yield Touch("the floor", carries=True)
+
+
+def _rows(attitude: Quat) -> Numbers:
+    """The rotation from body to world, row by row."""
+    columns = [rotate(attitude, axis) for axis in ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0))]
+    return tuple(column[row] for row in range(3) for column in columns)

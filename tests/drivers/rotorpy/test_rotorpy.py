@@ -1,0 +1,131 @@
+"""Vehicles that rotorpy moves."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from math import sin
+from pathlib import Path
+
+import pytest
+from sim_worlds import FRAME, PERIOD, push, seat, thrust, touches
+
+pytest.importorskip("rotorpy", reason="needs the extra `rotorpy`")
+
+from click.testing import CliRunner
+
+from kybflow.cli.app import app
+from kybflow.core.errors import DriverError
+from kybflow.core.geometry import ZERO, norm
+from kybflow.core.signals import Imu
+from kybflow.drivers.rotorpy import Rotorpy, RotorpyParams
+from kybflow.drivers.rotorpy.plant import Plant
+from kybflow.parts import Effect
+from kybflow.world.shapes import Box
+from kybflow.world.vehicle_context import Parcel
+
+QUIET = RotorpyParams(
+    model_error=0.0, gyro_noise=0.0, gyro_bias=0.0, accelerometer_noise=0.0, accelerometer_bias=0.0
+)  # fmt: skip
+HOVER = FRAME.mass * 9.81
+EIGHT = Path(__file__).parents[3] / "missions" / "figure_eight.yaml"
+
+
+def world(*seats):
+    return Rotorpy.open(seats or (seat(params=QUIET),), random.Random(1))
+
+
+def test_it_moves_as_by_rotorpys_own_integrator() -> None:
+    vehicle = world().links["a"]
+    ours, theirs = (Plant(seat().context, vehicle.body, 1.0) for _ in range(2))
+    theirs._model.integrator_kwargs = {"method": "RK45", "rtol": 1e-9, "atol": 1e-10}
+    for plant in (ours, theirs):
+        plant._state["x"][2] = 1.0
+    for step in range(300):
+        share = 0.7 + 0.2 * sin(0.05 * step)
+        thrusts = tuple(4.0 * f * share for f in (1.0, 1.002, 0.998, 1.001))
+        for plant in (ours, theirs):
+            plant.step(thrusts, (0.5, -0.3, 0.2), (0.0,) * 6, 0.002)
+    assert norm(ours.truth.velocity) > 0.1
+    for mine, other in zip(ours.truth[:4], theirs.truth[:4], strict=True):
+        assert mine == pytest.approx(other, abs=1e-7)
+
+
+def test_its_imu_feels_what_it_does() -> None:
+    session = world()
+    link = session.links["a"]
+    link.subscribe(frozenset({Imu}))
+    measured, now = push(session, link, 0.2, thrust(0.0))
+    assert [m for m in measured if isinstance(m, Imu)][-1].specific_force == pytest.approx(
+        (0.0, 0.0, 9.81)
+    )
+    measured, _ = push(session, link, 0.4, thrust(1.2 * HOVER), now)
+    felt = [m for m in measured if isinstance(m, Imu)][-1].specific_force
+    assert felt[2] == pytest.approx(1.2 * 9.81, rel=0.1)
+    assert session.truth(0).velocity[2] > 0.25
+
+
+def test_wind_mass_and_rotors_of_the_rig_act() -> None:
+    session = world()
+    link = session.links["a"]
+    _, now = push(session, link, 1.0, thrust(1.1 * HOVER))
+    link.rig.begin(Effect(wind=lambda seconds: (2.0, 0.0, 0.0)), now)
+    _, now = push(session, link, 1.0, thrust(1.1 * HOVER), now)
+    assert session.truth(0).velocity[0] > 0.2
+    before = session.truth(0).velocity[2]
+    link.rig.begin(Effect(mass=1.5), now)
+    push(session, link, 0.2, thrust(1.1 * HOVER), now)
+    assert session.truth(0).velocity[2] < before - 0.3
+
+
+def test_eddies_push_it() -> None:
+    session = world(seat(params=replace(QUIET, calm=False, force_noise=1.0)))
+    push(session, session.links["a"], 2.0, thrust(1.2 * HOVER))
+    assert norm((*session.truth(0).velocity[:2], 0.0)) > 0.05
+
+
+def test_what_it_comes_near_to_is_told() -> None:
+    bare = seat(params=QUIET)
+    roof = {"roof": Box((-1.0, -1.0, 1.0), (1.0, 1.0, 2.0))}
+    session = world(bare._replace(context=bare.context._replace(obstacles=roof)))
+    met, now = touches(session.links["a"]), 0
+    while session.truth(0).position[2] < 1.5:
+        session.links["a"].send(thrust(1.5 * HOVER), now)
+        now += PERIOD
+        session.advance(now)
+    assert [(touch.into, touch.carries) for touch in met] == [("roof", False)]
+
+
+def test_what_it_cannot_do_is_refused() -> None:
+    bare = seat(params=QUIET)
+    laden = bare.context._replace(payload=Parcel(mass=0.1, size=0.05))
+    with pytest.raises(DriverError, match="no payloads, and `a` has one"):
+        world(bare._replace(context=laden))
+    with pytest.raises(DriverError, match=r"`a` starts 0\.5 m above it"):
+        world(seat(at=(0.0, 0.0, 0.5), params=QUIET))
+    objection = Rotorpy.objection(replace(QUIET, live=True))
+    assert objection is not None
+    assert objection.reason == "rotorpy has no viewer"
+    assert Rotorpy.objection(QUIET) is None
+    assert world().truth(0).position == ZERO
+
+
+@pytest.mark.thorough
+def test_the_eight_is_flown_on_it_with_a_drag_that_nobody_knows(tmp_path: Path) -> None:
+    text = EIGHT.read_text(encoding="utf-8").replace("library/airframes.yaml", "kybflow/airframes")
+    text = text.replace("{use: cascade,", "{use: geometric, observer: 2 Hz,")
+    head, _ = text.split("expect:")
+    bounds = [
+        f"  - {kind}({name}.position_error in eight) < {most}\n"
+        for name in ("mk", "nano")
+        for kind, most in (("mean", "8 mm"), ("max", "20 mm"))
+    ]
+    mission = tmp_path / "eight.yaml"
+    mission.write_text(f"{head}expect:\n{''.join(bounds)}", encoding="utf-8")
+    words = ["run", str(mission), "--target", "rotorpy", "--plain", "--no-report", "--no-commands"]
+    logs = []
+    for run in ("first", "again"):
+        done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / run)])
+        assert done.exit_code == 0, done.output
+        logs.append((tmp_path / run / "log.mcap").read_bytes())
+    assert logs[0] == logs[1]
