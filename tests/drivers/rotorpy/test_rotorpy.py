@@ -78,10 +78,14 @@ def test_wind_mass_and_rotors_of_the_rig_act() -> None:
     assert session.truth(0).velocity[2] < before - 0.3
 
 
-def test_eddies_push_it() -> None:
-    session = world(seat(params=replace(QUIET, calm=False, force_noise=1.0)))
-    push(session, session.links["a"], 2.0, thrust(1.2 * HOVER))
-    assert norm((*session.truth(0).velocity[:2], 0.0)) > 0.05
+def test_eddies_push_it_the_same_way_each_time() -> None:
+    found = []
+    for _ in range(2):
+        session = world(seat(params=replace(QUIET, calm=False, force_noise=1.0)))
+        push(session, session.links["a"], 1.0, thrust(1.2 * HOVER))
+        found.append(session.truth(0))
+    assert found[0] == found[1]
+    assert norm((*found[0].velocity[:2], 0.0)) > 0.02
 
 
 def test_what_it_comes_near_to_is_told() -> None:
@@ -123,9 +127,5 @@ def test_the_eight_is_flown_on_it_with_a_drag_that_nobody_knows(tmp_path: Path) 
     mission = tmp_path / "eight.yaml"
     mission.write_text(f"{head}expect:\n{''.join(bounds)}", encoding="utf-8")
     words = ["run", str(mission), "--target", "rotorpy", "--plain", "--no-report", "--no-commands"]
-    logs = []
-    for run in ("first", "again"):
-        done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / run)])
-        assert done.exit_code == 0, done.output
-        logs.append((tmp_path / run / "log.mcap").read_bytes())
-    assert logs[0] == logs[1]
+    done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "run")])
+    assert done.exit_code == 0, done.output
