@@ -1,8 +1,8 @@
 """Makes the helpers in `support/` importable and hypothesis draw the same in every run.
 
 Programs that a test starts hear Ctrl-C, which a shell takes from what it runs in the background.
-OpenCV takes one thread, for every core has a worker already. What is collected stays until the
-end: the garbage collector doesn't look through it again and again. `run` flies a plan in the
+OpenCV and BLAS take one thread, for every core has a worker already. What is collected stays until
+the end: the garbage collector doesn't look through it again and again. `run` flies a plan in the
 simulator; every event carries what the table of events says.
 """
 
@@ -23,7 +23,8 @@ sys.path.insert(0, str(Path(__file__).parent / "support"))
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # programs that a test starts inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
+for library in ("OPENCV_FOR_THREADS_NUM", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(library, "1")
 
 settings.register_profile("seeded", derandomize=True, database=None, deadline=None)
 settings.load_profile("seeded")

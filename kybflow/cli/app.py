@@ -42,6 +42,7 @@ COMMANDS = (
     "parts",
     "schema",
     "tags",
+    "calibrate",
     "mavlink",
     "emulate",
 )

@@ -10,6 +10,7 @@ KybflowError
 ├── OptionRefused   a run-time option was not changed
 ├── EventRefused    an event was not emitted
 ├── CommandUnreadable a person's command can't be read
+├── CalibrationFailed frames tell no calibration
 └── DriverError     a driver, link or device failed
 
 Mistakes in a mission are not exceptions: they are collected as diagnostics
@@ -72,6 +73,10 @@ class EventRefused(KybflowError):
 
 class CommandUnreadable(KybflowError):
     """What a person asked of a run is no command; the message says how it is written."""
+
+
+class CalibrationFailed(KybflowError):
+    """The frames of a walk tell no calibration; the message says why, and what to do."""
 
 
 class DriverError(KybflowError):

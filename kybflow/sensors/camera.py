@@ -212,14 +212,9 @@ def _device(number: int, camera: Camera) -> Any:
 
 def frame_of(image: Any, time: Time, camera: Camera) -> Frame:
     """An image of OpenCV as a frame. Raises DriverError for one of another size."""
-    import cv2
+    from kybflow.vision.images import grey
 
-    (height, width), lens = image.shape[:2], camera.lens
-    if (width, height) != (lens.width, lens.height):
-        message = f"the frames are {width} x {height}, but the lens of `{camera.name}` is described"
-        raise DriverError(f"{message} for {lens.width} x {lens.height}")
-    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
-    return Frame(time, camera.name, grey)
+    return Frame(time, camera.name, grey(image, camera))
 
 
 class Video(Stream):

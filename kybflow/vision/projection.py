@@ -86,7 +86,7 @@ def undistort(lens: Lens, pixels: Array) -> Array:
         error = (distort(lens, numpy.stack((x, y), axis=-1)) - centre) / scale - goal
         if numpy.abs(error).max(initial=0.0) < _ROUNDING:
             break
-        (xx, xy), (yx, yy) = _slopes(lens, x, y)
+        (xx, xy), (yx, yy) = slopes(lens, x, y)
         determinant = xx * yy - xy * yx
         dx = (yy * error[..., 0] - xy * error[..., 1]) / determinant
         dy = (xx * error[..., 1] - yx * error[..., 0]) / determinant
@@ -95,7 +95,7 @@ def undistort(lens: Lens, pixels: Array) -> Array:
     return numpy.stack((x, y), axis=-1)
 
 
-def _slopes(lens: Lens, x: Array, y: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+def slopes(lens: Lens, x: Array, y: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """The derivatives of (x', y') after x and y."""
     k1, k2, p1, p2, k3 = lens.distortion
     r2 = x * x + y * y

@@ -12,7 +12,7 @@ line.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import isfinite
 
 from kybflow.core.errors import FileError
@@ -50,6 +50,26 @@ def read_calibration(file: File) -> Lens:
     if not (0.0 < cx < width and 0.0 < cy < height):
         raise FileError(f"the lens looks past its image of {width} x {height}", line)
     return Lens(width, height, fx, fy, cx, cy, _distortion(root))
+
+
+def write_calibration(lens: Lens) -> str:
+    """The file that describes a lens."""
+    matrix = (lens.fx, 0.0, lens.cx, 0.0, lens.fy, lens.cy, 0.0, 0.0, 1.0)
+    return "\n".join(
+        (
+            f"image_width: {lens.width}",
+            f"image_height: {lens.height}",
+            f"camera_matrix: {_written(3, 3, matrix)}",
+            "distortion_model: plumb_bob",
+            f"distortion_coefficients: {_written(1, 5, lens.distortion)}",
+            "",
+        )
+    )
+
+
+def _written(rows: int, columns: int, numbers: Iterable[float]) -> str:
+    data = ", ".join(f"{number:.8g}" for number in numbers)
+    return f"{{rows: {rows}, cols: {columns}, data: [{data}]}}"
 
 
 def _distortion(root: Mapping) -> tuple[float, float, float, float, float]:

@@ -11,11 +11,13 @@ FileError, which names the line.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from math import degrees
 from typing import NamedTuple
 
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
-from kybflow.core.geometry import from_euler
+from kybflow.core.geometry import from_euler, to_euler
 from kybflow.core.tables import header_line, need, read_table
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import ANGLE, LENGTH, NUMBER, Dimension
@@ -57,6 +59,16 @@ def read_tags(file: File) -> tuple[TagRow, ...]:
     if not rows:
         raise FileError("it has no tags")
     return tuple(rows)
+
+
+def write_tags(tags: Iterable[Tag]) -> str:
+    """The table of some tags, to a hundredth of a millimetre and of a degree."""
+    rows = ["family, id, size, x, y, z, roll [deg], pitch [deg], heading [deg]"]
+    for tag in tags:
+        place = [f"{metres:.5f}" for metres in tag.position]
+        turn = [f"{degrees(angle):.3f}" for angle in to_euler(tag.attitude)]
+        rows.append(", ".join([tag.family, str(tag.id), f"{tag.size:g}", *place, *turn]))
+    return "\n".join(rows) + "\n"
 
 
 def _tag(line: int, numbers: dict[str, float], family: str) -> Tag:

@@ -174,11 +174,11 @@ def locate(
         fit = refined(sights, numpy.array(start[0]), rotation(start[1]))
         if fit.is_sound and not _is_lone(sights):
             return fit.located(views)
-    best = _acquired(sights, start)
+    best = acquired(sights, start)
     return best.located(views) if best is not None and best.is_sound else None
 
 
-def _acquired(sights: Sequence[Sight], start: Start | None) -> Fit | None:
+def acquired(sights: Sequence[Sight], start: Start | None) -> Fit | None:
     """The pose that most of the tags agree on."""
     if _is_lone(sights):
         return _lone(sights, start)

@@ -1,0 +1,160 @@
+"""What `kybflow calibrate` prints: what a walk corrects, each with its spread."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import degrees
+from typing import NamedTuple
+
+from kybflow.vision.calibration.adjust import BELIEVED
+from kybflow.vision.calibration.model import CORRECTIONS, LENS, MOUNT, TAGS
+from kybflow.vision.calibration.walk import WalkCalibration
+
+_ADVICE = {
+    "focal": "tilt the camera by 20 to 30 degrees, to all sides, and change its height",
+    "centre": "tilt the camera to all sides, and turn it about the vertical",
+    "k1": "let tags come into the image's corners",
+    "mount position": "tilt the body to all sides while it is known where it is",
+    "mount attitude": "tilt the body to all sides while it is known where it is",
+}
+"""How to walk where a kind of correction is not told."""
+_UNKNOWN = "not told"
+_LIMITS = {
+    "corners": (0.5, "is it this lens, and this `row_time`?"),
+    "survey": (0.05, "are `size` and `rows` those of the floor?"),
+    "survey heading": (0.1, "are `heading` and `rows` those of the floor?"),
+    "reference position": (0.02, "are these the poses of this body on this walk?"),
+    "reference attitude": (0.05, "are these the poses of this body on this walk?"),
+}
+"""Standard deviations above which something is wrong that isn't corrected, in the unit of their
+kind, and what that might be."""
+_METRES = frozenset({"survey", "reference position"})
+_SURE = 4.0
+"""Standard deviations from what was believed beforehand, above which a correction is doubted."""
+_AMISS = {
+    "focal": "is it this camera?",
+    "centre": "is it this camera?",
+    "k1": "is it this camera?",
+    "mount position": "are the poses those of this body?",
+    "mount attitude": "are the poses those of this body, and `facing` as it is?",
+}
+
+
+class _Row(NamedTuple):
+    """A line of a table. is_told: whether the walk says more than was believed before."""
+
+    name: str
+    value: str
+    correction: str
+    spread: str
+    is_told: bool
+    kind: str
+
+
+def calibration_lines(found: WalkCalibration, read: int, total: int) -> Iterator[str]:
+    """All that is found. read: how many frames were looked at, of how many."""
+    walk, adjusted = found.walk, found.adjusted
+    seen, name = walk.seen, walk.camera.name
+    yield f"frames: {len(walk.at)} of {read} show tags, out of {total}"
+    yield f"tags: {len(walk.tags)}, {len(seen.frame)} corners, {adjusted.sigma['corners']:.2f} px"
+    yield from _left_out(found)
+    if found.ahead is not None:
+        yield f"clock: that of the poses is {found.ahead:+.3f} s from that of the frames"
+    yield ""
+    lens = list(_lens(found))
+    yield from _table(f"lens of `{name}`", lens)
+    yield ""
+    if walk.reference is None:
+        yield f"mount of `{name}`: frames alone don't tell it; say where the body was:"
+        yield "  --poses FILE (motion capture), or --standing (on its start in the first frame)"
+    else:
+        mount = list(_mount(found))
+        lens += mount
+        yield from _table(f"mount of `{name}`", mount)
+    yield ""
+    yield from _map(found)
+    for kind in dict.fromkeys(row.kind for row in lens if not row.is_told):
+        yield f"{_UNKNOWN}: {kind}; {_ADVICE[kind]}"
+    yield from _doubts(found)
+
+
+def _doubts(found: WalkCalibration) -> Iterator[str]:
+    for kind, (limit, question) in _LIMITS.items():
+        spread = found.adjusted.sigma[kind]
+        if spread > limit:
+            unit = "px" if kind == "corners" else "m" if kind in _METRES else "rad"
+            yield f"doubtful: {kind}, off by {spread:.2f} {unit}; {question}"
+    for kind, columns in CORRECTIONS.items():
+        if kind in _AMISS and (abs(found.adjusted.x[columns]) > _SURE * BELIEVED[kind]).any():
+            yield f"doubtful: {kind}, far from what was believed; {_AMISS[kind]}"
+
+
+def _left_out(found: WalkCalibration) -> Iterator[str]:
+    used, walk = found.adjusted.used, found.walk
+    if not used["corners"].all():
+        wrong = ~used["corners"]
+        sightings = len(set(zip(walk.seen.frame[wrong], walk.seen.tag[wrong], strict=True)))
+        yield f"left out: {sightings} sightings of tags that don't fit"
+    poses = used.get("reference position")
+    if poses is not None and not poses.all():
+        yield f"left out: {int((~poses).sum())} of {len(poses)} poses that don't fit"
+
+
+def _lens(found: WalkCalibration) -> Iterator[_Row]:
+    before, after, spreads = found.walk.camera.lens, found.camera.lens, found.spreads
+    for name, old, new, spread, unit, kind in (
+        ("fx", before.fx, after.fx, spreads[0] * before.fx, "px", "focal"),
+        ("fy", before.fy, after.fy, spreads[0] * before.fy, "px", "focal"),
+        ("cx", before.cx, after.cx, spreads[1], "px", "centre"),
+        ("cy", before.cy, after.cy, spreads[2], "px", "centre"),
+        ("k1", before.distortion[0], after.distortion[0], spreads[3], "", "k1"),
+    ):
+        told = found.is_told(spread / (before.fx if kind == "focal" else 1.0), kind)
+        digits = 2 if unit else 4
+        yield _row(name, new, new - old, spread, digits, unit, told, kind)
+
+
+def _mount(found: WalkCalibration) -> Iterator[_Row]:
+    correction = found.adjusted.x[LENS : LENS + MOUNT]
+    spreads = found.spreads[LENS : LENS + MOUNT]
+    for i, name in enumerate(("x", "y", "z")):
+        kind, value = "mount position", 1000.0 * found.camera.position[i]
+        told = found.is_told(spreads[i], kind)
+        yield _row(name, value, 1e3 * correction[i], 1e3 * spreads[i], 1, "mm", told, kind)
+    for i, name in enumerate(("roll", "pitch", "yaw"), start=3):
+        kind = "mount attitude"
+        told = found.is_told(spreads[i], kind)
+        off, spread = degrees(correction[i]), degrees(spreads[i])
+        yield _row(name, None, off, spread, 2, "deg", told, kind)
+
+
+def _row(
+    name: str, value: float | None, off: float, spread: float,
+    digits: int, unit: str, is_told: bool, kind: str,
+) -> _Row:  # fmt: skip
+    shown = "" if value is None else f"{value:.{digits}f} {unit}".rstrip()
+    return _Row(
+        name, shown, f"{off:+.{digits}f} {unit}".rstrip(),
+        f"{max(spread, 0.0):.{digits + 1}f} {unit}".rstrip(), is_told, kind,
+    )  # fmt: skip
+
+
+def _table(title: str, rows: list[_Row]) -> Iterator[str]:
+    yield f"{title:<18}{'now':>12}{'correction':>14}{'spread':>13}"
+    for row in rows:
+        end = "" if row.is_told else f"  {_UNKNOWN}"
+        yield f"  {row.name:<16}{row.value:>12}{row.correction:>14}{row.spread:>13}{end}"
+
+
+def _map(found: WalkCalibration) -> Iterator[str]:
+    spreads = found.spreads[TAGS : found.walk.frames].reshape(-1, 4)
+    title = ("x", "y", "z", "heading", "spread", "")
+    yield f"{'map, mm and deg':<18}" + "".join(f"{word:>9}" for word in title).rstrip()
+    for tag, shift, spread, wrong in zip(
+        found.walk.tags, found.shifts, spreads, found.elsewhere, strict=True
+    ):
+        off = "".join(f"{1e3 * metres:>+9.1f}" for metres in shift[:3])
+        sure = f"{1e3 * spread[:3].max():>9.1f}{degrees(spread[3]):>9.2f}"
+        end = "  lies elsewhere" if wrong else ""
+        name = f"{tag.family} {tag.id}"
+        yield f"  {name:<16}{off}{degrees(shift[3]):>+9.2f}{sure}{end}"

@@ -1,0 +1,74 @@
+"""Where a body was, as a table of text (`kybflow.core.tables`), a row a pose, in order of time:
+
+    time, x, y, z, qw, qx, qy, qz
+    0.00, 1.0, 2.0, 1.1, 1, 0, 0, 0
+    ...
+
+or with `roll`, `pitch` and `heading`, each with its unit, in place of the quaternion, which turns
+from the body to the world. Everything raises FileError, which names the line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from kybflow.core.errors import FileError
+from kybflow.core.geometry import Quat, Vec3, from_euler
+from kybflow.core.tables import header_line, need, read_table
+from kybflow.core.units import ANGLE, DURATION, LENGTH, NUMBER, Dimension
+
+_QUATERNION = ("qw", "qx", "qy", "qz")
+_ANGLES = ("roll", "pitch", "heading")
+_COLUMNS: dict[str, Dimension | None] = {
+    "time": DURATION,
+    **dict.fromkeys(("x", "y", "z"), LENGTH),
+    **dict.fromkeys(_QUATERNION, NUMBER),
+    **dict.fromkeys(_ANGLES, ANGLE),
+}
+_LIKE = "time, x, y, z, qw, qx, qy, qz"
+_UNIT = 0.01
+"""By how much a quaternion's square may not be 1."""
+
+
+class TimedPose(NamedTuple):
+    """Where a body was. time: seconds. attitude: body to world."""
+
+    time: float
+    position: Vec3
+    attitude: Quat
+
+
+def read_poses(text: str) -> tuple[TimedPose, ...]:
+    """The poses of a table, two at least, in the order of their times, each with another."""
+    table = read_table(text, _COLUMNS, "poses", _LIKE)
+    turns = _ANGLES if any(name in table.columns for name in _ANGLES) else _QUATERNION
+    need(table, ("time", "x", "y", "z", *turns), header_line(text))
+    found = tuple(_poses(table.rows, turns))
+    if len(found) < 2:
+        raise FileError(f"it has {len(found)} poses; two are the least")
+    return found
+
+
+def _poses(
+    rows: Iterator[tuple[int, dict[str, float], dict[str, str]]], turns: tuple[str, ...]
+) -> Iterator[TimedPose]:
+    last = float("-inf")
+    for line, numbers, _ in rows:
+        if numbers["time"] <= last:
+            raise FileError("the times don't grow", line)
+        last = numbers["time"]
+        position = numbers["x"], numbers["y"], numbers["z"]
+        yield TimedPose(last, position, _attitude(line, [numbers[name] for name in turns]))
+
+
+def _attitude(line: int, numbers: list[float]) -> Quat:
+    if len(numbers) == len(_ANGLES):
+        roll, pitch, heading = numbers
+        return from_euler(roll, pitch, heading)
+    w, x, y, z = numbers
+    square = w * w + x * x + y * y + z * z
+    if abs(square - 1.0) > _UNIT:
+        raise FileError(f"the quaternion's length is {square**0.5:.2f}, not 1", line)
+    scale = square**-0.5
+    return w * scale, x * scale, y * scale, z * scale

@@ -1,0 +1,176 @@
+"""The corrections that explain a walk best, and how sure they are.
+
+Minimised is the sum of rho(r^2) over the residuals of `model`, by SciPy's `least_squares` (a trust
+region; Branch, Coleman and Li, 1999): at first with rho(z) = 2 (sqrt(1 + z) - 1), which a tag or a
+pose that is wrong can't pull far, then with squares, of what is within 5 standard deviations. The
+standard deviation of a kind is what its n residuals say,
+
+    sigma^2 = sum r^2 / (n - tr(N^-1 J_k^T J_k)),    N = J^T J
+
+where the trace counts those that were spent on corrections (variance components; Foerstner, 1979),
+as long as enough remain, else what is believed. The covariance of the corrections is N^-1. Steps
+come from LSMR on J L^-T, with N = L L^T from where a round begins: some ten iterations, not
+thousands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy
+from numpy.typing import NDArray
+
+from kybflow.core.errors import CalibrationFailed
+from kybflow.vision.calibration.model import Block, Walk, blocks
+
+Array = NDArray[Any]
+
+BELIEVED: Mapping[str, float] = {
+    "corners": 0.6,
+    "reference position": 0.003,
+    "reference attitude": 0.005,
+    "reference velocity": 0.02,
+    "reference rates": 0.02,
+    "survey": 0.01,
+    "survey heading": 0.02,
+    "focal": 0.03,
+    "centre": 15.0,
+    "k1": 0.1,
+    "mount position": 0.02,
+    "mount attitude": 0.05,
+    "offset": 0.1,
+    "position": 1.0,
+    "attitude": 1.0,
+    "heading": 1.0,
+    "velocity": 0.3,
+    "rates": 0.5,
+}
+"""The standard deviation of each kind before anything was seen: pixels, metres, radians, seconds;
+the focal length's is a share of it."""
+_LEAST = {
+    "corners": 0.02,
+    "reference position": 1e-4,
+    "reference attitude": 1e-4,
+    "reference velocity": 0.01,
+    "reference rates": 0.01,
+    "survey": 1e-4,
+    "survey heading": 1e-4,
+    "velocity": 0.01,
+    "rates": 0.01,
+}
+"""Those that residuals may correct, and the smallest that they may say."""
+_KEPT = frozenset({"velocity", "rates"})
+"""Those of which none is left out."""
+_ENOUGH = 12.0
+"""Residuals that remain."""
+_FAR = 5.0
+"""Standard deviations."""
+_NORMAL = 1.4826
+"""Of a normal distribution: the standard deviation, by the median of the absolute values."""
+_ROUNDS = 3
+_LONG = 1e4
+"""Standard deviations that the first step may have."""
+_DONE = 1e-7
+
+
+class Adjusted(NamedTuple):
+    """x: the corrections. covariance: theirs. sigma: the standard deviation of each kind. used:
+    which units of each kind were within reach."""
+
+    x: Array
+    covariance: Array
+    sigma: Mapping[str, float]
+    used: Mapping[str, NDArray[numpy.bool_]]
+
+
+def adjust(walk: Walk, x: Array, sigma: Mapping[str, float] = BELIEVED) -> Adjusted:
+    """The corrections, searched from `x`. Raises CalibrationFailed where there are none."""
+    used = {block.kind: numpy.ones(len(block.unit), bool) for block in blocks(walk, x, sigma)}
+    found = Adjusted(x, numpy.empty((0, 0)), sigma, used)
+    try:
+        for i in range(_ROUNDS):
+            x = _solved(walk, found, "linear" if i else "soft_l1")
+            found = _weighed(walk, x, found)
+    except (numpy.linalg.LinAlgError, ValueError):  # of SciPy, for what is not finite
+        message = "map, camera and frames contradict each other; are they of one floor?"
+        raise CalibrationFailed(message) from None
+    return found
+
+
+def _solved(walk: Walk, begun: Adjusted, loss: str) -> Array:
+    from scipy.linalg import cholesky, solve_triangular
+    from scipy.optimize import least_squares
+    from scipy.sparse.linalg import LinearOperator
+
+    _, start = _system(walk, begun.x, begun)
+    lower = cholesky((start.T @ start).toarray(), lower=True)
+    whole = solve_triangular(lower, numpy.eye(len(lower)), lower=True).T
+
+    def residuals(y: Array) -> Array:
+        return _system(walk, begun.x + whole @ y, begun)[0]
+
+    def jacobian(y: Array) -> Any:
+        slopes = _system(walk, begun.x + whole @ y, begun)[1]
+        return LinearOperator(
+            slopes.shape,
+            matvec=lambda step: slopes @ (whole @ step),
+            rmatvec=lambda error: whole.T @ (slopes.T @ error),
+        )
+
+    none = numpy.zeros(walk.size)
+    found = least_squares(residuals, none, jacobian, loss=loss, x_scale=_LONG, ftol=_DONE)
+    x: Array = begun.x + whole @ found.x
+    return x
+
+
+def _system(walk: Walk, x: Array, with_: Adjusted) -> tuple[Array, Any]:
+    """The residuals that are used, and their Jacobian, sparse."""
+    from scipy.sparse import vstack
+
+    parts = [_kept(block, with_.used[block.kind]) for block in blocks(walk, x, with_.sigma)]
+    values = numpy.concatenate([part.values.ravel() for part in parts])
+    return values, vstack([_sparse(part, walk.size) for part in parts], format="csr")
+
+
+def _kept(block: Block, used: Array) -> Block:
+    return Block(block.kind, *(part[used] for part in block[1:]))
+
+
+def _sparse(block: Block, size: int) -> Any:
+    from scipy.sparse import csr_matrix
+
+    count, rows, entries = block.slopes.shape
+    columns = numpy.repeat(block.columns, rows, axis=0).ravel()
+    begins = numpy.arange(0, columns.size + 1, entries)
+    return csr_matrix((block.slopes.ravel(), columns, begins), shape=(count * rows, size))
+
+
+def _weighed(walk: Walk, x: Array, before: Adjusted) -> Adjusted:
+    """What is within reach of `x`, and how sure that makes it."""
+    from scipy.linalg import inv
+
+    sigma, used = dict(before.sigma), dict(before.used)
+    _, slopes = _system(walk, x, before)
+    covariance = inv((slopes.T @ slopes).toarray())
+    for block in blocks(walk, x, before.sigma):
+        kind, count = block.kind, block.values.size
+        if kind not in _LEAST or not count:
+            continue
+        own = _sparse(block, walk.size)
+        spent = float((covariance * (own.T @ own).toarray()).sum())
+        remains = count - spent
+        if remains < _ENOUGH:
+            continue
+        scale = _NORMAL * float(numpy.median(numpy.abs(block.values))) * (count / remains) ** 0.5
+        scale = max(scale, _LEAST[kind] / before.sigma[kind])
+        far = numpy.inf if kind in _KEPT else _FAR * scale
+        wrong = block.unit[numpy.abs(block.values).max(axis=1) > far]
+        within = ~numpy.isin(block.unit, wrong)
+        if not within.any():
+            continue
+        used[kind], kept = within, block.values[within]
+        share = (float((kept**2).sum()) / (remains * kept.size / count)) ** 0.5
+        sigma[kind] = max(before.sigma[kind] * share, _LEAST[kind])
+    _, slopes = _system(walk, x, Adjusted(x, covariance, sigma, used))
+    return Adjusted(x, inv((slopes.T @ slopes).toarray()), sigma, used)

@@ -1,0 +1,73 @@
+"""Where a body was on a walk, as motion capture has it, at the times of frames.
+
+The clocks of the two are not the same. That by how much they differ is first looked for on a grid:
+the one at which the tags' poses are nearest to the track's, by the median. The bundle adjustment
+then finds the rest.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy
+from numpy.typing import NDArray
+
+from kybflow.vision.calibration.model import KnownPoses, rotation_vector
+
+Array = NDArray[Any]
+
+_GRID = 0.05
+_GAP = 0.1
+"""Seconds between two poses between which none is known."""
+_AROUND = 0.01
+"""Seconds to either side over which velocities are taken."""
+_SHARE = 0.5
+"""Of the frames, how many must be in the track."""
+
+
+class RecordedTrack(NamedTuple):
+    """Poses in order of time. time: (n,), seconds. position: (n, 3). attitude: (n, 4), w first,
+    body to world."""
+
+    time: Array
+    position: Array
+    attitude: Array
+
+
+def reference_at(track: RecordedTrack, times: Array, offset: float) -> KnownPoses:
+    """What the track says at the frames' `times`, of those that it covers; the track's clock shows
+    `offset` more than theirs."""
+    from scipy.spatial.transform import Rotation, Slerp
+
+    at = times + offset
+    after = numpy.searchsorted(track.time, at)
+    inside = numpy.flatnonzero((at > track.time[0] + _AROUND) & (at < track.time[-1] - _AROUND))
+    inside = inside[numpy.diff(track.time)[after[inside] - 1] < _GAP]
+    turning = Slerp(track.time, Rotation.from_quat(numpy.roll(track.attitude, -1, axis=1)))
+    before, now, then = (at[inside] + shift for shift in (-_AROUND, 0.0, _AROUND))
+    body = turning(now).as_matrix()
+    turned = numpy.swapaxes(turning(before).as_matrix(), 1, 2) @ turning(then).as_matrix()
+    moved = _positions(track, then) - _positions(track, before)
+    over = 2.0 * _AROUND
+    rates = rotation_vector(turned) / over
+    return KnownPoses(inside, _positions(track, now), body, moved / over, rates)
+
+
+def rough_offset(track: RecordedTrack, times: Array, positions: Array) -> float | None:
+    """By how much the track's clock is ahead of the frames', to the nearest step of the grid;
+    `positions`, (n, 3): where the tags show the body. None where they have nothing in common."""
+    first, last = track.time[0] - times[-1], track.time[-1] - times[0]
+    best, least = None, numpy.inf
+    for offset in numpy.arange(first, last, _GRID):
+        at = times + offset
+        inside = (at >= track.time[0]) & (at <= track.time[-1])
+        if inside.mean() < _SHARE:
+            continue
+        apart = numpy.linalg.norm(_positions(track, at[inside]) - positions[inside], axis=1)
+        if float(numpy.median(apart)) < least:
+            best, least = float(offset), float(numpy.median(apart))
+    return best
+
+
+def _positions(track: RecordedTrack, at: Array) -> Array:
+    return numpy.stack([numpy.interp(at, track.time, axis) for axis in track.position.T], axis=-1)

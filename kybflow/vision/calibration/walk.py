@@ -1,0 +1,239 @@
+"""From the frames of a walk to the corrections of lens, mount and map.
+
+The tags are detected in each frame with nothing believed but their sizes, so that one that lies
+elsewhere is found too, and the corrections are searched from these corners, good to half a pixel.
+Then every tag is searched again where they say that it is, to a few hundredths of a pixel, and the
+corrections from there. The body is known, for the mount, where it stands on its start in the first
+frame, or from motion capture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy
+from numpy.typing import NDArray
+
+from kybflow.core.errors import CalibrationFailed
+from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3, add, from_axes, from_heading, multiply
+from kybflow.vision.calibration.adjust import BELIEVED, Adjusted, adjust
+from kybflow.vision.calibration.frames import WalkFrame
+from kybflow.vision.calibration.model import (
+    LENS,
+    MOUNT,
+    TAG,
+    TAGS,
+    KnownPoses,
+    Seen,
+    Walk,
+    corrected_lens,
+    mounting,
+    poses,
+)
+from kybflow.vision.calibration.track import RecordedTrack, reference_at, rough_offset
+from kybflow.vision.locating.detect import Detector
+from kybflow.vision.locating.locate import acquired
+from kybflow.vision.locating.search import Search, Shapes
+from kybflow.vision.locating.sight import AT_REST, Sight, TagView
+from kybflow.vision.projection import rotation
+from kybflow.world.cameras import Camera
+from kybflow.world.tags import Tag, TagMap
+
+Array = NDArray[Any]
+
+MOST = 100
+"""Frames that are used."""
+_FEWEST = 5
+_OFF = 2.0
+"""Pixels by which tags may be elsewhere than the first corrections say."""
+_TOLD = 0.5
+"""What is still this much of the standard deviation that was believed beforehand was not told."""
+
+
+class Standing(NamedTuple):
+    """Where the body is in the first frame."""
+
+    position: Vec3
+    heading: float
+
+
+@dataclass(frozen=True)
+class WalkCalibration:
+    """What a walk told. ahead: by how many seconds the clock of the poses was ahead of that of the
+    frames, where there were poses."""
+
+    walk: Walk
+    adjusted: Adjusted
+    ahead: float | None = None
+
+    @property
+    def camera(self) -> Camera:
+        """The camera, corrected."""
+        x, camera = self.adjusted.x, self.walk.camera
+        position, turn = mounting(camera, x)
+        lens = corrected_lens(camera.lens, x)
+        return camera._replace(lens=lens, position=_vec3(position), attitude=_quaternion(turn))
+
+    @property
+    def tags(self) -> list[Tag]:
+        """The tags that were seen, corrected."""
+        return [
+            tag._replace(
+                position=add(tag.position, _vec3(shift[:3])),
+                attitude=multiply(from_heading(float(shift[3])), tag.attitude),
+            )
+            for tag, shift in zip(self.walk.tags, self.shifts, strict=True)
+        ]
+
+    @property
+    def shifts(self) -> Array:
+        """The tags' corrections: x, y, z, heading, (t, 4)."""
+        shifts: Array = self.adjusted.x[TAGS : self.walk.frames].reshape(-1, TAG)
+        return shifts
+
+    @property
+    def spreads(self) -> Array:
+        """The standard deviation of each correction, in the order of `model`."""
+        spreads: Array = numpy.sqrt(numpy.diag(self.adjusted.covariance))
+        return spreads
+
+    def is_told(self, spread: float, kind: str) -> bool:
+        """Whether the walk says more of a correction than was believed of its kind."""
+        return spread < _TOLD * BELIEVED[kind]
+
+    @property
+    def elsewhere(self) -> NDArray[numpy.bool_]:
+        """The tags that lie elsewhere than surveyed, (t,): farther than the others let expect."""
+        used = self.adjusted.used
+        wrong: NDArray[numpy.bool_] = ~(used["survey"] & used["survey heading"])
+        return wrong
+
+
+def calibrated(
+    frames: Sequence[WalkFrame],
+    camera: Camera,
+    tags: TagMap,
+    known: RecordedTrack | Standing | None = None,
+) -> WalkCalibration:
+    """The corrections. Raises CalibrationFailed where the frames tell none."""
+    walk, shown = _observed(frames, camera, tags)
+    times = numpy.array([frame.time for frame in shown])
+    offset = 0.0
+    if isinstance(known, RecordedTrack):
+        offset = _offset(known, times, walk)
+        walk = _tracked(walk, known, times, offset)
+    elif known is not None:
+        if shown[0] is not frames[0]:
+            raise CalibrationFailed("the first frame shows less than two tags of the map")
+        walk = replace(walk, reference=_standing(known))
+    rough = adjust(walk, numpy.zeros(walk.size))
+    walk = _searched(shown, walk, rough)
+    if isinstance(known, RecordedTrack):
+        offset += float(rough.x[LENS + MOUNT])
+        walk = _tracked(walk, known, times, offset)
+    start = numpy.zeros(walk.size)
+    start[: walk.frames] = rough.x[: walk.frames]
+    start[LENS + MOUNT] = 0.0
+    found = adjust(walk, start)
+    ahead = offset + float(found.x[LENS + MOUNT]) if isinstance(known, RecordedTrack) else None
+    return WalkCalibration(walk, found, ahead)
+
+
+def _observed(
+    frames: Sequence[WalkFrame], camera: Camera, tags: TagMap
+) -> tuple[Walk, list[WalkFrame]]:
+    """The tags of the map that are detected, and the frames that show two at least."""
+    detector = Detector(tags.families)
+    found = [_known(detector, frame.image, tags) for frame in frames]
+    keys = {tag.key for one in found for tag, _ in one}
+    if not keys:
+        raise CalibrationFailed(f"no tag of the map is found in {len(frames)} frames")
+    if len(keys) == 1:
+        ((family, number),) = keys
+        raise CalibrationFailed(f"only one tag is found, {number} of {family}: it tells no map")
+    views = {i: _view(camera, one) for i, one in enumerate(found) if len(one) > 1}
+    posed = {i: pose for i, view in views.items() if (pose := _lens_pose(view)) is not None}
+    if len(posed) < _FEWEST:
+        message = f"{len(posed)} of {len(frames)} frames show two tags or more"
+        raise CalibrationFailed(f"{message}; {_FEWEST} are needed, and 50 are good")
+    listed = [tag for tag in tags if tag.key in keys]
+    at, turn = (numpy.array(part) for part in zip(*posed.values(), strict=True))
+    seen = _seen([views[i] for i in posed], listed)
+    return Walk(camera, listed, at, turn, seen), [frames[i] for i in posed]
+
+
+def _known(detector: Detector, image: Array, tags: TagMap) -> list[tuple[Tag, Array]]:
+    found = ((tags.get(one.family, one.id), one.corners) for one in detector.find(image))
+    return list({tag.key: (tag, corners) for tag, corners in found if tag is not None}.values())
+
+
+def _view(camera: Camera, found: Sequence[tuple[Tag, Array]]) -> TagView:
+    return TagView(camera, [tag for tag, _ in found], numpy.array([at for _, at in found]))
+
+
+def _lens_pose(view: TagView) -> tuple[Array, Array] | None:
+    """Where the lens roughly is, and its optical frame to the world."""
+    fit = acquired([Sight(view, AT_REST)], None)
+    if fit is None:
+        return None
+    position, mount = mounting(view.camera, numpy.zeros(TAGS))
+    return fit.at + fit.body @ position, fit.body @ mount
+
+
+def _seen(views: Sequence[TagView], tags: Sequence[Tag]) -> Seen:
+    order = {tag.key: i for i, tag in enumerate(tags)}
+    frame = numpy.repeat(numpy.arange(len(views)), [4 * len(view.tags) for view in views])
+    tag = numpy.repeat([order[tag.key] for view in views for tag in view.tags], 4)
+    pixel = numpy.concatenate([view.corners.reshape(-1, 2) for view in views])
+    corner = numpy.tile(numpy.arange(4), len(tag) // 4)
+    held = numpy.isfinite(pixel).all(axis=1)
+    return Seen(frame[held], tag[held], corner[held], pixel[held])
+
+
+def _searched(frames: Sequence[WalkFrame], walk: Walk, rough: Adjusted) -> Walk:
+    """The same walk, with the tags searched where the corrections say that they are."""
+    search = Search(Shapes())
+    found = WalkCalibration(walk, rough)
+    camera, tags = found.camera._replace(position=ZERO, attitude=LEVEL), found.tags
+    at, turn, _ = poses(walk, rough.x)
+    views = [
+        search.find(frame.image, camera, (_vec3(p), _quaternion(c)), tags, _OFF)[0]
+        for frame, p, c in zip(frames, at, turn, strict=True)
+    ]
+    return replace(walk, at=at, turn=turn, seen=_seen(views, tags))
+
+
+def _offset(track: RecordedTrack, times: Array, walk: Walk) -> float:
+    if not numpy.isfinite(times).all():
+        raise CalibrationFailed("the frames have no times; name images by seconds, 0012.345.png")
+    position, mount = mounting(walk.camera, numpy.zeros(TAGS))
+    bodies = walk.at - walk.turn @ mount.T @ position
+    offset = rough_offset(track, times, bodies)
+    if offset is None:
+        raise CalibrationFailed("the poses cover less than half of the time of the frames")
+    return offset
+
+
+def _tracked(walk: Walk, track: RecordedTrack, times: Array, offset: float) -> Walk:
+    reference = reference_at(track, times, offset)
+    if not len(reference.frame):
+        raise CalibrationFailed("the poses have gaps wherever a frame was taken")
+    return replace(walk, reference=reference)
+
+
+def _standing(known: Standing) -> KnownPoses:
+    body = rotation(from_heading(known.heading))[None]
+    none = numpy.zeros((1, 3))
+    return KnownPoses(numpy.array([0]), numpy.array([known.position]), body, none, none)
+
+
+def _vec3(values: Array) -> Vec3:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _quaternion(matrix: Array) -> Quat:
+    x, y, z = matrix.T.tolist()
+    return from_axes(tuple(x), tuple(y), tuple(z))
