@@ -6,10 +6,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import CommandKind, MeasurementKind, Time
 from kybflow.parts.base import Objection, P, Part
 from kybflow.parts.link import Link
-from kybflow.world.vehicle_context import VehicleContext
+from kybflow.world.vehicle_context import Parcel, VehicleContext
 
 if TYPE_CHECKING:
     import random
@@ -77,8 +78,10 @@ class Driver(Part[P]):
         return cls.simulated
 
     @classmethod
-    def objection(cls, params: P) -> Objection | None:
-        """Return why it can't work with these parameters, None if it can."""
+    def objection(cls, params: P, start: Vec3, payload: Parcel | None) -> Objection | None:
+        """Return why it can't work with these parameters or fly a vehicle that starts at `start`,
+        m, world, and has `payload`; None if it can. The objection's parameter may be the
+        vehicle's."""
         return None
 
     @classmethod

@@ -15,11 +15,13 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.core.errors import DriverError
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Battery, CommandKind, Imu, Odometry, Payload, Position, Sticks
 from kybflow.drivers import firmware_names
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
 from kybflow.parts import Driver, Objection, Seat, Session
+from kybflow.world.vehicle_context import Parcel
 
 if TYPE_CHECKING:
     import random
@@ -68,7 +70,9 @@ class Mavlink(Driver[MavlinkParams]):
         return params.simulator
 
     @classmethod
-    def objection(cls, params: MavlinkParams) -> Objection | None:
+    def objection(
+        cls, params: MavlinkParams, start: Vec3, payload: Parcel | None
+    ) -> Objection | None:
         from kybflow.drivers.mavlink.transport.address import read_address
 
         try:

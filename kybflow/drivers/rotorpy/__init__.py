@@ -3,11 +3,13 @@
 Everything else is the simulator's: the on-board loop, the IMU, motion capture, the battery, the
 link and its faults. Mass, inertia, arms, thrust and the rotors' time constant are the airframe's,
 within `model_error`; the air is that of rotorpy's AscTec Hummingbird (`aerodynamics`), and what the
-airframe says about drag plays no part. So a controller is tried on a plant that it wasn't made for.
+airframe, `drag_error` and `inflow` say of drag plays no part. So a controller is tried on a plant
+that it wasn't made for.
 
 rotorpy knows one floor and nothing to run into. Who comes nearer to an obstacle or to another
-vehicle than an arm's length has collided with it and is told so, but nothing stops it. There are no
-payloads, no viewer, and nobody starts above the floor. Needs `pip install 'kybflow[rotorpy]'`.
+vehicle than an arm's length has collided with it and is told so, but nothing stops it. The compiler
+refuses payloads, the viewer and who doesn't start on that floor. A step of 2 ms takes about as long
+as it lasts. Needs `pip install 'kybflow[rotorpy]'`.
 Folk, Paulos and Kumar, RotorPy, arXiv 2306.04485.
 """
 
@@ -16,11 +18,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Battery, CommandKind, Imu, Pose, Position
 from kybflow.core.units import Number
 from kybflow.drivers.sim import SimParams
 from kybflow.parts import Driver, Seat, Session, param, params
 from kybflow.parts.base import Objection
+from kybflow.world.vehicle_context import Parcel
 
 if TYPE_CHECKING:
     import random
@@ -45,9 +49,16 @@ class Rotorpy(Driver[RotorpyParams]):
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {"rotorpy": {}}
 
     @classmethod
-    def objection(cls, params: RotorpyParams) -> Objection | None:
+    def objection(
+        cls, params: RotorpyParams, start: Vec3, payload: Parcel | None
+    ) -> Objection | None:
         if params.live:
             return Objection("live", "rotorpy has no viewer", "fly on `sim` to watch")
+        if payload is not None:
+            return Objection("payload", "rotorpy knows no payloads", "fly it on `sim`")
+        if start[2] != 0.0:
+            reason = f"rotorpy knows one floor, at z = 0, and this starts at z = {start[2]:g} m"
+            return Objection("start", reason, "fly it on `sim`")
         return None
 
     @classmethod

@@ -12,15 +12,21 @@ from math import sqrt
 from typing import Any
 
 import numpy
-from rotorpy.vehicles.hummingbird_params import quad_params
-from rotorpy.vehicles.multirotor import Multirotor
 from scipy.integrate import OdeSolver
 
+from kybflow.core.errors import DriverError
 from kybflow.core.geometry import GRAVITY, Vec3, from_heading, heading_of
 from kybflow.core.signals import Truth
 from kybflow.drivers.sim.model import BuiltAirframe
 from kybflow.drivers.sim.steps.aboard import Numbers
 from kybflow.world.vehicle_context import VehicleContext
+
+try:
+    from rotorpy.vehicles.hummingbird_params import quad_params
+    from rotorpy.vehicles.multirotor import Multirotor
+except ImportError as missing:
+    reason = "this driver needs rotorpy: pip install 'kybflow[rotorpy]'"
+    raise DriverError(reason) from missing
 
 HUMMINGBIRD: dict[str, Any] = quad_params
 """What rotorpy says about that airframe, SI."""
@@ -112,12 +118,18 @@ class Plant:
 
     def step(self, thrusts: Numbers, wind: Vec3, more: Numbers, dt: float) -> Vec3:
         """Move on by `dt` seconds; the mean acceleration meanwhile, world. thrusts: what each rotor
-        is to give, N. more: what else pushes, N, world, and turns it, N m, body."""
+        is to give, N. more: what else pushes, N, world, and turns it, N m, body. Raises DriverError
+        when rotorpy has no answer, as of a body that spins faster than numbers go."""
         state, k = self._state, self._thrust_per_square
         state["wind"] = numpy.array(wind)
         before = state["v"]
         speeds = numpy.sqrt(numpy.maximum(thrusts, 0.0) / k)
-        state = self._state = self._model.step(state, {"cmd_motor_speeds": speeds}, dt)
+        try:
+            with numpy.errstate(over="raise", invalid="raise"):
+                state = self._model.step(state, {"cmd_motor_speeds": speeds}, dt)
+        except (ArithmeticError, ValueError) as error:
+            raise DriverError(f"rotorpy can't go on: {error}") from error
+        self._state = state
         if any(more):
             state["v"] = state["v"] + dt / self._model.mass * numpy.array(more[:3])
             state["w"] = state["w"] + dt * (self._model.inv_inertia @ numpy.array(more[3:]))

@@ -24,14 +24,12 @@ if TYPE_CHECKING:
 
 class RotorpyWorld(Session):
     """Every vehicle with a plant of its own. Raises DriverError for vehicles that disagree about
-    the physics' rate, carry something or start above the floor."""
+    the physics' rate."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
         rates = {seat.params.physics for seat in seats}
         if len(rates) != 1:
             raise DriverError(f"vehicles in one world need one physics rate, found {sorted(rates)}")
-        for seat in seats:
-            _check(seat)
         self._rate: int = round(rates.pop())
         self._dt = 1.0 / self._rate
         self.aboard = Aboard(len(seats), lambda count, width: [(0.0,) * width] * count)
@@ -146,17 +144,6 @@ class RotorpyWorld(Session):
 
     def close(self) -> None:
         """There is nothing to release."""
-
-
-def _check(seat: Seat) -> None:
-    context = seat.context
-    if context.payload is not None:
-        raise DriverError(f"rotorpy knows no payloads, and `{context.vehicle}` has one")
-    if context.start[2] > 0.0:
-        height = context.start[2]
-        raise DriverError(
-            f"rotorpy knows one floor, and `{context.vehicle}` starts {height:g} m above it"
-        )
 
 
 def _floor(plant: Plant) -> Iterator[Touch]:

@@ -155,12 +155,14 @@ def _loaded(case: Case, kind: str, name: str) -> PartSpec | None:
 
 
 def drivers_not_as_told(case: Case) -> Iterator[Diagnostic]:
-    """KYB306: a driver can't work as it is told: the address of its vehicle is none."""
+    """KYB306: a driver can't work as it is told, such as with an address that is none, or can't fly
+    the vehicle: some have no payloads."""
     for vehicle in case.vehicles():
         driver = vehicle.driver
-        objection = driver.spec.cls.objection(driver.params)
+        objection = driver.spec.cls.objection(driver.params, vehicle.start, vehicle.payload)
         if objection is not None:
-            span = driver.spans.get(objection.parameter, driver.name.span)
+            spans = {**vehicle.spans, **driver.spans}
+            span = spans.get(objection.parameter, driver.name.span)
             yield Diagnostic("KYB306", objection.reason, span, help=objection.hint)
 
 

@@ -12,7 +12,7 @@ from sim_worlds import FRAME, PERIOD, push, seat, thrust, touches
 
 pytest.importorskip("rotorpy", reason="needs the extra `rotorpy`")
 
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 from kybflow.cli.app import app
 from kybflow.core.errors import DriverError
@@ -22,17 +22,22 @@ from kybflow.drivers.rotorpy import Rotorpy, RotorpyParams
 from kybflow.drivers.rotorpy.plant import Plant
 from kybflow.parts import Effect
 from kybflow.world.shapes import Box
-from kybflow.world.vehicle_context import Parcel
 
 QUIET = RotorpyParams(
     model_error=0.0, gyro_noise=0.0, gyro_bias=0.0, accelerometer_noise=0.0, accelerometer_bias=0.0
 )  # fmt: skip
 HOVER = FRAME.mass * 9.81
-EIGHT = Path(__file__).parents[3] / "missions" / "figure_eight.yaml"
+MISSIONS = Path(__file__).parents[3] / "missions"
+FIRST, EIGHT = MISSIONS / "first_flight.yaml", MISSIONS / "figure_eight.yaml"
 
 
 def world(*seats):
     return Rotorpy.open(seats or (seat(params=QUIET),), random.Random(1))
+
+
+def flown(mission: Path, out: Path) -> Result:
+    words = ["run", str(mission), "--target", "rotorpy", "--plain", "--no-report", "--no-commands"]
+    return CliRunner().invoke(app, [*words, "--out", str(out)])
 
 
 def test_it_moves_as_by_rotorpys_own_integrator() -> None:
@@ -100,18 +105,28 @@ def test_what_it_comes_near_to_is_told() -> None:
     assert [(touch.into, touch.carries) for touch in met] == [("roof", False)]
 
 
-def test_what_it_cannot_do_is_refused() -> None:
-    bare = seat(params=QUIET)
-    laden = bare.context._replace(payload=Parcel(mass=0.1, size=0.05))
-    with pytest.raises(DriverError, match="no payloads, and `a` has one"):
-        world(bare._replace(context=laden))
-    with pytest.raises(DriverError, match=r"`a` starts 0\.5 m above it"):
-        world(seat(at=(0.0, 0.0, 0.5), params=QUIET))
-    objection = Rotorpy.objection(replace(QUIET, live=True))
+def test_a_viewer_is_refused() -> None:
+    objection = Rotorpy.objection(replace(QUIET, live=True), ZERO, None)
     assert objection is not None
     assert objection.reason == "rotorpy has no viewer"
-    assert Rotorpy.objection(QUIET) is None
-    assert world().truth(0).position == ZERO
+    assert Rotorpy.objection(QUIET, ZERO, None) is None
+
+
+def test_what_rotorpy_cannot_compute_is_told() -> None:
+    session = world()
+    session._plants[0]._state["w"][:] = 1e200
+    with pytest.raises(DriverError, match="rotorpy can't go on"):
+        session.advance(PERIOD)
+
+
+@pytest.mark.thorough
+def test_the_same_seed_flies_a_mission_to_the_same_bytes(tmp_path: Path) -> None:
+    logs = []
+    for run in ("first", "again"):
+        done = flown(FIRST, tmp_path / run)
+        assert done.exit_code == 0, done.output
+        logs.append((tmp_path / run / "log.mcap").read_bytes())
+    assert logs[0] == logs[1]
 
 
 @pytest.mark.thorough
@@ -126,6 +141,5 @@ def test_the_eight_is_flown_on_it_with_a_drag_that_nobody_knows(tmp_path: Path) 
     ]
     mission = tmp_path / "eight.yaml"
     mission.write_text(f"{head}expect:\n{''.join(bounds)}", encoding="utf-8")
-    words = ["run", str(mission), "--target", "rotorpy", "--plain", "--no-report", "--no-commands"]
-    done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "run")])
+    done = flown(mission, tmp_path / "run")
     assert done.exit_code == 0, done.output
