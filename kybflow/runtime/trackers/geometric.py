@@ -36,9 +36,9 @@ With `observer` what else pushes the vehicle is estimated from the accelerometer
 (`kybflow.flight.disturbance`). The eight with a lap of 10 s in the simulator's lab (`calm: false`),
 seeds 0 to 19, a mass believed of 80 and of 120 %, mean and largest position error in mm:
 
-    airframe   without        2 Hz
-    mk_quadro  LAB_MK0   LAB_MK
-    nano_plus  LAB_NANO0   LAB_NANO
+    airframe   without      2 Hz         the largest of any flight
+    mk_quadro  8.7, 19.2    4.7, 11.1    11.5, 26.7    6.1, 14.5
+    nano_plus  9.4, 19.8    5.3, 10.8    12.3, 26.6    6.9, 13.7
 
 Limits, mass and the trim against the on-board attitude's error: `kybflow.flight.steering`.
 """
