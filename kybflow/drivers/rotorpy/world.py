@@ -11,6 +11,7 @@ from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import ZERO, Quat, add, distance, rotate
 from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.rotorpy.plant import Plant
+from kybflow.drivers.sim.contacts import FORGOTTEN
 from kybflow.drivers.sim.sensors import ImuErrors, feel
 from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
 from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
@@ -48,7 +49,7 @@ class RotorpyWorld(Session):
         sources = [vehicle.imu_errors for vehicle in self._vehicles]
         self._errors = ImuErrors(sources, numpy.ndarray.tolist)
         self._shares = shares(self._dt)
-        self._touching: list[set[Touch]] = [set(_floor(plant)) for plant in self._plants]
+        self._touched: dict[tuple[int, Touch], Time] = {}
         self._blown: Time = 0
         for vehicle in self._vehicles:
             vehicle.measure(0)
@@ -66,10 +67,11 @@ class RotorpyWorld(Session):
         while self.aboard.steps < last:
             self._step()
         for index, vehicle in enumerate(self._vehicles):
-            begun = set(self._touches(index))
-            for touch in sorted(begun - self._touching[index]):
-                vehicle.tell_touch(touch)
-            self._touching[index] = begun
+            for touch in self._touches(index):
+                last = self._touched.get((index, touch))
+                self._touched[index, touch] = now
+                if last is None or now - last > FORGOTTEN:
+                    vehicle.tell_touch(touch)
 
     def _step(self) -> None:
         on, row = self.aboard, self._errors.take(1)

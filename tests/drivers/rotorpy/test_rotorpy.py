@@ -21,6 +21,7 @@ from kybflow.core.signals import Imu
 from kybflow.drivers.rotorpy import Rotorpy, RotorpyParams
 from kybflow.drivers.rotorpy.plant import Plant
 from kybflow.parts import Effect
+from kybflow.parts.link import Touch
 from kybflow.world.shapes import Box
 
 QUIET = RotorpyParams(
@@ -102,7 +103,18 @@ def test_what_it_comes_near_to_is_told() -> None:
         session.links["a"].send(thrust(1.5 * HOVER), now)
         now += PERIOD
         session.advance(now)
-    assert [(touch.into, touch.carries) for touch in met] == [("roof", False)]
+    assert met == [Touch("the floor", carries=True), Touch("roof", carries=False)]
+
+
+def test_a_hop_from_the_floor_is_no_landing() -> None:
+    session = world()
+    link = session.links["a"]
+    met, now, hops = touches(link), 0, 0
+    for share in (1.1, 0.5, 1.1, 0.5):
+        _, now = push(session, link, 0.3, thrust(share * HOVER), now)
+        hops += session.truth(0).position[2] > 0.0
+    assert hops >= 1
+    assert met == [Touch("the floor", carries=True)]
 
 
 def test_a_viewer_is_refused() -> None:
