@@ -68,9 +68,9 @@ class RotorpyWorld(Session):
             self._step()
         for index, vehicle in enumerate(self._vehicles):
             for touch in self._touches(index):
-                last = self._touched.get((index, touch))
+                before = self._touched.get((index, touch))
                 self._touched[index, touch] = now
-                if last is None or now - last > FORGOTTEN:
+                if before is None or now - before > FORGOTTEN:
                     vehicle.tell_touch(touch)
 
     def _step(self) -> None:
