@@ -39,7 +39,8 @@ def flown_by_hand(run: Any, rate: int, **more: Any) -> dict[float, float]:
     ]
     flown, told = run(vehicle("a", states), inputs=inputs, control_rate=rate, **more)
     assert path(told, "a") == ["up", "wait", "steered", "down", "landed"]
-    rows = parse(read_earlier_run(flown.folder).inputs["hand"]).rows
+    *rows, ended = parse(read_earlier_run(flown.folder).inputs["hand"]).rows
+    assert ended.lost
     return {row.time / 1e9: row.axes["force_x"] for row in rows}
 
 

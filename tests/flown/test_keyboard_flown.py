@@ -96,5 +96,7 @@ def test_keys_steer_and_a_letter_lands(tmp_path: Path) -> None:
     screen.until(lambda: screen.program.poll() is not None)
     assert screen.program.returncode == 0, screen.shown[-2000:]
     said = parse((tmp_path / "run" / "inputs" / "keys.csv").read_text(encoding="utf-8"))
-    assert {0.0, 0.7} == {row.axes["x"] for row in said.rows}
+    *rows, ended = said.rows
+    assert {0.0, 0.7} == {row.axes["x"] for row in rows}
+    assert ended.lost
     assert said.buttons == ("l",)
