@@ -259,13 +259,19 @@ def _untold(touch: Touch) -> None:
 
 
 def build(airframe: Airframe, error: float, generator: Any) -> BuiltAirframe:
-    """A vehicle within `error` of what its maker says, each rotor a little different."""
+    """A vehicle within `error` of what its maker says, each rotor a little different. What is drawn
+    is how the mass spreads along each axis, since three moments of inertia drawn apart from each
+    other may be those of no body."""
     draws = (1.0 + error * generator.uniform(-1.0, 1.0, 7)).tolist()
-    mass, jx, jy, jz, thrust, rotor_time, drag = draws
-    ix, iy, iz = airframe.inertia
+    mass, along_x, along_y, along_z, thrust, rotor_time, drag = draws
+    half = sum(airframe.inertia) / 2.0
+    xx, yy, zz = (
+        max(0.0, half - moment) * factor
+        for moment, factor in zip(airframe.inertia, (along_x, along_y, along_z), strict=True)
+    )
     spread = 1.0 + error * ROTOR_SPREAD * generator.uniform(-1.0, 1.0, 4)
     a, b, c, d = (airframe.thrust * thrust * spread).tolist()
     return BuiltAirframe(
-        airframe.mass * mass, (ix * jx, iy * jy, iz * jz), (a, b, c, d),
+        airframe.mass * mass, (yy + zz, zz + xx, xx + yy), (a, b, c, d),
         airframe.rotor_time * rotor_time, airframe.drag * drag,
     )  # fmt: skip

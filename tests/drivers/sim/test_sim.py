@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 from math import exp
 
+import numpy
 import pytest
 from sim_worlds import FRAME, PERIOD, QUIET, lift, push, seat, thrust, world
 
@@ -15,6 +16,7 @@ from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL, ZERO, from_euler, from_heading, heading_of, tilt_of
 from kybflow.core.signals import NS, Battery, Command, CommandKind, Imu, Pose, Position
 from kybflow.drivers.sim import Sim, SimParams
+from kybflow.drivers.sim.vehicle import build
 from kybflow.drivers.sim.viewer import Viewer
 
 
@@ -294,6 +296,15 @@ def test_what_flies_differs_from_what_its_maker_says_within_the_model_error():
     assert all(abs(m / FRAME.mass - 1.0) <= 0.05 for m in masses)
     assert all(len(set(v.body.thrust)) == 4 for v in vehicles)
     assert world().links["a"].body.mass == FRAME.mass
+
+
+@pytest.mark.parametrize("flat", [1.0, 0.91], ids=["a plate", "a quadrotor"])
+def test_whatever_is_drawn_is_a_body(flat):
+    frame = replace(FRAME, inertia=(0.011, 0.011, 0.022 * flat))
+    for seed in range(50):
+        drawn = build(frame, 0.2, numpy.random.default_rng(seed)).inertia
+        assert 2.0 * max(drawn) <= sum(drawn) * (1.0 + 1e-12)
+        assert all(abs(j / i - 1.0) <= 0.2 for j, i in zip(drawn, frame.inertia, strict=True))
 
 
 def test_a_vehicle_that_runs_into_another_pushes_it():
