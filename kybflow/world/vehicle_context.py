@@ -44,6 +44,16 @@ class Airframe:
     voltage_spread: Ratio = param(
         "Voltage lost from full to empty.", default=0.2, at_least=0.0, below=0.5
     )
+    attitude_gain: Damping | None = param(
+        "Of an on-board cascade as PX4's: body rate per angle of the attitude's error, about body x"
+        " and y, 6.5 1/s unless given. An airframe that has neither gain has a loop as fast as its"
+        " rotors allow.",
+        default=None, above=0.0, at_most=50.0,
+    )  # fmt: skip
+    rate_gain: Damping | None = param(
+        "Of that cascade: angular acceleration per body rate's error, 18 1/s unless given.",
+        default=None, above=0.0, at_most=200.0,
+    )  # fmt: skip
 
     @property
     def arm(self) -> float:

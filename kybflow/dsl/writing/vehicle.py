@@ -37,8 +37,10 @@ def vehicle_lines(vehicle: VehicleEntry) -> Iterator[YamlLine]:
     yield f"  {vehicle.name.text}:", vehicle.span.at
     yield "    airframe:", at.get("airframe", "")
     for field in fields_of(Airframe):
-        own = value(getattr(vehicle.airframe, field.name), field)
-        yield f"      {field.name}: {own}", place(vehicle.airframe_spans.get(field.name))
+        own = getattr(vehicle.airframe, field.name)
+        if own is not None:
+            came_from = place(vehicle.airframe_spans.get(field.name))
+            yield f"      {field.name}: {value(own, field)}", came_from
     if vehicle.cameras:
         yield "      cameras:", place(vehicle.airframe_spans.get("cameras"))
     for camera in vehicle.cameras:

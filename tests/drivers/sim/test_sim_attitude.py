@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import radians
+from dataclasses import replace
+from math import radians, sin
 
 import pytest
 from sim_worlds import FRAME
@@ -73,3 +74,15 @@ def test_a_spin_is_foreseen_for_as_long_as_the_rotors_need():
     assert pitch == pytest.approx(0.0, abs=1e-9)
     assert turned_roll == pytest.approx(roll)
     assert turned_pitch == pytest.approx(-spin * gains.lag * roll, rel=0.01)
+
+
+def test_a_declared_cascade_leads_no_rotor():
+    cascade = replace(FRAME, attitude_gain=6.5, rate_gain=18.0)
+    gains = _gains(cascade, STEP)
+    assert (gains.lead, gains.lag) == (1.0, 0.0)
+    still = (0.0, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0)
+    filtered = (*from_euler(0.01, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+    setpoint = (1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.4, 0.0)
+    lift, roll, *_ = lifted(*control(still, filtered, (0.0, 0.0, 0.0), setpoint, gains)[1])
+    assert roll == pytest.approx(-4.0 * gains.roll * 6.5 * 18.0 * sin(0.01), rel=0.01)
+    assert lift == pytest.approx(4.0 * 0.4)

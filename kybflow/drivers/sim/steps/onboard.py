@@ -10,8 +10,9 @@ inertia x angular acceleration, led by the rotors' time constant. The attitude e
 then a turn about the body z that is wanted (Brescianini, Hehn and D'Andrea, Nonlinear Quadrocopter
 Attitude Control, ETH 2013), so that a heading that is far off tilts nothing: e is the sine of the
 tilt, about body x and y, and twice the vector part of the attitude error about body z. The gains
-scale with the airframe's rotor time and inertia. P e + D (rates - gyro) about body x and y is
-turned back by the angle by which a body that spins turns until led rotors answer.
+of roll and pitch are those of the loop that the airframe declares (`kybflow.flight.attitude_loop`),
+and without a lead where that has none. P e + D (rates - gyro) about body x and y is turned back by
+the angle by which a body that spins turns until led rotors answer.
 
 Where a rotor would saturate, roll and pitch come before thrust, and thrust before yaw (Smeur,
 Höppener and De Wagter, Prioritized Control Allocation for Quadrotors Subject to Saturation, IMAV
@@ -37,6 +38,7 @@ from kybflow.core.geometry import (
 )
 from kybflow.core.signals import Command
 from kybflow.drivers.sim.steps.aboard import LONGEST, Aboard, Numbers
+from kybflow.flight.attitude_loop import DAMPING, INTEGRAL, attitude_loop
 from kybflow.world.vehicle_context import Airframe
 
 LEVELLING = 0.10
@@ -45,17 +47,10 @@ LIGHTEST, HEAVIEST = 0.5 * GRAVITY, 1.5 * GRAVITY
 """Where the accelerometer tells nothing about the attitude: below and above."""
 AIMING = 1.0
 """How fast the heading follows the sender's, 1/s."""
-STIFFNESS = 1.0
-"""Natural frequency of roll and pitch times the rotors' time constant."""
 YAW_FREQUENCY = 3.0
 """Natural frequency of yaw, rad/s; drag torque is weak."""
-DAMPING = 0.8
-INTEGRAL = 8.0
-"""How many times slower than its loop's frequency an integral is."""
 INTEGRAL_SHARE = 0.1
 """The torque that an integral may ask for, as a part of the weight on the arm."""
-LEAD = 4.0
-"""How many times faster a led rotor answers."""
 CALIBRATION = 0.1
 """Seconds at rest from which the accelerometer's bias can be told."""
 MOST_YAW = 0.1
@@ -201,7 +196,7 @@ def control(
     gx, gy, gz = rates
     ix, iy, iz, st, sr, sp, sy = loop
     armed, dw, dx, dy, dz, rx, ry, rz, lift, _ = setpoint
-    p, py, d, dyaw, i, iyaw, bound, kx, ky, kz, blend, lag = gains
+    p, py, d, dyaw, i, iyaw, bound, kx, ky, kz, blend, lag, lead = gains
     if armed == 0.0:
         return AT_REST, STOPPED
     ec = w * dw + x * dx + y * dy + z * dz
@@ -226,7 +221,7 @@ def control(
     dp = ky * (ay - turned * ax + iy) - sp
     dy = kz * (py * ez + dyaw * (rz - gz) + iz) - sy
     loop = (ix, iy, iz, st + blend * dt, sr + blend * dr, sp + blend * dp, sy + blend * dy)
-    lift, roll, pitch, yaw = st + LEAD * dt, sr + LEAD * dr, sp + LEAD * dp, sy + LEAD * dy
+    lift, roll, pitch, yaw = st + lead * dt, sr + lead * dr, sp + lead * dp, sy + lead * dy
     yaw = -MOST_YAW if yaw < -MOST_YAW else MOST_YAW if yaw > MOST_YAW else yaw
     a, b = lift + roll - pitch + yaw, lift + roll + pitch - yaw
     c, d = lift - roll + pitch + yaw, lift - roll - pitch - yaw
@@ -245,7 +240,7 @@ class Gains(NamedTuple):
     """Of roll and pitch and of yaw: proportional, 1/s^2; derivative, 1/s; integral over one step,
     1/s^2. bound: of an integral, rad/s^2. roll, pitch, yaw: a rotor's share of its largest thrust
     per rad/s^2. blend: the part of a change that is asked slowly of the rotors in a step. lag:
-    seconds until a led rotor answers."""
+    seconds until a led rotor answers, 0 where none is led. lead: how many times faster that is."""
 
     proportional: float
     proportional_yaw: float
@@ -259,23 +254,26 @@ class Gains(NamedTuple):
     yaw: float
     blend: float
     lag: float
+    lead: float
 
 
 def _gains(airframe: Airframe, dt: float) -> Gains:
-    frequency = STIFFNESS / airframe.rotor_time
+    loop = attitude_loop(airframe)
+    led = airframe.rotor_time / loop.lead + dt
     half = airframe.arm / sqrt(2.0)
     jx, jy, jz = airframe.inertia
     return Gains(
-        frequency**2,
+        loop.proportional,
         YAW_FREQUENCY**2,
-        2.0 * DAMPING * frequency,
+        loop.derivative,
         2.0 * DAMPING * YAW_FREQUENCY,
-        dt * frequency**3 / INTEGRAL,
+        dt * loop.integral,
         dt * YAW_FREQUENCY**3 / INTEGRAL,
         INTEGRAL_SHARE * airframe.hover_thrust * half / max(jx, jy),
         jx / (4.0 * half * airframe.thrust),
         jy / (4.0 * half * airframe.thrust),
         jz / (4.0 * airframe.torque_ratio * airframe.thrust),
-        dt / (airframe.rotor_time / LEAD + dt),
-        airframe.rotor_time / LEAD + dt,
+        dt / led,
+        led if loop.lead > 1.0 else 0.0,
+        loop.lead,
     )
