@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy
 
 from kybflow.core.errors import DriverError, Refused
-from kybflow.core.geometry import ZERO, Quat, add, distance, rotate
+from kybflow.core.geometry import ZERO, Quat, distance, rotate
 from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.rotorpy.plant import Plant
 from kybflow.drivers.sim.contacts import FORGOTTEN
@@ -46,8 +46,8 @@ class RotorpyWorld(Session):
             context.vehicle: vehicle
             for context, vehicle in zip(self._seats, self._vehicles, strict=True)
         }
-        sources = [vehicle.imu_errors for vehicle in self._vehicles]
-        self._errors = ImuErrors(sources, numpy.ndarray.tolist)
+        noises = [vehicle.imu_noise for vehicle in self._vehicles]
+        self._errors = ImuErrors(noises, numpy.ndarray.tolist)
         self._shares = shares(self._dt)
         self._touched: dict[tuple[int, Touch], Time] = {}
         self._blown: Time = 0
@@ -98,13 +98,14 @@ class RotorpyWorld(Session):
                 vehicle.measure(self.now)
 
     def _blow(self, now: Time) -> None:
-        """Give each vehicle its wind, world frame, and what else pushes it."""
+        """Give each vehicle its wind, world frame, what else pushes it, and how much it
+        vibrates."""
         elapsed, self._blown = (now - self._blown) / NS, now
         for i, vehicle in enumerate(self._vehicles):
-            if vehicle.wind.blows or vehicle.rig.blows:
-                self.aboard.winds[i] = add(vehicle.wind.after(elapsed), vehicle.rig.wind(now))
-            if vehicle.eddies is not None:
-                self.aboard.pushes[i] = vehicle.eddies.after(elapsed)
+            if vehicle.is_blown:
+                self.aboard.winds[i] = vehicle.blown(now, elapsed)
+                self.aboard.pushes[i] = vehicle.pushed(elapsed)
+                self._errors.shake(i, vehicle.vibration)
 
     def _touches(self, index: int) -> Iterator[Touch]:
         """What a vehicle touches now: the floor, and whatever its arms reach."""

@@ -121,6 +121,17 @@ class SimParams:
         "How far drag may be from the airframe's, beside `model_error`.",
         default=0.5, at_least=0.0, at_most=0.9, read_only=True,
     )  # fmt: skip
+    accelerometer_vibration: Acceleration = param(
+        "Noise along body z that the rotors add to each accelerometer sample in hover, standard"
+        " deviation; it goes with their thrust and is 0.6 of that along body x and y. ArduPilot"
+        " takes 5 m/s^2 along z and 3 across for the most that does no harm (Measuring Vibration).",
+        default=1.0, at_least=0.0, at_most=20.0, read_only=True,
+    )  # fmt: skip
+    gyro_vibration: AngularRate = param(
+        "Noise that the rotors add to each gyroscope sample in hover, standard deviation; the"
+        " estimators for EuRoC's flights take 0.6 to 3 deg/s (VINS-Mono).",
+        default=1.0 * DEG, at_least=0.0, at_most=60.0 * DEG, read_only=True,
+    )  # fmt: skip
     inflow: Number = param(
         "Drag along body z over that in the rotors' plane: rotors that climb through air lose"
         " thrust (Svacha, Mohta and Kumar, ICUAS 2017).",

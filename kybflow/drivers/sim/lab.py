@@ -10,24 +10,29 @@ from typing import Any, NamedTuple
 from kybflow.core.geometry import LEVEL, Quat, integrate
 from kybflow.drivers.sim.air import EDDY_TIME, Wandering
 from kybflow.drivers.sim.model import BuiltAirframe
-from kybflow.drivers.sim.sensors import bias, draw
+from kybflow.drivers.sim.sensors import Array, bias, draw, draw_blocks
 from kybflow.drivers.sim.steps.onboard import Loop
 from kybflow.world.vehicle_context import Airframe
 
 _NOUGHT = dict.fromkeys(
     (
-        "force_noise", "torque_noise", "drag_error", "inflow", "loop_error", "gyro_filter",
-        "dead_time", "command_latency", "command_jitter", "mocap_misalignment", "mocap_loss",
-        "stamp_error", "stamp_jitter",
+        "force_noise", "torque_noise", "drag_error", "accelerometer_vibration", "gyro_vibration",
+        "inflow", "loop_error", "gyro_filter", "dead_time", "command_latency", "command_jitter",
+        "mocap_misalignment", "mocap_loss", "stamp_error", "stamp_jitter",
     ),
     0.0,
 )  # fmt: skip
+
+ACROSS = 0.6
+"""The accelerometer's vibration along body x and y over that along z."""
 
 
 class Lab(NamedTuple):
     """drag: the body's over what it would be. inflow: drag along body z over that. loop: what the
     on-board loop is made of. eddies: what pushes the body, N, world frame, and turns it, N m, body
-    frame; None in still air. markers: the body that motion capture takes for the vehicle's, in the
+    frame; None in still air. vibration: what the IMU measures of the rotors in hover, white, since
+    rotors that turn at speeds of their own fold their harmonics all over a sampled spectrum; None
+    where nothing vibrates. markers: the body that motion capture takes for the vehicle's, in the
     vehicle's. stamps: how much later than it was a pose is stamped, s. late: seconds by which each
     command is late; None where none is."""
 
@@ -35,9 +40,15 @@ class Lab(NamedTuple):
     inflow: float
     loop: Loop
     eddies: Wandering | None
+    vibration: Iterator[Array] | None
     markers: Quat
     stamps: float
     late: Iterator[list[float]] | None
+
+    @property
+    def stirs(self) -> bool:
+        """Whether something of it changes from tick to tick."""
+        return self.eddies is not None or self.vibration is not None
 
 
 def as_flown(params: Any) -> Any:
@@ -55,15 +66,18 @@ def lab(p: Any, airframe: Airframe, body: BuiltAirframe, generator: Any) -> Lab:
         rotor_time=airframe.rotor_time * (1.0 + wrong * lag),
     )
     turned = bias(generator, p.mocap_misalignment)
-    eddies, commands = generator.spawn(2)
+    eddies, commands, rotors = generator.spawn(3)
     spread = [body.mass * p.force_noise] * 3 + [j * p.torque_noise for j in body.inertia]
     noise = draw(eddies, [0.0] * 6, [1.0] * 6)
+    gyro, along = p.gyro_vibration, p.accelerometer_vibration
+    shaking = [gyro, gyro, gyro, ACROSS * along, ACROSS * along, along]
     latency, jitter = p.command_latency, p.command_jitter
     return Lab(
         1.0 + p.drag_error * drag,
         p.inflow,
         Loop(believed, p.gyro_filter, p.dead_time),
         Wandering(spread, EDDY_TIME, noise) if any(spread) else None,
+        draw_blocks(rotors, [0.0] * 6, shaking) if any(shaking) else None,
         integrate(LEVEL, turned, 1.0),
         p.stamp_error * stamps,
         draw(commands, [latency], [jitter]) if latency or jitter else None,

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from itertools import chain
+from itertools import chain, repeat
 from math import exp, sqrt
 from statistics import NormalDist
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 
@@ -66,16 +66,33 @@ def feel(rotation: Numbers, velocity: Numbers, acceleration: Numbers, errors: Nu
     )
 
 
+class ImuNoise(NamedTuple):
+    """Where the errors of a vehicle's IMU come from, in blocks of steps: turn rate and specific
+    force along body x, y, z. errors: with the rotors at rest. vibration: what they add in hover;
+    None where nothing vibrates."""
+
+    errors: Iterator[Array]
+    vibration: Iterator[Array] | None
+
+
 class ImuErrors:
     """The errors of all IMUs, step by step: those of steps to come, vehicle by vehicle, are in
-    `block`. sources: each vehicle's. form: makes a block from an array of steps, vehicles and
-    values."""
+    `block`, and the vibration of those that were taken. form: makes a block from an array of steps,
+    vehicles and values."""
 
-    def __init__(self, sources: Sequence[Iterator[Array]], form: Callable[[Array], Any]) -> None:
-        self._sources, self._form = sources, form
-        self._biases = numpy.zeros((len(sources), 6))
-        self._drawn = numpy.zeros((0, len(sources), 6))
+    def __init__(self, sources: Sequence[ImuNoise], form: Callable[[Array], Any]) -> None:
+        still = repeat(numpy.zeros((BLOCK, 6)))
+        self._errors = [source.errors for source in sources]
+        self._vibrations = [source.vibration or still for source in sources]
+        self._form = form
+        self._shakes = any(source.vibration is not None for source in sources)
+        self._biases, self._levels = numpy.zeros((len(sources), 6)), numpy.zeros((len(sources), 1))
+        self._drawn = self._shaking = numpy.zeros((0, len(sources), 6))
         self.block, self._next = form(self._drawn), 0
+
+    def shake(self, vehicle: int, level: float) -> None:
+        """From now on a vehicle vibrates `level` times as much as in hover."""
+        self._levels[vehicle] = level
 
     def bias(self, vehicle: int, more: Sequence[float]) -> None:
         """From now on a vehicle's are so much more than what is drawn."""
@@ -86,11 +103,19 @@ class ImuErrors:
         """Where in `block` the next so many steps begin."""
         first = self._next
         while first + steps > len(self.block):
-            new = numpy.stack([next(source) for source in self._sources], axis=1)
-            self._drawn, first = numpy.concatenate((self._drawn[first:], new)), 0
+            self._drawn = _followed(self._drawn[first:], self._errors)
+            self._shaking, first = _followed(self._shaking[first:], self._vibrations), 0
             self.block = self._form(self._drawn + self._biases)
-        self._next = first + steps
+        self._next = last = first + steps
+        if self._shakes:
+            taken = self._drawn[first:last] + self._biases
+            self.block[first:last] = self._form(taken + self._levels * self._shaking[first:last])
         return first
+
+
+def _followed(rows: Array, sources: Sequence[Iterator[Array]]) -> Array:
+    """The rows of all vehicles, with the next block of each source after them."""
+    return numpy.concatenate((rows, numpy.stack([next(source) for source in sources], axis=1)))
 
 
 class Averages:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy
 
-from kybflow.core.geometry import ZERO
+from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add
 from kybflow.core.signals import (
     NS,
     Command,
@@ -27,6 +27,7 @@ from kybflow.drivers.sim.model import BuiltAirframe
 from kybflow.drivers.sim.receiver import Receiver
 from kybflow.drivers.sim.sensors import (
     Averages,
+    ImuNoise,
     PoseSampler,
     Positions,
     SimulatedBattery,
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     import random
 
 OWN_LANDING = Override("its own watchdog lands it", lands=True)
+NOTHING: Numbers = (*ZERO, *ZERO)
 ROTOR_SPREAD = 0.2
 """How much the rotors differ from each other, as a part of `model_error`."""
 
@@ -83,12 +85,12 @@ class SimulatedVehicle(Link):
         body = build(context.airframe, p.model_error, streams[0])
         own = lab(p, context.airframe, body, streams[5])
         self.body = body._replace(drag=body.drag * own.drag)
-        self.eddies, self._late = own.eddies, own.late
+        self._lab = own
         imu = streams[1]
         offsets = [*bias(imu, p.gyro_bias), *bias(imu, p.accelerometer_bias)]
         noises = [p.gyro_noise] * 3 + [p.accelerometer_noise] * 3
-        self.imu_errors = draw_blocks(imu, offsets, noises)
-        self.imu_bias: Numbers = (*ZERO, *ZERO)
+        self.imu_noise = ImuNoise(draw_blocks(imu, offsets, noises), own.vibration)
+        self.imu_bias = NOTHING
         self._dt = 1.0 / p.physics
         self.controller = AttitudeController(
             context.airframe, own.loop, context.heading, self._dt, world.aboard, index
@@ -145,11 +147,36 @@ class SimulatedVehicle(Link):
                 self._positions.measure(self.truth(), now)
             self.due = min(self.due, self._positions.schedule.due)
 
+    @property
+    def is_blown(self) -> bool:
+        """Whether the air or its rotors do to it what changes from tick to tick."""
+        return self.wind.blows or self.rig.blows or self._lab.stirs
+
+    def blown(self, now: Time, elapsed: float) -> Vec3:
+        """The wind at it, m/s, world frame, `elapsed` seconds after the last call."""
+        return add(self.wind.after(elapsed), self.rig.wind(now))
+
+    def pushed(self, elapsed: float) -> Numbers:
+        """What pushes it beside its rotors and the wind, N, world frame, and turns it, N m, body
+        frame, `elapsed` seconds after the last call."""
+        return NOTHING if self._lab.eddies is None else self._lab.eddies.after(elapsed)
+
+    @property
+    def vibration(self) -> float:
+        """How much it vibrates, over what it does in hover: as a rotor's imbalance, by the square
+        of its speed and so by its thrust."""
+        return self._thrust / (self.body.mass * GRAVITY)
+
+    @property
+    def _thrust(self) -> float:
+        """What its rotors give, N."""
+        aboard, index = self._world.aboard, self._index
+        return _given(aboard.rotors[index], aboard.thrusts[index])
+
     def _load(self, now: Time) -> None:
         """Drain the battery by what the rotors give, and let their thrust sag with it."""
         aboard, index, battery = self._world.aboard, self._index, self.battery
-        rotors, thrusts = aboard.rotors[index], self._thrusts()
-        given = sum(a * f for a, f in zip(rotors, thrusts, strict=True))
+        given = _given(aboard.rotors[index], self._thrusts())
         battery.drain(given, 1.0 / battery.schedule.rate if now else 0.0)
         aboard.thrusts[index] = self._thrusts()
 
@@ -213,7 +240,8 @@ class SimulatedVehicle(Link):
         receiver = self._receiver
         if self._mute:
             return
-        late = 0 if self._late is None else round(max(0.0, next(self._late)[0]) * NS)
+        commands = self._lab.late
+        late = 0 if commands is None else round(max(0.0, next(commands)[0]) * NS)
         if not (receiver.late or late):
             receiver.hear(command, now)
             return
@@ -252,6 +280,11 @@ class SimulatedVehicle(Link):
 
     def report_touches(self, tell: Callable[[Touch], None]) -> None:
         self.tell_touch = tell
+
+
+def _given(rotors: Numbers, most: Numbers) -> float:
+    """What rotors give together, by their states and their largest thrusts, N."""
+    return sum(a * f for a, f in zip(rotors, most, strict=True))
 
 
 def _untold(touch: Touch) -> None:

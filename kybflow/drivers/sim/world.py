@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import mujoco
 
 from kybflow.core.errors import DriverError, Refused
-from kybflow.core.geometry import ZERO, add, conjugate, rotate
+from kybflow.core.geometry import ZERO, conjugate, rotate
 from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.sim.contacts import Contacts
 from kybflow.drivers.sim.model import FIRST_BODY, BuiltAirframe, loaded, world_text
@@ -48,8 +48,8 @@ class SimulatedWorld(Session):
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
         self._parcels = _parcels(self.model, self.data, seats)
-        errors = [vehicle.imu_errors for vehicle in self._vehicles]
-        self._stepper = stepper(self.model, self.data, self.aboard, errors)
+        noises = [vehicle.imu_noise for vehicle in self._vehicles]
+        self._stepper = stepper(self.model, self.data, self.aboard, noises)
         self._positions, self._velocities = self.data.qpos.data, self.data.qvel.data
         self._truths: dict[int, Truth] = {}
         self._listeners: list[tuple[int, SimulatedVehicle]] = []
@@ -162,11 +162,7 @@ class SimulatedWorld(Session):
         self._truths = {}
 
     def _blowing(self) -> list[tuple[int, SimulatedVehicle]]:
-        return [
-            (i, v)
-            for i, v in enumerate(self._vehicles)
-            if v.wind.blows or v.rig.blows or v.eddies is not None
-        ]
+        return [(i, v) for i, v in enumerate(self._vehicles) if v.is_blown]
 
     def _measure(self, now: Time) -> None:
         for vehicle in self._vehicles:
@@ -179,15 +175,15 @@ class SimulatedWorld(Session):
         return -(-due * self._rate // NS)
 
     def _blow(self) -> None:
-        """Give each vehicle the wind along its body's axes, and what else pushes it."""
+        """Give each vehicle the wind along its body's axes, what else pushes it, and how much it
+        vibrates."""
         now = (self.aboard.steps + 1) * NS // self._rate
         elapsed, self._blown = (now - self._blown) / NS, now
         for index, vehicle in self._winds:
             to_body = conjugate(self.truth(index).attitude)
-            wind = add(vehicle.wind.after(elapsed), vehicle.rig.wind(now))
-            self.aboard.winds[index] = rotate(to_body, wind)
-            if vehicle.eddies is not None:
-                self.aboard.pushes[index] = vehicle.eddies.after(elapsed)
+            self.aboard.winds[index] = rotate(to_body, vehicle.blown(now, elapsed))
+            self.aboard.pushes[index] = vehicle.pushed(elapsed)
+            self._stepper.errors.shake(index, vehicle.vibration)
 
 
 def _parcels(

@@ -10,7 +10,7 @@ import pytest
 from sim_worlds import FRAME, PERIOD, QUIET, push, seat, thrust, world
 
 from kybflow.core.geometry import LEVEL
-from kybflow.core.signals import NS, Pose
+from kybflow.core.signals import NS, Imu, Pose
 from kybflow.core.units import DEG
 from kybflow.drivers.sim.air import Wandering
 from kybflow.drivers.sim.lab import as_flown
@@ -50,6 +50,26 @@ def test_eddies_push_and_turn_a_vehicle() -> None:
     session, link = lab(torque_noise=2.0)
     push(session, link, 3.0, thrust(1.05 * HOVER))
     assert session.truth(0).attitude != LEVEL
+
+
+def samples(session, link, newtons):
+    """What its IMU measures in each physics step of two seconds, once the rotors turn."""
+    link.subscribe(frozenset({Imu}))
+    measured = []
+    for _ in range(1500):
+        link.send(thrust(newtons), session.now)
+        session.advance(session.now + NS // 500)
+        measured += [m for m in link.read(session.now) if isinstance(m, Imu)]
+    return numpy.array([(*m.angular_velocity, *m.specific_force) for m in measured[500:]])
+
+
+@pytest.mark.parametrize("share", [0.9, 0.45, 0.0])
+def test_what_the_imu_feels_of_the_rotors_goes_with_their_thrust(share: float) -> None:
+    session, link = lab(accelerometer_vibration=1.0, gyro_vibration=1.0 * DEG)
+    felt = samples(session, link, share * HOVER).std(axis=0)
+    expected = share * numpy.array((DEG, DEG, DEG, 0.6, 0.6, 1.0))
+    assert felt == pytest.approx(expected, rel=0.1, abs=1e-9)
+    assert (numpy.std(session.aboard.controls[0]) > 1e-4) == (share > 0.0)
 
 
 @pytest.mark.parametrize(("inflow", "rises"), [(2.0, 0.5), (0.0, 0.0)])
