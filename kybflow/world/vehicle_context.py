@@ -61,6 +61,12 @@ class Airframe:
         return self.diameter / 2.0
 
     @property
+    def rotor_radius(self) -> float:
+        """A rotor's radius, metres: a quarter of the diameter, as on the MikroKopter, the X500, the
+        F450 and the Crazyflie; rotors of 0.35 of it would touch."""
+        return self.diameter / 4.0
+
+    @property
     def hover_thrust(self) -> float:
         """The thrust that holds the airframe's weight, newtons."""
         return self.mass * GRAVITY

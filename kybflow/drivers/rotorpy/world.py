@@ -15,7 +15,7 @@ from kybflow.drivers.sim.contacts import FORGOTTEN
 from kybflow.drivers.sim.sensors import ImuErrors, feel
 from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
 from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
-from kybflow.drivers.sim.vehicle import SimulatedVehicle
+from kybflow.drivers.sim.vehicle import SimulatedVehicle, jets_of
 from kybflow.parts import Link, Seat, Session
 from kybflow.parts.link import Touch
 
@@ -46,8 +46,8 @@ class RotorpyWorld(Session):
             context.vehicle: vehicle
             for context, vehicle in zip(self._seats, self._vehicles, strict=True)
         }
-        noises = [vehicle.imu_noise for vehicle in self._vehicles]
-        self._errors = ImuErrors(noises, numpy.ndarray.tolist)
+        sources = [vehicle.imu_source for vehicle in self._vehicles]
+        self._errors = ImuErrors(sources, numpy.ndarray.tolist)
         self._shares = shares(self._dt)
         self._touched: dict[tuple[int, Touch], Time] = {}
         self._blown: Time = 0
@@ -101,9 +101,10 @@ class RotorpyWorld(Session):
         """Give each vehicle its wind, world frame, what else pushes it, and how much it
         vibrates."""
         elapsed, self._blown = (now - self._blown) / NS, now
+        jets = jets_of(self._vehicles)
         for i, vehicle in enumerate(self._vehicles):
             if vehicle.is_blown:
-                self.aboard.winds[i] = vehicle.blown(now, elapsed)
+                self.aboard.winds[i] = vehicle.blown(now, elapsed, jets)
                 self.aboard.pushes[i] = vehicle.pushed(elapsed)
                 self._errors.shake(i, vehicle.vibration)
 

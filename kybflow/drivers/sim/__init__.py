@@ -1,11 +1,12 @@
 """Simulated quadrotors in MuJoCo, all in one world.
 
-Rotors have lag, saturation and drag torque; the body feels rotor drag, wind, gusts and the floor;
-mass, inertia and thrust differ from the airframe's; the battery sags. The on-board controller sees
-a noisy, biased IMU; motion capture comes at its own rate, noisy and late, and so do positions as of
-GPS, where an estimator asks for them. Where no command arrives any more, it comes down by itself. A
-payload is a part of its mass and, once released, a box that falls. Faults break it through its rig.
-The same generator gives the same flight, bit for bit.
+Rotors have lag, saturation and drag torque, more thrust over the floor and less below another
+vehicle; the body feels rotor drag, wind, gusts and the floor; mass, inertia and thrust differ from
+the airframe's; the battery sags. The on-board controller sees a noisy, biased IMU; motion capture
+comes at its own rate, noisy and late, and so do positions as of GPS, where an estimator asks for
+them. Where no command arrives any more, it comes down by itself. A payload is a part of its mass
+and, once released, a box that falls. Faults break it through its rig. The same generator gives the
+same flight, bit for bit.
 """
 
 from __future__ import annotations
@@ -44,7 +45,10 @@ class SimParams:
         "How far mass, inertia, thrust, rotor time and drag may be from the airframe's.",
         default=0.05, at_least=0.0, at_most=0.2, read_only=True,
     )  # fmt: skip
-    wind: Velocity = param("Steady wind, world frame.", default=(0.0, 0.0, 0.0), read_only=True)
+    wind: Velocity = param(
+        "Steady wind, world frame; what blows along body z only the rotors feel, by `inflow`.",
+        default=(0.0, 0.0, 0.0), read_only=True,
+    )  # fmt: skip
     gust: Speed = param(
         "Standard deviation of the gusts along each axis; they last about a second.",
         default=0.0, at_least=0.0, at_most=10.0, read_only=True,
@@ -131,6 +135,16 @@ class SimParams:
         "Noise that the rotors add to each gyroscope sample in hover, standard deviation; the"
         " estimators for EuRoC's flights take 0.6 to 3 deg/s (VINS-Mono).",
         default=1.0 * DEG, at_least=0.0, at_most=60.0 * DEG, read_only=True,
+    )  # fmt: skip
+    ground_effect: Number = param(
+        "Thrust gained near the floor over what a quadrotor's rotors gain there (Cheeseman and"
+        " Bennett, 1955; Sanchez-Cuevas, Heredia and Ollero, 2017).",
+        default=1.0, at_least=0.0, at_most=3.0, read_only=True,
+    )  # fmt: skip
+    downwash: Number = param(
+        "Speed of the air that it blows down on those below over that of the jet below a quadrotor"
+        " of its thrust (Bauersfeld et al., RA-L 2025); `inflow` says what it does to them.",
+        default=1.0, at_least=0.0, at_most=3.0, read_only=True,
     )  # fmt: skip
     inflow: Number = param(
         "Drag along body z over that in the rotors' plane: rotors that climb through air lose"

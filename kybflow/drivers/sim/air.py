@@ -1,17 +1,24 @@
-"""The air that a vehicle flies in: wind, gusts, and eddies of a room, which push and turn it."""
+"""The air that a vehicle flies in: wind, gusts, eddies of a room, which push and turn it, the
+cushion over the floor and the jet below another vehicle."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import exp, sqrt
+from math import exp, exp2, hypot, pi, sqrt
+from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, add
 from kybflow.drivers.sim.steps.aboard import Numbers
+from kybflow.world.vehicle_context import Airframe
 
 GUST_TIME = 1.0
 """Seconds."""
 EDDY_TIME = 0.5
 """Seconds."""
+AIR = 1.2
+"""Density, kg/m^3."""
+FOUNTAIN = 4.0
+"""What the air that the floor turns up between the rotors lifts on the body: twice their K."""
 
 
 class Wandering:
@@ -46,3 +53,67 @@ class GustyWind:
         """The wind, `seconds` after the last call."""
         x, y, z = self._gusts.after(seconds)
         return add(self._steady, (x, y, z))
+
+
+class GroundEffect:
+    """The thrust that rotors gain over a floor:
+
+        T / T0 = 1 / (1 - (R / 4z)^2 - R^2 z (d^2 + 4 z^2)^-1.5 - k R^2 z (b^2 + 4 z^2)^-1.5)
+
+    z: their height over it. R: their radius. d, b: the distances of neighbouring and of opposite
+    hubs. k: 1/2 for the rotor across and `FOUNTAIN` for the body. The first term is Cheeseman and
+    Bennett's (ARC R&M 3021, 1955), the others are those of a quadrotor by Sanchez-Cuevas, Heredia
+    and Ollero (Characterization of the Aerodynamic Ground Effect, Int. J. Aerospace Eng. 2017).
+    Below z = R / 2, where the first no longer holds, it is as there. The floor is the world's, not
+    what a vehicle flies over. share: of what is gained.
+    """
+
+    def __init__(self, airframe: Airframe, share: float) -> None:
+        self._radius, self._diameter = airframe.rotor_radius, airframe.diameter
+        self._share = share
+
+    def gain(self, height: float) -> float:
+        """What is gained at a height in metres, as a part of the thrust far from the floor."""
+        z, across = max(height, 0.5 * self._radius), self._diameter**2
+        area, far = self._radius**2, 4.0 * z * z
+        beside, opposite = sqrt(0.5 * across + far) ** 3, sqrt(across + far) ** 3
+        lost = 0.25 * area / far + area * z * (1.0 / beside + (0.5 + FOUNTAIN) / opposite)
+        return self._share * lost / (1.0 - lost)
+
+
+class Downwash:
+    """The air that a vehicle blows down, as the turbulent jet that its rotors' flows merge into:
+
+        w = 10.1 v / s 2^-(r / h)^2,    h = 0.0767 s,    s = 5.82 + depth / diameter
+
+    v = sqrt(T / (2 A rho)): what rotors of the area A induce where they give the thrust T. r: how
+    far aside, over the diameter. Found by Bauersfeld, Muller, Ziegler, Coletti and Scaramuzza
+    (Robotics meets Fluid Dynamics, RA-L 2025) below six quadrotors, from 2.5 diameters on; nearer,
+    where it is 1.7 v at most, it is a guess. Their profile has no edge; this one, a Gaussian, is as
+    wide. It hangs straight down: neither wind nor tilt bends it. share: of the speed.
+    """
+
+    def __init__(self, airframe: Airframe, share: float) -> None:
+        self._twice = 2.0 * AIR * 4.0 * pi * airframe.rotor_radius**2
+        self._diameter, self._share = airframe.diameter, share
+
+    def jet(self, at: Vec3, thrust: float) -> Jet:
+        """That below a vehicle which gives so many newtons."""
+        return Jet(at, self._diameter, self._share * sqrt(thrust / self._twice))
+
+
+class Jet(NamedTuple):
+    """The jet below a vehicle. at: its place. diameter: its airframe's. speed: v above, m/s."""
+
+    at: Vec3
+    diameter: float
+    speed: float
+
+    def sinks(self, place: Vec3) -> float:
+        """How fast the air sinks at a place, m/s."""
+        (x, y, z), (px, py, pz) = self.at, place
+        if pz >= z:
+            return 0.0
+        away = 5.817 + (z - pz) / self.diameter
+        aside = hypot(px - x, py - y) / (0.07668 * away * self.diameter)
+        return 10.11 * self.speed / away * exp2(-aside * aside)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from kybflow.core.geometry import LEVEL, Quat, integrate
-from kybflow.drivers.sim.air import EDDY_TIME, Wandering
+from kybflow.drivers.sim.air import EDDY_TIME, Downwash, GroundEffect, Wandering
 from kybflow.drivers.sim.model import BuiltAirframe
 from kybflow.drivers.sim.sensors import Array, bias, draw, draw_blocks
 from kybflow.drivers.sim.steps.onboard import Loop
@@ -17,8 +17,9 @@ from kybflow.world.vehicle_context import Airframe
 _NOUGHT = dict.fromkeys(
     (
         "force_noise", "torque_noise", "drag_error", "accelerometer_vibration", "gyro_vibration",
-        "inflow", "loop_error", "gyro_filter", "dead_time", "command_latency", "command_jitter",
-        "mocap_misalignment", "mocap_loss", "stamp_error", "stamp_jitter",
+        "ground_effect", "downwash", "inflow", "loop_error", "gyro_filter", "dead_time",
+        "command_latency", "command_jitter", "mocap_misalignment", "mocap_loss", "stamp_error",
+        "stamp_jitter",
     ),
     0.0,
 )  # fmt: skip
@@ -32,7 +33,8 @@ class Lab(NamedTuple):
     on-board loop is made of. eddies: what pushes the body, N, world frame, and turns it, N m, body
     frame; None in still air. vibration: what the IMU measures of the rotors in hover, white, since
     rotors that turn at speeds of their own fold their harmonics all over a sampled spectrum; None
-    where nothing vibrates. markers: the body that motion capture takes for the vehicle's, in the
+    where nothing vibrates. ground, downwash: what the floor does to its thrust, and the jet below
+    it; None for nothing. markers: the body that motion capture takes for the vehicle's, in the
     vehicle's. stamps: how much later than it was a pose is stamped, s. late: seconds by which each
     command is late; None where none is."""
 
@@ -41,6 +43,8 @@ class Lab(NamedTuple):
     loop: Loop
     eddies: Wandering | None
     vibration: Iterator[Array] | None
+    ground: GroundEffect | None
+    downwash: Downwash | None
     markers: Quat
     stamps: float
     late: Iterator[list[float]] | None
@@ -48,7 +52,8 @@ class Lab(NamedTuple):
     @property
     def stirs(self) -> bool:
         """Whether something of it changes from tick to tick."""
-        return self.eddies is not None or self.vibration is not None
+        found = (self.eddies, self.vibration, self.ground, self.downwash)
+        return any(stirs is not None for stirs in found)
 
 
 def as_flown(params: Any) -> Any:
@@ -78,6 +83,8 @@ def lab(p: Any, airframe: Airframe, body: BuiltAirframe, generator: Any) -> Lab:
         Loop(believed, p.gyro_filter, p.dead_time),
         Wandering(spread, EDDY_TIME, noise) if any(spread) else None,
         draw_blocks(rotors, [0.0] * 6, shaking) if any(shaking) else None,
+        GroundEffect(airframe, p.ground_effect) if p.ground_effect else None,
+        Downwash(airframe, p.downwash) if p.downwash else None,
         integrate(LEVEL, turned, 1.0),
         p.stamp_error * stamps,
         draw(commands, [latency], [jitter]) if latency or jitter else None,

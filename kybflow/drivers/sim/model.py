@@ -104,11 +104,11 @@ def _geom(kind: str, at: Iterable[float], size: Iterable[float]) -> str:
 
 def _vehicle(index: int, context: VehicleContext, body: BuiltAirframe) -> str:
     x, y, z = context.start
-    half = context.airframe.arm / sqrt(2.0)
+    half, radius = context.airframe.arm / sqrt(2.0), context.airframe.rotor_radius
     hue = ("0.9 0.4 0.1", "0.1 0.5 0.8", "0.2 0.7 0.3", "0.7 0.2 0.6")[index % 4]
     rotors = "".join(
         f'<site pos="{sx * half:.9g} {sy * half:.9g} 0" type="cylinder"'
-        f' size="{half * 0.6:.6g} 0.003" rgba="{hue} 0.5"/>'
+        f' size="{radius:.6g} 0.003" rgba="{hue} 0.5"/>'
         for sx, sy in ((1, 1), (-1, 1), (-1, -1), (1, -1))
     )
     stand = _stand(context) if z > 0.0 else ""

@@ -66,7 +66,7 @@ def feel(rotation: Numbers, velocity: Numbers, acceleration: Numbers, errors: Nu
     )
 
 
-class ImuNoise(NamedTuple):
+class ImuSource(NamedTuple):
     """Where the errors of a vehicle's IMU come from, in blocks of steps: turn rate and specific
     force along body x, y, z. errors: with the rotors at rest. vibration: what they add in hover;
     None where nothing vibrates."""
@@ -80,7 +80,7 @@ class ImuErrors:
     `block`, and the vibration of those that were taken. form: makes a block from an array of steps,
     vehicles and values."""
 
-    def __init__(self, sources: Sequence[ImuNoise], form: Callable[[Array], Any]) -> None:
+    def __init__(self, sources: Sequence[ImuSource], form: Callable[[Array], Any]) -> None:
         still = repeat(numpy.zeros((BLOCK, 6)))
         self._errors = [source.errors for source in sources]
         self._vibrations = [source.vibration or still for source in sources]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from math import hypot
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy
 
-from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add
+from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, rotate
 from kybflow.core.signals import (
     NS,
     Command,
@@ -21,13 +22,13 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.drivers.sim.air import GustyWind
+from kybflow.drivers.sim.air import GustyWind, Jet
 from kybflow.drivers.sim.lab import as_flown, lab
 from kybflow.drivers.sim.model import BuiltAirframe
 from kybflow.drivers.sim.receiver import Receiver
 from kybflow.drivers.sim.sensors import (
     Averages,
-    ImuNoise,
+    ImuSource,
     PoseSampler,
     Positions,
     SimulatedBattery,
@@ -41,7 +42,7 @@ from kybflow.drivers.sim.steps.onboard import AttitudeController
 from kybflow.drivers.sim.steps.rotors import constants
 from kybflow.parts import Link, Override, Rig, Seat
 from kybflow.parts.link import Touch
-from kybflow.world.vehicle_context import Airframe
+from kybflow.world.vehicle_context import LEGS, Airframe
 
 if TYPE_CHECKING:
     import random
@@ -89,7 +90,7 @@ class SimulatedVehicle(Link):
         imu = streams[1]
         offsets = [*bias(imu, p.gyro_bias), *bias(imu, p.accelerometer_bias)]
         noises = [p.gyro_noise] * 3 + [p.accelerometer_noise] * 3
-        self.imu_noise = ImuNoise(draw_blocks(imu, offsets, noises), own.vibration)
+        self.imu_source = ImuSource(draw_blocks(imu, offsets, noises), own.vibration)
         self.imu_bias = NOTHING
         self._dt = 1.0 / p.physics
         self.controller = AttitudeController(
@@ -152,14 +153,30 @@ class SimulatedVehicle(Link):
         """Whether the air or its rotors do to it what changes from tick to tick."""
         return self.wind.blows or self.rig.blows or self._lab.stirs
 
-    def blown(self, now: Time, elapsed: float) -> Vec3:
-        """The wind at it, m/s, world frame, `elapsed` seconds after the last call."""
-        return add(self.wind.after(elapsed), self.rig.wind(now))
+    def jet(self) -> Jet | None:
+        """The air that it blows down; None where that acts on nobody."""
+        downwash = self._lab.downwash
+        return None if downwash is None else downwash.jet(self.truth().position, self._thrust)
+
+    def blown(self, now: Time, elapsed: float, jets: Sequence[Jet]) -> Vec3:
+        """The wind at it, m/s, world frame, `elapsed` seconds after the last call: its own, and
+        those of all vehicles' jets, whose momenta add up."""
+        x, y, z = add(self.wind.after(elapsed), self.rig.wind(now))
+        if jets:
+            place = self.truth().position
+            z -= hypot(*(jet.sinks(place) for jet in jets))
+        return x, y, z
 
     def pushed(self, elapsed: float) -> Numbers:
         """What pushes it beside its rotors and the wind, N, world frame, and turns it, N m, body
         frame, `elapsed` seconds after the last call."""
-        return NOTHING if self._lab.eddies is None else self._lab.eddies.after(elapsed)
+        pushed = NOTHING if self._lab.eddies is None else self._lab.eddies.after(elapsed)
+        if self._lab.ground is None:
+            return pushed
+        truth, (x, y, z, *turned) = self.truth(), pushed
+        lift = self._thrust * self._lab.ground.gain(truth.position[2] + LEGS)
+        ux, uy, uz = rotate(truth.attitude, (0.0, 0.0, lift))
+        return (x + ux, y + uy, z + uz, *turned)
 
     @property
     def vibration(self) -> float:
@@ -289,6 +306,13 @@ def _given(rotors: Numbers, most: Numbers) -> float:
 
 def _untold(touch: Touch) -> None:
     """Nobody wants to know."""
+
+
+def jets_of(vehicles: Sequence[SimulatedVehicle]) -> list[Jet]:
+    """The air that vehicles blow down on each other; one alone blows on nobody."""
+    if len(vehicles) < 2:
+        return []
+    return [jet for vehicle in vehicles if (jet := vehicle.jet()) is not None]
 
 
 def build(airframe: Airframe, error: float, generator: Any) -> BuiltAirframe:

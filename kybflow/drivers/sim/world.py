@@ -16,7 +16,7 @@ from kybflow.drivers.sim.model import FIRST_BODY, BuiltAirframe, loaded, world_t
 from kybflow.drivers.sim.parcels import FallingParcel
 from kybflow.drivers.sim.steps.aboard import Aboard
 from kybflow.drivers.sim.steps.stepper import rows, stepper
-from kybflow.drivers.sim.vehicle import SimulatedVehicle
+from kybflow.drivers.sim.vehicle import SimulatedVehicle, jets_of
 from kybflow.drivers.sim.viewer import Viewer
 from kybflow.parts import Link, Seat, Session
 
@@ -48,8 +48,8 @@ class SimulatedWorld(Session):
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
         self._parcels = _parcels(self.model, self.data, seats)
-        noises = [vehicle.imu_noise for vehicle in self._vehicles]
-        self._stepper = stepper(self.model, self.data, self.aboard, noises)
+        sources = [vehicle.imu_source for vehicle in self._vehicles]
+        self._stepper = stepper(self.model, self.data, self.aboard, sources)
         self._positions, self._velocities = self.data.qpos.data, self.data.qvel.data
         self._truths: dict[int, Truth] = {}
         self._listeners: list[tuple[int, SimulatedVehicle]] = []
@@ -179,9 +179,10 @@ class SimulatedWorld(Session):
         vibrates."""
         now = (self.aboard.steps + 1) * NS // self._rate
         elapsed, self._blown = (now - self._blown) / NS, now
+        jets = jets_of([vehicle for _, vehicle in self._winds])
         for index, vehicle in self._winds:
             to_body = conjugate(self.truth(index).attitude)
-            self.aboard.winds[index] = rotate(to_body, vehicle.blown(now, elapsed))
+            self.aboard.winds[index] = rotate(to_body, vehicle.blown(now, elapsed, jets))
             self.aboard.pushes[index] = vehicle.pushed(elapsed)
             self._stepper.errors.shake(index, vehicle.vibration)
 

@@ -20,6 +20,7 @@ from kybflow.core.geometry import ZERO, norm
 from kybflow.core.signals import Imu
 from kybflow.drivers.rotorpy import Rotorpy, RotorpyParams
 from kybflow.drivers.rotorpy.plant import Plant
+from kybflow.drivers.sim.lab import as_flown
 from kybflow.parts import Effect
 from kybflow.parts.link import Touch
 from kybflow.world.shapes import Box
@@ -92,6 +93,22 @@ def test_eddies_push_it_the_same_way_each_time() -> None:
         found.append(session.truth(0))
     assert found[0] == found[1]
     assert norm((*found[0].velocity[:2], 0.0)) > 0.02
+
+
+@pytest.mark.parametrize(("effect", "raises"), [("ground_effect", 1.0), ("downwash", -1.0)])
+def test_the_floor_lifts_it_and_a_vehicle_above_pushes_it_down(effect: str, raises: float) -> None:
+    speeds = []
+    for share in (0.0, 1.0):
+        params = replace(as_flown(QUIET), calm=False, **{effect: share})
+        session = world(*(seat(name, (5.0 * i, 0.0, 0.0), params) for i, name in enumerate("ab")))
+        session._plants[1]._state["x"][:] = (0.0, 0.0, 1.0)
+        for link in session.links.values():
+            link.send(thrust(1.3 * HOVER), 0)
+        push(session, session.links["a"], 0.4, thrust(1.3 * HOVER))
+        speeds.append([session.truth(i).velocity[2] for i in range(2)])
+    (below, above), (moved, stays) = speeds
+    assert raises * (moved - below) > 0.1
+    assert stays == pytest.approx(above, abs=0.05)
 
 
 def test_what_it_comes_near_to_is_told() -> None:

@@ -19,7 +19,7 @@ import mujoco
 import numpy
 from llvmlite import binding
 
-from kybflow.drivers.sim.sensors import ImuErrors, ImuNoise, feel
+from kybflow.drivers.sim.sensors import ImuErrors, ImuSource, feel
 from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
 from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
 from kybflow.drivers.sim.steps.rotors import push
@@ -50,7 +50,7 @@ class ArrayRows:
 class CompiledStepper:
     """Makes the physics steps, compiled. Raises one of `FAILURES` where that can't be done."""
 
-    def __init__(self, model: Any, data: Any, aboard: Aboard, sources: Sequence[ImuNoise]) -> None:
+    def __init__(self, model: Any, data: Any, aboard: Aboard, sources: Sequence[ImuSource]) -> None:
         count = aboard.count
         self._aboard, self.errors = aboard, ImuErrors(sources, numpy.ascontiguousarray)
         self._felt, self._first, self._last = self.errors.block, 0, 0

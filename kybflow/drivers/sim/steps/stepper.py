@@ -12,7 +12,7 @@ import mujoco
 import numpy
 
 from kybflow.core.errors import described
-from kybflow.drivers.sim.sensors import ImuErrors, ImuNoise, feel
+from kybflow.drivers.sim.sensors import ImuErrors, ImuSource, feel
 from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
 from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
 from kybflow.drivers.sim.steps.rotors import push
@@ -24,7 +24,7 @@ class Stepper:
     """Makes the physics steps, in Python around MuJoCo's. sources: of the errors of each vehicle's
     IMU, which become `errors`."""
 
-    def __init__(self, model: Any, data: Any, aboard: Aboard, sources: Sequence[ImuNoise]) -> None:
+    def __init__(self, model: Any, data: Any, aboard: Aboard, sources: Sequence[ImuSource]) -> None:
         self._model, self._data, self._aboard = model, data, aboard
         self.errors = ImuErrors(sources, numpy.ndarray.tolist)
         self._felt: list[list[Numbers]] = []
@@ -76,7 +76,7 @@ def rows() -> Callable[[int, int], Any]:
     return lambda count, width: [(0.0,) * width] * count
 
 
-def stepper(model: Any, data: Any, aboard: Aboard, sources: Sequence[ImuNoise]) -> Any:
+def stepper(model: Any, data: Any, aboard: Aboard, sources: Sequence[ImuSource]) -> Any:
     """The fastest stepper that there is: the compiled one where Numba is installed. Warns where it
     can't be compiled; a flight is the same without, only slower."""
     if not _is_fast():
