@@ -105,8 +105,9 @@ class RotorpyWorld(Session):
         for i, vehicle in enumerate(self._vehicles):
             if vehicle.is_blown:
                 self.aboard.winds[i] = vehicle.blown(now, elapsed, jets)
-                self.aboard.pushes[i] = vehicle.pushed(elapsed)
-                self._errors.shake(i, vehicle.vibration)
+                thrust = vehicle.thrust
+                self.aboard.pushes[i] = vehicle.pushed(elapsed, thrust)
+                self._errors.shake(i, vehicle.vibration(thrust))
 
     def _touches(self, index: int) -> Iterator[Touch]:
         """What a vehicle touches now: the floor, and whatever its arms reach."""

@@ -36,7 +36,7 @@ class Wandering:
         keep = exp(-seconds / self._lasts)
         kick = sqrt(1.0 - keep * keep)
         moved = zip(self._now, self._deviations, next(self._noise), strict=True)
-        self._now = tuple(keep * x + spread * kick * n for x, spread, n in moved)
+        self._now = tuple([keep * x + spread * kick * n for x, spread, n in moved])
         return self._now
 
 
@@ -46,11 +46,13 @@ class GustyWind:
 
     def __init__(self, steady: Vec3, gust: float, noise: Iterator[list[float]]) -> None:
         self._steady = steady
-        self._gusts = Wandering((gust, gust, gust), GUST_TIME, noise)
+        self._gusts = Wandering((gust, gust, gust), GUST_TIME, noise) if gust else None
         self.blows = gust > 0.0 or any(steady)
 
     def after(self, seconds: float) -> Vec3:
         """The wind, `seconds` after the last call."""
+        if self._gusts is None:
+            return self._steady
         x, y, z = self._gusts.after(seconds)
         return add(self._steady, (x, y, z))
 

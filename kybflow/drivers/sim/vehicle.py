@@ -153,10 +153,16 @@ class SimulatedVehicle(Link):
         """Whether the air or its rotors do to it what changes from tick to tick."""
         return self.wind.blows or self.rig.blows or self._lab.stirs
 
+    @property
+    def thrust(self) -> float:
+        """What its rotors give, N."""
+        aboard, index = self._world.aboard, self._index
+        return _given(aboard.rotors[index], aboard.thrusts[index])
+
     def jet(self) -> Jet | None:
         """The air that it blows down; None where that acts on nobody."""
         downwash = self._lab.downwash
-        return None if downwash is None else downwash.jet(self.truth().position, self._thrust)
+        return None if downwash is None else downwash.jet(self.truth().position, self.thrust)
 
     def blown(self, now: Time, elapsed: float, jets: Sequence[Jet]) -> Vec3:
         """The wind at it, m/s, world frame, `elapsed` seconds after the last call: its own, and
@@ -167,28 +173,21 @@ class SimulatedVehicle(Link):
             z -= hypot(*(jet.sinks(place) for jet in jets))
         return x, y, z
 
-    def pushed(self, elapsed: float) -> Numbers:
-        """What pushes it beside its rotors and the wind, N, world frame, and turns it, N m, body
+    def pushed(self, elapsed: float, thrust: float) -> Numbers:
+        """What pushes it beside `thrust` and the wind, N, world frame, and turns it, N m, body
         frame, `elapsed` seconds after the last call."""
         pushed = NOTHING if self._lab.eddies is None else self._lab.eddies.after(elapsed)
         if self._lab.ground is None:
             return pushed
         truth, (x, y, z, *turned) = self.truth(), pushed
-        lift = self._thrust * self._lab.ground.gain(truth.position[2] + LEGS)
+        lift = thrust * self._lab.ground.gain(truth.position[2] + LEGS)
         ux, uy, uz = rotate(truth.attitude, (0.0, 0.0, lift))
         return (x + ux, y + uy, z + uz, *turned)
 
-    @property
-    def vibration(self) -> float:
+    def vibration(self, thrust: float) -> float:
         """How much it vibrates, over what it does in hover: as a rotor's imbalance, by the square
         of its speed and so by its thrust."""
-        return self._thrust / (self.body.mass * GRAVITY)
-
-    @property
-    def _thrust(self) -> float:
-        """What its rotors give, N."""
-        aboard, index = self._world.aboard, self._index
-        return _given(aboard.rotors[index], aboard.thrusts[index])
+        return thrust / (self.body.mass * GRAVITY)
 
     def _load(self, now: Time) -> None:
         """Drain the battery by what the rotors give, and let their thrust sag with it."""
@@ -301,7 +300,8 @@ class SimulatedVehicle(Link):
 
 def _given(rotors: Numbers, most: Numbers) -> float:
     """What rotors give together, by their states and their largest thrusts, N."""
-    return sum(a * f for a, f in zip(rotors, most, strict=True))
+    (a, b, c, d), (fa, fb, fc, fd) = rotors, most
+    return a * fa + b * fb + c * fc + d * fd
 
 
 def _untold(touch: Touch) -> None:

@@ -183,8 +183,9 @@ class SimulatedWorld(Session):
         for index, vehicle in self._winds:
             to_body = conjugate(self.truth(index).attitude)
             self.aboard.winds[index] = rotate(to_body, vehicle.blown(now, elapsed, jets))
-            self.aboard.pushes[index] = vehicle.pushed(elapsed)
-            self._stepper.errors.shake(index, vehicle.vibration)
+            thrust = vehicle.thrust
+            self.aboard.pushes[index] = vehicle.pushed(elapsed, thrust)
+            self._stepper.errors.shake(index, vehicle.vibration(thrust))
 
 
 def _parcels(
