@@ -37,8 +37,10 @@ With `observer` what else pushes the vehicle is estimated from the accelerometer
 seeds 0 to 19, a mass believed of 80 and of 120 %, mean and largest position error in mm:
 
     airframe   without      2 Hz         the largest of any flight
-    mk_quadro  8.7, 19.2    4.7, 11.1    11.5, 26.7    6.1, 14.5
-    nano_plus  9.4, 19.8    5.3, 10.8    12.3, 26.6    6.9, 13.7
+    mk_quadro  8.7, 19.3    6.5, 15.7    11.6, 26.7    8.6, 20.1
+    nano_plus  9.4, 19.9    6.0, 12.9    12.3, 26.8    7.6, 16.7
+
+About 1 mm of that with the observer is the rotors' vibration, which the accelerometer feels.
 
 Limits, mass and the trim against the on-board attitude's error: `kybflow.flight.steering`.
 """
