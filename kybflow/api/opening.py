@@ -152,6 +152,7 @@ def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
         plan.tags,
         vehicle.cameras,
         vehicle.payload,
+        vehicle.driver.cls.inner_loop(vehicle.driver.params, vehicle.airframe),
     )
 
 

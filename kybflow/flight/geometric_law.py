@@ -10,18 +10,29 @@ from kybflow.core.params import param, params
 from kybflow.core.signals import Command, Estimate, Imu, MeasurementKind, Setpoint, Tick
 from kybflow.core.units import Frequency, Number
 from kybflow.flight.disturbance import DisturbanceObserver
+from kybflow.flight.loops.design import FASTEST, Gains, designed
+from kybflow.flight.loops.response import OuterLoop
 from kybflow.flight.steering import Steering
 from kybflow.flight.steering_params import SteeringParams
-from kybflow.world.vehicle_context import VehicleContext
+from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 
 @params
 class GeometricParams(SteeringParams):
-    proportional: Number = param("Acceleration per metre of position error.", default=16.0, above=0)
-    derivative: Number = param("Acceleration per m/s of velocity error.", default=9.0, above=0)
-    integral: Number = param(
-        "Acceleration per metre and second of position error.", default=8.0, at_least=0
-    )
+    proportional: Number | None = param(
+        "Acceleration per metre of position error; by default as the loop on board allows, 16 at"
+        " most.",
+        default=None, above=0,
+    )  # fmt: skip
+    derivative: Number | None = param(
+        "Acceleration per m/s of velocity error; by default likewise, 9 at most.",
+        default=None, above=0,
+    )  # fmt: skip
+    integral: Number | None = param(
+        "Acceleration per metre and second of position error; by default likewise, 8 at most.",
+        default=None, at_least=0,
+    )  # fmt: skip
     observer: Frequency = param(
         "Bandwidth at which disturbances are estimated from the accelerometer, 0 for not at all.",
         default=0.0, at_least=0.0, at_most=20.0, read_only=True,
@@ -33,10 +44,32 @@ def used_by(params: GeometricParams) -> frozenset[MeasurementKind]:
     return frozenset({Imu}) if params.observer else frozenset()
 
 
-class GeometricLaw:
-    """The law with its integral; lives as long as its tracker."""
+def outer_loop(
+    params: GeometricParams,
+    airframe: Airframe,
+    inner: InnerLoop | None,
+    period: float,
+    attitude: float | None = None,
+) -> OuterLoop:
+    """The loop that the law closes; gains that are not given follow from `inner`. attitude: the
+    rates per angle of the attitude's error of a tracker that closes that loop too, 1/s."""
+    p = params
+    found = OuterLoop(*FASTEST, p.trim, airframe.drag, period, p.observer, attitude)
+    given = (p.proportional, p.derivative, p.integral)
+    own = found[:3] if inner is None or None not in given else designed(found, inner)
+    k, d, i = (a if b is None else b for a, b in zip(own, given, strict=True))
+    return found._replace(proportional=k, derivative=d, integral=i)
 
-    def __init__(self, params: GeometricParams, context: VehicleContext) -> None:
+
+class GeometricLaw:
+    """The law with its integral; lives as long as its tracker. attitude: as in `outer_loop`."""
+
+    def __init__(
+        self, params: GeometricParams, context: VehicleContext, attitude: float | None = None
+    ) -> None:
+        self._context, self._attitude = context, attitude
+        self._gains: Gains = FASTEST
+        self._tune(params)
         self._drag = context.airframe.drag
         self._steering = Steering(context, params.mass_guess)
         self._integral = (0.0, 0.0)
@@ -50,6 +83,8 @@ class GeometricLaw:
     def command(self, params: GeometricParams, setpoint: Setpoint, tick: Tick) -> Command:
         """Attitude, body rates and thrust by which the vehicle follows the setpoint."""
         estimate, dt, steering, p = tick.known(), tick.dt, self._steering, params
+        if p is not self._tuned:
+            self._tune(p)
         steering.weigh(setpoint, estimate, p.lift_off, dt)
         up = body_z(estimate.attitude)
         wanted, turning = self._wanted(p, setpoint, estimate, up, dt)
@@ -58,6 +93,12 @@ class GeometricLaw:
         still = steering.limited or not steering.flies
         rates = _rates(ZERO if still else turning, force, attitude, setpoint.heading_rate)
         return steering.command(force, attitude, rates, estimate, up)
+
+    def _tune(self, params: GeometricParams) -> None:
+        """Take the gains of new parameters."""
+        context = self._context
+        loop = outer_loop(params, context.airframe, context.loop, context.dt, self._attitude)
+        self._tuned, self._gains = params, (loop.proportional, loop.derivative, loop.integral)
 
     def _disturbance(self, bandwidth: float, tick: Tick) -> Vec3:
         """What pushes the vehicle, m/s^2, world."""
@@ -72,12 +113,12 @@ class GeometricLaw:
         self, p: GeometricParams, setpoint: Setpoint, estimate: Estimate, up: Vec3, dt: float
     ) -> tuple[Vec3, Vec3]:
         """(f, f'): the specific force that the law asks for and how it changes, world."""
-        c = self._drag
+        c, (k, d, i) = self._drag, self._gains
         (ux, uy, uz), (vx, vy, vz) = up, estimate.velocity
         _, position, velocity, acceleration, jerk, _, _ = setpoint
         wx, wy, wz = velocity or ZERO
         (ax, ay, az), (jx, jy, jz) = acceleration or ZERO, jerk or ZERO
-        d, push = p.derivative, self._steering.force_along
+        push = self._steering.force_along
         slip = vx * ux + vy * uy + vz * uz
         ex = push * ux - c * (vx - slip * ux) - ax
         ey = push * uy - c * (vy - slip * uy) - ay
@@ -89,12 +130,12 @@ class GeometricLaw:
         fz = az + d * (wz - vz) + c * (wz - along * uz) + GRAVITY
         ix, iy = self._integral
         if position is not None:
-            k, (sx, sy, sz), (px, py, pz) = p.proportional, position, estimate.position
+            (sx, sy, sz), (px, py, pz) = position, estimate.position
             ex, ey = sx - px, sy - py
             fx, fy, fz = fx + k * ex, fy + k * ey, fz + k * (sz - pz)
             tx, ty, tz = tx + k * (wx - vx), ty + k * (wy - vy), tz + k * (wz - vz)
             if self._steering.learns:
-                i, most = p.integral * dt, p.integral_limit
+                i, most = i * dt, p.integral_limit
                 ix, iy = ix + i * ex, iy + i * ey
                 ix = most if ix > most else -most if ix < -most else ix
                 iy = most if iy > most else -most if iy < -most else iy

@@ -20,10 +20,12 @@ from kybflow.core.signals import (
     Time,
 )
 from kybflow.parts.base import P, Part
+from kybflow.world.inner_loop import InnerLoop
 from kybflow.world.shapes import Box
-from kybflow.world.vehicle_context import VehicleContext
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 if TYPE_CHECKING:
+    from kybflow.flight.loops.response import OuterLoop
     from kybflow.flight.pose_gate import Refusal
     from kybflow.vision.locating.locator import Sighting
 
@@ -118,6 +120,14 @@ class Tracker(Part[P]):
     def uses(cls, params: P) -> frozenset[MeasurementKind]:
         """Return the kinds of measurement that it follows better with."""
         return frozenset()
+
+    @classmethod
+    def outer_loop(
+        cls, params: P, airframe: Airframe, inner: InnerLoop | None, period: float
+    ) -> OuterLoop | None:
+        """Return the position loop that it closes around `inner` with these parameters, of which
+        margins are computed; None for no such loop. period: of the control, seconds."""
+        return None
 
     @property
     @abstractmethod

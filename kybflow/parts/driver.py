@@ -10,7 +10,8 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.signals import CommandKind, MeasurementKind, Time
 from kybflow.parts.base import Objection, P, Part
 from kybflow.parts.link import Link
-from kybflow.world.vehicle_context import Parcel, VehicleContext
+from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import Airframe, Parcel, VehicleContext
 
 if TYPE_CHECKING:
     import random
@@ -94,6 +95,12 @@ class Driver(Part[P]):
     def watchdog(cls, params: P) -> str | None:
         """Return what is dangerous about the vehicle's own watchdog, which lands it if this program
         dies; None if nothing is. The preflight fails with this reason."""
+        return None
+
+    @classmethod
+    def inner_loop(cls, params: P, airframe: Airframe) -> InnerLoop | None:
+        """Return what answers a tracker's commands on `airframe`, by which gains are designed; None
+        where nothing is known of it."""
         return None
 
     @classmethod

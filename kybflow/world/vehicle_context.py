@@ -10,6 +10,7 @@ from kybflow.core.geometry import GRAVITY, Vec3
 from kybflow.core.params import declared, param, params
 from kybflow.core.units import Angle, Damping, Duration, Force, Inertias, Length, Mass, Ratio, Speed
 from kybflow.world.cameras import Camera
+from kybflow.world.inner_loop import AttitudeLoop, InnerLoop, attitude_loop
 from kybflow.world.shapes import Box, Shape
 from kybflow.world.tags import TagMap
 
@@ -76,6 +77,11 @@ class Airframe:
         """The largest thrust of all four rotors together, newtons."""
         return 4.0 * self.thrust
 
+    @property
+    def attitude_loop(self) -> AttitudeLoop:
+        """Its on-board attitude loop."""
+        return attitude_loop(self.rotor_time, self.attitude_gain, self.rate_gain)
+
 
 @declared
 class Parcel:
@@ -97,7 +103,8 @@ class VehicleContext(NamedTuple):
     vehicle: its name. start, heading: its declared start. dt: seconds per tick. home: where
     `go_home` flies, None for the start. obstacles: the world's, by name. diameters: every vehicle's
     airframe diameter, by vehicle. tags: the world's. cameras: the airframe's, by name. payload:
-    what the vehicle carries, None for nothing.
+    what the vehicle carries, None for nothing. loop: what its driver declares of the loop that
+    answers commands, None for nothing.
     """
 
     vehicle: str
@@ -112,3 +119,4 @@ class VehicleContext(NamedTuple):
     tags: TagMap = NO_TAGS
     cameras: Mapping[str, Camera] = MappingProxyType({})
     payload: Parcel | None = None
+    loop: InnerLoop | None = None

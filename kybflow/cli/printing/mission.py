@@ -34,6 +34,8 @@ from kybflow.dsl.plan import (
 )
 from kybflow.dsl.reading.values import shown_value
 from kybflow.dsl.resolving.parameters import shown_parameter
+from kybflow.flight.loops.design import margins_of
+from kybflow.flight.loops.margins import in_words
 
 
 def show_mission(plan: Plan, parameters: Mapping[str, Parameter]) -> str:
@@ -53,7 +55,7 @@ def _lines(plan: Plan, parameters: Mapping[str, Parameter]) -> Iterator[str]:
         yield f"  {name:<{width}}  {shown_parameter(parameter)}"
     for vehicle in plan.vehicles:
         yield ""
-        yield from _vehicle(vehicle)
+        yield from _vehicle(vehicle, 1.0 / plan.control_rate)
     for heading, lines in _sections(plan):
         yield ""
         yield heading
@@ -68,7 +70,7 @@ def _sensors(vehicle: VehiclePlan) -> Iterator[str]:
         yield f"{kind} ({own})" if kinds.count(kind) > 1 else kind
 
 
-def _vehicle(vehicle: VehiclePlan) -> Iterator[str]:
+def _vehicle(vehicle: VehiclePlan, period: float) -> Iterator[str]:
     mass = format_quantity(vehicle.airframe.mass, MASS)
     size = format_quantity(vehicle.airframe.diameter, LENGTH)
     yield f"{vehicle.name} ({mass}, {size} across)"
@@ -77,6 +79,7 @@ def _vehicle(vehicle: VehiclePlan) -> Iterator[str]:
         yield f"  senses by  {', '.join(_sensors(vehicle))}"
     yield f"  processed  {', '.join(p.name for p in vehicle.processors) or 'by nothing'}"
     yield f"  tracked    by {vehicle.tracker.name}, flown by {vehicle.driver.name}"
+    yield from _loop(vehicle, period)
     yield f"  watched    {', '.join(s.name for s in vehicle.supervisors)}"
     for part in (*vehicle.processors, *vehicle.supervisors):
         yield from (f"  loosened   {line}" for line in _loosened(part))
@@ -84,6 +87,19 @@ def _vehicle(vehicle: VehiclePlan) -> Iterator[str]:
     width = max(len(state.name) for state in own)
     for state in own:
         yield f"  {state.name:<{width}}  {state.behavior.name}{_ways(state)}"
+
+
+def _loop(vehicle: VehiclePlan, period: float) -> Iterator[str]:
+    """The gains of the position loop and the margins that they leave, where they are known."""
+    driver, tracker, airframe = vehicle.driver, vehicle.tracker, vehicle.airframe
+    inner = driver.cls.inner_loop(driver.params, airframe)
+    outer = tracker.cls.outer_loop(tracker.params, airframe, inner, period)
+    if outer is None:
+        return
+    k, d, i = outer.proportional, outer.derivative, outer.integral
+    yield f"  gains      proportional {k:.3g}, derivative {d:.3g}, integral {i:.3g}"
+    if inner is not None:
+        yield f"  margins    {in_words(margins_of(outer, inner)).replace(' margin', '')}"
 
 
 def _loosened(part: PartPlan) -> Iterator[str]:

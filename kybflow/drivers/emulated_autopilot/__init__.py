@@ -16,8 +16,10 @@ from kybflow.core.signals import CommandKind, Pose
 from kybflow.drivers import firmware_names
 from kybflow.drivers.mavlink import Mavlink
 from kybflow.drivers.mavlink.params import AutopilotLinkParams
-from kybflow.drivers.sim import SimParams
+from kybflow.drivers.sim import Sim, SimParams
 from kybflow.parts import Driver, Seat, Session, param, params
+from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import Airframe
 
 if TYPE_CHECKING:
     import random
@@ -64,6 +66,10 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
     @classmethod
     def control_rate(cls, params: EmulatedAutopilotParams) -> int:
         return Mavlink.control_rate(params)
+
+    @classmethod
+    def inner_loop(cls, params: EmulatedAutopilotParams, airframe: Airframe) -> InnerLoop:
+        return Sim.inner_loop(params, airframe)
 
     @classmethod
     def step_rate(cls, params: EmulatedAutopilotParams) -> float | None:

@@ -21,7 +21,8 @@ from kybflow.drivers import firmware_names
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
 from kybflow.parts import Driver, Objection, Seat, Session
-from kybflow.world.vehicle_context import Parcel
+from kybflow.world.inner_loop import InnerLoop, attitude_loop
+from kybflow.world.vehicle_context import Airframe, Parcel
 
 if TYPE_CHECKING:
     import random
@@ -31,6 +32,8 @@ OFTEN = 40.0
 SLOW, QUICK = 100, 250
 """Ticks a second, for setpoints of position or acceleration: up to one in two ticks of the former,
 and above. The attitude loop, which needs more, is the autopilot's."""
+DEAD_TIME, LINK = 0.005, 0.01
+"""Seconds from an autopilot's gyroscope to its rotors, and from here to there."""
 
 
 class Mavlink(Driver[MavlinkParams]):
@@ -64,6 +67,14 @@ class Mavlink(Driver[MavlinkParams]):
     @classmethod
     def control_rate(cls, params: AutopilotLinkParams) -> int:
         return SLOW if 2 * params.rate <= SLOW else QUICK
+
+    @classmethod
+    def inner_loop(cls, params: MavlinkParams, airframe: Airframe) -> InnerLoop:
+        """The firmware's loop as it comes, unless the airframe has gains of its own."""
+        profile, lag = profile_of(params.autopilot), airframe.rotor_time
+        gain = airframe.attitude_gain or profile.attitude_gain
+        loop = attitude_loop(lag, gain, airframe.rate_gain)
+        return InnerLoop(loop, lag, profile.gyro_filter, DEAD_TIME, LINK + 0.5 / params.rate)
 
     @classmethod
     def shows(cls, params: MavlinkParams) -> bool:

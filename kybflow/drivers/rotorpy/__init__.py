@@ -21,10 +21,11 @@ from typing import TYPE_CHECKING, ClassVar
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Battery, CommandKind, Imu, Pose, Position
 from kybflow.core.units import Number
-from kybflow.drivers.sim import SimParams
+from kybflow.drivers.sim import Sim, SimParams
 from kybflow.parts import Driver, Seat, Session, param, params
 from kybflow.parts.base import Objection
-from kybflow.world.vehicle_context import Parcel
+from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import Airframe, Parcel
 
 if TYPE_CHECKING:
     import random
@@ -70,6 +71,10 @@ class Rotorpy(Driver[RotorpyParams]):
     @classmethod
     def watchdog(cls, params: RotorpyParams) -> str | None:
         return None if params.watchdog else "`watchdog` is off: nothing lands it should this stop"
+
+    @classmethod
+    def inner_loop(cls, params: RotorpyParams, airframe: Airframe) -> InnerLoop:
+        return Sim.inner_loop(params, airframe)
 
     @classmethod
     def step_rate(cls, params: RotorpyParams) -> float | None:

@@ -30,6 +30,8 @@ from kybflow.core.units import (
     Velocity,
 )
 from kybflow.parts import Driver, Seat, Session, param, params
+from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import Airframe
 
 if TYPE_CHECKING:
     import random
@@ -217,6 +219,19 @@ class Sim(Driver[SimParams]):
     @classmethod
     def watchdog(cls, params: SimParams) -> str | None:
         return None if params.watchdog else "`watchdog` is off: nothing lands it should this stop"
+
+    @classmethod
+    def inner_loop(cls, params: SimParams, airframe: Airframe) -> InnerLoop:
+        """The delays of a lab, but for what is drawn, as they are in steps: what the gyroscope
+        feels moves the rotors two later, less half a step for each stage of its filter and three
+        for a lead, which is stepped as well."""
+        p, loop, lag = params, airframe.attitude_loop, airframe.rotor_time
+        steps = 2.0 - (loop.lead - 1.0)
+        late, period = p.mocap_latency, 1.0 / p.mocap_rate
+        if p.calm:
+            return InnerLoop(loop, lag, 0.0, max(0.0, steps) / p.physics, 0.0, late, period)
+        dead = max(0.0, round(p.dead_time * p.physics) + steps - 1.0) / p.physics
+        return InnerLoop(loop, lag, p.gyro_filter, dead, p.command_latency, late, period)
 
     @classmethod
     def step_rate(cls, params: SimParams) -> float | None:

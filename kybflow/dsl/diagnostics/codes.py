@@ -45,6 +45,7 @@ _FAMILIES = {
     "KYB257": "Conditions and expectations",
     "KYB301": "Data from sensor to rotor",
     "KYB311": "Where it goes and how fast",
+    "KYB323": "Gains and their margins",
     "KYB330": "Faults",
     "KYB340": "Where it goes and how fast",
     "KYB360": "Estimators and failsafe",

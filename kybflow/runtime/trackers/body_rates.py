@@ -20,10 +20,12 @@ from math import atan2
 from kybflow.core.geometry import Quat, Vec3, conjugate, multiply, norm, rotate
 from kybflow.core.signals import Command, CommandKind, MeasurementKind, Setpoint, SetpointKind, Tick
 from kybflow.core.units import AngularRate, Damping
-from kybflow.flight.geometric_law import GeometricLaw, GeometricParams, used_by
+from kybflow.flight.geometric_law import GeometricLaw, GeometricParams, outer_loop, used_by
 from kybflow.flight.governor import shortened
+from kybflow.flight.loops.response import OuterLoop
 from kybflow.parts import Tracker, param, params
-from kybflow.world.vehicle_context import VehicleContext
+from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 
 @params
@@ -43,11 +45,17 @@ class BodyRates(Tracker[BodyRatesParams]):
 
     def __init__(self, params: BodyRatesParams, context: VehicleContext) -> None:
         super().__init__(params, context)
-        self._law = GeometricLaw(params, context)
+        self._law = GeometricLaw(params, context, params.attitude)
 
     @classmethod
     def uses(cls, params: BodyRatesParams) -> frozenset[MeasurementKind]:
         return used_by(params)
+
+    @classmethod
+    def outer_loop(
+        cls, params: BodyRatesParams, airframe: Airframe, inner: InnerLoop | None, period: float
+    ) -> OuterLoop:
+        return outer_loop(params, airframe, inner, period, params.attitude)
 
     @property
     def hover_thrust(self) -> float:

@@ -18,10 +18,12 @@ from __future__ import annotations
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, body_z
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Number
+from kybflow.flight.loops.response import OuterLoop
 from kybflow.flight.steering import Steering, turning
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.parts import Tracker, param, params
-from kybflow.world.vehicle_context import VehicleContext
+from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 
 @params
@@ -42,6 +44,14 @@ class Cascade(Tracker[CascadeParams]):
         self._drag = context.airframe.drag
         self._steering = Steering(context, params.mass_guess)
         self._integral = (0.0, 0.0)
+
+    @classmethod
+    def outer_loop(
+        cls, params: CascadeParams, airframe: Airframe, inner: InnerLoop | None, period: float
+    ) -> OuterLoop:
+        p = params
+        k, d, i = p.proportional, p.derivative, p.integral
+        return OuterLoop(k, d, i, p.trim, airframe.drag, period, turning=0.0)
 
     @property
     def hover_thrust(self) -> float:

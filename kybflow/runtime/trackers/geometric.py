@@ -16,6 +16,10 @@ where a is the acceleration that the last thrust gives along the estimated body 
 the jerk and the feedback turn the vehicle, where `cascade` has the jerk alone. About body z it
 turns as the heading asks. A VELOCITY setpoint has no P and I term.
 
+P, D and I follow from the loop that answers on board and its delays (`kybflow.flight.loops.design`)
+where they are not given: 16, 9 and 8 on a fast one, and lower ones that don't oscillate on a slow
+one.
+
 Errors on the figure eight (width 1.46 m, two laps after 3 s of hovering; mean and largest over ten
 seeds, position in cm, velocity in cm/s), each tracker as it comes:
 
@@ -37,8 +41,8 @@ With `observer` what else pushes the vehicle is estimated from the accelerometer
 seeds 0 to 19, a mass believed of 80 and of 120 %, mean and largest position error in mm:
 
     airframe   without      2 Hz         the largest of any flight
-    mk_quadro  8.7, 19.3    6.5, 15.7    11.6, 26.7    8.6, 20.1
-    nano_plus  9.4, 19.9    6.0, 12.9    12.3, 26.8    7.6, 16.7
+    mk_quadro  9.3, 20.5    6.5, 15.7    12.4, 28.2    8.6, 20.1
+    nano_plus  9.4, 19.9    6.2, 13.2    12.3, 26.8    7.8, 17.2
 
 About 1 mm of that with the observer is the rotors' vibration, which the accelerometer feels.
 
@@ -48,9 +52,11 @@ Limits, mass and the trim against the on-board attitude's error: `kybflow.flight
 from __future__ import annotations
 
 from kybflow.core.signals import Command, CommandKind, MeasurementKind, Setpoint, SetpointKind, Tick
-from kybflow.flight.geometric_law import GeometricLaw, GeometricParams, used_by
+from kybflow.flight.geometric_law import GeometricLaw, GeometricParams, outer_loop, used_by
+from kybflow.flight.loops.response import OuterLoop
 from kybflow.parts import Tracker
-from kybflow.world.vehicle_context import VehicleContext
+from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 
 class Geometric(Tracker[GeometricParams]):
@@ -64,6 +70,12 @@ class Geometric(Tracker[GeometricParams]):
     @classmethod
     def uses(cls, params: GeometricParams) -> frozenset[MeasurementKind]:
         return used_by(params)
+
+    @classmethod
+    def outer_loop(
+        cls, params: GeometricParams, airframe: Airframe, inner: InnerLoop | None, period: float
+    ) -> OuterLoop:
+        return outer_loop(params, airframe, inner, period)
 
     @property
     def hover_thrust(self) -> float:

@@ -148,6 +148,8 @@ class FirmwareProfile:
     feeds_own: the parameters that select a source of its own.
     takeoff_height: the height that a take-off asks for, metres.
     latency: how late it follows its setpoints.
+    attitude_gain, gyro_filter: of its attitude loop as it comes, 1/s, and the cut-off of what its
+        rate loop sees, Hz.
     keeps_height: whether it keeps to the height that it sums up from the accelerations sent to it.
     sphere: the radius of the earth in its simulator, metres; None for the ellipsoid.
     mode_params: the first three parameters of DO_SET_MODE for a custom_mode.
@@ -183,6 +185,8 @@ class FirmwareProfile:
     feeds_own: tuple[str, ...]
     takeoff_height: float
     latency: Latency
+    attitude_gain: float
+    gyro_filter: float
     keeps_height: bool
     sphere: float | None
     mode_params: Callable[[int], tuple[float, float, float]]

@@ -184,6 +184,7 @@ PROFILE = FirmwareProfile(
     integer_parameters_bytewise=False, hover_parameter="MOT_THST_HOVER", reaction="FS_GCS_ENABLE",
     feeds=("VISO_TYPE", "EK3_SRC1_POSXY", "EK3_SRC1_POSZ", "EK3_SRC1_YAW"),
     feeds_own=("GPS_TYPE", "EK3_SRC1_POSXY"), latency=Latency(position=0.1, acceleration=0.2),
+    attitude_gain=4.5, gyro_filter=20.0,  # ATC_ANG_RLL_P, INS_GYRO_FILTER
     keeps_height=True, takeoff_height=0.5, sphere=6_378_100.0, mode_params=mode_params,
     default_address=default_address, output=output, grip=grip, ready=ready, spread=spread,
     battery_acts_at=2,

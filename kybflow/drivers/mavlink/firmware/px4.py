@@ -173,6 +173,7 @@ PROFILE = FirmwareProfile(
     integer_parameters_bytewise=True, hover_parameter="MPC_THR_HOVER", reaction="COM_OBL_RC_ACT",
     feeds=("EKF2_EV_CTRL", "EKF2_HGT_REF"), feeds_own=("EKF2_GPS_CTRL",),
     latency=Latency(position=0.12, acceleration=0.2), keeps_height=False, takeoff_height=0.5,
+    attitude_gain=6.5, gyro_filter=40.0,  # MC_ROLL_P, IMU_GYRO_CUTOFF
     sphere=None,
     mode_params=mode_params, default_address=default_address, output=output, grip=grip, ready=ready,
     spread=spread, battery_acts_at=3,

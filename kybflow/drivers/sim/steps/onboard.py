@@ -10,7 +10,7 @@ inertia x angular acceleration, led by the rotors' time constant. The attitude e
 then a turn about the body z that is wanted (Brescianini, Hehn and D'Andrea, Nonlinear Quadrocopter
 Attitude Control, ETH 2013), so that a heading that is far off tilts nothing: e is the sine of the
 tilt, about body x and y, and twice the vector part of the attitude error about body z. The gains
-of roll and pitch are those of the loop that the airframe declares (`kybflow.flight.attitude_loop`),
+of roll and pitch are those of the loop that the airframe declares (`kybflow.world.inner_loop`),
 and without a lead where that has none. P e + D (rates - gyro) about body x and y is turned back by
 the angle by which a body that spins turns until led rotors answer.
 
@@ -38,7 +38,7 @@ from kybflow.core.geometry import (
 )
 from kybflow.core.signals import Command
 from kybflow.drivers.sim.steps.aboard import LONGEST, Aboard, Numbers
-from kybflow.flight.attitude_loop import DAMPING, INTEGRAL, attitude_loop
+from kybflow.world.inner_loop import DAMPING, INTEGRAL
 from kybflow.world.vehicle_context import Airframe
 
 LEVELLING = 0.10
@@ -258,7 +258,7 @@ class Gains(NamedTuple):
 
 
 def _gains(airframe: Airframe, dt: float) -> Gains:
-    loop = attitude_loop(airframe)
+    loop = airframe.attitude_loop
     led = airframe.rotor_time / loop.lead + dt
     half = airframe.arm / sqrt(2.0)
     jx, jy, jz = airframe.inertia

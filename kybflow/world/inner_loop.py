@@ -1,6 +1,6 @@
-"""The on-board attitude loop that an airframe declares, about body x and y.
+"""What answers a tracker's commands: the attitude loop on board, and the delays around it.
 
-With the attitude's error e, the law is (`kybflow.drivers.sim.steps.onboard`)
+With the attitude's error e, the loop about body x and y is (`kybflow.drivers.sim.steps.onboard`)
 
     angular acceleration = P e + I integral(e) + D (rates - gyro).
 
@@ -15,8 +15,6 @@ from __future__ import annotations
 
 from math import sqrt
 from typing import NamedTuple
-
-from kybflow.world.vehicle_context import Airframe
 
 STIFFNESS = 1.0
 """Natural frequency of roll and pitch times the rotors' time constant."""
@@ -40,13 +38,32 @@ class AttitudeLoop(NamedTuple):
     lead: float
 
 
-def attitude_loop(airframe: Airframe) -> AttitudeLoop:
-    """The loop that `airframe` declares."""
-    attitude, rate = airframe.attitude_gain, airframe.rate_gain
-    if attitude is None and rate is None:
-        frequency = STIFFNESS / airframe.rotor_time
+class InnerLoop(NamedTuple):
+    """What a driver declares of a vehicle, seconds unless it says otherwise.
+
+    rotor_time: time constant of the rotors. cut_off: of the second-order low-pass that the
+    gyroscope passes on its way to the loop, Hz; 0 for none. dead_time: from the gyroscope's sample
+    to the rotors' control. command_latency: from a command's sending to its use on board.
+    pose_latency: the age at which a pose arrives. pose_period: between two poses.
+    """
+
+    attitude: AttitudeLoop
+    rotor_time: float
+    cut_off: float = 0.0
+    dead_time: float = 0.0
+    command_latency: float = 0.0
+    pose_latency: float = 0.01
+    pose_period: float = 1.0 / 120.0
+
+
+def attitude_loop(
+    rotor_time: float, attitude_gain: float | None, rate_gain: float | None
+) -> AttitudeLoop:
+    """The loop of an airframe with these rotors, which declares these gains."""
+    if attitude_gain is None and rate_gain is None:
+        frequency = STIFFNESS / rotor_time
         derivative, lead = 2.0 * DAMPING * frequency, LEAD
     else:
-        derivative, lead = rate or RATE_GAIN, 1.0
-        frequency = sqrt((attitude or ATTITUDE_GAIN) * derivative)
+        derivative, lead = rate_gain or RATE_GAIN, 1.0
+        frequency = sqrt((attitude_gain or ATTITUDE_GAIN) * derivative)
     return AttitudeLoop(frequency**2, derivative, frequency**3 / INTEGRAL, lead)

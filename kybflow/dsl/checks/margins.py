@@ -1,0 +1,115 @@
+"""Whether a tracker's gains suit the loop that answers them: KYB323 and KYB324."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.document import PartUse, VehicleEntry
+from kybflow.flight.loops.design import (
+    LEAST,
+    PLANNED,
+    designed,
+    holds,
+    margins_of,
+    quickest_observer,
+)
+from kybflow.flight.loops.margins import Margins, in_words
+from kybflow.flight.loops.response import OuterLoop
+from kybflow.world.inner_loop import InnerLoop
+
+GAINS = ("proportional", "derivative", "integral")
+
+
+class _Closed(NamedTuple):
+    """A vehicle's position loop. is_chosen: its gains are the author's or follow from the loop, so
+    that they are no tracker's by nature."""
+
+    vehicle: VehicleEntry
+    outer: OuterLoop
+    inner: InnerLoop
+    margins: Margins
+    is_chosen: bool
+
+
+def _loops(case: Case) -> Iterator[_Closed]:
+    """The loop of each vehicle of which one is known."""
+    period = 1.0 / case.document.control_rate
+    for vehicle in case.vehicles():
+        driver, tracker, airframe = vehicle.driver, vehicle.tracker, vehicle.airframe
+        inner = driver.spec.cls.inner_loop(driver.params, airframe)
+        if inner is None:
+            continue
+        outer = tracker.spec.cls.outer_loop(tracker.params, airframe, inner, period)
+        if outer is not None:
+            found = margins_of(outer, inner)
+            yield _Closed(vehicle, outer, inner, found, any(map(_is_chosen, _gains(tracker))))
+
+
+def _gains(tracker: PartUse) -> Iterator[tuple[float | None, float | None]]:
+    """Each gain of a tracker, and the one that it has by itself."""
+    for field in tracker.spec.fields:
+        if field.name in GAINS:
+            yield getattr(tracker.params, field.name), field.default
+
+
+def _is_chosen(gain: tuple[float | None, float | None]) -> bool:
+    value, default = gain
+    return default is None or value != default
+
+
+def gains_that_oscillate(case: Case) -> Iterator[Diagnostic]:
+    """KYB323: a tracker's gains would make the vehicle oscillate on the loop that answers them, or
+    all but: they leave a gain margin below 1.1, a phase margin below 10 degrees, or less than 5 ms
+    for what comes later than it is believed to.
+
+    The margins are those of the linear loop: the on-board attitude loop that the airframe declares,
+    and the delays that the driver does. A tracker's own gains, which nobody wrote, are only warned
+    of (KYB324).
+    """
+    for loop in case.cached(_loops):
+        if loop.is_chosen and not holds(loop.margins, LEAST):
+            yield _finding("KYB323", loop)
+
+
+def gains_near_the_limit(case: Case) -> Iterator[Diagnostic]:
+    """KYB324: a tracker's gains leave little margin on the loop that answers them: a gain margin
+    below 1.4, a phase margin below 30 degrees or a delay margin below 20 ms."""
+    for loop in case.cached(_loops):
+        is_refused = loop.is_chosen and not holds(loop.margins, LEAST)
+        if not is_refused and not holds(loop.margins, PLANNED if loop.is_chosen else LEAST):
+            yield replace(_finding("KYB324", loop), severity=Severity.WARNING)
+
+
+def _finding(code: str, loop: _Closed) -> Diagnostic:
+    tracker, name = loop.vehicle.tracker, loop.vehicle.name.text
+    holding = holds(loop.margins, LEAST)
+    what = f"leaves `{name}` little margin" if holding else f"would make `{name}` oscillate"
+    written = (tracker.spans[key] for key in (*GAINS, "observer") if key in tracker.spans)
+    span = next(written, tracker.name.span)
+    return Diagnostic(
+        code,
+        f"`{tracker.name.text}` {what}",
+        span,
+        label=in_words(loop.margins),
+        notes=(f"at least {in_words(PLANNED)} are planned for",),
+        help=_way_out(loop),
+    )
+
+
+def _way_out(loop: _Closed) -> str:
+    """The largest gains that leave what is planned for, or the quickest observer."""
+    outer, inner = loop.outer, loop.inner
+    if not loop.is_chosen:
+        return "use a tracker whose gains follow from the loop, as those of `geometric` do"
+    if holds(margins_of(outer._replace(observer=0.0), inner), PLANNED):
+        return f"give `observer: {quickest_observer(outer, inner):g} Hz` at most"
+    gains = designed(outer, inner)
+    k, d, i = gains
+    best = outer._replace(proportional=k, derivative=d, integral=i)
+    if not holds(margins_of(best, inner), PLANNED):
+        return "no gains suit this loop: make it answer sooner"
+    return "give at most " + ", ".join(f"`{n}: {v:.3g}`" for n, v in zip(GAINS, gains, strict=True))

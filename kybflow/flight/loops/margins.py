@@ -1,0 +1,128 @@
+"""How far a feedback loop is from oscillating, from its frequency response.
+
+L is the loop's transfer function with the loop open, its sign such that the closed loop's poles are
+the zeros of 1 + L. The margins (Astrom and Murray, Feedback Systems, 2nd ed., sec. 10.3) are
+
+    gain    by which all gains may grow: the least 1 / |L| where L crosses the negative real axis
+    phase   that may be lost where |L| = 1, the least
+    delay   that may come on top: phase over frequency where |L| = 1, the least
+
+and all of them are none, 1, 0 and 0, unless the closed loop is stable, which Nyquist's criterion
+tells: L must have no pole in the right half plane, and n of them at the origin; then 1 + L turns by
+n quarter turns from zero frequency to the highest. Delays stay what they are; nothing is
+approximated but between two frequencies of the grid, where log |L| and the phase are straight, and
+which is refined where L turns fast.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from math import degrees, exp, inf, log, pi, sqrt, tau
+from typing import NamedTuple
+
+Response = Callable[[complex], complex]
+"""A transfer function of s."""
+_Point = tuple[float, complex]
+
+LOWEST, LOW, HIGHEST = 0.02, 1.0, 300.0
+"""rad/s. The grid is coarse below the middle one, where loops only have their integrators."""
+COARSE, FINE = 16, 120
+SHARPEST, FINEST = 0.7, 8
+"""rad that L and 1 + L may turn between two frequencies, and how often a step is halved for it."""
+SMALL = 0.1
+"""|L| that tells nothing any more."""
+
+
+class Margins(NamedTuple):
+    """gain: a factor. phase: rad. delay: s. All may be infinite."""
+
+    gain: float
+    phase: float
+    delay: float
+
+    def within(self, other: Margins) -> Margins:
+        """The smaller of each."""
+        return Margins(*map(min, self, other))
+
+
+def in_words(found: Margins) -> str:
+    """`gain margin 1.5, phase margin 31 deg, delay margin 52 ms`; infinite ones are `inf`."""
+    gain, phase, delay = found
+    if found == UNSTABLE:
+        return "no margin at all"
+    late = f"delay margin {delay * 1e3:.0f} ms"
+    return f"gain margin {gain:.3g}, phase margin {degrees(phase):.0f} deg, {late}"
+
+
+UNSTABLE = Margins(1.0, 0.0, 0.0)
+
+
+def _grid() -> tuple[float, ...]:
+    coarse = (LOWEST * (LOW / LOWEST) ** (k / COARSE) for k in range(COARSE))
+    fine = (LOW * (HIGHEST / LOW) ** (k / FINE) for k in range(FINE + 1))
+    return (*coarse, *fine)
+
+
+_GRID = _grid()
+
+
+def margins(response: Response) -> Margins:
+    """The margins of a loop without poles in the right half plane."""
+    curve = [*_curve(response)]
+    if not _is_stable(curve):
+        return UNSTABLE
+    gain = phase = delay = inf
+    for w, size, angle in _crossings(curve):
+        if angle is None:
+            gain = min(gain, 1.0 / size) if size < 1.0 else gain
+        else:
+            phase, delay = min(phase, abs(angle)), min(delay, angle % tau / w)
+    return Margins(gain, phase, delay)
+
+
+def _curve(response: Response) -> Iterator[_Point]:
+    """L along the imaginary axis."""
+    points = [(w, response(complex(0.0, w))) for w in _GRID]
+    yield points[0]
+    for before, after in pairwise(points):
+        yield from _refined(response, before, after, FINEST)
+
+
+def _refined(response: Response, a: _Point, b: _Point, halvings: int) -> Iterator[_Point]:
+    """The points after `a` up to `b`, no two of which L turns far between."""
+    (w, here), (x, there) = a, b
+    if halvings and max(abs(here), abs(there)) > SMALL and _turns_far(here, there):
+        middle = sqrt(w * x)
+        half = middle, response(complex(0.0, middle))
+        yield from _refined(response, a, half, halvings - 1)
+        yield from _refined(response, half, b, halvings - 1)
+    else:
+        yield b
+
+
+def _turns_far(a: complex, b: complex) -> bool:
+    return max(abs(cmath.phase(b / a)), abs(cmath.phase((1.0 + b) / (1.0 + a)))) > SHARPEST
+
+
+def _is_stable(curve: Sequence[_Point]) -> bool:
+    """Whether 1 + L turns as often as its poles at the origin ask for."""
+    (w, first), (x, second) = curve[:2]
+    slope = log(abs(first) / abs(second)) / log(x / w)
+    turned = sum(cmath.phase((1.0 + b) / (1.0 + a)) for (_, a), (_, b) in pairwise(curve))
+    return abs(turned - round(slope) * pi / 2.0) < pi / 2.0
+
+
+def _crossings(curve: Sequence[_Point]) -> Iterator[tuple[float, float, float | None]]:
+    """Where |L| is 1: the frequency, 1, and the angle beyond the negative real axis. Where L is on
+    that axis: the frequency, |L|, and None."""
+    polar = [(log(w), log(abs(value)), cmath.phase(-value)) for w, value in curve]
+    for (w, size, angle), (x, other, beyond) in pairwise(polar):
+        turn = (beyond - angle + pi) % tau - pi
+        if (size < 0.0) is not (other < 0.0):
+            share = size / (size - other)
+            yield exp(w + share * (x - w)), 1.0, angle + share * turn
+        if angle * (angle + turn) < 0.0 and abs(angle) < pi / 2.0:
+            share = -angle / turn
+            yield exp(w + share * (x - w)), exp(size + share * (other - size)), None

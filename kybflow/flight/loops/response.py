@@ -1,0 +1,131 @@
+"""The frequency response of the position loop that the law of `geometric` closes.
+
+Near hovering, with the tilt times g as the acceleration that it gives, the horizontal plant is a
+double integrator with rotor drag c behind the on-board attitude loop (`kybflow.world.inner_loop`),
+whose rotors answer as 1 / (T s + 1) after its dead time, and whose gyroscope passes its filter F:
+
+    x s^2 = A (u - (P + I / s) x - D F s x),    u = (P + I / s) attitude + D rates.
+
+The loop is cut at u: an attitude and the rates that go with it arrive together, so that a delay of
+commands is one of u. Vertically the plant is a double integrator behind the rotors alone.
+
+Poses pass the alpha-beta filter of `kybflow.flight.tracked_pose`, written in z = e^(s period), are
+old, and are predicted to now, as `mocap` comes. A command stays for one period of the control. The
+observer changes nothing horizontally; vertically it compares what was felt with what was asked of
+the rotors (`kybflow.flight.disturbance`). The estimated mass is left out, which is far slower.
+"""
+
+from __future__ import annotations
+
+from cmath import exp
+from math import exp as real_exp
+from math import sqrt, tau
+from typing import NamedTuple
+
+from kybflow.flight.disturbance import WASHOUT
+from kybflow.flight.loops.margins import Response
+from kybflow.flight.tracked_pose import TrackedParams
+from kybflow.world.inner_loop import InnerLoop
+
+FILTERS = TrackedParams()
+
+
+class OuterLoop(NamedTuple):
+    """A tracker's law: acceleration per error of position, velocity and its integral. trim: 1/s, at
+    which the on-board attitude's error is estimated. observer: its bandwidth, Hz; 0 for none.
+    attitude: rates per angle of the attitude's error, 1/s, where the tracker closes that loop
+    itself. turning: the part of the change of its feedback that it commands as rates. drag: 1/s.
+    period: of the control, s."""
+
+    proportional: float
+    derivative: float
+    integral: float
+    trim: float
+    drag: float
+    period: float
+    observer: float = 0.0
+    attitude: float | None = None
+    turning: float = 1.0
+
+
+def on_board(outer: OuterLoop, inner: InnerLoop) -> Response:
+    """The response of the loop on board, which must be stable before any other is."""
+    loop, lag, cut_off, dead_time, *_ = inner
+    p, rate, integral = loop.proportional, loop.derivative, loop.integral
+    if outer.attitude is not None:
+        p = integral = 0.0
+    lag, smooth = lag / loop.lead, _smoothing(cut_off)
+
+    def response(s: complex) -> complex:
+        rotors = exp(-s * dead_time) / (1.0 + s * lag)
+        return rotors * (p + integral / s + rate * s / (1.0 + s * smooth) ** 2) / (s * s)
+
+    return response
+
+
+def horizontal(outer: OuterLoop, inner: InnerLoop) -> Response:
+    """The response of the loop along x or y."""
+    k, d, i, trim, drag, period, _, own, turning = outer
+    loop, rotor_time, cut_off, dead_time, late, age, pose_period = inner
+    p, rate, integral = loop.proportional, loop.derivative, loop.integral
+    if own is not None:
+        p = integral = 0.0
+    lag, age = rotor_time / loop.lead, age + 0.5 * pose_period
+    smooth = _smoothing(cut_off)
+    late += 0.5 * period
+
+    def response(s: complex) -> complex:
+        rotors, filtered = exp(-s * dead_time) / (1.0 + s * lag), 1.0 / (1.0 + s * smooth) ** 2
+        held = p + integral / s
+        x = rotors / (s * s + rotors * (held + rate * filtered * s))
+        v = x / (s + drag)
+        z, old = exp(s * pose_period), exp(-s * age)
+        tilt, turn = _tracked(z, pose_period, FILTERS.rate_bandwidth, x, 0.0)
+        pull = tilt - drag * v
+        place, speed = _tracked(z, pose_period, FILTERS.velocity_bandwidth, v / s, pull)
+        place = old * (place + age * (speed + 0.5 * age * pull))
+        speed, tilt = old * (speed + age * pull), old * (tilt + age * turn)
+        force = -d * speed - (k + i / s) * place
+        attitude = force + trim / s * (force - tilt)
+        rates = -turning * (k * speed + d * (tilt - drag * speed))
+        asked = held * attitude if own is None else rate * own * (attitude - tilt)
+        return -(asked + rate * rates) * exp(-s * late)
+
+    return response
+
+
+def vertical(outer: OuterLoop, inner: InnerLoop) -> Response:
+    """The response of the loop along z."""
+    k, d, _, _, _, period, observer, _, _ = outer
+    loop, rotor_time, _, dead_time, late, age, pose_period = inner
+    age, bandwidth, lag = age + 0.5 * pose_period, tau * observer, rotor_time / loop.lead
+    late += dead_time + 0.5 * period
+
+    def response(s: complex) -> complex:
+        rotors, old = exp(-s * late) / (1.0 + s * lag), exp(-s * age)
+        z = exp(s * pose_period)
+        place, speed = _tracked(z, pose_period, FILTERS.velocity_bandwidth, 1.0 / (s * s), 0.0)
+        seen = bandwidth / (s + bandwidth) * WASHOUT * s / (1.0 + WASHOUT * s)
+        law = old * (d * speed + k * (place + age * speed))
+        return rotors * (law + seen) / (1.0 - seen / (1.0 + s * rotor_time))
+
+    return response
+
+
+def _smoothing(cut_off: float) -> float:
+    """The time constant of both stages of a gyroscope's filter, s."""
+    return sqrt(sqrt(2.0) - 1.0) / (tau * cut_off) if cut_off else 0.0
+
+
+def _tracked(
+    z: complex, dt: float, bandwidth: float, measured: complex, pull: complex
+) -> tuple[complex, complex]:
+    """Value and rate behind the alpha-beta filter. pull: the acceleration that is known beside."""
+    theta = real_exp(-tau * bandwidth * dt)
+    keep, beta = theta * theta, (1.0 - theta) ** 2 / dt
+    drift, gain = 0.5 * dt * dt / z * pull, dt / z * pull
+    first = keep * drift + (1.0 - keep) * measured
+    second = gain + beta * (measured - drift)
+    a, b, c, e = 1.0 - keep / z, -keep * dt / z, beta / z, 1.0 - (1.0 - beta * dt) / z
+    whole = a * e - b * c
+    return (first * e - b * second) / whole, (a * second - c * first) / whole
