@@ -4,13 +4,13 @@ An accelerometer feels all forces but gravity. What the rotors give acts along b
 their plane (`kybflow.drivers.sim.steps.rotors` has the same model); the rest is the disturbance:
 
     d = R (f + c (v - (v . z) z)) - F z,      F' = (u - F) / T
-    e' = w (d - l - e),                       l' = (d - l) / L
+    e' = w (d - l e3 - e) / (1 + (r / S)^2),  l' = (d . e3 - l) / L
 
 f: specific force, body. R: attitude, z = R e3. c: the airframe's drag. u: the specific force that
 was commanded along z; F: what rotors with the time constant T give of it. e: the estimate, which
-forgets noise within 1 / w. l: what lasts for L, `WASHOUT`. Along body x and y neither the thrust
-nor the mass comes in, so that what is estimated there does not depend on what is commanded, and
-can't make the loop unstable.
+forgets noise within 1 / w. l: what lasts upwards for L, `WASHOUT`. r: the rate at which body z
+turns; S: `SHAKEN`. Along body x and y neither the thrust nor the mass comes in, so that what is
+estimated there does not depend on what is commanded, and can't make the loop unstable.
 
 The observer is that of Smeur, Chu and de Croon (Adaptive Incremental Nonlinear Dynamic Inversion,
 JGCD 2016, sec. III; outer loop: Cascaded incremental nonlinear dynamic inversion for MAV
@@ -27,8 +27,11 @@ from kybflow.core.signals import IMU_TIMEOUT, Estimate, Imu
 from kybflow.world.vehicle_context import Airframe
 
 WASHOUT = 3.0
-"""Seconds in which what lasts is left to the law's integral and to the estimated mass, so that the
-bias of an accelerometer does no harm."""
+"""Seconds in which what lasts upwards is left to the estimated mass. What lasts along x and y stays
+in the estimate, the bias of an accelerometer too, which the law's integral takes off again."""
+SHAKEN = 1.0
+"""rad/s at which half of the bandwidth is left: while body z turns fast, what is felt is the
+vehicle's own swinging, seen late, and taking that for a push keeps it up."""
 LARGEST = 2.0
 """The largest estimate along each axis, m/s^2: a wind of 8 m/s on an airframe with drag 0.25."""
 
@@ -42,7 +45,7 @@ class DisturbanceObserver:
     def __init__(self, airframe: Airframe) -> None:
         self._drag, self._rotor_time = airframe.drag, airframe.rotor_time
         self._given = GRAVITY
-        self._lasting = self.acceleration = ZERO
+        self._lasting, self.acceleration = 0.0, ZERO
 
     def update(
         self, imu: Imu | None, estimate: Estimate, given: float, bandwidth: float, dt: float
@@ -57,11 +60,11 @@ class DisturbanceObserver:
         drag, attitude = self._drag, estimate.attitude
         (fx, fy, fz), (vx, vy, _) = imu.specific_force, rotate_back(attitude, estimate.velocity)
         dx, dy, dz = rotate(attitude, (fx + drag * vx, fy + drag * vy, fz - self._given))
-        (ex, ey, ez), share = self.acceleration, 1.0 - 1.0 / (1.0 + tau * bandwidth * dt)
-        (bx, by, bz), slow = self._lasting, dt / (WASHOUT + dt)
-        bx, by, bz = bx + slow * (dx - bx), by + slow * (dy - by), bz + slow * (dz - bz)
-        self._lasting = (bx, by, bz)
-        dx, dy, dz = dx - bx, dy - by, dz - bz
+        (ex, ey, ez), (rx, ry, _) = self.acceleration, estimate.angular_velocity
+        calm = 1.0 + (rx * rx + ry * ry) / (SHAKEN * SHAKEN)
+        share = (1.0 - 1.0 / (1.0 + tau * bandwidth * dt)) / calm
+        self._lasting += dt / (WASHOUT + dt) * (dz - self._lasting)
+        dz -= self._lasting
         ex, ey, ez = ex + share * (dx - ex), ey + share * (dy - ey), ez + share * (dz - ez)
         self.acceleration = _bounded(ex), _bounded(ey), _bounded(ez)
         return self.acceleration
@@ -69,7 +72,7 @@ class DisturbanceObserver:
     def rest(self) -> None:
         """Forget it: the ground carries the vehicle."""
         self._given = GRAVITY
-        self._lasting = self.acceleration = ZERO
+        self._lasting, self.acceleration = 0.0, ZERO
 
 
 def _bounded(value: float) -> float:

@@ -17,6 +17,17 @@ from kybflow.flight.steering_params import SteeringParams
 from kybflow.world.inner_loop import InnerLoop
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
+FRESH = 0.03
+"""Age at which an estimate is not late, seconds, where the driver declares no poses."""
+ON_BOARD = 0.07
+"""The delay of the loop on board and of a command's way to it, for which the gains are right."""
+STALEST = 0.1
+"""The most by which an estimate counts as later than that."""
+NOISE = 0.5
+"""The spread over this speed, m/s, counts as a delay: what is uncertain is filtered for longer."""
+AGEING = 1.0
+"""Seconds over which that is averaged."""
+
 
 @params
 class GeometricParams(SteeringParams):
@@ -35,7 +46,7 @@ class GeometricParams(SteeringParams):
     )  # fmt: skip
     observer: Frequency = param(
         "Bandwidth at which disturbances are estimated from the accelerometer, 0 for not at all.",
-        default=0.0, at_least=0.0, at_most=20.0, read_only=True,
+        default=2.0, at_least=0.0, at_most=20.0, read_only=True,
     )  # fmt: skip
 
 
@@ -73,6 +84,9 @@ class GeometricLaw:
         self._drag = context.airframe.drag
         self._steering = Steering(context, params.mass_guess)
         self._integral = (0.0, 0.0)
+        loop = context.loop
+        self._fresh = FRESH if loop is None else loop.pose_latency + 2.0 * loop.pose_period
+        self._late = 0.0
         self._observer = DisturbanceObserver(context.airframe)
 
     @property
@@ -87,6 +101,7 @@ class GeometricLaw:
             self._tune(p)
         steering.weigh(setpoint, estimate, p.lift_off, dt)
         up = body_z(estimate.attitude)
+        self._age(estimate, dt)
         wanted, turning = self._wanted(p, setpoint, estimate, up, dt)
         wanted = sub(wanted, self._disturbance(p.observer, tick))
         force, attitude = steering.attitude(wanted, up, setpoint, p, dt)
@@ -99,6 +114,14 @@ class GeometricLaw:
         context = self._context
         loop = outer_loop(params, context.airframe, context.loop, context.dt, self._attitude)
         self._tuned, self._gains = params, (loop.proportional, loop.derivative, loop.integral)
+
+    def _age(self, estimate: Estimate, dt: float) -> None:
+        """Average how much later the estimate is than the gains were designed for: a camera's is
+        older than motion capture's, and that of GPS is filtered for long. The loop's frequency
+        falls with the delay in it."""
+        late = estimate.age + estimate.spread / NOISE - self._fresh
+        late = 0.0 if late < 0.0 else STALEST if late > STALEST else late
+        self._late += dt / (AGEING + dt) * (late - self._late)
 
     def _disturbance(self, bandwidth: float, tick: Tick) -> Vec3:
         """What pushes the vehicle, m/s^2, world."""
@@ -113,7 +136,8 @@ class GeometricLaw:
         self, p: GeometricParams, setpoint: Setpoint, estimate: Estimate, up: Vec3, dt: float
     ) -> tuple[Vec3, Vec3]:
         """(f, f'): the specific force that the law asks for and how it changes, world."""
-        c, (k, d, i) = self._drag, self._gains
+        c, (k, d, i), slower = self._drag, self._gains, ON_BOARD / (ON_BOARD + self._late)
+        k, d, i = k * slower * slower, d * slower, i * slower * slower
         (ux, uy, uz), (vx, vy, vz) = up, estimate.velocity
         _, position, velocity, acceleration, jerk, _, _ = setpoint
         wx, wy, wz = velocity or ZERO

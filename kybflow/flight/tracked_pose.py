@@ -4,12 +4,12 @@ The derivative is TeleKyb's second-order filter H(s) = wn^2 s / (s^2 + 2 wn s + 
 poses' own time stamps: an alpha-beta filter whose poles stay at exp(-wn dt) for whatever dt
 (critically damped: alpha = 1 - theta^2, beta = (1 - theta)^2, theta = exp(-wn dt); Brookner,
 "Tracking and Kalman Filtering Made Easy", 1998, sec. 1.3). The lag 2/wn of H is filled in by the
-acceleration that the attitude and the airframe's rotor drag tell: g times the slope of body z,
-less drag times velocity, horizontally. Noisy poses are filtered harder, because a tracker makes
-thrust and tilt of the velocity's noise: from the 60th pose on the bandwidth is divided by
-1 + (spread / 8 mm)^4, horizontally by 4 at most, vertically by 2. Tilt that shakes takes its
-torque from the rotors' thrust where they give nearly all they can, and the lag is filled in;
-vertically it is not.
+acceleration that the attitude and the airframe's rotor drag tell: g times the slope of body z, less
+drag times velocity, horizontally, and what else is known to push. Noisy poses are filtered harder,
+because a tracker makes thrust and tilt of the velocity's noise: from the 60th pose on the bandwidth
+is divided by 1 + (spread / 8 mm)^4, horizontally by 4 at most, vertically by 2. Tilt that shakes
+takes its torque from the rotors' thrust where they give nearly all they can, and the lag is filled
+in; vertically it is not.
 
 Attitude and body rates go through the same filter on the rotation, which has no sign to flip. The
 estimate is predicted over the latency to `now`.
@@ -49,7 +49,8 @@ class TrackedParams:
 class TrackedPose:
     """The filter. stamp: the last pose's. count: poses since it began. position, velocity in the
     world, attitude, rates in the body: at `stamp`. spread: running standard deviation of the
-    innovation along an axis, metres."""
+    innovation along an axis, metres. slope: the acceleration along x and y that the attitude tells;
+    pushed: what is to be added to it, m/s^2, world."""
 
     def __init__(self, params: TrackedParams, drag: float) -> None:
         self.stamp: Time = 0
@@ -60,7 +61,7 @@ class TrackedPose:
         self.rates = ZERO
         self._params, self._drag = params, drag
         self.spread = self._variance = 0.0
-        self._pull = (0.0, 0.0)
+        self.slope = self.pushed = self._pull = (0.0, 0.0)
 
     def take(self, pose: Pose, velocity: Vec3 = ZERO) -> None:
         """Go on to a newer pose; where the filter begins, with this velocity."""
@@ -72,12 +73,14 @@ class TrackedPose:
             self.spread = self._variance = 0.0
             self.position, self.velocity = position, velocity
             self.attitude, self.rates = attitude, ZERO
-            self._pull = (0.0, 0.0)
+            self.slope = self._pull = (0.0, 0.0)
         else:
             self.count += 1
             self._move(position, dt)
             self._turn(attitude, dt)
-            self._pull = self._slope(self.attitude, self.velocity)
+            self.slope = sx, sy = self._slope(self.attitude, self.velocity)
+            px, py = self.pushed
+            self._pull = (sx + px, sy + py)
 
     def estimate(self, now: Time, source: str) -> Estimate | None:
         """The motion now, None before there are enough poses."""

@@ -98,6 +98,12 @@ class Driver(Part[P]):
         return None
 
     @classmethod
+    def world(cls, params: P) -> str | None:
+        """Return in a few words what a vehicle with these parameters flies in, which figures of the
+        flight are good for; None where that is reality."""
+        return None
+
+    @classmethod
     def inner_loop(cls, params: P, airframe: Airframe) -> InnerLoop | None:
         """Return what answers a tracker's commands on `airframe`, by which gains are designed; None
         where nothing is known of it."""

@@ -30,8 +30,9 @@ class Effect:
 
     filter: changes every arriving measurement, simulated cameras' frames included. repeats: whether
     that filter sends again what was sent before, so that it comes after all others. wind: added to
-    the world's. mass: factor on the body's mass and inertia. payload: mass added to that, kg.
-    rotors: factor on each rotor's thrust. sag: fraction of the battery's charge that is missing.
+    the world's. push: a force over the body's mass, m/s^2, world frame. mass: factor on the body's
+    mass and inertia. payload: mass added to that, kg. rotors: factor on each rotor's thrust. sag:
+    fraction of the battery's charge that is missing.
     gyro_bias, accelerometer_bias: added to the IMU's, rad/s and m/s^2, body frame. late: delay of
     commands, seconds. body: the vehicle whose poses motion capture reports as this one's. camera:
     the degradation of its simulated cameras. view: the vehicle from whose place its cameras see.
@@ -42,6 +43,7 @@ class Effect:
     filter: Filter | None = None
     repeats: bool = False
     wind: Air | None = None
+    push: Vec3 = ZERO
     mass: float = 1.0
     payload: float = 0.0
     rotors: Rotors = (1.0, 1.0, 1.0, 1.0)
@@ -101,6 +103,11 @@ class Rig:
             if effect.wind is not None:
                 total = add(total, effect.wind((now - began) / NS))
         return total
+
+    @property
+    def push(self) -> Vec3:
+        """The sum of all forces over the body's mass, m/s^2, world frame."""
+        return _sum(e.push for e, _ in self._effects)
 
     @property
     def mass(self) -> float:

@@ -192,6 +192,14 @@ class ShowsView(Protocol):
         """Return the true state of the vehicle from which this one's cameras see."""
 
 
+@runtime_checkable
+class SimulatesLab(Protocol):
+    """A link to a simulator whose world may be a lab, with all that is less than perfect there.
+    is_calm: it is not."""
+
+    is_calm: bool
+
+
 class Touch(NamedTuple):
     """A vehicle begins to touch something. carries: whether that pushes it upward, as ground
     does."""
@@ -217,6 +225,11 @@ def view_source(link: Link) -> Callable[[], Truth | None]:
     """Return a function that returns the true state of the vehicle from which a simulated camera
     sees: its own, or another while a fault has exchanged them."""
     return link.view if isinstance(link, ShowsView) else truth_source(link)
+
+
+def is_calm(link: Link) -> bool:
+    """Return whether the vehicle's world is perfect; so is one that says nothing of it."""
+    return link.is_calm if isinstance(link, SimulatesLab) else True
 
 
 def _unknown() -> None:

@@ -4,6 +4,7 @@ The summary is stable: fields are added, never renamed. Lengths are metres, spee
 seconds; numbers have six significant digits; null is "not known" or "does not apply".
 
 - `outcome`: succeeded, failed, interrupted or driver_failed; `reason`: why it did not succeed.
+- `world`: what its vehicles flew in: `a lab`, `still air`, `real`; figures are good for that.
 - `vehicles.NAME.final`: ground or air, in simulation as the truth has it. Errors are between what
   the behavior wanted, before processors, and the true position (the estimate on hardware), while
   the vehicle was in the air: over the intervals `airborne_s`, the last of which ends with null
@@ -98,6 +99,7 @@ def summarise(
         "reason": reason,
         "seed": seed,
         "target": plan.target,
+        "world": "; ".join(_worlds(plan)),
         "sim_time_s": rounded(sim_time_s),
         "wall_time_s": rounded(wall_time_s),
         "real_time_factor": rounded(sim_time_s / wall_time_s) if wall_time_s > 0.0 else None,
@@ -109,6 +111,13 @@ def summarise(
         "expectations": [_expectation(verdict) for verdict in verdicts],
         "recording": ending.recording,
     }
+
+
+def _worlds(plan: Plan) -> list[str]:
+    """What its vehicles fly in."""
+    drivers = [vehicle.driver for vehicle in plan.vehicles]
+    found = [driver.cls.world(driver.params) or "real" for driver in drivers]
+    return list(dict.fromkeys(found))
 
 
 def _failures(score: Score) -> str:

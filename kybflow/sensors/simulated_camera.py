@@ -1,11 +1,13 @@
 """The cameras of a simulated vehicle: frames of the world's tags, drawn without a graphics card.
 
 Each camera of the vehicle takes frames at its own rate; what it sees is drawn when the frame
-arrives, `latency` after the middle of its exposure: the tags through the calibrated lens, blurred
-by motion and by a lens out of focus, row by row where a rolling shutter finds the camera, with the
-noise of the sensor. Who reads late gets the newest frame of each camera; those before it are lost,
-as they are of a real one. The world's obstacles, and the vehicle's payload once it is released,
-hide what is behind them. Which tags are covered, missing or misplaced comes with the seed.
+arrives, `latency` after the middle of its exposure: the tags through the lens, blurred by motion
+and by a lens out of focus, row by row where a rolling shutter finds the camera, with the noise of
+the sensor. Who reads late gets the newest frame of each camera; those before it are lost, as they
+are of a real one. The world's obstacles, and the vehicle's payload once it is released, hide what
+is behind them. Which tags are covered, missing or misplaced comes with the seed; so does, where the
+world is not calm, by how much lens, mount, tags and stamps differ from what is believed of them
+(`kybflow.vision.rendering.miscalibrated`).
 """
 
 from __future__ import annotations
@@ -21,10 +23,11 @@ from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Frame, Measurement, Time, Truth
 from kybflow.core.units import Duration
 from kybflow.parts import Link, Sensor, Stream
-from kybflow.parts.link import view_source
+from kybflow.parts.link import is_calm, view_source
 from kybflow.parts.sensor import frames_of
 from kybflow.vision import OPENCV, WAY_OUT
 from kybflow.vision.optics import SOUND, Optics, Weakness
+from kybflow.world.calibration_errors import CalibrationErrors
 from kybflow.world.cameras import Camera
 from kybflow.world.vehicle_context import LEGS, VehicleContext
 
@@ -38,10 +41,15 @@ _ABOARD = 0.02
 
 
 @params
-class SimulatedCameraParams(Optics):
+class SimulatedCameraParams(CalibrationErrors, Optics):
     latency: Duration = param(
         "From the middle of a frame's exposure to its arrival.",
         default=0.04, at_least=0.0, at_most=1.0,
+    )  # fmt: skip
+    calm: bool | None = param(
+        "Lens, mount, tags and stamps are exactly as believed: none of `focal_error` to"
+        " `stamp_error`. Unless given, as in the driver of its vehicle.",
+        default=None, read_only=True,
     )  # fmt: skip
 
 
@@ -66,12 +74,25 @@ class SimulatedCamera(Sensor[SimulatedCameraParams]):
             raise DriverError(f"the vehicle `{context.vehicle}` has no camera to take frames with")
         try:
             from kybflow.vision.rendering.drawing import Room
+            from kybflow.vision.rendering.miscalibrated import Setup, miscalibrated
         except ImportError as error:
             raise DriverError(f"a simulated camera needs OpenCV ({error}); {WAY_OUT}") from None
         side = 0.0 if context.payload is None else context.payload.size
-        room = Room(context.tags, params, generator.getrandbits(64), context.obstacles, side)
-        latency = round(params.latency * NS)
-        return Frames(room, tuple(context.cameras.values()), link, latency, side)
+        seed = generator.getrandbits(64)
+        setup = Setup(context.tags, tuple(context.cameras.values()), 0.0)
+        if not (is_calm(link) if params.calm is None else params.calm):
+            setup = miscalibrated(setup, params, seed)
+        room = Room(setup.tags, params, seed, context.obstacles, side)
+        times = Times(round(params.latency * NS), round(setup.stamps * NS))
+        return Frames(room, setup.cameras, link, times, side)
+
+
+class Times(NamedTuple):
+    """latency: from a frame's exposure to its arrival. late: how much later it is stamped than it
+    was taken."""
+
+    latency: Time
+    late: Time = 0
 
 
 class _Taken(NamedTuple):
@@ -90,13 +111,13 @@ class Frames(Stream):
     metres."""
 
     def __init__(
-        self, room: Room, cameras: Sequence[Camera], link: Link, latency: Time, parcel: float = 0.0
+        self, room: Room, cameras: Sequence[Camera], link: Link, times: Times, parcel: float = 0.0
     ) -> None:
         self._room = room
         self._cameras = cameras
         self._link = link
         self._view = view_source(link)
-        self._latency = latency
+        self._times = times
         self._parcel = parcel
         self._counts = [0] * len(cameras)
         self._last: tuple[Time, Truth] | None = None
@@ -135,7 +156,7 @@ class Frames(Stream):
                 body = _moved(_unladen(nearer[1], self._parcel), (at - nearer[0]) / NS)
                 rig = self._link.rig
                 weakness = SOUND if rig is None else rig.camera
-                taken.append(_Taken(at + self._latency, at, camera, body, weakness))
+                taken.append(_Taken(at + self._times.latency, at, camera, body, weakness))
                 self._counts[i] += 1
         self._taken.extend(sorted(taken, key=lambda frame: frame.arrival))
 
@@ -143,7 +164,8 @@ class Frames(Stream):
         body, weakness = taken.body, taken.weakness
         if weakness.offset != ZERO:
             body = body._replace(position=add(body.position, weakness.offset))
-        return Frame(taken.time, taken.camera.name, self._room.draw(taken.camera, body, weakness))
+        stamp = max(0, taken.time + self._times.late)
+        return Frame(stamp, taken.camera.name, self._room.draw(taken.camera, body, weakness))
 
     def _filtered(self, frames: list[Measurement]) -> list[Measurement]:
         filters = () if self._link.rig is None else self._link.rig.filters

@@ -44,7 +44,8 @@ class InnerLoop(NamedTuple):
     rotor_time: time constant of the rotors. cut_off: of the second-order low-pass that the
     gyroscope passes on its way to the loop, Hz; 0 for none. dead_time: from the gyroscope's sample
     to the rotors' control. command_latency: from a command's sending to its use on board.
-    pose_latency: the age at which a pose arrives. pose_period: between two poses.
+    pose_latency: the age at which a pose arrives. pose_period: between two poses. imu_delay: by
+    which what the IMU measures lies behind its stamp.
     """
 
     attitude: AttitudeLoop
@@ -54,6 +55,7 @@ class InnerLoop(NamedTuple):
     command_latency: float = 0.0
     pose_latency: float = 0.01
     pose_period: float = 1.0 / 120.0
+    imu_delay: float = 0.0
 
 
 def attitude_loop(

@@ -78,7 +78,7 @@ def test_every_vehicle_has_the_defaults(tmp_path: Path) -> None:
     a = vehicle(plan_of(tmp_path, MISSION), "a")
     assert [e.part.name for e in a.estimators] == ["mocap"]
     assert "fence" in [p.name for p in a.processors]
-    assert a.tracker.name == "cascade"
+    assert a.tracker.name == "geometric"
     assert a.estimators[0].part.at.endswith("defaults.yaml:7")
 
 

@@ -26,7 +26,7 @@ world: {fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}}
 vehicles:
   a:
     like: std.nano_plus
-    tracker: {use: geometric, proportional: 15}
+    tracker: {use: geometric, proportional: 12}
     behaviors: &hop {up: {do: take_off, height: 1 m, then: down}, down: {do: land}}
   b: {like: std.nano_plus, start: {at: [0, 2, 0]}, behaviors: *hop}
 """
@@ -129,7 +129,7 @@ def test_the_trackers_of_a_target(tmp_path: Path) -> None:
     assert [v.tracker.name for v in asked.values()] == ["on_board", "on_board"]
     assert asked["a"].tracker.params.by == "velocity"
     own = flown(tmp_path, "yard", "{yard: {all: {driver: {use: yard, live: true}}}}")
-    assert own["a"].tracker.params.proportional == 15
+    assert own["a"].tracker.params.proportional == 12
     assert own["b"].tracker.name == flown(tmp_path, "sim")["b"].tracker.name
 
 
@@ -179,7 +179,7 @@ def test_the_resolved_mission_is_the_same(tmp_path: Path, targets: str) -> None:
         assert (one.driver.name, one.driver.params) == (other.driver.name, other.driver.params)
         assert (one.tracker.name, one.tracker.params) == (other.tracker.name, other.tracker.params)
         assert [s.part.params for s in one.sensors] == [s.part.params for s in other.sensors]
-    assert "proportional: 15" in first.resolved  # the mission's own stays where it was
+    assert "proportional: 12" in first.resolved  # the mission's own stays where it was
 
 
 def test_what_is_wrong_with_the_tracker_of_another_target_is_told(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, from_euler, rotate_back
 from kybflow.core.signals import NS, Estimate, Imu, Time
-from kybflow.flight.disturbance import LARGEST, WASHOUT, DisturbanceObserver
+from kybflow.flight.disturbance import LARGEST, SHAKEN, WASHOUT, DisturbanceObserver
 from kybflow.world.vehicle_context import Airframe
 
 FRAME = Airframe(
@@ -28,6 +28,7 @@ def observed(
     bias: Vec3 = ZERO,
     heard: float = inf,
     observer: DisturbanceObserver | None = None,
+    turning: Vec3 = ZERO,
 ) -> DisturbanceObserver:
     """An observer after so many seconds of a push (world) at a tilt, with a bandwidth of 2 Hz.
     heard: seconds until the IMU falls silent."""
@@ -38,7 +39,7 @@ def observed(
     for step in range(1, round(seconds / DT) + 1):
         now: Time = round(step * DT * NS)
         last = min(now, round(min(heard, 1e6) * NS))
-        estimate = Estimate(now, ZERO, velocity, TILTED, ZERO, "mocap", 0.0, 0.0)
+        estimate = Estimate(now, ZERO, velocity, TILTED, turning, "mocap", 0.0, 0.0)
         observer.update(Imu(last, DT, felt, ZERO), estimate, given, 2.0, DT)
     return observer
 
@@ -51,15 +52,23 @@ def test_a_push_is_found_in_a_tenth_of_a_second_whatever_the_tilt_and_the_speed(
     )
 
 
+def test_while_the_vehicle_swings_it_learns_slowly_but_a_turn_of_its_nose_is_no_swing() -> None:
+    still = observed(0.04, (0.4, 0.0, 0.0)).acceleration[0]
+    swinging = observed(0.04, (0.4, 0.0, 0.0), turning=(0.0, SHAKEN, 0.0)).acceleration[0]
+    assert swinging == pytest.approx(0.5 * still, rel=0.15)
+    assert observed(0.04, (0.4, 0.0, 0.0), turning=(0.0, 0.0, 2.0)).acceleration[0] == still
+
+
 def test_thrust_and_drag_that_are_known_of_are_no_push() -> None:
     assert observed(2.0, velocity=(1.0, -2.0, 0.0)).acceleration == pytest.approx(ZERO, abs=1e-9)
     climbing = observed(1.0, given=GRAVITY + 2.0)
     assert climbing.acceleration == pytest.approx(ZERO, abs=0.15)
 
 
-def test_what_lasts_is_left_to_the_integral() -> None:
-    biased = observed(4.0 * WASHOUT, bias=(0.2, -0.1, 0.15))
-    assert biased.acceleration == pytest.approx(ZERO, abs=0.01)
+def test_what_lasts_stays_in_the_estimate_but_upwards() -> None:
+    x, y, z = observed(4.0 * WASHOUT, (0.2, -0.1, 0.15)).acceleration
+    assert (x, y) == pytest.approx((0.2, -0.1), abs=0.01)
+    assert z == pytest.approx(0.0, abs=0.01)
 
 
 def test_without_an_imu_and_on_the_ground_nothing_pushes() -> None:

@@ -24,7 +24,7 @@ vehicles:
       down:  {do: land}
 expect:
   - min(nano.battery.remaining in low) < 47 %
-  - max(nano.position_error in low) < 2 cm
+  - max(nano.position_error in low) < 6 cm
 """
 
 

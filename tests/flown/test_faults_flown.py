@@ -18,6 +18,7 @@ FAULTS = {
     "mocap_noise": {"position": 0.01},
     "gust": {"velocity": (1.0, 0.0, 0.0)},
     "wind": {"velocity": (1.0, 0.0, 0.0)},
+    "push": {"acceleration": (0.5, 0.0, 0.0)},
     "battery_sag": {"by": 0.1},
     "mass_change": {"factor": 1.2},
     "rotor_weak": {"left": 0.9},

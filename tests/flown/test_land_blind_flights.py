@@ -166,7 +166,8 @@ def test_one_that_is_not_heard_and_loses_its_load_comes_down_by_its_own_watchdog
     cut = FaultPlan(part("faults", "link_cut", way="from_vehicle"), "a", time=LOST)
     lighter = FaultPlan(part("faults", "mass_change", factor=0.6), "a", time=LOST + 0.3)
     states = [up("hold", 1.0), hold(30.0, "down"), down()]
-    _, told = run(vehicle("a", states), faults=(cut, lighter), observers=(watch,))
+    flier = vehicle("a", states, driver=part("drivers", "sim", calm=True))
+    _, told = run(flier, faults=(cut, lighter), observers=(watch,))
     [waits] = named(told, "behavior_waits")
     assert waits.fields["reason"] == "its own watchdog, as nothing is heard of it"
     assert watch.landing().climbed < 2.5

@@ -38,4 +38,4 @@ def test_a_vehicle_flies_by_it(run) -> None:
     flown, _ = run(vehicle("a", states, driver=driver, sensors=(sensor,)))
     assert flown.summary["outcome"] == "succeeded"
     scores = {b["name"]: b for b in flown.summary["vehicles"]["a"]["behaviors"]}
-    assert scores["hold"]["position_error_m"]["max"] < 0.02
+    assert scores["hold"]["position_error_m"]["max"] < 0.04

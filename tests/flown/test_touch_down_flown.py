@@ -50,7 +50,8 @@ def _every_tick(monkeypatch: pytest.MonkeyPatch) -> None:
 def flown(mission: str, seed: int, tmp_path, *faults: FaultPlan):
     plan, watch = plan_of(mission), Watch("nano")
     told = []
-    plan = replace(plan, faults=faults)
+    fliers = (replace(v, tracker=part("trackers", "cascade")) for v in plan.vehicles)
+    plan = replace(plan, vehicles=tuple(fliers), faults=faults)
     request = RunRequest(seed=seed, out=tmp_path / "run")
     summary = fly(plan, request, (told.append,), (watch,)).summary
     return summary, told, watch

@@ -50,6 +50,7 @@ def test_the_summary_has_the_documented_shape():
         "reason": None,
         "seed": 7,
         "target": "sim",
+        "world": "a lab",
         "sim_time_s": 41.2,
         "wall_time_s": 0.8,
         "real_time_factor": 51.5,

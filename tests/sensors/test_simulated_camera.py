@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -253,3 +254,47 @@ def test_the_worlds_obstacles_are_drawn() -> None:
         stream._room.draw(DOWN, Truth((0.0, 0.0, 1.0), ZERO, LEVEL, ZERO)) for stream in streams
     )
     assert 0.01 < (seen != free).mean() < 0.05
+
+
+LAB = replace(CLEAN, calm=False)
+
+
+class InALab(Passing):
+    is_calm = False
+
+
+@pytest.mark.parametrize(("link", "params", "is_exact"), [
+    (Passing(), CLEAN, True),
+    (Passing(), LAB, False),
+    (InALab(), CLEAN, False),
+    (InALab(), replace(CLEAN, calm=True), True),
+])  # fmt: skip
+def test_a_camera_is_as_perfect_as_the_world_of_its_vehicle(
+    link: Passing, params: SimulatedCameraParams, is_exact: bool
+) -> None:
+    """Unless its parameter says otherwise; what is exact comes with the stamp and the image of the
+    calm world, what is not with neither."""
+    still = Passing()
+    calm = [frame for _, frame in fly(opened(still, DOWN), still, NS // 2)]
+    seen = [frame for _, frame in fly(opened(link, DOWN, params=params), link, NS // 2)]
+    assert len(seen) == len(calm)
+    assert all((a.time == b.time) is is_exact for a, b in zip(seen[1:], calm[1:], strict=True))
+    alike = [(a.image == b.image).all() for a, b in zip(seen, calm, strict=True)]
+    assert all(alike) is is_exact
+
+
+def test_nobody_who_locates_is_told_what_is_wrong_in_a_lab() -> None:
+    """The sensor changes neither the cameras nor the tags of the vehicle's context."""
+    site, link = context(DOWN), InALab()
+    opened_in = SimulatedCamera.open(CLEAN, site, link, random.Random(1))
+    fly(opened_in, link, NS // 4)
+    assert site == context(DOWN)
+
+
+def test_stamps_in_a_lab_are_late_by_the_same_for_a_whole_flight() -> None:
+    link = InALab()
+    times = [frame.time for _, frame in fly(opened(link, DOWN), link, NS)]
+    late = [time - round(i * NS / 30) for i, time in enumerate(times)][1:]
+    assert len(set(late)) == 1
+    assert late[0] != 0
+    assert abs(late[0]) < 15_000_000

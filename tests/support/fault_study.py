@@ -21,6 +21,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from plans import in_still_air
+
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.geometry import distance
 from kybflow.core.units import DURATION
@@ -45,6 +47,7 @@ FLOOR = 0.05
 SIZES: dict[str, dict[str, Any]] = {
     "gust": {"velocity": (1.5, 1.0, 0.0)},
     "wind": {"velocity": (1.0, -0.5, 0.0)},
+    "push": {"acceleration": (0.4, -0.3, 0.2)},
     "imu_bias_step": {"gyro": (0.005, -0.005, 0.005), "accelerometer": (0.05, 0.05, -0.05)},
     "mass_change": {"factor": 1.1},
 }
@@ -118,7 +121,7 @@ def plan_of(mission: str) -> Plan:
     folder = TESTS / "flown" if mission == COURIERS else MISSIONS
     result = compile_mission(folder / f"{mission}.yaml", catalog=load_catalog())
     assert result.plan is not None, result.diagnostics
-    return result.plan
+    return in_still_air(result.plan)
 
 
 def flown(plan: Plan, vehicle: str, seed: int) -> tuple[Seen, dict[str, Any]]:

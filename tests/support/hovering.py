@@ -47,7 +47,7 @@ def swings(
     site = context(frame, params)
     session = Sim.open([Seat(site, params)], random.Random(1))
     link, estimator = session.links["a"], Mocap(MocapParams(), site)
-    tracker = Geometric(GeometricParams(mass_guess=1.0, **gains), site)
+    tracker = Geometric(GeometricParams(mass_guess=1.0, observer=0.0, **gains), site)
     places, now = [], 0
     for step in range(round((SETTLED + seconds) * NS / PERIOD)):
         now += PERIOD

@@ -47,6 +47,15 @@ def wrapped(wrap: Callable[[str, Link], Link], **declared: Any) -> PartPlan:
     return replace(part("drivers", "sim"), cls=Wrapped)
 
 
+def in_still_air(plan: Plan) -> Plan:
+    """The plan in a simulator without a lab's disturbances."""
+    flying = []
+    for vehicle in plan.vehicles:
+        params = replace(vehicle.driver.params, calm=True)
+        flying.append(replace(vehicle, driver=replace(vehicle.driver, params=params)))
+    return replace(plan, vehicles=tuple(flying))
+
+
 def state(
     name: str, behavior: PartPlan | type[Behavior[Any]], *arrows: TransitionPlan, **more: Any
 ) -> StatePlan:

@@ -21,6 +21,7 @@ from kybflow.core.signals import (
     SetpointKind,
     Truth,
 )
+from kybflow.drivers.sim import Sim, SimParams
 from kybflow.dsl.plan import PartPlan, Plan, SourceFile, StatePlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.recording.outcome import Ending, summarise
@@ -115,7 +116,7 @@ def _vehicle(name: str, place: int) -> VehiclePlan:
         (),
         nothing,
         (),
-        nothing,
+        PartPlan("sim", Sim, SimParams(), "sim"),
         "up",
         states,
     )

@@ -15,7 +15,8 @@ FRAME = Airframe(
 )  # fmt: skip
 PERIOD = NS // 250
 QUIET = SimParams(
-    model_error=0.0, gyro_noise=0.0, gyro_bias=0.0, accelerometer_noise=0.0, accelerometer_bias=0.0
+    calm=True, model_error=0.0, gyro_noise=0.0, gyro_bias=0.0, accelerometer_noise=0.0,
+    accelerometer_bias=0.0,
 )  # fmt: skip
 
 

@@ -68,6 +68,10 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
         return Mavlink.control_rate(params)
 
     @classmethod
+    def world(cls, params: EmulatedAutopilotParams) -> str:
+        return f"{Sim.world(params)}, with an emulated autopilot"
+
+    @classmethod
     def inner_loop(cls, params: EmulatedAutopilotParams, airframe: Airframe) -> InnerLoop:
         return Sim.inner_loop(params, airframe)
 

@@ -63,7 +63,7 @@ class EmulatedLink(AutopilotLink):
         super().__init__(Seat(seat.context, params), profile, port)
         self.wire = wire
         self._emulated = emulated
-        self.rig = emulated.vehicle.rig
+        self.rig, self.is_calm = emulated.vehicle.rig, emulated.vehicle.is_calm
 
     @property
     def autopilot(self) -> OnboardAutopilot:

@@ -73,6 +73,10 @@ class Rotorpy(Driver[RotorpyParams]):
         return None if params.watchdog else "`watchdog` is off: nothing lands it should this stop"
 
     @classmethod
+    def world(cls, params: RotorpyParams) -> str:
+        return f"{Sim.world(params)}, by rotorpy"
+
+    @classmethod
     def inner_loop(cls, params: RotorpyParams, airframe: Airframe) -> InnerLoop:
         return Sim.inner_loop(params, airframe)
 

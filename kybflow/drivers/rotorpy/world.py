@@ -12,7 +12,7 @@ from kybflow.core.geometry import ZERO, Quat, distance, rotate
 from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.rotorpy.plant import Plant
 from kybflow.drivers.sim.contacts import FORGOTTEN
-from kybflow.drivers.sim.sensors import ImuErrors, feel
+from kybflow.drivers.sim.sensors import NOTHING, ImuErrors, feel
 from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
 from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
 from kybflow.drivers.sim.vehicle import SimulatedVehicle, jets_of
@@ -135,7 +135,7 @@ class RotorpyWorld(Session):
         vehicle = self._vehicles[index]
         self._plants[index].load(vehicle.body.mass * vehicle.rig.mass + vehicle.rig.payload)
         self._errors.bias(index, vehicle.imu_bias)
-        self.aboard.winds[index] = ZERO
+        self.aboard.winds[index], self.aboard.pushes[index] = ZERO, NOTHING
 
     def grip(self, index: int, is_open: bool, armed: bool) -> bool:
         """Nobody carries anything."""

@@ -111,7 +111,7 @@ class SimParams:
     )
     calm: bool = param(
         "Still air and a perfect lab: none of what follows, down to `stamp_jitter`.",
-        default=True, read_only=True,
+        default=False, read_only=True,
     )  # fmt: skip
     force_noise: Acceleration = param(
         "Random force on the body over its mass along each axis, standard deviation; it lasts half"
@@ -221,17 +221,21 @@ class Sim(Driver[SimParams]):
         return None if params.watchdog else "`watchdog` is off: nothing lands it should this stop"
 
     @classmethod
+    def world(cls, params: SimParams) -> str:
+        return "still air" if params.calm else "a lab"
+
+    @classmethod
     def inner_loop(cls, params: SimParams, airframe: Airframe) -> InnerLoop:
         """The delays of a lab, but for what is drawn, as they are in steps: what the gyroscope
         feels moves the rotors two later, less half a step for each stage of its filter and three
-        for a lead, which is stepped as well."""
+        for a lead, which is stepped as well. The IMU measures before a step."""
         p, loop, lag = params, airframe.attitude_loop, airframe.rotor_time
-        steps = 2.0 - (loop.lead - 1.0)
-        late, period = p.mocap_latency, 1.0 / p.mocap_rate
-        if p.calm:
-            return InnerLoop(loop, lag, 0.0, max(0.0, steps) / p.physics, 0.0, late, period)
-        dead = max(0.0, round(p.dead_time * p.physics) + steps - 1.0) / p.physics
-        return InnerLoop(loop, lag, p.gyro_filter, dead, p.command_latency, late, period)
+        steps, cut_off, command = 2.0 - (loop.lead - 1.0), 0.0, 0.0
+        if not p.calm:
+            steps += round(p.dead_time * p.physics) - 1.0
+            cut_off, command = p.gyro_filter, p.command_latency
+        dead, period, step = max(0.0, steps) / p.physics, 1.0 / p.mocap_rate, 1.0 / p.physics
+        return InnerLoop(loop, lag, cut_off, dead, command, p.mocap_latency, period, step)
 
     @classmethod
     def step_rate(cls, params: SimParams) -> float | None:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from kybflow.core.geometry import LEVEL, Quat, integrate
 from kybflow.drivers.sim.air import EDDY_TIME, Downwash, GroundEffect, Wandering
 from kybflow.drivers.sim.model import BuiltAirframe
-from kybflow.drivers.sim.sensors import Array, bias, draw, draw_blocks
+from kybflow.drivers.sim.sensors import Array, bias, draw, vibrations
 from kybflow.drivers.sim.steps.onboard import Loop
 from kybflow.world.vehicle_context import Airframe
 
@@ -31,10 +31,9 @@ ACROSS = 0.6
 class Lab(NamedTuple):
     """drag: the body's over what it would be. inflow: drag along body z over that. loop: what the
     on-board loop is made of. eddies: what pushes the body, N, world frame, and turns it, N m, body
-    frame; None in still air. vibration: what the IMU measures of the rotors in hover, white, since
-    rotors that turn at speeds of their own fold their harmonics all over a sampled spectrum; None
-    where nothing vibrates. ground, downwash: what the floor does to its thrust, and the jet below
-    it; None for nothing. markers: the body that motion capture takes for the vehicle's, in the
+    frame; None in still air. vibration: what the IMU measures of the rotors in hover; None where
+    nothing vibrates. ground, downwash: what the floor does to its thrust, and the jet below it;
+    None for nothing. markers: the body that motion capture takes for the vehicle's, in the
     vehicle's. stamps: how much later than it was a pose is stamped, s. late: seconds by which each
     command is late; None where none is."""
 
@@ -82,7 +81,7 @@ def lab(p: Any, airframe: Airframe, body: BuiltAirframe, generator: Any) -> Lab:
         p.inflow,
         Loop(believed, p.gyro_filter, p.dead_time),
         Wandering(spread, EDDY_TIME, noise) if any(spread) else None,
-        draw_blocks(rotors, [0.0] * 6, shaking) if any(shaking) else None,
+        vibrations(rotors, shaking) if any(shaking) else None,
         GroundEffect(airframe, p.ground_effect) if p.ground_effect else None,
         Downwash(airframe, p.downwash) if p.downwash else None,
         integrate(LEVEL, turned, 1.0),

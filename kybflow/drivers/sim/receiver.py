@@ -13,6 +13,8 @@ from kybflow.world.vehicle_context import Airframe
 
 WATCHDOG: Time = NS // 4
 """How long an armed vehicle waits for a command before it comes down by itself."""
+FEELS: Time = NS // 5
+"""How often it takes stock of what was felt."""
 FORGOTTEN = 2.0
 """Seconds in which a speed that the IMU has felt is forgotten: an accelerometer that is wrong by b
 is never mistaken for more than 2 b, however long the flight."""
@@ -43,26 +45,26 @@ class Receiver:
         self.descent: Descent | None = None
         self.late: Time = 0
         self._controller, self._airframe, self._watched = controller, airframe, watched
-        self._heard: Time = 0
+        self._heard = self._felt = 0
         self._deaf = False
         self._climb = self._wrong = 0.0
         self._hover, self._flown = airframe.hover_thrust, 0.0
         self._thrust = self._asked = 0.0
         self._counted: Time = 0
-        self._on_the_way: deque[tuple[Time, Command]] = deque()
+        self._on_the_way: deque[tuple[Time, Command, bool]] = deque()
 
     def put_off(self, late: Time) -> None:
-        """From now on what is sent arrives `late`; what is on the way is lost when that is zero."""
+        """From now on what is sent arrives `late`; what was put off is lost when that is zero."""
         self.late = late
         if not late:
-            self._on_the_way.clear()
+            self._on_the_way = deque(entry for entry in self._on_the_way if not entry[2])
 
     def delay(self, command: Command, now: Time, more: Time) -> Time:
         """A command is sent at `now` and arrives late, by `more` beside: when. None overtakes
         another."""
         last = self._on_the_way[-1][0] if self._on_the_way else now
         due = max(last, now + self.late + more)
-        self._on_the_way.append((due, command))
+        self._on_the_way.append((due, command, self.late > 0))
         return due
 
     def hear(self, command: Command, now: Time) -> None:
@@ -98,23 +100,30 @@ class Receiver:
         due = waiting[0][0] if waiting else NEVER
         if not self._watched:
             return due
-        since = now
         if not self._controller.armed:
             self._climb = self._wrong = 0.0
             self._hover, self._flown = self._airframe.hover_thrust, 0.0
         elif not self._deaf:
-            self._count(now)
-            since, wrong = self._heard, self._wrong
-            gained, seconds = self._controller.gained()
-            self._feel(gained, seconds)
-            if now - since >= WATCHDOG:
-                if abs(gained) < MOTION * seconds:
-                    wrong = self._wrong
-                most, rest = self._airframe.max_thrust, self._controller.rest + wrong
-                unsure = UNSURE * exp(-2.0 * self._flown / LEARNT)
-                self.descent = Descent(self._hover, most, self._climb, rest, unsure)
-                self._deaf, since = True, now
-        return min(due, since + WATCHDOG)
+            is_silent = now - self._heard >= WATCHDOG
+            if is_silent or now - self._felt >= FEELS:
+                self._take_stock(now, is_silent)
+            if not is_silent:
+                return min(due, self._heard + WATCHDOG)
+        return min(due, now + WATCHDOG)
+
+    def _take_stock(self, now: Time, is_silent: bool) -> None:
+        """Take what was felt and asked for; begin to come down where nobody is heard any more."""
+        self._count(now)
+        self._felt, wrong = now, self._wrong
+        gained, seconds = self._controller.gained()
+        self._feel(gained, seconds)
+        if is_silent:
+            if abs(gained) < MOTION * seconds:
+                wrong = self._wrong
+            most, rest = self._airframe.max_thrust, self._controller.rest + wrong
+            unsure = UNSURE * exp(-2.0 * self._flown / LEARNT)
+            self.descent = Descent(self._hover, most, self._climb, rest, unsure)
+            self._deaf = True
 
     def _feel(self, gained: float, seconds: float) -> None:
         """Take the upward speed that the IMU has felt in flight, m/s, in so many seconds, and the

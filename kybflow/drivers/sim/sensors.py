@@ -23,6 +23,9 @@ from kybflow.world.vehicle_context import Airframe
 Array = numpy.ndarray[Any, numpy.dtype[numpy.float64]]
 
 BLOCK = 500
+NOTHING: Numbers = (0.0,) * 6
+AHEAD = 16
+"""Steps whose vibration is added at a time."""
 WANDERS, LASTS = 0.5, 30.0
 """The part of a position's variance that wanders, and for how many seconds it stays about the
 same."""
@@ -45,6 +48,17 @@ def draw_blocks(
         block *= deviations
         block += offsets
         yield block
+
+
+def vibrations(generator: numpy.random.Generator, deviations: list[float]) -> Iterator[Array]:
+    """Blocks of rows of noise without low frequencies: differences of white noise, with the given
+    deviations. What an IMU adds up of it stays bounded, as it does of rotors, which turn at tens of
+    hertz."""
+    count = len(deviations)
+    last = numpy.zeros((1, count))
+    for block in draw_blocks(generator, [0.0] * count, [d / sqrt(2.0) for d in deviations]):
+        yield numpy.diff(block, axis=0, prepend=last)
+        last = block[-1:]
 
 
 def feel(rotation: Numbers, velocity: Numbers, acceleration: Numbers, errors: Numbers) -> Numbers:
@@ -77,7 +91,7 @@ class ImuSource(NamedTuple):
 
 class ImuErrors:
     """The errors of all IMUs, step by step: those of steps to come, vehicle by vehicle, are in
-    `block`, and the vibration of those that were taken. form: makes a block from an array of steps,
+    `block`, with the vibration of those until `_ready`. form: makes a block from an array of steps,
     vehicles and values."""
 
     def __init__(self, sources: Sequence[ImuSource], form: Callable[[Array], Any]) -> None:
@@ -88,16 +102,17 @@ class ImuErrors:
         self._shakes = any(source.vibration is not None for source in sources)
         self._biases, self._levels = numpy.zeros((len(sources), 6)), numpy.zeros((len(sources), 1))
         self._drawn = self._shaking = numpy.zeros((0, len(sources), 6))
-        self.block, self._next = form(self._drawn), 0
+        self.block, self._next, self._ready = form(self._drawn), 0, 0
 
     def shake(self, vehicle: int, level: float) -> None:
         """From now on a vehicle vibrates `level` times as much as in hover."""
         self._levels[vehicle] = level
+        self._ready = self._next
 
     def bias(self, vehicle: int, more: Sequence[float]) -> None:
         """From now on a vehicle's are so much more than what is drawn."""
         self._biases[vehicle] = more
-        self.block = self._form(self._drawn + self._biases)
+        self.block, self._ready = self._form(self._drawn + self._biases), self._next
 
     def take(self, steps: int) -> int:
         """Where in `block` the next so many steps begin."""
@@ -105,11 +120,13 @@ class ImuErrors:
         while first + steps > len(self.block):
             self._drawn = _followed(self._drawn[first:], self._errors)
             self._shaking, first = _followed(self._shaking[first:], self._vibrations), 0
-            self.block = self._form(self._drawn + self._biases)
+            self.block, self._ready = self._form(self._drawn + self._biases), 0
         self._next = last = first + steps
-        if self._shakes:
-            taken = self._drawn[first:last] + self._biases
-            self.block[first:last] = self._form(taken + self._levels * self._shaking[first:last])
+        if self._shakes and last > self._ready:
+            self._ready = first + max(steps, AHEAD)
+            coming = slice(first, self._ready)
+            still = self._drawn[coming] + self._biases
+            self.block[coming] = self._form(still + self._levels * self._shaking[coming])
         return first
 
 
@@ -122,12 +139,13 @@ class Averages:
     """What a vehicle's IMU measured on average since it was last asked."""
 
     def __init__(self) -> None:
-        self._sums = [0.0] * 6
+        self._sums: Numbers = NOTHING
         self._count = 0
 
     def add(self, felt: Numbers) -> None:
         """Another sample: turn rate and specific force."""
-        self._sums = [s + f for s, f in zip(self._sums, felt, strict=True)]
+        (gx, gy, gz, ax, ay, az), (hx, hy, hz, bx, by, bz) = self._sums, felt
+        self._sums = (gx + hx, gy + hy, gz + hz, ax + bx, ay + by, az + bz)
         self._count += 1
 
     def measure(self, now: Time, dt: float) -> Imu | None:
@@ -136,9 +154,9 @@ class Averages:
         count = self._count
         if not count:
             return None
-        gx, gy, gz, ax, ay, az = (total / count for total in self._sums)
-        self._sums, self._count = [0.0] * 6, 0
-        return Imu(now, count * dt, (ax, ay, az), (gx, gy, gz))
+        (gx, gy, gz, ax, ay, az), self._sums, self._count = self._sums, NOTHING, 0
+        force = (ax / count, ay / count, az / count)
+        return Imu(now, count * dt, force, (gx / count, gy / count, gz / count))
 
 
 class Schedule:

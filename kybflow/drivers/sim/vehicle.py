@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy
 
-from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, rotate
+from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, rotate, scale
 from kybflow.core.signals import (
     NS,
     Command,
@@ -27,6 +27,7 @@ from kybflow.drivers.sim.lab import as_flown, lab
 from kybflow.drivers.sim.model import BuiltAirframe
 from kybflow.drivers.sim.receiver import Receiver
 from kybflow.drivers.sim.sensors import (
+    NOTHING,
     Averages,
     ImuSource,
     PoseSampler,
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
     import random
 
 OWN_LANDING = Override("its own watchdog lands it", lands=True)
-NOTHING: Numbers = (*ZERO, *ZERO)
 ROTOR_SPREAD = 0.2
 """How much the rotors differ from each other, as a part of `model_error`."""
 
@@ -80,6 +80,7 @@ class SimulatedVehicle(Link):
         self, world: Surroundings, index: int, seat: Seat, generator: random.Random
     ) -> None:
         context, p = seat.context, as_flown(seat.params)
+        self.is_calm: bool = p.calm
         streams = numpy.random.default_rng(generator.getrandbits(64)).spawn(7)
         self._world = world
         self._index = index
@@ -110,6 +111,7 @@ class SimulatedVehicle(Link):
         self.rig = Rig(context.vehicle, self._rigged)
         self._arriving: deque[tuple[Time, Measurement]] = deque()
         self._filters = self.rig.filters
+        self._push = ZERO
         self._deaf = self._mute = False
         self._seen_as = self._sees_as = index
         self._imu = Averages()
@@ -150,8 +152,8 @@ class SimulatedVehicle(Link):
 
     @property
     def is_blown(self) -> bool:
-        """Whether the air or its rotors do to it what changes from tick to tick."""
-        return self.wind.blows or self.rig.blows or self._lab.stirs
+        """Whether it feels wind, is pushed, or vibrates."""
+        return self.wind.blows or self.rig.blows or self._push != ZERO or self._lab.stirs
 
     @property
     def thrust(self) -> float:
@@ -176,13 +178,14 @@ class SimulatedVehicle(Link):
     def pushed(self, elapsed: float, thrust: float) -> Numbers:
         """What pushes it beside `thrust` and the wind, N, world frame, and turns it, N m, body
         frame, `elapsed` seconds after the last call."""
-        pushed = NOTHING if self._lab.eddies is None else self._lab.eddies.after(elapsed)
-        if self._lab.ground is None:
-            return pushed
-        truth, (x, y, z, *turned) = self.truth(), pushed
-        lift = thrust * self._lab.ground.gain(truth.position[2] + LEGS)
-        ux, uy, uz = rotate(truth.attitude, (0.0, 0.0, lift))
-        return (x + ux, y + uy, z + uz, *turned)
+        eddies, ground, force = self._lab.eddies, self._lab.ground, self._push
+        x, y, z, *turned = NOTHING if eddies is None else eddies.after(elapsed)
+        if ground is not None:
+            truth = self.truth()
+            lift = thrust * ground.gain(truth.position[2] + LEGS)
+            force = add(force, rotate(truth.attitude, (0.0, 0.0, lift)))
+        fx, fy, fz = force
+        return (x + fx, y + fy, z + fz, *turned)
 
     def vibration(self, thrust: float) -> float:
         """How much it vibrates, over what it does in hover: as a rotor's imbalance, by the square
@@ -280,6 +283,7 @@ class SimulatedVehicle(Link):
         """Obey the rig."""
         rig = self.rig
         self._filters = rig.filters
+        self._push = scale(rig.push, self.body.mass)
         self._deaf, self._mute = (not self.is_wired and cut for cut in (rig.deaf, rig.mute))
         self._receiver.put_off(0 if self.is_wired else round(rig.late * NS))
         self._seen_as = self._world.index(rig.body)

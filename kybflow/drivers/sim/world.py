@@ -14,6 +14,7 @@ from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.sim.contacts import Contacts
 from kybflow.drivers.sim.model import FIRST_BODY, BuiltAirframe, loaded, world_text
 from kybflow.drivers.sim.parcels import FallingParcel
+from kybflow.drivers.sim.sensors import NOTHING
 from kybflow.drivers.sim.steps.aboard import Aboard
 from kybflow.drivers.sim.steps.stepper import rows, stepper
 from kybflow.drivers.sim.vehicle import SimulatedVehicle, jets_of
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 _POSITION, _POSITION_SIZE = struct.Struct("7d").unpack_from, 7 * 8
 _VELOCITY, _VELOCITY_SIZE = struct.Struct("6d").unpack_from, 6 * 8
+WINDS = 50.0
+"""How often the air changes, Hz: eddies last half a second, whatever the rate of the control."""
 
 
 class SimulatedWorld(Session):
@@ -58,7 +61,7 @@ class SimulatedWorld(Session):
             self.refit(index)
         self._contacts = Contacts(self.model, [seat.context.vehicle for seat in seats])
         self._blown: Time = 0
-        self._due = 0
+        self._due = self._next_wind = 0
         self._measure(0)
         self._viewer = Viewer(self.model, self.data) if any(s.params.live for s in seats) else None
 
@@ -75,8 +78,6 @@ class SimulatedWorld(Session):
         last = ((now + 1) * self._rate - 1) // NS
         if self.aboard.steps >= last:
             return
-        if self._winds:
-            self._blow()
         while self.aboard.steps < last:
             self._step(last)
         if self._parcels:
@@ -95,8 +96,12 @@ class SimulatedWorld(Session):
     def _step(self, last: int) -> None:
         """Step on until something is to be measured, `last` at the latest; one step where a
         vehicle's watchdog flies by what is felt in each."""
-        aboard, listeners = self.aboard, self._listeners
-        steps = max(1, min(last, self._due) - aboard.steps)
+        aboard, listeners, due = self.aboard, self._listeners, self._due
+        if self._winds:
+            if self._next_wind <= aboard.steps:
+                self._blow()
+            due = min(due, self._next_wind)
+        steps = max(1, min(last, due) - aboard.steps)
         if listeners and any(vehicle.falls for _, vehicle in listeners):
             steps = 1
         self._stepper.advance(steps)
@@ -157,8 +162,8 @@ class SimulatedWorld(Session):
         model.body_mass[place] = mass
         mujoco.mj_setConst(model, mujoco.MjData(model))
         self._stepper.errors.bias(index, vehicle.imu_bias)
-        self.aboard.winds[index] = ZERO
-        self._winds = self._blowing()
+        self.aboard.winds[index], self.aboard.pushes[index] = ZERO, NOTHING
+        self._winds, self._next_wind = self._blowing(), 0
         self._truths = {}
 
     def _blowing(self) -> list[tuple[int, SimulatedVehicle]]:
@@ -176,8 +181,9 @@ class SimulatedWorld(Session):
 
     def _blow(self) -> None:
         """Give each vehicle the wind along its body's axes, what else pushes it, and how much it
-        vibrates."""
+        vibrates, until `_next_wind`."""
         now = (self.aboard.steps + 1) * NS // self._rate
+        self._next_wind = self.aboard.steps + max(1, round(self._rate / WINDS))
         elapsed, self._blown = (now - self._blown) / NS, now
         jets = jets_of([vehicle for _, vehicle in self._winds])
         for index, vehicle in self._winds:

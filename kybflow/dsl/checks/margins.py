@@ -77,7 +77,7 @@ def gains_that_oscillate(case: Case) -> Iterator[Diagnostic]:
 
 def gains_near_the_limit(case: Case) -> Iterator[Diagnostic]:
     """KYB324: a tracker's gains leave little margin on the loop that answers them: a gain margin
-    below 1.4, a phase margin below 30 degrees or a delay margin below 20 ms."""
+    below 1.4, a phase margin below 33 degrees or a delay margin below 20 ms."""
     for loop in case.cached(_loops):
         is_refused = loop.is_chosen and not holds(loop.margins, LEAST)
         if not is_refused and not holds(loop.margins, PLANNED if loop.is_chosen else LEAST):

@@ -4,7 +4,13 @@ J. Solà, "Quaternion kinematics for the error-state Kalman filter", 2017 (arXiv
 errors, true minus nominal, in the order of its sec. 5.1: position and velocity (world), attitude
 (rotation vector in the body, q_true = q Exp(error), sec. 5.3), biases of accelerometer and
 gyroscope (body).
-SI units; a covariance is a 15 x 15 array that nobody changes in place.
+
+Behind them may stand what makes measurements err systematically, m numbers of prior variance 1: the
+state is augmented by them, so that what measurements have in common is neither averaged away nor
+taken for motion (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and
+Navigation", 2001, sec. 8.2, autocorrelated measurement noise). The first `WANDERING` of them are
+first-order Markov processes, x' = a x + w with the variance 1 - a^2 of w; the rest are constants.
+SI units; a covariance is a (15 + m) x (15 + m) array that nobody changes in place.
 """
 
 from __future__ import annotations
@@ -22,6 +28,8 @@ Matrix = NDArray[numpy.float64]
 SIZE = 15
 POSITION, VELOCITY, ATTITUDE = slice(0, 3), slice(3, 6), slice(6, 9)
 ACCELEROMETER, GYRO = slice(9, 12), slice(12, 15)
+WANDERING = 6
+"""How many of what makes measurements err systematically are processes, not constants."""
 _IDENTITY = numpy.eye(SIZE)
 _POSE: Matrix = _IDENTITY[[0, 1, 2, 6, 7, 8]]
 _SEES = {3: _POSE[:3], 6: _POSE}
@@ -69,7 +77,7 @@ class Nominal(NamedTuple):
 
     def corrected(self, error: Matrix) -> Nominal:
         """The state corrected by the error (sec. 6.2, eq. 283)."""
-        px, py, pz, vx, vy, vz, x, y, z, ax, ay, az, gx, gy, gz = error.tolist()
+        px, py, pz, vx, vy, vz, x, y, z, ax, ay, az, gx, gy, gz = error[:SIZE].tolist()
         (p0, p1, p2), (v0, v1, v2) = self.position, self.velocity
         (a0, a1, a2), (g0, g1, g2) = self.accelerometer_bias, self.gyro_bias
         return Nominal(
@@ -104,9 +112,11 @@ class Correction(NamedTuple):
     covariance: Matrix
 
 
-def predicted(covariance: Matrix, before: Nominal, after: Nominal, noise: Matrix) -> Matrix:
+def predicted(
+    covariance: Matrix, before: Nominal, after: Nominal, noise: Matrix, kept: float = 1.0
+) -> Matrix:
     """The covariance at `after`, which moved there from `before` on the IMU alone: F P F' + Q;
-    noise: `ImuNoise.variances`.
+    noise: `ImuNoise.variances`. kept: how much of what wanders is left.
 
     F is the transition over the whole step (app. B.3, truncated), with the integrals of the
     specific force taken from what the nominal state did; the noise is that of sec. 5.5.2 (eq. 262).
@@ -120,7 +130,8 @@ def predicted(covariance: Matrix, before: Nominal, after: Nominal, noise: Matrix
     twice = skew(
         (q0 - p0 - u0 * dt, q1 - p1 - u1 * dt, q2 - p2 - u2 * dt + 0.5 * GRAVITY * dt * dt)
     )
-    f = _IDENTITY.copy()
+    size = len(covariance)
+    f = numpy.eye(size)
     f[0, 3] = f[1, 4] = f[2, 5] = dt
     f[POSITION, ATTITUDE] = -(twice @ first)
     f[POSITION, ACCELEROMETER] = (-0.5 * dt) * middle
@@ -130,15 +141,20 @@ def predicted(covariance: Matrix, before: Nominal, after: Nominal, noise: Matrix
     f[VELOCITY, GYRO] = once @ middle / 2.0
     f[ATTITUDE, ATTITUDE] = last.T @ first
     f[ATTITUDE, GYRO] = -(last.T @ middle)
+    if size > SIZE:
+        f.flat[SIZE * (size + 1) : (SIZE + WANDERING) * (size + 1) : size + 1] = kept
     result: Matrix = f @ covariance @ f.T
-    result.flat[:: SIZE + 1] += dt * noise
+    variance = result.reshape(-1)[:: size + 1]
+    variance[:SIZE] += dt * noise
+    variance[SIZE : SIZE + WANDERING] += 1.0 - kept * kept
     return result
 
 
 def widened(covariance: Matrix, position: float, velocity: float, attitude: float) -> Matrix:
     """The covariance with independent errors of these standard deviations added."""
     result = covariance.copy()
-    result.flat[: ATTITUDE.stop * SIZE : SIZE + 1] += numpy.repeat(
+    size = len(covariance)
+    result.flat[: ATTITUDE.stop * size : size + 1] += numpy.repeat(
         numpy.square((position, velocity, attitude)), 3
     )
     return result
@@ -149,22 +165,27 @@ def correction(
 ) -> Correction:
     """The correction by a measurement with this noise, before the reset (sec. 6.1; the covariance
     in Joseph's form). `sees` is H; without it, of a position (3) or a pose (6: the attitude's as a
-    rotation vector, body frame)."""
+    rotation vector, body frame) that errs by noise alone."""
     h = _SEES[len(innovation)] if sees is None else sees
     residual = numpy.array(innovation)
     seen = h @ covariance
     inverse = numpy.linalg.inv(seen @ h.T + noise)
     gain = seen.T @ inverse
-    left = _IDENTITY - gain @ h
+    left = numpy.eye(len(covariance)) - gain @ h
     after = left @ covariance @ left.T + gain @ noise @ gain.T
     return Correction(
         float(residual @ inverse @ residual), gain @ residual, 0.5 * (after + after.T)
     )
 
 
+def seen_with(slopes: Matrix) -> Matrix:
+    """H of a pose that errs systematically by `slopes` (6, m) times what makes it err."""
+    return numpy.hstack((_POSE, slopes))
+
+
 def reset(covariance: Matrix, error: Matrix) -> Matrix:
     """The covariance about the corrected attitude (sec. 6.3, eq. 287)."""
-    g = _IDENTITY.copy()
+    g = numpy.eye(len(covariance))
     x, y, z = error[ATTITUDE].tolist()
     g[ATTITUDE, ATTITUDE] -= skew((0.5 * x, 0.5 * y, 0.5 * z))
     result: Matrix = g @ covariance @ g.T

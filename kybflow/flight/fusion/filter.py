@@ -29,7 +29,7 @@ from kybflow.flight.fusion.covariance import (
     reset,
     skew,
 )
-from kybflow.flight.fusion.params import FusionParams
+from kybflow.flight.fusion.params import FilterParams
 from kybflow.flight.fusion.replay import Belief, FilterState, Fix, Replay
 from kybflow.flight.pose_gate import Bounds, PoseGate, Reference, Refusal, seen_from
 
@@ -51,7 +51,7 @@ CREEP, SHIVER = 0.01, 0.01
 class Filter:
     """`is_known`: so many measurements fitted one another that there is an estimate."""
 
-    def __init__(self, params: FusionParams, heading: float) -> None:
+    def __init__(self, params: FilterParams, heading: float) -> None:
         p = params
         self._params, self._heading = p, heading
         self._noise = ImuNoise(
@@ -206,8 +206,11 @@ class Unknown(NamedTuple):
 
 
 def begun(fix: Fix, unknown: Unknown, attitude: Quat, velocity: Vec3 | None) -> FilterState:
-    """At `fix`. Where it has no attitude, `attitude` is believed. velocity: the believed one."""
-    covariance = numpy.zeros((SIZE, SIZE))
+    """At `fix`. Where it has no attitude, `attitude` is believed. velocity: the believed one. What
+    makes the fix err made the state err the other way."""
+    slopes = numpy.zeros((6, 0)) if fix.slopes is None else fix.slopes
+    count = slopes.shape[1]
+    covariance = numpy.zeros((SIZE + count, SIZE + count))
     covariance[POSITION, POSITION] = fix.noise[:3, :3]
     pace = PACE if velocity is None else 0.3 * PACE
     covariance[VELOCITY, VELOCITY] = numpy.eye(3) * pace**2
@@ -218,8 +221,16 @@ def begun(fix: Fix, unknown: Unknown, attitude: Quat, velocity: Vec3 | None) -> 
         covariance[ATTITUDE, ATTITUDE] = numpy.eye(3) * LEANING**2
     covariance[ACCELEROMETER, ACCELEROMETER] = numpy.eye(3) * unknown.accelerometer**2
     covariance[GYRO, GYRO] = numpy.eye(3) * unknown.gyro**2
+    if count:
+        sees = numpy.zeros((SIZE, count))
+        sees[POSITION], sees[ATTITUDE] = slopes[:3], slopes[3:]
+        covariance[:SIZE, :SIZE] += sees @ sees.T
+        covariance[:SIZE, SIZE:], covariance[SIZE:, :SIZE] = -sees, -sees.T
+        covariance[SIZE:, SIZE:] = numpy.eye(count)
     nominal = Nominal(fix.time, fix.position, ZERO if velocity is None else velocity, attitude)
-    return FilterState(nominal, covariance, fix.time)
+    return FilterState(
+        nominal, covariance, fix.time, systematic=numpy.zeros(count), extent=fix.extent
+    )
 
 
 class Standstill:

@@ -11,7 +11,7 @@ Source = Literal["mocap", "tags", "position"]
 
 
 @params
-class FusionParams:
+class FilterParams:
     source: Source = param("Where measurements come from.", default="mocap", read_only=True)
     position_noise: Length = param(
         "Standard deviation of a measured position along each axis, beside what its source tells "

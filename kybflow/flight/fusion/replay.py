@@ -7,21 +7,26 @@ the result is the same, bit for bit, in whatever order measurements came (Solà 
 the steps; the delay is handled as in Bar-Shalom, Li and Kirubarajan, "Estimation with Applications
 to Tracking and Navigation", 2001, sec. 6: by reprocessing).
 
-The gate refuses an innovation that a share `refused` of true ones exceeds (chi-square, ibid. sec.
-5.4), or further than `widest` and four standard deviations of the measurement from the predicted
-position, or 45 degrees from the attitude.
+The IMU's noise is the declared one, or what its own samples show (`vibration`). The gate refuses an
+innovation that a share `refused` of true ones exceeds (chi-square, ibid. sec. 5.4), or further than
+`widest` and four standard deviations of the measurement from the predicted position, or 45 degrees
+from the attitude.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right, insort
 from collections.abc import Sequence
-from math import sqrt
+from math import exp, sqrt
 from typing import NamedTuple
+
+import numpy
 
 from kybflow.core.geometry import ZERO, Quat, Vec3, add, distance, integrate, scale, sub
 from kybflow.core.signals import IMU_TIMEOUT, NS, Imu, Time
 from kybflow.flight.fusion.covariance import (
+    SIZE,
+    WANDERING,
     ImuNoise,
     Matrix,
     Nominal,
@@ -29,8 +34,10 @@ from kybflow.flight.fusion.covariance import (
     correction,
     predicted,
     reset,
+    seen_with,
     widened,
 )
+from kybflow.flight.fusion.vibration import Vibration
 from kybflow.flight.pose_gate import is_same
 
 STEP = NS // 25
@@ -40,22 +47,27 @@ UNKNOWN_ACCELERATION, UNKNOWN_TURN = 3.0, 1.0
 
 class Fix(NamedTuple):
     """What was measured from outside. noise: covariance of the position (3 x 3), or of a pose (6 x
-    6: position in the world, then rotation in the body)."""
+    6: position in the world, then rotation in the body). slopes: how a pose errs by what makes it
+    err systematically (6 x m), None where nothing does. extent: how far the body moves until what
+    wanders of that is another, metres."""
 
     time: Time
     position: Vec3
     attitude: Quat | None
     noise: Matrix
+    slopes: Matrix | None = None
+    extent: float = 1.0
 
     @property
     def deviation(self) -> float:
         """Standard deviation of the position along the worst axis, metres."""
-        variance = self.noise.item
-        return sqrt(max(variance(0, 0), variance(1, 1), variance(2, 2)))
+        variance = self.noise if self.slopes is None else self.noise + self.slopes @ self.slopes.T
+        return sqrt(max(variance.item(0, 0), variance.item(1, 1), variance.item(2, 2)))
 
-    def innovation(self, nominal: Nominal) -> list[float]:
-        """Measured less predicted; of the attitude the rotation vector in the body, as twice the
-        tangent of half the angle, which `integrate` takes back exactly."""
+    def innovation(self, nominal: Nominal, systematic: Matrix) -> list[float]:
+        """Measured less predicted, with what makes it err as it is believed to; of the attitude the
+        rotation vector in the body, as twice the tangent of half the angle, which `integrate` takes
+        back exactly."""
         (mx, my, mz), (px, py, pz) = self.position, nominal.position
         moved = [mx - px, my - py, mz - pz]
         if self.attitude is None:
@@ -63,18 +75,26 @@ class Fix(NamedTuple):
         (w, x, y, z), (mw, nx, ny, nz) = nominal.attitude, self.attitude
         turned = w * mw + x * nx + y * ny + z * nz
         two = 2.0 / (turned if abs(turned) > 0.1 else 0.1)
-        return [
+        innovation = [
             *moved,
             two * (w * nx - x * mw - y * nz + z * ny),
             two * (w * ny + x * nz - y * mw - z * nx),
             two * (w * nz - x * ny + y * nx - z * mw),
         ]
+        if self.slopes is None:
+            return innovation
+        off: list[float] = (self.slopes @ systematic).tolist()
+        return [told - o for told, o in zip(innovation, off, strict=True)]
+
+
+NOTHING: Matrix = numpy.zeros(0)
 
 
 class FilterState(NamedTuple):
     """The filter at one time. fused: when the newest measurement in it was true. passed: how many
     have passed since it began. doubted: since when every measurement was refused. missed: what was
-    predicted for the last of them; off: how far from there it was, metres."""
+    predicted for the last of them; off: how far from there it was, metres. systematic: what makes
+    measurements err, as far as it is known, (m,). extent: the newest measurement's."""
 
     nominal: Nominal
     covariance: Matrix
@@ -83,6 +103,8 @@ class FilterState(NamedTuple):
     doubted: Time | None = None
     missed: Nominal | None = None
     off: float = 0.0
+    systematic: Matrix = NOTHING
+    extent: float = 1.0
 
     @property
     def deviation(self) -> float:
@@ -93,12 +115,13 @@ class FilterState(NamedTuple):
 
 class Belief(NamedTuple):
     """The state at a time. rates: of the body. spread, turned: standard deviations of position and
-    attitude along the worst axis."""
+    attitude along the worst axis. systematic: what makes measurements err, (m,)."""
 
     nominal: Nominal
     rates: Vec3
     spread: float
     turned: float
+    systematic: Matrix
 
 
 class _Sample(NamedTuple):
@@ -106,6 +129,7 @@ class _Sample(NamedTuple):
     time: Time
     force: Vec3
     turn: Vec3
+    noise: Matrix
 
 
 class Replay:
@@ -116,6 +140,7 @@ class Replay:
         self.nominal: Nominal | None = None
         self.state: FilterState | None = None
         self._noise, self._widest, self._memory = noise.variances(), widest, memory
+        self._vibration, self._felt = Vibration(noise), self._noise
         self._bounds = {size: chi_square_bound(refused, size) for size in (3, 6)}
         self._samples: list[_Sample] = []
         self._fixes: list[Fix] = []
@@ -135,7 +160,10 @@ class Replay:
         since = samples[-1].time if samples else imu.time - round(imu.dt * NS)
         if imu.time <= since:
             return
-        sample = _Sample(since, imu.time, imu.specific_force, imu.angular_velocity)
+        self._vibration.feel(imu.specific_force, imu.angular_velocity, imu.dt)
+        if since // STEP != imu.time // STEP:
+            self._felt = self._vibration.noise.variances()
+        sample = _Sample(since, imu.time, imu.specific_force, imu.angular_velocity, self._felt)
         samples.append(sample)
         if self.nominal is not None:
             self._advance(sample, ())
@@ -182,7 +210,9 @@ class Replay:
             attitude=integrate(nominal.attitude, sub(turn, nominal.gyro_bias), ahead),
         )
         turned = sqrt(float(state.covariance.diagonal()[6:9].max()))
-        return Belief(nominal, sub(turn, nominal.gyro_bias), state.deviation, turned)
+        return Belief(
+            nominal, sub(turn, nominal.gyro_bias), state.deviation, turned, state.systematic
+        )
 
     def _replay(self, state: FilterState) -> None:
         self.state, self.nominal = state, state.nominal
@@ -195,6 +225,7 @@ class Replay:
 
     def _advance(self, sample: _Sample, fixes: Sequence[Fix]) -> None:
         """Through a sample, and the fixes in its time."""
+        self._noise = sample.noise
         for fix in fixes:
             self._move(sample, fix.time)
             self._settle()
@@ -222,16 +253,21 @@ class Replay:
         assert state is not None
         assert nominal is not None
         if nominal.time > state.nominal.time:
-            covariance = predicted(state.covariance, state.nominal, nominal, self._noise)
-            state = state._replace(nominal=nominal, covariance=covariance)
+            kept = exp(-distance(nominal.position, state.nominal.position) / state.extent)
+            covariance = predicted(state.covariance, state.nominal, nominal, self._noise, kept)
+            systematic = state.systematic
+            if len(systematic):
+                systematic = numpy.append(kept * systematic[:WANDERING], systematic[WANDERING:])
+            state = state._replace(nominal=nominal, covariance=covariance, systematic=systematic)
             self.state = state
         return state
 
     def _fuse(self, fix: Fix) -> FilterState:
         state = self._settle()
         nominal = state.nominal
-        innovation = fix.innovation(nominal)
-        told = correction(state.covariance, innovation, fix.noise)
+        innovation = fix.innovation(nominal, state.systematic)
+        sees = None if fix.slopes is None else seen_with(fix.slopes)
+        told = correction(state.covariance, innovation, fix.noise, sees)
         off = distance(fix.position, nominal.position)
         if (
             told.distance <= self._bounds[len(innovation)]
@@ -240,7 +276,11 @@ class Replay:
         ):
             self.nominal = nominal.corrected(told.error)
             covariance = reset(told.covariance, told.error)
-            state = FilterState(self.nominal, covariance, fix.time, state.passed + 1)
+            systematic = state.systematic + told.error[SIZE:]
+            state = FilterState(
+                self.nominal, covariance, fix.time, state.passed + 1,
+                systematic=systematic, extent=fix.extent,
+            )  # fmt: skip
         else:
             doubted = fix.time if state.doubted is None else state.doubted
             state = state._replace(doubted=doubted, missed=nominal, off=off)

@@ -8,7 +8,8 @@ second-order system, by one frequency w:
 which is 16, 9 and 8 at the 4 rad/s that is as fast as it gets: faster, the noise of motion capture
 shakes the vehicle. The integral takes as long at every w, so that what lasts is soon gone on a slow
 loop too. On a loop that answers later w is the highest, in steps of 0.1 rad/s, whose margins by the
-loop's whole frequency response (`response`) are at least `PLANNED`: 3 dB, 30 degrees and 20 ms.
+loop's whole frequency response (`response`) are at least `PLANNED`: 3 dB, 33 degrees and 20 ms.
+So much is left that a loop on board whose gains are a third lower than believed doesn't oscillate.
 Textbooks ask for 6 dB and 30 degrees (Skogestad and Postlethwaite, Multivariable Feedback Control,
 sec. 2.4.3) of models that know less of the delays; here the delay margin is within 20 % of the one
 that is flown in the simulator. Gains that leave less than `LEAST` are refused: nothing is exactly
@@ -35,7 +36,7 @@ FREQUENCIES = tuple(tenths / 10.0 for tenths in range(10, 41))
 """Of the loop, rad/s, rising."""
 BANDWIDTHS = tuple(tenths / 10.0 for tenths in range(1, 201))
 """Of the observer, Hz, rising."""
-PLANNED = Margins(1.4, radians(30.0), 0.02)
+PLANNED = Margins(1.4, radians(33.0), 0.02)
 LEAST = Margins(1.1, radians(10.0), 0.005)
 
 
@@ -77,10 +78,11 @@ def designed(outer: OuterLoop, inner: InnerLoop, bound: Margins = PLANNED) -> Ga
 
 
 def quickest_observer(outer: OuterLoop, inner: InnerLoop, bound: Margins = PLANNED) -> float:
-    """The highest bandwidth of the observer, Hz, at which these gains leave `bound`; 0 for none."""
+    """The highest bandwidth below the observer's own, Hz, at which these gains leave `bound`; 0 for
+    none."""
 
-    def fails(bandwidth: float) -> bool:
-        return not holds(margins_of(outer._replace(observer=bandwidth), inner), bound)
+    def leaves(bandwidth: float) -> bool:
+        return holds(margins_of(outer._replace(observer=bandwidth), inner), bound)
 
-    first = bisect_left(BANDWIDTHS, True, key=fails)
-    return BANDWIDTHS[first - 1] if first else 0.0
+    slower = (b for b in reversed(BANDWIDTHS) if b < outer.observer)
+    return next(filter(leaves, slower), 0.0)

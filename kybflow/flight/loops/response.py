@@ -66,7 +66,7 @@ def on_board(outer: OuterLoop, inner: InnerLoop) -> Response:
 def horizontal(outer: OuterLoop, inner: InnerLoop) -> Response:
     """The response of the loop along x or y."""
     k, d, i, trim, drag, period, _, own, turning = outer
-    loop, rotor_time, cut_off, dead_time, late, age, pose_period = inner
+    loop, rotor_time, cut_off, dead_time, late, age, pose_period, _ = inner
     p, rate, integral = loop.proportional, loop.derivative, loop.integral
     if own is not None:
         p = integral = 0.0
@@ -97,7 +97,7 @@ def horizontal(outer: OuterLoop, inner: InnerLoop) -> Response:
 def vertical(outer: OuterLoop, inner: InnerLoop) -> Response:
     """The response of the loop along z."""
     k, d, _, _, _, period, observer, _, _ = outer
-    loop, rotor_time, _, dead_time, late, age, pose_period = inner
+    loop, rotor_time, _, dead_time, late, age, pose_period, _ = inner
     age, bandwidth, lag = age + 0.5 * pose_period, tau * observer, rotor_time / loop.lead
     late += dead_time + 0.5 * period
 

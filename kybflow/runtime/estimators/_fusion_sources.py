@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy
 
-from kybflow.core.geometry import norm
+from kybflow.core.geometry import add, integrate, norm
 from kybflow.core.signals import Frame, Measurement, Pose, Position, Time
 from kybflow.flight.fusion.covariance import Matrix
 from kybflow.flight.fusion.jitter import Jitter
-from kybflow.flight.fusion.params import FusionParams
+from kybflow.flight.fusion.params import FilterParams
 from kybflow.flight.fusion.replay import Belief, Fix
+from kybflow.world.calibration_errors import CalibrationErrors
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
-    from kybflow.vision.locating.locator import Sighting
+    from kybflow.vision.locating.locator import Prediction, Sighting
 
 FARTHEST = 1e5
 """Metres from the origin at which no vehicle is."""
@@ -31,13 +32,19 @@ Believed = Callable[[Time], Belief | None]
 Saw = Callable[["Sighting | None"], None]
 
 
-def source(params: FusionParams, context: VehicleContext, believed: Believed, saw: Saw) -> Read:
+def source(
+    params: FilterParams,
+    errors: CalibrationErrors,
+    context: VehicleContext,
+    believed: Believed,
+    saw: Saw,
+) -> Read:
     """What reads the measurements of the source that is asked for, and leaves out others and those
-    that are none. `saw` is told what camera frames showed."""
+    that are none. errors: of cameras and tags. `saw` is told what camera frames showed."""
     noises = [params.position_noise] * 3 + [params.attitude_noise] * 3
     noise: Matrix = numpy.diag(numpy.square(noises))
     if params.source == "tags":
-        return _Tags(context, believed, noise, saw).read
+        return _Tags(context, believed, noise, errors, saw).read
     read = _Poses(noise).read if params.source == "mocap" else partial(_position, noise[:3, :3])
     return lambda measured: [fix for m in measured if (fix := read(m)) is not None]
 
@@ -83,12 +90,19 @@ class _Tags:
     """Frames of one time, from whichever cameras, tell one pose."""
 
     def __init__(
-        self, context: VehicleContext, believed: Believed, noise: Matrix, saw: Saw
+        self,
+        context: VehicleContext,
+        believed: Believed,
+        noise: Matrix,
+        errors: CalibrationErrors,
+        saw: Saw,
     ) -> None:
         from kybflow.vision.locating.locator import Locator
 
-        self._locator = Locator(context.tags, context.cameras)
-        self._believed, self._noise, self._saw = believed, noise, saw
+        self._locator = Locator(context.tags, context.cameras, errors.survey_error)
+        self._cameras = tuple(context.cameras)
+        self._believed, self._noise, self._errors, self._saw = believed, noise, errors, saw
+        self._slopes: Matrix | None = None
 
     def read(self, measured: Sequence[Measurement]) -> list[Fix]:
         frames = [frame for frame in measured if isinstance(frame, Frame)]
@@ -97,19 +111,33 @@ class _Tags:
         return [fix for fix in fixes if fix is not None]
 
     def _fix(self, frames: Sequence[Frame], time: Time) -> Fix | None:
-        from kybflow.vision.locating.locator import Prediction
-        from kybflow.vision.locating.sight import BodyMotion
+        from kybflow.vision.locating.sight import AT_REST
+        from kybflow.vision.locating.systematic import systematic
 
-        prediction, belief = None, self._believed(time)
-        if belief is not None:
-            where, rates, spread, turned = belief
-            motion = BodyMotion(where.velocity, rates)
-            prediction = Prediction(where.position, where.attitude, motion, spread, turned)
+        belief = self._believed(time)
+        prediction = None if belief is None else self._predicted(belief)
         seen = self._locator.locate(frames, prediction)
         self._saw(self._locator.sighting)
         if seen is None:
             return None
-        return _checked(Fix(time, seen.position, seen.attitude, seen.covariance + self._noise))
+        motion = AT_REST if prediction is None else prediction.motion
+        self._slopes, extent = systematic(seen, self._cameras, motion, self._errors)
+        noise = seen.covariance + self._noise
+        return _checked(Fix(time, seen.position, seen.attitude, noise, self._slopes, extent))
+
+    def _predicted(self, belief: Belief) -> Prediction:
+        """Where the body will seem to be, by what makes its poses err as the last one did."""
+        from kybflow.vision.locating.locator import Prediction
+        from kybflow.vision.locating.sight import BodyMotion
+
+        where, rates, spread, turned, errs = belief
+        position, attitude = where.position, where.attitude
+        if self._slopes is not None:
+            x, y, z, *turn = (self._slopes @ errs).tolist()
+            position = add(position, (x, y, z))
+            attitude = integrate(attitude, (turn[0], turn[1], turn[2]), 1.0)
+        motion = BodyMotion(where.velocity, rates)
+        return Prediction(position, attitude, motion, spread, turned)
 
 
 def _checked(fix: Fix) -> Fix | None:

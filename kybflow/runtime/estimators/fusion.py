@@ -10,6 +10,15 @@ positions alone, as of GPS. With these the filter begins at rest: the tilt is wh
 feels, the heading is the declared one, `heading_error` off, and is learnt where the vehicle speeds
 up. Until `samples` measurements have come that fit one another there is no estimate.
 
+Poses from tags err the same way from frame to frame, by what is wrong with lens, mount, map and
+stamps. How much, follows for each frame (`kybflow.vision.locating.systematic`), and what makes them
+err is a part of the state: the errors of each camera and of the stamps as constants, what the map
+does to a pose as a process that forgets while the body moves on to other tags
+(`kybflow.flight.fusion.covariance`). So no frame is refused because it errs as all others do;
+gravity and motion tell how the camera is turned on the body and how late frames are stamped; and
+what nothing tells is in the spread. An IMU whose samples scatter more than declared is believed
+less (`kybflow.flight.fusion.vibration`).
+
 Refused is a measurement whose innovation a share `gate` of true ones exceeds (chi-square), and one
 further than `widest_gate`, plus four times its own deviation, from where the vehicle is believed to
 be, however wide the filter's own spread: by the estimate that it flies on where that is another's,
@@ -43,8 +52,9 @@ from kybflow.core.signals import (
     Position,
     Time,
 )
-from kybflow.flight.fusion.params import FusionParams
-from kybflow.parts import Estimator
+from kybflow.flight.fusion.params import FilterParams
+from kybflow.parts import Estimator, params
+from kybflow.world.calibration_errors import CalibrationErrors
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -59,6 +69,11 @@ MOST_FORCE, MOST_TURN = 500.0, 100.0
 """What an IMU on a vehicle can feel, m/s^2 and rad/s."""
 
 
+@params
+class FusionParams(CalibrationErrors, FilterParams):
+    """What the filter is told, and how wrong cameras and tags may be."""
+
+
 class Fusion(Estimator[FusionParams]):
     needs = frozenset({Imu, *_KINDS.values()})
     needs_tags = True
@@ -69,7 +84,7 @@ class Fusion(Estimator[FusionParams]):
         from kybflow.runtime.estimators._fusion_sources import source
 
         self.filter = Filter(params, context.heading)
-        self._read = source(params, context, self.filter.at, self._saw)
+        self._read = source(params, params, context, self.filter.at, self._saw)
         self._turn: Vec3 = ZERO
 
     @classmethod

@@ -11,14 +11,18 @@ A pose that no flight explains is dropped as well (two bodies exchanged, a refle
 marker), so that the estimate ages and stops being healthy. Where the vehicle can have got to such
 poses, and they agree for 0.3 s, they are right and what was believed is wrong, and the filter
 starts again from them (`kybflow.flight.pose_gate`).
+
+Where the vehicle's IMU is heard, as a tracker may ask for it, at 125 Hz or more, it tells how far
+the body of motion capture is turned against the vehicle and what pushes it (`_felt_force`), and how
+late poses are stamped (`_stamp_offset`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from kybflow.core.geometry import ZERO, Vec3, add, distance, integrate, scale
-from kybflow.core.signals import NS, Estimate, Measurement, Pose, Time
+from kybflow.core.geometry import ZERO, Vec3, add, distance, integrate, multiply, scale
+from kybflow.core.signals import NS, Estimate, Imu, Measurement, Pose, Time
 from kybflow.core.units import Duration, Length
 from kybflow.flight.pose_gate import (
     LOOK_AHEAD,
@@ -31,7 +35,14 @@ from kybflow.flight.pose_gate import (
 )
 from kybflow.flight.tracked_pose import TrackedParams, TrackedPose
 from kybflow.parts import Estimator, param, params
+from kybflow.runtime.estimators._felt_force import FeltForce
+from kybflow.runtime.estimators._imu_sums import ImuSums
+from kybflow.runtime.estimators._stamp_offset import StampOffset
 from kybflow.world.vehicle_context import VehicleContext
+
+COARSEST = 0.008
+"""Seconds that a sample of the IMU may stand for. Autopilots send momentary ones, 25 times a second
+unless a tracker asks for more, which added up are late by half of that time."""
 
 
 @params
@@ -50,6 +61,16 @@ class MocapParams(TrackedParams):
         "the vehicle counts as carried there; longer than any landing.",
         default=20.0, above=0.0,
     )  # fmt: skip
+    levelling: Duration = param(
+        "Over how long the attitude is levelled by the accelerometer, where that is heard; 0 for"
+        " not at all.",
+        default=5.0, at_least=0.0, read_only=True,
+    )  # fmt: skip
+    clock_memory: Duration = param(
+        "Over how long the offset of the stamps is estimated from the gyroscope, where that is"
+        " heard; 0 for not at all.",
+        default=20.0, at_least=0.0, read_only=True,
+    )  # fmt: skip
 
 
 class Mocap(Estimator[MocapParams]):
@@ -59,12 +80,19 @@ class Mocap(Estimator[MocapParams]):
         super().__init__(params, context)
         self._track = TrackedPose(params, context.airframe.drag)
         self._gate = PoseGate()
+        loop, memory = context.loop, params.clock_memory
+        self._sums = sums = ImuSums(loop.imu_delay if loop else 0.0)
+        self._force = FeltForce(params.levelling, sums) if params.levelling else None
+        self._clock = StampOffset(memory, sums) if memory else None
         self._known = False
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
-        for pose in measurements:
-            if isinstance(pose, Pose) and _is_sound(pose):
-                self._take(pose)
+        for measurement in measurements:
+            if isinstance(measurement, Pose):
+                if _is_sound(measurement):
+                    self._take(measurement)
+            elif isinstance(measurement, Imu) and measurement.dt <= COARSEST:
+                self._sums.take(measurement)
         estimate = self._track.estimate(now, "mocap")
         self._known = self._known or estimate is not None
         return estimate
@@ -73,7 +101,8 @@ class Mocap(Estimator[MocapParams]):
         self._gate.flown = estimate
 
     def _take(self, pose: Pose) -> None:
-        track, gate, time = self._track, self._gate, pose.time
+        pose = self._corrected(pose)
+        track, gate, time, force = self._track, self._gate, pose.time, self._force
         dt = (time - track.stamp) / NS
         if track.count > 0 and dt <= 0.0:
             return
@@ -85,7 +114,20 @@ class Mocap(Estimator[MocapParams]):
                 gate.passed(time)
         else:
             self._judge(pose, dt, flown, velocity)
+        if force is not None and track.stamp == time:
+            force.look(time, track.velocity, track.attitude, track.rates, track.slope)
+            track.pushed = force.pushed
         self.refusal = gate.refusal
+
+    def _corrected(self, pose: Pose) -> Pose:
+        """A pose at the time and with the attitude that the IMU knows better."""
+        force, clock, (time, position, attitude) = self._force, self._clock, pose
+        if clock is not None:
+            clock.look(time, attitude)
+            time -= round(clock.seconds * NS)
+        if force is not None:
+            attitude = multiply(attitude, force.turned)
+        return Pose(time, position, attitude)
 
     def _judge(self, pose: Pose, dt: float, flown: Estimate | None, velocity: Vec3) -> None:
         """Take a pose that is the vehicle; begin at it where nobody knew one yet, and where the

@@ -17,7 +17,9 @@ more agree on it: the vehicle was carried there. Otherwise it is dropped, until 
 starts again. Until `samples` poses have come there is no estimate.
 
 age: since the newest frame that told a pose was taken. spread, metres: the larger of the running
-standard deviation of the innovation along an axis, and what the covariance of the last pose says.
+standard deviation of the innovation along an axis, and what the covariance of the last pose says,
+with what errors of lens, mount, map and stamps do to it (`kybflow.vision.locating.systematic`):
+these no average over frames takes away, and nothing else here tells of them.
 """
 
 from __future__ import annotations
@@ -35,9 +37,11 @@ from kybflow.flight.pose_gate import ACCELERATION, LOOK_AHEAD, Bounds, PoseGate,
 from kybflow.flight.tracked_pose import TrackedParams, TrackedPose
 from kybflow.parts import Estimator, param, params
 from kybflow.vision import OPENCV
+from kybflow.world.calibration_errors import CalibrationErrors
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
+    from kybflow.vision.locating.locate import Located
     from kybflow.vision.locating.locator import Prediction
 
 SURE = 3
@@ -50,7 +54,7 @@ START_PLACE, START_TURN = 0.05, 0.05
 
 
 @params
-class TagCameraParams(TrackedParams):
+class TagCameraParams(CalibrationErrors, TrackedParams):
     gate: Length = param(
         "How far a pose may be from the predicted one, beside four times the spread and what an "
         "unknown acceleration explains.",
@@ -73,7 +77,7 @@ class TagCamera(Estimator[TagCameraParams]):
         if context.cameras:
             from kybflow.vision.locating.locator import Locator
 
-            self._locator = Locator(context.tags, context.cameras)
+            self._locator = Locator(context.tags, context.cameras, params.survey_error)
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
         frames = [measured for measured in measurements if isinstance(measured, Frame)]
@@ -99,9 +103,18 @@ class TagCamera(Estimator[TagCameraParams]):
         velocity = self._velocity(pose, t, len(located.used) >= SURE)
         self.refusal = self._gate.refusal
         if velocity is not None:
-            a, b, c = located.covariance.diagonal()[:3].tolist()
-            self._spread = sqrt((a + b + c) / 3.0)
+            self._spread = self._spread_of(located, prediction)
             self._track.take(pose, velocity)
+
+    def _spread_of(self, located: Located, prediction: Prediction | None) -> float:
+        """Standard deviation of a pose's position along an axis, metres."""
+        from kybflow.vision.locating.sight import AT_REST
+        from kybflow.vision.locating.systematic import systematic
+
+        motion = AT_REST if prediction is None else prediction.motion
+        slopes = systematic(located, tuple(self._cameras), motion, self.params).slopes[:3]
+        variance = float(located.covariance[:3, :3].trace() + (slopes**2).sum())
+        return sqrt(variance / 3.0)
 
     def _velocity(self, pose: Pose, t: float, is_sure: bool) -> Vec3 | None:
         """The velocity with which the filter starts where it does at this pose; None where it is

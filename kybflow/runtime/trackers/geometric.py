@@ -18,10 +18,10 @@ turns as the heading asks. A VELOCITY setpoint has no P and I term.
 
 P, D and I follow from the loop that answers on board and its delays (`kybflow.flight.loops.design`)
 where they are not given: 16, 9 and 8 on a fast one, and lower ones that don't oscillate on a slow
-one.
+one. Of what is known late or badly, by a camera at 15 Hz or GPS, they are lower too.
 
-Errors on the figure eight (width 1.46 m, two laps after 3 s of hovering; mean and largest over ten
-seeds, position in cm, velocity in cm/s), each tracker as it comes:
+Errors on the figure eight in still air, without an observer (width 1.46 m, two laps after 3 s of
+hovering; mean and largest over ten seeds, position in cm, velocity in cm/s):
 
     airframe   lap    cascade                     geometric
     mk_quadro  10 s   0.21, 0.40   0.32, 0.83     0.12, 0.26   0.27, 0.79
@@ -37,14 +37,13 @@ A lap of 4 s needs the airframes' whole tilt. With the gains of this one `cascad
 (0.13, 0.27 cm at 10 s), but shakes: 0.39, 1.28 cm/s.
 
 With `observer` what else pushes the vehicle is estimated from the accelerometer and taken off f
-(`kybflow.flight.disturbance`). The eight with a lap of 10 s in the simulator's lab (`calm: false`),
-seeds 0 to 19, a mass believed of 80 and of 120 %, mean and largest position error in mm:
+(`kybflow.flight.disturbance`). The eight with a lap of 10 s in the simulator's lab, a mass believed
+of 80 and of 120 %, mean and largest position error in mm, without it over seeds 0 to 9 and with it
+over seeds 0 to 19; the largest of any flight in brackets:
 
-    airframe   without      2 Hz         the largest of any flight
-    mk_quadro  9.3, 20.5    6.5, 15.7    12.4, 28.2    8.6, 20.1
-    nano_plus  9.4, 19.9    6.2, 13.2    12.3, 26.8    7.8, 17.2
-
-About 1 mm of that with the observer is the rotors' vibration, which the accelerometer feels.
+    airframe   without                     2 Hz
+    mk_quadro  10.3 (12.5), 24.2 (31.7)    4.8 (6.2), 15.7 (21.9)
+    nano_plus  11.7 (14.7), 23.4 (27.6)    3.2 (3.8),  6.8 (8.0)
 
 Limits, mass and the trim against the on-board attitude's error: `kybflow.flight.steering`.
 """

@@ -44,7 +44,8 @@ _MAJORITY = 0.5
 class Located(NamedTuple):
     """A body's pose. covariance: (6, 6), of the position in the world (m^2), then of the rotation
     in the body (rad^2). used: the tags that it rests on. error: of their corners' coordinates,
-    root mean square, pixels. views: what it was made of, tags that were left out included."""
+    root mean square, pixels over their slack (`Sight.slack`). views: what it was made of, tags that
+    were left out included."""
 
     position: Vec3
     attitude: Quat
@@ -55,8 +56,9 @@ class Located(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """at, body: the pose. errors: of each tag, pixels. weights, counts: of each, and how many
-    coordinates it has. normal: J^T W J of the pose, and of the rates where they were in doubt."""
+    """at, body: the pose. errors: of each tag, pixels over its slack. weights, counts: of each, and
+    how many coordinates it has. normal: J^T W J of the pose, and of the rates where they were in
+    doubt."""
 
     at: Array
     body: Array
@@ -98,11 +100,12 @@ def refined(sights: Sequence[Sight], at: Array, body: Array) -> Fit:
     for i in range(_STEPS):
         parts = [sight.residuals(at, body, more) for sight in sights]
         residuals = numpy.concatenate([part[0] for part in parts])
-        errors = numpy.sqrt(mean_squares(counts, residuals))
+        slack = numpy.concatenate([s.slack(c) for s, (_, _, c) in zip(sights, parts, strict=True)])
+        errors = numpy.sqrt(mean_squares(counts, residuals)) / slack
         weights = _weights(errors, convex=i < _CONVEX)
         slopes = [_slopes(s, body, b, c, size) for s, (_, b, c) in zip(sights, parts, strict=True)]
         jacobian = numpy.concatenate(slopes).reshape(-1, size)
-        weighted = jacobian * numpy.repeat(weights, 8)[:, None]
+        weighted = jacobian * numpy.repeat(weights / slack**2, 8)[:, None]
         normal = weighted.T @ jacobian + numpy.diag(prior)
         if i >= _CONVEX and numpy.abs(step[:6]).max() < _DONE:
             break
@@ -163,11 +166,15 @@ _RIVAL = 2.0
 
 
 def locate(
-    views: Sequence[TagView], start: Start | None = None, motion: BodyMotion = AT_REST
+    views: Sequence[TagView],
+    start: Start | None = None,
+    motion: BodyMotion = AT_REST,
+    survey: float = 0.0,
 ) -> Located | None:
     """The body's pose from views of one moment. start: where it is believed to be. motion: what it
-    is believed to do. None where the tags tell no pose."""
-    sights = [Sight(view, motion) for view in views if len(view.tags)]
+    is believed to do. survey: standard deviation of the place of a full-sized tag, metres. None
+    where the tags tell no pose."""
+    sights = [Sight(view, motion, survey) for view in views if len(view.tags)]
     if not sights:
         return None
     if start is not None:

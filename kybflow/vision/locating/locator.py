@@ -59,11 +59,11 @@ class Sighting(NamedTuple):
 
 
 class Locator:
-    """Locates one body; remembers nothing of where it was. `sighting` is the newest, for the
-    record."""
+    """Locates one body; remembers nothing of where it was. survey: standard deviation of the place
+    of a full-sized tag, metres. `sighting` is the newest, for the record."""
 
-    def __init__(self, tags: TagMap, cameras: Mapping[str, Camera]) -> None:
-        self._tags, self._cameras = tags, cameras
+    def __init__(self, tags: TagMap, cameras: Mapping[str, Camera], survey: float = 0.0) -> None:
+        self._tags, self._cameras, self._survey = tags, cameras, survey
         self._lowest = min((tag.position[2] for tag in tags), default=0.0)
         self._largest = max((tag.size for tag in tags), default=0.0)
         shapes = Shapes()
@@ -112,7 +112,7 @@ class Locator:
             return located, True
         wide = min(off, _WIDEST)
         seen = self._seen(frames, pose)
-        rough = locate([self._wide.find(*s, off=wide) for s in seen], pose, motion)
+        rough = locate([self._wide.find(*s, off=wide) for s in seen], pose, motion, self._survey)
         if rough is None:
             return located, False
         again, holds = self._looked(frames, rough[:2], motion, _NARROW)
@@ -126,7 +126,7 @@ class Locator:
             known = [(tag, f.corners) for tag, f in found if tag is not None]
             corners = numpy.array([corners for _, corners in known]).reshape(-1, 4, 2)
             views.append(TagView(self._cameras[frame.camera], [tag for tag, _ in known], corners))
-        rough = locate(views, None, motion)
+        rough = locate(views, None, motion, self._survey)
         if rough is None:
             return None
         located, holds = self._looked(frames, rough[:2], motion, _CLOSE)
@@ -137,7 +137,7 @@ class Locator:
     ) -> tuple[Located | None, bool]:
         """The pose from where `pose` says that tags are, and whether enough of them hold it."""
         looked = [self._search.find(*seen, off=off) for seen in self._seen(frames, pose)]
-        located = locate([view for view, _ in looked], pose, motion)
+        located = locate([view for view, _ in looked], pose, motion, self._survey)
         if located is None:
             return None, False
         if off > _CLOSE and self._pixels(frames, pose, *_apart(pose, located[:2])) > _MOVED:

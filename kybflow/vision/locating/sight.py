@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from kybflow.core.geometry import ZERO, Quat, Vec3
 from kybflow.vision.projection import rotation, undistort
+from kybflow.world.calibration_errors import share_of
 from kybflow.world.cameras import Camera
 from kybflow.world.tags import Tag
 
@@ -38,6 +39,7 @@ class BodyMotion(NamedTuple):
     doubt: float = 0.0
 
 
+_SHARP = 1.0
 AT_REST = BodyMotion()
 NONE: Array = numpy.zeros(3)
 
@@ -52,12 +54,12 @@ class TagView(NamedTuple):
 
 
 class Sight:
-    """A view, ready for the equation. valid: (n, 4), which corners were seen; known: the same as
-    numbers, (4 n, 1). world: (4 n, 3) corners, where they would be had the body not moved since
-    the middle row; flat: (4 n, 2), where they are seen, undistorted; late: (4 n, 1), when, in
-    seconds after the middle row."""
+    """A view, ready for the equation. survey: standard deviation of the place of a full-sized tag,
+    metres. valid: (n, 4), which corners were seen; known: the same as numbers, (4 n, 1). world:
+    (4 n, 3) corners, where they would be had the body not moved since the middle row; flat: (4 n,
+    2), where they are seen, undistorted; late: (4 n, 1), when, in seconds after the middle row."""
 
-    def __init__(self, view: TagView, motion: BodyMotion) -> None:
+    def __init__(self, view: TagView, motion: BodyMotion, survey: float = 0.0) -> None:
         lens = view.camera.lens
         self.valid: Array = numpy.isfinite(view.corners).min(axis=2)
         self.known = self.valid.reshape(-1, 1).astype(float)
@@ -70,6 +72,7 @@ class Sight:
         self.doubt = motion.doubt if view.camera.row_time > 0.0 else 0.0
         self.flat = undistort(lens, corners).reshape(-1, 2)
         self.focal = numpy.array((lens.fx, lens.fy))
+        self._laid = survey * numpy.array([share_of(tag.size) for tag in view.tags])
         self.turn = rotation(view.camera.attitude)
         self.offset = numpy.array(view.camera.position)
 
@@ -83,6 +86,13 @@ class Sight:
         c = (b - self.offset) @ self.turn
         depth = numpy.maximum(c[:, 2:], 1e-3)
         return (c[:, :2] / depth - self.flat) * (self.focal * self.known), b, c
+
+    def slack(self, c: Array) -> Array:
+        """By how much more than where all are known to a pixel corners may be off, (n,): what the
+        survey leaves open, on top of `_SHARP` pixels, over these."""
+        depth = numpy.maximum(c[:, 2].reshape(-1, 4).mean(axis=1), 1e-3)
+        slack: Array = numpy.hypot(1.0, self.focal[0] / _SHARP * self._laid / depth)
+        return slack
 
     def slopes(self, body: Array, b: Array, c: Array) -> Array:
         """The derivatives of the residuals, (m, 2, 6); (m, 2, 9) where the rates are in doubt."""

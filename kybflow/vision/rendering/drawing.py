@@ -100,14 +100,14 @@ def _light(
     places = nodes.fill(met, nodes.whole)
     image = floor.bare(places, met.min(axis=(0, 1)))
     views = _in_view(floor, shot, met, optics.missing)
-    flush = [
-        (view, cv2.transform(places[_pixels(view.region)], _to_texels(view)))
+    lying = [
+        (view, _texels(view, shot, nodes, places if view.sheet.plane is FLOOR else None))
         for view in views
-        if view.sheet.flush
+        if view.sheet.lies
     ]
-    for view, texels in flush:  # all paper first: what is around a tag hides no neighbour
+    for view, texels in lying:  # all paper first: what is around a tag hides no neighbour
         _lay_paper(image, view, texels)
-    for view, texels in flush:
+    for view, texels in lying:
         _lay_ink(image, view, texels, covered)
     _lay_patches(image, shot, optics.patches)
     for solid in solids:
@@ -115,9 +115,8 @@ def _light(
     eye: Vec3 = tuple(shot.place.tolist())
     for view in views:  # those that are on a solid, or before it
         place = view.sheet.tag.position
-        if not (view.sheet.flush or any(hides(solid, eye, place) for solid in solids)):
-            met = shot.meet(nodes, view.sheet.plane, nodes.around(view.region))[..., :2]
-            texels = cv2.transform(nodes.fill(met, view.region), _to_texels(view))
+        if not (view.sheet.lies or any(hides(solid, eye, place) for solid in solids)):
+            texels = _texels(view, shot, nodes)
             _lay_paper(image, view, texels)
             _lay_ink(image, view, texels, covered)
     return image
@@ -175,7 +174,7 @@ def _near(floor: Floor, shot: Shot, met: Array) -> list[Sheet]:
 def _region(sheet: Sheet, shot: Shot, met: Array) -> Region | None:
     """Where the nodes see a tag of which the lens can't image every corner."""
     nodes = grid(shot.camera.lens, _FINE)
-    if not sheet.flush:
+    if sheet.plane is not FLOOR:
         met = shot.meet(nodes, sheet.plane)[..., :2]
     at = met @ sheet.to_cells[:, :2].T + sheet.to_cells[:, 2]
     within = ((at > -QUIET) & (at < sheet.cells + QUIET)).all(axis=2)
@@ -189,6 +188,18 @@ def _view(sheet: Sheet, region: Region | None, side: float, shot: Shot) -> _View
         return None
     away = float(numpy.linalg.norm(shot.place - sheet.tag.position))
     return _View(sheet, region, round(texels), away)
+
+
+def _texels(view: _View, shot: Shot, nodes: Grid, places: Array | None = None) -> Array:
+    """The texels that the pixels of a view's region show. places: on the tag's plane, of all
+    pixels, where these are known."""
+    if places is None:
+        met = shot.meet(nodes, view.sheet.plane, nodes.around(view.region))[..., :2]
+        seen = nodes.fill(met, view.region)
+    else:
+        seen = places[_pixels(view.region)]
+    texels: Array = cv2.transform(seen, _to_texels(view))
+    return texels
 
 
 def _to_texels(view: _View) -> Array:

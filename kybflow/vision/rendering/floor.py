@@ -25,7 +25,7 @@ TEXEL = 0.004
 """The size of a cell of the floor's pattern, metres."""
 _TEXELS = 1024
 _GRAIN = 2.0
-_FLUSH = 1e-9
+_FLUSH, _BUMP = 1e-9, 0.02
 _RING = ((-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0))
 
 
@@ -43,10 +43,10 @@ class Sheet:
     """A tag as it is drawn.
 
     reach: of its paper from the centre, metres. outline: eight points around it in the world,
-    (8, 3). plane: where it lies, FLOOR for a
-    tag that is `flush` with it. to_cells: from places on that plane to cells right and down of the
-    black square's upper left corner, (2, 3). luck: two numbers in [0, 1); the tag is missing, or
-    covered, where its number is below the fraction of tags that are.
+    (8, 3). lies: on the floor, a bump of which may lift it by `_BUMP`. plane: the one it is in,
+    FLOOR for a tag that is flush with it. to_cells: from places on that plane to cells right and
+    down of the black square's upper left corner, (2, 3). luck: two numbers in [0, 1); the tag is
+    missing, or covered, where its number is below the fraction of tags that are.
     """
 
     def __init__(self, tag: Tag, seed: int) -> None:
@@ -61,8 +61,9 @@ class Sheet:
         axes = rotation(tag.attitude).T
         centre = numpy.array(tag.position)
         self.normal = axes[2]
-        self.flush = bool(abs(self.outline[:, 2]).max() < _FLUSH and axes[2, 2] > 0.0)
-        self.plane = FLOOR if self.flush else ProjectionPlane(centre, axes)
+        off = float(abs(self.outline[:, 2]).max())
+        self.lies = bool(off < _BUMP and axes[2, 2] > 0.0)
+        self.plane = FLOOR if self.lies and off < _FLUSH else ProjectionPlane(centre, axes)
         across = (
             axes[:2] @ self.plane.axes[:2].T * ((self.cells / tag.size,), (-self.cells / tag.size,))
         )

@@ -1,4 +1,6 @@
-"""A simulated vehicle that suddenly needs more thrust, or thrust elsewhere, stays in the air."""
+"""A simulated vehicle that suddenly needs more thrust, or thrust elsewhere, stays in the air: in a
+lab on the simulator's loop, on emulated autopilots in still air. In a lab these sink under 1.6
+times their weight: the nano_plus's quick loop has no torque left for a filter and a dead time."""
 
 from __future__ import annotations
 
@@ -27,6 +29,10 @@ vehicles:
       up: {{do: take_off, height: {height} m, within: 15 s, then: still}}
       still: {{do: hover, for_time: 15 s, then: down}}
       down: {{do: land}}
+targets:
+  emulated_px4: {{all: {{driver: {{use: emulated_autopilot, calm: true}}}}}}
+  emulated_ardupilot:
+    {{all: {{driver: {{use: emulated_autopilot, autopilot: ardupilot, calm: true}}}}}}
 faults:
 - {{when: behavior == still and elapsed > 2 s, on: a, inject: {fault}}}
 """
@@ -48,7 +54,10 @@ def test_it_stays_in_the_air(burden: str, target: str, tmp_path: Path) -> None:
     assert plan is not None
     told: list[str] = []
     run = fly(plan, RunRequest(out=tmp_path / "run"), (lambda event: told.append(event.name),))
-    assert judge(plan, run.folder, run.summary).findings == ()
-    if burden != "most of a rotor":  # it spins, is landed for that, and may bounce
+    findings = judge(plan, run.folder, run.summary).findings
+    if burden == "most of a rotor":  # it spins, is landed for that, hard, and may bounce
+        assert all(found.kind == "hard" and found.value < 3.0 for found in findings)
+    else:
+        assert findings == ()
         assert "collided" not in told
     assert run.summary["vehicles"]["a"]["final"] == "ground"

@@ -26,6 +26,7 @@ from kybflow.parts.link import Touch
 from kybflow.world.shapes import Box
 
 QUIET = RotorpyParams(
+    calm=True,
     model_error=0.0, gyro_noise=0.0, gyro_bias=0.0, accelerometer_noise=0.0, accelerometer_bias=0.0
 )  # fmt: skip
 HOVER = FRAME.mass * 9.81
@@ -37,9 +38,9 @@ def world(*seats):
     return Rotorpy.open(seats or (seat(params=QUIET),), random.Random(1))
 
 
-def flown(mission: Path, out: Path) -> Result:
-    words = ["run", str(mission), "--target", "rotorpy", "--plain", "--no-report", "--no-commands"]
-    return CliRunner().invoke(app, [*words, "--out", str(out)])
+def flown(mission: Path, out: Path, target: str = "rotorpy", seed: int = 0) -> Result:
+    words = ["run", str(mission), "--target", target, "--seed", str(seed), "--out", str(out)]
+    return CliRunner().invoke(app, [*words, "--plain", "--no-report", "--no-commands"])
 
 
 def test_it_moves_as_by_rotorpys_own_integrator() -> None:
@@ -72,13 +73,19 @@ def test_its_imu_feels_what_it_does() -> None:
     assert session.truth(0).velocity[2] > 0.25
 
 
-def test_wind_mass_and_rotors_of_the_rig_act() -> None:
+def test_wind_a_push_and_mass_of_the_rig_act() -> None:
     session = world()
     link = session.links["a"]
     _, now = push(session, link, 1.0, thrust(1.1 * HOVER))
     link.rig.begin(Effect(wind=lambda seconds: (2.0, 0.0, 0.0)), now)
     _, now = push(session, link, 1.0, thrust(1.1 * HOVER), now)
     assert session.truth(0).velocity[0] > 0.2
+    before = session.truth(0).velocity[1]
+    pull = Effect(push=(0.0, 0.5, 0.0))
+    link.rig.begin(pull, now)
+    _, now = push(session, link, 0.4, thrust(1.1 * HOVER), now)
+    assert session.truth(0).velocity[1] - before == pytest.approx(0.2, rel=0.1)
+    link.rig.end(pull)
     before = session.truth(0).velocity[2]
     link.rig.begin(Effect(mass=1.5), now)
     push(session, link, 0.2, thrust(1.1 * HOVER), now)
@@ -159,16 +166,23 @@ def test_the_same_seed_flies_a_mission_to_the_same_bytes(tmp_path: Path) -> None
 
 
 @pytest.mark.thorough
-def test_the_eight_is_flown_on_it_with_a_drag_that_nobody_knows(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("calm", "seed"), [("true", 0), ("false", 0), ("false", 1)])
+def test_the_eight_is_flown_on_it_with_a_drag_that_nobody_knows(
+    tmp_path: Path, calm: str, seed: int
+) -> None:
+    """Over ten seeds no flight is more than 4.2 mm off on average and 6.8 mm at most in still air,
+    7.8 and 17.5 mm in the lab."""
     text = EIGHT.read_text(encoding="utf-8").replace("library/airframes.yaml", "kybflow/airframes")
-    text = text.replace("{use: cascade,", "{use: geometric, observer: 2 Hz,")
     head, _ = text.split("expect:")
+    driver = f"driver: {{use: rotorpy, calm: {calm}}}"
+    tracker = "tracker: {use: geometric, observer: 2 Hz, mass_guess: $mass_guess}"
+    target = f"targets:\n  theirs: {{all: {{{driver}, {tracker}}}}}\n"
     bounds = [
         f"  - {kind}({name}.position_error in eight) < {most}\n"
         for name in ("mk", "nano")
         for kind, most in (("mean", "8 mm"), ("max", "20 mm"))
     ]
     mission = tmp_path / "eight.yaml"
-    mission.write_text(f"{head}expect:\n{''.join(bounds)}", encoding="utf-8")
-    done = flown(mission, tmp_path / "run")
+    mission.write_text(f"{head}{target}expect:\n{''.join(bounds)}", encoding="utf-8")
+    done = flown(mission, tmp_path / "run", "theirs", seed)
     assert done.exit_code == 0, done.output

@@ -21,8 +21,8 @@ def test_what_is_broken_and_mended_at_once_leaves_no_trace():
     def flight(breaks):
         session, link, now = in_flight(SimParams(gust=0.5), seconds=2.0)
         every = Effect(
-            filter=lambda m: None, wind=lambda t: (3.0, 0.0, 0.0), mass=2.0, payload=0.3, sag=0.5,
-            rotors=(0.1, 1.0, 1.0, 1.0), gyro_bias=(1.0, 0.0, 0.0), late=0.1,
+            filter=lambda m: None, wind=lambda t: (3.0, 0.0, 0.0), push=(1.0, 2.0, 3.0), mass=2.0,
+            payload=0.3, sag=0.5, rotors=(0.1, 1.0, 1.0, 1.0), gyro_bias=(1.0, 0.0, 0.0), late=0.1,
             accelerometer_bias=(0.0, 0.0, 5.0),
         )  # fmt: skip
         if breaks:
@@ -55,6 +55,19 @@ def test_wind_of_a_rig_pushes_as_long_as_it_blows():
     link.rig.end(blow)
     lift(session, link, 1.5, 1.0, now)
     assert link.truth().velocity[0] < pushed
+
+
+def test_a_push_gives_the_body_its_acceleration_and_is_gone_when_it_ends():
+    session, link, now = in_flight()
+    was = link.truth().velocity[1]
+    pull = Effect(push=(0.0, 0.5, 0.0))
+    link.rig.begin(pull, now)
+    now = lift(session, link, 1.5, 0.4, now)
+    pushed = link.truth().velocity[1]
+    assert pushed - was == pytest.approx(0.4 * 0.5, rel=0.1)
+    link.rig.end(pull)
+    lift(session, link, 1.5, 0.4, now)
+    assert 0.8 * pushed < link.truth().velocity[1] < pushed
 
 
 def test_a_parcel_is_felt_in_weight_and_inertia_and_is_gone_when_dropped():

@@ -27,7 +27,7 @@ OLD = replace(DELAYED, mocap_latency=0.06)
 )
 def test_it_oscillates_within_a_quarter_of_the_computed_delay(frame, params, axis: int) -> None:
     site = context(frame, params)
-    outer = outer_loop(GeometricParams(), frame, site.loop, site.dt)
+    outer = outer_loop(GeometricParams(observer=0.0), frame, site.loop, site.dt)
     assert site.loop is not None
     margin = margins(MODELS[axis](outer, site.loop)).delay
     first, _, _, last = swings(frame, axis, 0.75 * margin, params)

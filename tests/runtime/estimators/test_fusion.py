@@ -215,7 +215,7 @@ class FakeLocator:
     given: ClassVar[list[tuple[Sequence[Frame], Any]]]
     sighting = None
 
-    def __init__(self, tags: object, cameras: object) -> None:
+    def __init__(self, tags: object, cameras: object, survey: float) -> None:
         type(self).given = []
 
     def locate(self, frames: Sequence[Frame], prediction: Any) -> Seen | None:
@@ -226,11 +226,17 @@ class FakeLocator:
         return Seen(where(t), attitude(t), numpy.diag([1e-4] * 3 + [1e-4] * 3))
 
 
+def exact(*_: object) -> tuple[Any, float]:
+    """Of a pose that errs by noise alone."""
+    return numpy.zeros((6, 7)), 1.0
+
+
 def test_frames_are_located_where_the_vehicle_was_when_they_were_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pytest.importorskip("cv2")
     monkeypatch.setattr("kybflow.vision.locating.locator.Locator", FakeLocator)
+    monkeypatch.setattr("kybflow.vision.locating.systematic.systematic", exact)
     part = fusion(source="tags", position_noise=0.001, attitude_noise=radians(0.1))
     image = numpy.zeros((4, 4), numpy.uint8)
     for truth, arriving in World(3, 5.0, rate=10.0).flight():

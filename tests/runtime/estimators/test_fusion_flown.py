@@ -85,7 +85,7 @@ def flown(run, seed: int) -> tuple[Watch, float]:
     )  # fmt: skip
     driver = part(
         "drivers", "sim", mocap_rate=8.0, mocap_latency=0.12, mocap_position_noise=NOISE,
-        mocap_attitude_noise=TURNED,
+        mocap_attitude_noise=TURNED, calm=True,
     )  # fmt: skip
     eight = part("behaviors", "figure_eight", width=2.4, lap=8.0, laps=2.0)
     flier = vehicle(

@@ -82,7 +82,7 @@ def test_in_flight_the_error_is_a_few_millimetres(undisturbed):
     checked(errors)
     assert estimate.source == "tag_camera"
     assert 0.04 <= estimate.age <= 0.04 + 1.0 / RATE + 0.01
-    assert 0.0 < estimate.spread < 0.01
+    assert 0.01 < estimate.spread < 0.02  # what calibration and survey leave open
 
 
 @pytest.mark.slow

@@ -22,6 +22,7 @@ SIMPLE = {
     "mocap_swap": {"other": "b"},
     "gust": {"velocity": (1.0, 0.0, 0.0)},
     "wind": {"velocity": (1.0, 0.0, 0.0)},
+    "push": {"acceleration": (0.5, 0.0, 0.0)},
     "battery_sag": {},
     "mass_change": {"factor": 1.2},
     "rotor_weak": {},
@@ -53,8 +54,8 @@ def effect_of(name: str, seed: int = 1, **params) -> Effect:
 def state(rig: Rig, now: int = 10 * NS):
     """Everything that a simulator obeys."""
     return (
-        len(rig.filters), rig.blows, rig.wind(now), rig.mass, rig.payload, rig.rotors, rig.sag,
-        rig.gyro_bias, rig.accelerometer_bias, rig.late, rig.body,
+        len(rig.filters), rig.blows, rig.wind(now), rig.push, rig.mass, rig.payload, rig.rotors,
+        rig.sag, rig.gyro_bias, rig.accelerometer_bias, rig.late, rig.body,
         rig.camera, rig.view, rig.estimators, rig.deaf, rig.mute,
     )  # fmt: skip
 
@@ -67,7 +68,7 @@ def passed(rig: Rig, measurement):
 
 def test_every_fault_of_the_catalog_is_here() -> None:
     assert set(SIMPLE) <= set(load_catalog().names("faults"))
-    assert len(SIMPLE) == 21
+    assert len(SIMPLE) == 22
 
 
 @pytest.mark.parametrize("name", SIMPLE)
@@ -103,10 +104,13 @@ def test_overlapping_effects_compose() -> None:
     rig.begin(effect_of("clock_late", by=0.03), 0)
     rig.begin(effect_of("gust", velocity=(1.0, 0.0, 0.0)), 0)
     rig.begin(effect_of("wind", velocity=(0.0, 2.0, 0.0)), 0)
+    rig.begin(effect_of("push", acceleration=(0.5, 0.0, 0.0)), 0)
+    rig.begin(effect_of("push", acceleration=(0.0, 0.0, -0.3)), 0)
     assert (rig.mass, rig.payload) == (1.1, 0.05)
     assert rig.rotors == (0.8, 1.0, 0.5, 1.0)
     assert rig.late == pytest.approx(0.05)
     assert rig.wind(10 * NS) == (1.0, 2.0, 0.0)
+    assert rig.push == (0.5, 0.0, -0.3)
 
 
 def test_mocap_dropout_loses_poses_and_nothing_else() -> None:

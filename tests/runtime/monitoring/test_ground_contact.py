@@ -53,7 +53,7 @@ def short_flight() -> Plan:
         state("hold", part("behaviors", "hover", for_time=1.0), then("down")),
         state("down", part("behaviors", "land"), then("landed")),
     ]
-    return plan(vehicle("a", states))
+    return plan(vehicle("a", states, driver=part("drivers", "sim", calm=True)))
 
 
 def test_a_landing_that_flies_well_has_a_small_error(tmp_path: Path):

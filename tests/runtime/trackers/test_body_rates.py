@@ -136,5 +136,5 @@ def test_a_vehicle_that_follows_rates_flies_a_mission_by_it(run) -> None:
     assert flown.summary["vehicles"]["a"]["final"] == "ground"
     scores = {b["name"]: b for b in flown.summary["vehicles"]["a"]["behaviors"]}
     assert scores["eight"]["ended"] == "done"
-    assert scores["eight"]["position_error_m"]["max"] < 0.03
+    assert scores["eight"]["position_error_m"]["max"] < 0.05
     assert opened["a"].kinds == {CommandKind.RATES_THRUST}

@@ -96,7 +96,7 @@ def test_a_run_is_flown_as_far_and_as_fast_as_it_says(run, tracker: str) -> None
     assert flown.summary["outcome"] == "succeeded"
     scores = {b["name"]: b for b in flown.summary["vehicles"]["a"]["behaviors"]}
     assert scores["search"]["ended"] == "done"
-    assert scores["search"]["velocity_error_m_s"]["max"] < 0.06
+    assert scores["search"]["velocity_error_m_s"]["max"] < 0.08
     assert flown.summary["vehicles"]["a"]["final"] == "ground"
 
 
@@ -105,4 +105,4 @@ def test_it_hovers_and_lands(run) -> None:
     flown, _ = run(vehicle("a", states, tracker=part("trackers", "velocity")))
     assert flown.summary["outcome"] == "succeeded"
     behaviors = flown.summary["vehicles"]["a"]["behaviors"]
-    assert behaviors[1]["position_error_m"]["max"] < 0.05
+    assert behaviors[1]["position_error_m"]["max"] < 0.08

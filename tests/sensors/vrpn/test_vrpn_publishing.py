@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from plans import in_still_air
 from waiting import free_port, until
 
 from kybflow.api.flight import RunRequest, fly
@@ -30,7 +31,7 @@ MISSIONS = Path(__file__).parents[3] / "missions"
 def plan() -> Plan:
     plan = compile_mission(MISSIONS / "first_flight.yaml", catalog=load_catalog()).plan
     assert plan is not None
-    return plan
+    return in_still_air(plan)
 
 
 def test_every_pose_is_published_and_the_flight_is_the_same(plan: Plan, tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ class Aboard:
 
     def __init__(self, count: int, rows: Callable[[int, int], Any]) -> None:
         self.count, self.steps, self.is_slow = count, 0, False
-        widths = (10, 8, 7, 13, 7, 2, 4, 4, 4, 3, 6, 5)
+        widths = (10, 8, 7, 14, 7, 2, 4, 4, 4, 3, 6, 5)
         self.tables = [*(rows(count, width) for width in widths), rows(count * LONGEST, 4)]
         self.setpoints: Rows
         self.setpoints, self.filters, self.loops, self.gains, self.gyros, *rest = self.tables

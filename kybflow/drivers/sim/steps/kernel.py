@@ -36,7 +36,7 @@ _push, _feel, _estimate, _smooth, _control = map(_compiled, (push, feel, estimat
 _row, _put = map(_compiled, (_row_of, _put_in))
 _NUMBERS = types.CPointer(types.float64)
 _mj_step = types.ExternalFunction("mj_step", types.void(_NUMBERS, _NUMBERS))
-_2, _3, _4, _5, _6, _7, _8, _9, _10, _13 = ((0.0,) * n for n in (2, 3, 4, 5, 6, 7, 8, 9, 10, 13))
+_2, _3, _4, _5, _6, _7, _8, _9, _10, _14 = ((0.0,) * n for n in (2, 3, 4, 5, 6, 7, 8, 9, 10, 14))
 
 
 def steps(first: Any, last: Any, count: Any, memory: Any) -> None:
@@ -72,7 +72,7 @@ def steps(first: Any, last: Any, count: Any, memory: Any) -> None:
             filtered, rates = _estimate(_row(filters, i, _8), setpoint, sample, part)
             gyro, rates = _smooth(_row(gyros, i, _7), rates)
             loop, wanted = _control(
-                _row(loops, i, _7), filtered, rates, setpoint, _row(gains, i, _13)
+                _row(loops, i, _7), filtered, rates, setpoint, _row(gains, i, _14)
             )
             _put(errors, here, sample)
             _put(filters, i, filtered)

@@ -49,6 +49,10 @@ AIMING = 1.0
 """How fast the heading follows the sender's, 1/s."""
 YAW_FREQUENCY = 3.0
 """Natural frequency of yaw, rad/s; drag torque is weak."""
+ERROR_SHARE = 0.5
+"""The torque that an attitude's error may ask for, as a part of the weight on the arm: all that
+rotors have in hover is more than twice that, and the rest is left to damping. Firmware bounds the
+rates that an error asks for (`MC_ROLLRATE_MAX`); without a bound saturated rotors swing."""
 INTEGRAL_SHARE = 0.1
 """The torque that an integral may ask for, as a part of the weight on the arm."""
 CALIBRATION = 0.1
@@ -196,7 +200,7 @@ def control(
     gx, gy, gz = rates
     ix, iy, iz, st, sr, sp, sy = loop
     armed, dw, dx, dy, dz, rx, ry, rz, lift, _ = setpoint
-    p, py, d, dyaw, i, iyaw, bound, kx, ky, kz, blend, lag, lead = gains
+    p, py, d, dyaw, i, iyaw, bound, most, kx, ky, kz, blend, lag, lead = gains
     if armed == 0.0:
         return AT_REST, STOPPED
     ec = w * dw + x * dx + y * dy + z * dz
@@ -213,10 +217,13 @@ def control(
     ix = bound if ix > bound else least if ix < least else ix
     iy = bound if iy > bound else least if iy < least else iy
     iz = bound if iz > bound else least if iz < least else iz
+    ax, ay = p * ex, p * ey
+    ax = most if ax > most else -most if ax < -most else ax
+    ay = most if ay > most else -most if ay < -most else ay
     # what is asked of the rotors now, less what is asked slowly; a rotor is led by the difference
     dt = lift - st
     turned = lag * gz
-    ax, ay = p * ex + d * (rx - gx), p * ey + d * (ry - gy)
+    ax, ay = ax + d * (rx - gx), ay + d * (ry - gy)
     dr = kx * (ax + turned * ay + ix) - sr
     dp = ky * (ay - turned * ax + iy) - sp
     dy = kz * (py * ez + dyaw * (rz - gz) + iz) - sy
@@ -238,9 +245,10 @@ def control(
 
 class Gains(NamedTuple):
     """Of roll and pitch and of yaw: proportional, 1/s^2; derivative, 1/s; integral over one step,
-    1/s^2. bound: of an integral, rad/s^2. roll, pitch, yaw: a rotor's share of its largest thrust
-    per rad/s^2. blend: the part of a change that is asked slowly of the rotors in a step. lag:
-    seconds until a led rotor answers, 0 where none is led. lead: how many times faster that is."""
+    1/s^2. bound: of an integral, rad/s^2. most: of what an error may ask for, rad/s^2. roll, pitch,
+    yaw: a rotor's share of its largest thrust per rad/s^2. blend: the part of a change that is
+    asked slowly of the rotors in a step. lag: seconds until a led rotor answers, 0 where none is
+    led. lead: how many times faster that is."""
 
     proportional: float
     proportional_yaw: float
@@ -249,6 +257,7 @@ class Gains(NamedTuple):
     integral: float
     integral_yaw: float
     bound: float
+    most: float
     roll: float
     pitch: float
     yaw: float
@@ -270,6 +279,7 @@ def _gains(airframe: Airframe, dt: float) -> Gains:
         dt * loop.integral,
         dt * YAW_FREQUENCY**3 / INTEGRAL,
         INTEGRAL_SHARE * airframe.hover_thrust * half / max(jx, jy),
+        ERROR_SHARE * airframe.hover_thrust * half / max(jx, jy),
         jx / (4.0 * half * airframe.thrust),
         jy / (4.0 * half * airframe.thrust),
         jz / (4.0 * airframe.torque_ratio * airframe.thrust),

@@ -1,0 +1,99 @@
+"""What an accelerometer tells beside the poses of motion capture: by which angle the body that they
+are of is off the vehicle, and which acceleration nobody commanded.
+
+Markers are stuck on by hand and the body is declared where the vehicle happened to stand, so that
+its axes are off the vehicle's by a constant rotation. About the level axes gravity tells it: with
+the attitude R as corrected so far and the acceleration a from the poses, an accelerometer feels
+
+    f = R^T (a + g e3) =: e    where nothing is wrong, and    f = e - d x e    where R is off by d,
+
+d_x = (f_y - e_y) / e_z and d_y = (e_x - f_x) / e_z, which is averaged over a memory (the correction
+of Mahony, Hamel and Pflimlin, Nonlinear complementary filters on SO(3), IEEE TAC 2008, eq. 32, with
+the motion's acceleration taken off). About the heading's axis nothing is told. What the
+accelerometer is wrong by is taken for an angle, 0.3 degrees for 0.05 m/s^2, and so the on-board
+attitude is wrong as well.
+
+The velocity's filter takes g times the slope of body z for the acceleration
+(`kybflow.flight.tracked_pose`). What a wind adds to that is R f - g e3 less that slope's; without
+it a push of 0.5 m/s^2 is a velocity that is wrong by 3 cm/s.
+"""
+
+from __future__ import annotations
+
+from kybflow.core.geometry import (
+    GRAVITY,
+    LEVEL,
+    ZERO,
+    Quat,
+    Vec3,
+    integrate,
+    rotate,
+    rotate_back,
+    sub,
+)
+from kybflow.core.signals import NS, Time
+from kybflow.flight.disturbance import SHAKEN
+from kybflow.runtime.estimators._imu_sums import EVERY, ImuSums
+
+MOST = 0.05
+"""The largest angle about each axis, rad: one that is wrong by more was seen by whoever set it
+up."""
+FIRST = 0.5
+"""Seconds for which no correction counts, so that the first look is not taken for the whole."""
+LARGEST = 1.0
+"""The largest acceleration beside the slope's along an axis that is believed, m/s^2."""
+HARD = 0.5 * GRAVITY
+"""A mean force that is off gravity by more is a touch or a fall, m/s^2."""
+LONGEST = 0.2
+"""Seconds between two looks beyond which poses were lost."""
+
+
+class FeltForce:
+    """turned: what a pose's attitude is to be multiplied by, from the right. pushed: the
+    acceleration along x and y beside the slope's, m/s^2, world. memory: of the angle, seconds."""
+
+    def __init__(self, memory: float, sums: ImuSums) -> None:
+        self.turned: Quat = LEVEL
+        self.pushed = (0.0, 0.0)
+        self._memory, self._elapsed, self._sums = memory, FIRST, sums
+        self._angles = (0.0, 0.0)
+        self._poses, self._slopes = 0, (0.0, 0.0)
+        self._since, self._velocity = sums.until(0), ZERO
+
+    def look(
+        self, time: Time, velocity: Vec3, attitude: Quat, rates: Vec3, slope: tuple[float, float]
+    ) -> None:
+        """Take the motion after another pose. attitude: as corrected. slope: the acceleration that
+        it tells."""
+        (gx, gy), (hx, hy) = slope, self._slopes
+        self._poses, self._slopes = self._poses + 1, (gx + hx, gy + hy)
+        if self._poses < EVERY:
+            return
+        (gx, gy), self._slopes = self._slopes, (0.0, 0.0)
+        (vx, vy, vz), (ux, uy, uz) = velocity, self._velocity
+        now, since = self._sums.until(time), self._since
+        self._poses, self._since, self._velocity = 0, now, velocity
+        seconds, felt = (time - since.time) / NS, now.seconds - since.seconds
+        if seconds > LONGEST or not 0.5 * seconds < felt < 2.0 * seconds:
+            return
+        total = sub(now.gained, since.gained)
+        ax, ay, az = (vx - ux) / seconds, (vy - uy) / seconds, (vz - uz) / seconds
+        ex, ey, ez = rotate_back(attitude, (ax, ay, az + GRAVITY))
+        force = fx, fy, fz = total[0] / felt, total[1] / felt, total[2] / felt
+        if abs(fz - GRAVITY) < HARD and abs(ez - GRAVITY) < HARD:
+            self._turn((fy - ey) / ez, (ex - fx) / ez, seconds)
+            (px, py, _), (rx, ry, _) = rotate(attitude, force), rates
+            calm = 1.0 + (rx * rx + ry * ry) / (SHAKEN * SHAKEN)
+            px, py = (px - gx / EVERY) / calm, (py - gy / EVERY) / calm
+            self.pushed = _within(px, LARGEST), _within(py, LARGEST)
+
+    def _turn(self, x: float, y: float, seconds: float) -> None:
+        """The corrected attitude is off by these angles about body x and y."""
+        self._elapsed = min(self._elapsed + seconds, self._memory)
+        share, (tx, ty) = min(1.0, seconds / self._elapsed), self._angles
+        self._angles = tx, ty = _within(tx + share * x, MOST), _within(ty + share * y, MOST)
+        self.turned = integrate(LEVEL, (tx, ty, 0.0), 1.0)
+
+
+def _within(value: float, most: float) -> float:
+    return most if value > most else -most if value < -most else value

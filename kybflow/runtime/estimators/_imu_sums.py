@@ -1,0 +1,59 @@
+"""What an IMU adds up, so that it can be asked about the time of a pose that arrives later."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.signals import NS, Imu, Time
+
+EVERY = 4
+"""Poses between two looks at the sums."""
+LONGEST = 64
+"""Samples that are kept."""
+
+
+class ImuSum(NamedTuple):
+    """The sums of all samples until `time`. angle: of the turn rates, rad, body. gained: of the
+    specific forces, m/s, body. seconds: of the times that they are the averages of. rates, force:
+    the sample itself."""
+
+    time: Time
+    angle: Vec3
+    gained: Vec3
+    seconds: float
+    rates: Vec3
+    force: Vec3
+
+
+class ImuSums:
+    """delay: by which what the IMU measures lies behind its stamp, s."""
+
+    def __init__(self, delay: float) -> None:
+        self._behind = round(delay * NS)
+        self._sums = deque([ImuSum(0, ZERO, ZERO, 0.0, ZERO, ZERO)], LONGEST)
+
+    def take(self, imu: Imu) -> None:
+        """Add another sample."""
+        time, dt, force, rates = imu
+        self._sums.append(_added(self._sums[-1], time - self._behind, dt, rates, force))
+
+    def until(self, time: Time) -> ImuSum:
+        """The sums at a time, between samples as at the next one, beyond the last as if that
+        lasted."""
+        found = self._sums[-1]
+        for earlier in reversed(self._sums):
+            if earlier.time < time:
+                break
+            found = earlier
+        return _added(found, time, (time - found.time) / NS, found.rates, found.force)
+
+
+def _added(before: ImuSum, time: Time, dt: float, rates: Vec3, force: Vec3) -> ImuSum:
+    """The sums with a sample of so many seconds, which may be negative."""
+    _, (ax, ay, az), (px, py, pz), seconds, _, _ = before
+    (fx, fy, fz), (wx, wy, wz) = force, rates
+    angle = (ax + dt * wx, ay + dt * wy, az + dt * wz)
+    gained = (px + dt * fx, py + dt * fy, pz + dt * fz)
+    return ImuSum(time, angle, gained, seconds + dt, rates, force)

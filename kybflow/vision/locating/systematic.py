@@ -1,0 +1,135 @@
+"""How a pose from tags errs with what is wrong with lens, mount, map and stamps.
+
+The pose solves J^T W r = 0, so what moves the seen corners by K dc moves it by
+
+    dx = (J^T W J)^-1 J^T W K dc
+
+(consider parameters; Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977,
+ch. VIII). No average over frames takes that away, because the next frame errs the same way. The
+derivatives K, with u the seen corner from the image's centre in pixels, n = u / f, and J_p those of
+J after the position:
+
+    focal length   u           first radial term   u |n|^2
+    tag's place   -J_p         tag's heading      -J_p (z x its corner from its centre)
+
+A camera whose lens is dm from where it should be on the body and whose attitude there is exp([r]x)
+times the believed one, gives a pose that is R (dm + t x r) and the rotation r off, with R the
+body's attitude and t the believed place of the lens. Frames that are stamped o too late give the
+pose of the time before: -o v and -o w of the velocity and the body rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy
+from numpy.typing import NDArray
+
+from kybflow.flight.fusion.covariance import WANDERING
+from kybflow.vision.locating.locate import Located
+from kybflow.vision.locating.sight import BodyMotion, Sight, TagView
+from kybflow.vision.projection import rotation
+from kybflow.world.calibration_errors import CalibrationErrors, share_of
+from kybflow.world.tags import Key
+
+Array = NDArray[Any]
+
+_OF_CAMERA = 8
+_NEAREST = 0.02
+_ROUNDING = 1e-15
+
+
+class Systematic(NamedTuple):
+    """How a pose errs, in the order of its covariance, per standard deviation of what is wrong.
+    slopes: (6, 6 + 8 cameras + 1), first a square root of the covariance that the map gives it,
+    then focal length, radial term, place (3) and attitude (3) of each camera, then the stamps.
+    extent: by how much the body moves until it goes by other tags, metres."""
+
+    slopes: Array
+    extent: float
+
+
+def systematic(
+    located: Located, cameras: Sequence[str], motion: BodyMotion, errors: CalibrationErrors
+) -> Systematic:
+    """Of a pose. cameras: the names of all that the body has."""
+    at, body = numpy.array(located.position), rotation(located.attitude)
+    used = frozenset(located.used)
+    views = [view for view in (_kept(v, used) for v in located.views) if len(view.tags)]
+    sights = [Sight(view, motion, errors.survey_error) for view in views]
+    normal = numpy.zeros((6, 6))
+    shares: list[tuple[TagView, Array, Array, Array]] = []
+    for view, sight in zip(views, sights, strict=True):
+        _, b, c = sight.residuals(at, body)
+        jacobian = sight.slopes(body, b, c)[:, :, :6].reshape(-1, 8, 6)
+        weighted = (jacobian / sight.slack(c)[:, None, None] ** 2).swapaxes(1, 2)
+        normal += (weighted @ jacobian).sum(axis=0)
+        shares.append((view, jacobian, weighted, c))
+    pose_of = numpy.linalg.inv(normal)
+    slopes = numpy.zeros((6, WANDERING + _OF_CAMERA * len(cameras) + 1))
+    of_map = [_of_map(*share[:3], errors) for share in shares]
+    slopes[:, :WANDERING] = _root(pose_of @ numpy.concatenate(of_map, axis=1))
+    for sight, (view, jacobian, weighted, c) in zip(sights, shares, strict=True):
+        first = WANDERING + _OF_CAMERA * cameras.index(view.camera.name)
+        pulled = numpy.hstack(
+            (
+                _of_lens(sight, weighted, c, errors),
+                (weighted @ jacobian).sum(axis=0) @ _of_mount(view, body, errors),
+            )
+        )
+        slopes[:, first : first + _OF_CAMERA] += pose_of @ pulled
+    slopes[:, -1] = -errors.stamp_error * numpy.array((*motion.velocity, *motion.rates))
+    return Systematic(slopes, _extent(views))
+
+
+def _kept(view: TagView, used: frozenset[Key]) -> TagView:
+    """What is seen of the tags that the pose rests on."""
+    held = [i for i, tag in enumerate(view.tags) if tag.key in used]
+    return view._replace(tags=[view.tags[i] for i in held], corners=view.corners[held])
+
+
+def _of_lens(sight: Sight, weighted: Array, c: Array, errors: CalibrationErrors) -> Array:
+    flat = c[:, :2] / numpy.maximum(c[:, 2:], 1e-3)
+    seen = flat * sight.focal * errors.focal_error
+    bent = flat * sight.focal * (flat**2).sum(axis=1, keepdims=True) * errors.k1_error
+    moved = numpy.stack((seen.reshape(-1, 8), bent.reshape(-1, 8)), axis=-1)
+    pulled: Array = (weighted @ moved).sum(axis=0)
+    return pulled
+
+
+def _of_mount(view: TagView, body: Array, errors: CalibrationErrors) -> Array:
+    """By how much a pose that goes by this camera alone is off, (6, 6)."""
+    x, y, z = view.camera.position
+    off = numpy.zeros((6, 6))
+    off[:3, :3] = errors.mount_error * body
+    off[:3, 3:] = errors.mount_misalignment * body @ ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
+    off[3:, 3:] = errors.mount_misalignment * numpy.eye(3)
+    return off
+
+
+def _of_map(view: TagView, jacobian: Array, weighted: Array, errors: CalibrationErrors) -> Array:
+    """By how much each tag's errors pull, (6, 4 tags)."""
+    share = numpy.array([share_of(tag.size) for tag in view.tags])[:, None]
+    places = share * (errors.survey_error, errors.survey_error, errors.height_error)
+    corners = numpy.array([tag.corners() for tag in view.tags])
+    arms = corners - corners.mean(axis=1, keepdims=True)
+    sideways = numpy.stack((-arms[..., 1], arms[..., 0], 0.0 * arms[..., 0]), axis=-1)
+    moved = numpy.zeros((len(share), 8, 4))
+    moved[:, :, :3] = -jacobian[:, :, :3] * places[:, None]
+    by_place = jacobian[:, :, :3].reshape(-1, 4, 2, 3)
+    turned = -(by_place @ sideways[..., None])[..., 0] * errors.survey_turn
+    moved[:, :, 3] = turned.reshape(-1, 8)
+    pulled: Array = (weighted @ moved).swapaxes(0, 1).reshape(6, -1)
+    return pulled
+
+
+def _root(wide: Array) -> Array:
+    """A lower triangle L with L L^T = wide wide^T."""
+    return numpy.linalg.cholesky(wide @ wide.T + _ROUNDING * numpy.eye(6))
+
+
+def _extent(views: Sequence[TagView]) -> float:
+    places = numpy.array([tag.position[:2] for view in views for tag in view.tags])
+    return max(_NEAREST, sqrt(float(places.var(axis=0).sum())))

@@ -1,0 +1,61 @@
+"""Cameras over a floor as they are in a lab, drawn around what is believed of them.
+
+Each error is normal with the standard deviation that `CalibrationErrors` tells, and is drawn from
+the seed alone, a tag's by its family and number: the same seed gives the same lab, whatever else is
+in it. Who locates goes on with what was believed.
+"""
+
+from __future__ import annotations
+
+import random
+from typing import NamedTuple
+
+import numpy
+
+from kybflow.core.geometry import add, from_axes, from_heading, multiply
+from kybflow.vision.calibration.model import LENS, MOUNT, corrected_lens, mounting
+from kybflow.world.calibration_errors import CalibrationErrors, share_of
+from kybflow.world.cameras import Camera
+from kybflow.world.tags import Tag, TagMap
+
+
+class Setup(NamedTuple):
+    """stamps: how much later than they were taken frames are stamped, seconds."""
+
+    tags: TagMap
+    cameras: tuple[Camera, ...]
+    stamps: float
+
+
+def miscalibrated(believed: Setup, errors: CalibrationErrors, seed: int) -> Setup:
+    """What is there in truth, where `believed` is believed."""
+    stamps = random.Random(f"{seed}/stamps").gauss(0.0, errors.stamp_error)
+    return Setup(
+        TagMap(_laid(tag, errors, seed) for tag in believed.tags),
+        tuple(_mounted(camera, errors, seed) for camera in believed.cameras),
+        believed.stamps + stamps,
+    )
+
+
+def _laid(tag: Tag, errors: CalibrationErrors, seed: int) -> Tag:
+    gauss = random.Random(f"{seed}/laid/{tag.family}/{tag.id}").gauss
+    share = share_of(tag.size)
+    across, up = share * errors.survey_error, share * errors.height_error
+    moved = gauss(0.0, across), gauss(0.0, across), gauss(0.0, up)
+    turned = from_heading(gauss(0.0, errors.survey_turn))
+    return tag._replace(position=add(tag.position, moved), attitude=multiply(turned, tag.attitude))
+
+
+def _mounted(camera: Camera, errors: CalibrationErrors, seed: int) -> Camera:
+    gauss = random.Random(f"{seed}/mounted/{camera.name}").gauss
+    spreads = [errors.focal_error, 0.0, 0.0, errors.k1_error]
+    spreads += [errors.mount_error] * 3 + [errors.mount_misalignment] * 3
+    corrections = numpy.array([gauss(0.0, spread) for spread in spreads])
+    assert len(corrections) == LENS + MOUNT
+    position, turn = mounting(camera, corrections)
+    (mx, my, mz), (x, y, z) = position.tolist(), turn.T.tolist()
+    return camera._replace(
+        lens=corrected_lens(camera.lens, corrections),
+        position=(mx, my, mz),
+        attitude=from_axes(tuple(x), tuple(y), tuple(z)),
+    )

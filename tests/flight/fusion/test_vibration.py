@@ -1,0 +1,41 @@
+"""How noisy an IMU is, is told by its own samples, however the vehicle moves."""
+
+from __future__ import annotations
+
+import random
+from math import sin
+
+import pytest
+
+from kybflow.core.geometry import Vec3
+from kybflow.flight.fusion.covariance import ImuNoise
+from kybflow.flight.fusion.vibration import Vibration
+
+DECLARED = ImuNoise(0.005, 0.0002, 0.0005, 0.00002)
+DT = 0.004
+
+
+def shaken(force: float, turn: float) -> Vibration:
+    """By noise of these standard deviations, in an agile flight of five seconds."""
+    chance, vibration = random.Random(1), Vibration(DECLARED)
+
+    def noisy(value: Vec3, deviation: float) -> Vec3:
+        x, y, z = (part + chance.gauss(0.0, deviation) for part in value)
+        return x, y, z
+
+    for step in range(1250):
+        t = step * DT
+        moved, turned = (5.0 * sin(6.0 * t), 0.0, 9.81), (0.0, 3.0 * sin(8.0 * t), 1.0)
+        vibration.feel(noisy(moved, force), noisy(turned, turn), DT)
+    return vibration
+
+
+def test_what_is_declared_holds_while_samples_are_as_quiet() -> None:
+    assert shaken(0.07, 0.0025).noise == DECLARED
+
+
+def test_what_rotors_shake_is_found() -> None:
+    noise = shaken(0.7, 0.015).noise
+    assert noise.velocity == pytest.approx(0.7 * DT**0.5, rel=0.15)
+    assert noise.attitude == pytest.approx(0.015 * DT**0.5, rel=0.15)
+    assert noise[2:] == DECLARED[2:]

@@ -1,0 +1,118 @@
+"""The body of motion capture is levelled by what the accelerometer feels, in flight, and the
+velocity is right while something pushes."""
+
+from __future__ import annotations
+
+from math import cos, degrees, radians, sin
+
+import pytest
+from figure_eight_flight import DT, SITE
+
+from kybflow.core.geometry import (
+    GRAVITY,
+    LEVEL,
+    ZERO,
+    Quat,
+    Vec3,
+    conjugate,
+    from_euler,
+    from_thrust_direction,
+    multiply,
+    rotate_back,
+    tilt_of,
+)
+from kybflow.core.signals import NS, Estimate, Imu, Pose
+from kybflow.runtime.estimators._felt_force import MOST
+from kybflow.runtime.estimators.mocap import Mocap, MocapParams
+
+RADIUS, RATE = 0.7, 1.2
+
+
+def motion(t: float) -> tuple[Vec3, Quat, Vec3]:
+    """Position, attitude and specific force (body) of a circle whose nose turns."""
+    c, s = RADIUS * cos(RATE * t), RADIUS * sin(RATE * t)
+    force = (-RATE * RATE * c, -RATE * RATE * s, GRAVITY)
+    attitude = from_thrust_direction(force, 0.5 * t)
+    return (c, s, 1.0), attitude, rotate_back(attitude, force)
+
+
+def flown(turned: Quat, seconds: float, bias: Vec3 = ZERO, **params: float) -> float:
+    """How far the estimate's z is off the vehicle's after a flight whose poses are of a body that
+    is `turned` against the vehicle, degrees."""
+    estimator, estimate = Mocap(MocapParams(**params), SITE), None
+    attitude = LEVEL
+    for step in range(1, round(seconds / DT) + 1):
+        now = round(step * DT * NS)
+        place, attitude, (fx, fy, fz) = motion(step * DT)
+        felt = Imu(now, DT, (fx + bias[0], fy + bias[1], fz + bias[2]), ZERO)
+        seen = [Pose(now, place, multiply(attitude, turned))] if step % 2 else []
+        estimate = estimator.update((felt, *seen), now)
+    assert isinstance(estimate, Estimate)
+    return degrees(tilt_of(multiply(conjugate(attitude), estimate.attitude)))
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_the_angle_about_the_level_axes_is_found(heading: float) -> None:
+    turned = from_euler(radians(1.5), radians(-1.0), radians(heading))
+    assert flown(turned, 12.0, levelling=0.0) == pytest.approx(1.8, abs=0.1)
+    assert flown(turned, 3.0) < 0.5
+    assert flown(turned, 12.0) < 0.15
+
+
+def test_what_the_accelerometer_is_wrong_by_is_taken_for_an_angle() -> None:
+    assert flown(LEVEL, 12.0, bias=(0.05, 0.0, 0.0)) == pytest.approx(0.3, abs=0.1)
+
+
+def test_an_accelerometer_that_is_far_off_turns_nothing_further_than_a_lab_is_wrong() -> None:
+    assert flown(LEVEL, 12.0, bias=(1.5, 0.0, 0.0)) == pytest.approx(degrees(MOST), abs=0.2)
+    assert flown(LEVEL, 12.0, bias=(0.0, 0.0, 6.0)) < 0.1
+
+
+@pytest.mark.parametrize("push", [0.5, -0.3])
+def test_the_velocity_knows_of_a_push(push: float) -> None:
+    """A vehicle leans against a wind and stays where it is."""
+    leaning = from_thrust_direction((-push, 0.0, GRAVITY), 0.0)
+    speeds = []
+    for levelling in (5.0, 0.0):
+        estimator, estimate = Mocap(MocapParams(levelling=levelling), SITE), None
+        for step in range(1, 500):
+            now = round(step * DT * NS)
+            felt = Imu(now, DT, rotate_back(leaning, (0.0, 0.0, GRAVITY)), ZERO)
+            seen = [Pose(now, ZERO, leaning)] if step % 2 else []
+            estimate = estimator.update((felt, *seen), now)
+        assert estimate is not None
+        speeds.append(estimate.velocity[0])
+    assert speeds == [pytest.approx(0.0, abs=0.002), pytest.approx(-0.06 * push, abs=0.01)]
+
+
+def test_without_an_imu_the_pose_is_taken_as_it_is() -> None:
+    estimator, turned = Mocap(MocapParams(), SITE), from_euler(0.02, 0.01, 0.0)
+    estimate = None
+    for step in range(1, 600):
+        now = round(step * DT * NS)
+        estimate = estimator.update((Pose(now, ZERO, turned),), now)
+    assert estimate is not None
+    assert estimate.attitude == pytest.approx(turned, abs=1e-6)
+
+
+def test_an_imu_that_is_heard_now_and_then_tells_nothing() -> None:
+    estimator, turned = Mocap(MocapParams(), SITE), from_euler(0.02, 0.01, 0.0)
+    estimate = None
+    for step in range(1, 600):
+        now = round(step * DT * NS)
+        felt = [Imu(now, 0.04, (0.0, 0.0, GRAVITY), (0.2, 0.0, 0.0))] if step % 10 == 0 else []
+        estimate = estimator.update((*felt, Pose(now, ZERO, turned)), now)
+    assert estimate is not None
+    assert estimate.attitude == pytest.approx(turned, abs=1e-6)
+
+
+def test_after_a_gap_in_the_poses_what_was_felt_meanwhile_does_not_count() -> None:
+    estimator = Mocap(MocapParams(), SITE)
+    estimate = None
+    for step in range(1, 2000):
+        now = round(step * DT * NS)
+        lost = step % 200 < 100
+        felt = Imu(now, DT, (3.0 if lost else 0.0, 0.0, GRAVITY), ZERO)
+        estimate = estimator.update((felt,) if lost else (felt, Pose(now, ZERO, LEVEL)), now)
+    assert estimate is not None
+    assert degrees(tilt_of(estimate.attitude)) < 0.1
