@@ -2,16 +2,20 @@
 
 Programs that a test starts hear Ctrl-C, which a shell takes from what it runs in the background.
 OpenCV and BLAS take one thread, for every core has a worker already. What is collected stays until
-the end: the garbage collector doesn't look through it again and again. `run` flies a plan in the
-simulator; every event carries what the table of events says.
+the end: the garbage collector doesn't look through it again and again. Every worker has its own
+folder for the sockets of runs, so that none finds a run of another by its name. `run` flies a plan
+in the simulator; every event carries what the table of events says.
 """
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
+import shutil
 import signal
 import sys
+import tempfile
 from collections.abc import Callable, Generator
 from pathlib import Path
 
@@ -25,6 +29,9 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # programs that a test st
 
 for library in ("OPENCV_FOR_THREADS_NUM", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(library, "1")
+
+os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="kyb")
+atexit.register(shutil.rmtree, os.environ["XDG_RUNTIME_DIR"], ignore_errors=True)
 
 settings.register_profile("seeded", derandomize=True, database=None, deadline=None)
 settings.load_profile("seeded")

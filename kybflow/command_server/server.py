@@ -158,15 +158,20 @@ class _Loop:
         self._rounded = 0.0
 
     def run(self) -> None:
-        """Serve until the run is over. An error ends the service, never the flight."""
+        """Serve until the run is over. An error ends the service, never the flight, and is told
+        when nobody is served any more."""
+        try:
+            self._serve()
+        except Exception as error:  # who serves commands must not stop the flight
+            self._commands.complain(described(error))
+
+    def _serve(self) -> None:
         try:
             self._selector.register(self._listener, selectors.EVENT_READ)
             self._selector.register(self._woken, selectors.EVENT_READ)
             while not self.is_over:
                 self._round(self._wait())
             self._part()
-        except Exception as error:  # who serves commands must not stop the flight
-            self._commands.complain(described(error))
         finally:
             self._server.watched(False)
             for connection in self._connections:

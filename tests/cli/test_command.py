@@ -34,7 +34,6 @@ def told(*words: str) -> tuple[int, str, str]:
 @pytest.fixture
 def flying(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.Popen[str]]:
     """A run in the folder `run` that waits for a person."""
-    monkeypatch.setenv("XDG_RUNTIME_DIR", "/nowhere")
     monkeypatch.chdir(tmp_path)
     Path("mission.yaml").write_text(MISSION, encoding="utf-8")
     words = ["run", "mission.yaml", "--speed", SPEED, "--plain", "--no-report", "--out", "run-a"]

@@ -88,6 +88,13 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
+BUSY = """
+end = time.monotonic() + 8
+while time.monotonic() < end:
+    pass
+"""
+
+
 LONGEST = 90.0
 """Seconds that a flight waits for its flood to end."""
 
@@ -126,10 +133,9 @@ time.sleep(2)  # it opens its devices and takes off
 
 
 @contextmanager
-def flood(base: Path, code: str | None, *words: str) -> Iterator[subprocess.Popen[str]]:
+def flood(base: Path, code: str, *words: str) -> Iterator[subprocess.Popen[str]]:
     """A program that begins before the flight, for to start one takes time from a tick."""
-    text = "" if code is None else WAITS + code
-    words = (sys.executable, "-I", "-S", "-c", text, str(base), *words)
+    words = (sys.executable, "-I", "-S", "-c", WAITS + code, str(base), *words)
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as program:
         try:
             yield program
@@ -141,7 +147,7 @@ def flood(base: Path, code: str | None, *words: str) -> Iterator[subprocess.Pope
 def beside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Flown]]:
     base = Path(tempfile.mkdtemp(dir="/tmp"))
 
-    def beside(code: str | None, *words: str, seconds: float = 10.0) -> Flown:
+    def beside(code: str, *words: str, seconds: float = 10.0) -> Flown:
         """Fly in real time for so many seconds, and on until the program beside it, which is given
         the socket, has ended."""
         clocks: list[WatchedClock] = []
@@ -177,8 +183,8 @@ def beside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., F
 
 @pytest.fixture(scope="module")
 def calm(beside: Callable[..., Flown]) -> Flown:
-    """A flight beside nothing."""
-    return beside(None)
+    """A flight beside a program that takes a processor's time and leaves the run alone."""
+    return beside(BUSY)
 
 
 def figures(name: str, flown: Flown) -> str:
@@ -190,7 +196,7 @@ def figures(name: str, flown: Flown) -> str:
 
 
 def is_as_punctual(flood: Flown, calm: Flown) -> None:
-    """No more ticks are missed than without, but for what a busy machine adds to either."""
+    """No more ticks are missed than beside a busy program, but for what chance adds to either."""
     missed = [sum(one > 1.0 / 250.0 for one in flown.late) for flown in (flood, calm)]
     seen = figures("calm", calm), figures("flood", flood)
     assert missed[0] <= 2 * missed[1] + 0.005 * len(flood.late), "\n".join(seen)
