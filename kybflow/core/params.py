@@ -56,6 +56,7 @@ class _Facts:
     tightens: Tightens | None
     names: Named | None
     reads: Reads | None
+    limited_by: str | None
 
 
 def param(
@@ -70,15 +71,18 @@ def param(
     tightens: Tightens | None = None,
     names: Named | None = None,
     reads: Reads | None = None,
+    limited_by: str | None = None,
 ) -> Any:
     """Declare one parameter of a `@params` class.
 
     default and bounds are SI; bounds hold for each component of a vector. read_only: it can't
     change during a run. tightens: in flight it may change in that direction only. names: the
     compiler checks that a text names such a thing. reads: the compiler checks a file with this
-    reader.
+    reader. limited_by: the parameter beside it that it may not exceed, or the part never succeeds.
     """
-    facts = _Facts(help, above, at_least, below, at_most, read_only, tightens, names, reads)
+    facts = _Facts(
+        help, above, at_least, below, at_most, read_only, tightens, names, reads, limited_by
+    )
     return dataclasses.field(default=default, metadata={_KEY: facts}, kw_only=True)
 
 
@@ -121,6 +125,7 @@ class Field:
     tightens: Tightens | None = None
     names: Named | None = None
     reads: Reads | None = None
+    limited_by: str | None = None
 
     def loosens(self, before: Any, after: Any) -> bool:
         """Return whether a safety parameter, or any number of it, is less strict than before."""
@@ -169,6 +174,12 @@ def named_in(parameters: Any, what: Named) -> dict[str, str]:
 
 
 @functools.cache
+def limited_fields(cls: Any) -> tuple[Field, ...]:
+    """Return the parameters of `cls` that another one limits."""
+    return tuple(f for f in fields_of(cls) if f.limited_by is not None)
+
+
+@functools.cache
 def _naming(cls: Any, what: Named) -> tuple[Field, ...]:
     return tuple(f for f in fields_of(cls) if f.names == what)
 
@@ -187,7 +198,7 @@ def _field(cls: type, field: dataclasses.Field[Any], hint: Any) -> Field:
     return Field(
         field.name, shape, dimension, choices, optional, required, default,
         facts.help, facts.above, facts.at_least, facts.below, facts.at_most, facts.read_only,
-        facts.tightens, facts.names, facts.reads,
+        facts.tightens, facts.names, facts.reads, facts.limited_by,
     )  # fmt: skip
 
 

@@ -121,6 +121,7 @@ class Footprint(NamedTuple):
     vehicle, None if unknown. is_endless: it has no normal end. acceleration: the largest horizontal
     one that its curves need, m/s^2. path: corners of a polyline within 1 cm of the path, empty if
     unknown (but two `points` are the path). origin: where a path from a file is described.
+    duration: the least time from an entry at rest to its normal end, s; None: see `least_time`.
     """
 
     points: tuple[Vec3, ...]
@@ -130,6 +131,16 @@ class Footprint(NamedTuple):
     acceleration: float = 0.0
     path: tuple[Vec3, ...] = ()
     origin: Origin | None = None
+    duration: float | None = None
+
+    def least_time(self, entry: Vec3 | None) -> float:
+        """Return a lower bound (s) of the time from an entry at rest to the normal end: `duration`,
+        else the straight line to `exit` at `speed`, else zero."""
+        if self.duration is not None:
+            return self.duration
+        if entry is None or self.exit is None or self.speed <= 0.0:
+            return 0.0
+        return distance(entry, self.exit) / self.speed
 
     def line_of(self, point: Vec3) -> tuple[str, ...]:
         """Return a note with the line of the file that leads to `point`; empty without a file."""

@@ -153,6 +153,11 @@ class Supervisor(Part[P]):
     def __init__(self, params: P, context: VehicleContext) -> None:
         self.params = params
 
+    @classmethod
+    def reserve(cls, params: P) -> float:
+        """Return the share of a battery's charge, 0 to 1, below which it ends a flight."""
+        return 0.0
+
     @abstractmethod
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:
         """Return an Alarm while the bound is crossed. Called before the tick's other decisions."""

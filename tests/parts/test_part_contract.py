@@ -220,6 +220,28 @@ def test_a_footprint_is_finite_and_begins_at_the_entry(spec: PartSpec) -> None:
             assert all(math.isfinite(number) for number in numbers(footprint.points))
 
 
+@pytest.mark.parametrize("spec", specs("behaviors"))
+def test_no_behavior_ends_before_the_least_time_of_its_footprint(spec: PartSpec) -> None:
+    where = (0.0, 0.0, 0.0) if spec.cls.flight[0].start is GROUND else START
+    footprint = spec.cls.footprint(minimal(spec), where)
+    if footprint is None or footprint.is_endless:
+        return
+    behavior, position, velocity = begun(spec), where, ZERO
+    for i in range(30 * round(1 / DT)):
+        known = estimate(position, velocity, now=i * round(DT * NS))
+        output = behavior.update(Tick(known.time, DT, i * DT, known, None, None, {"nano": known}))
+        if isinstance(output, Done | Failed):
+            assert isinstance(output, Failed) or i * DT >= footprint.least_time(where) - DT
+            return
+        given = output.setpoint if isinstance(output, Grip) else output
+        if isinstance(given, Setpoint):
+            velocity = given.velocity or ZERO
+            x, y, z = given.position or tuple(
+                p + v * DT for p, v in zip(position, velocity, strict=True)
+            )
+            position = (x, y, max(z, 0.0))
+
+
 @pytest.mark.parametrize("spec", specs("processors"))
 def test_a_processor_is_deterministic_and_finite_and_returns_what_it_says(spec: PartSpec) -> None:
     for kind, returned in spec.cls.accepts.items():

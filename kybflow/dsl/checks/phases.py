@@ -269,13 +269,13 @@ def _conditions_after(
     asked |= {assignment.vehicle for assignment in handovers(document, phase)}
     still = frozenset({GROUND})
     left = {v: p if p == still and v not in asked else _ANY for v, p in places.items()}
-    for vehicle, state in _said_states(case.condition(transition.when, case.scopes.flow())):
+    for vehicle, state in said_states(case.condition(transition.when, case.scopes.flow())):
         if vehicle in left:
             left[vehicle] = _places_of(case, vehicle, state)
     return left
 
 
-def _said_states(when: Condition | None) -> Iterator[tuple[str, str]]:
+def said_states(when: Condition | None) -> Iterator[tuple[str, str]]:
     """(vehicle, state) of everything that a condition requires."""
     match when:
         case InState(vehicle, state):
@@ -284,7 +284,7 @@ def _said_states(when: Condition | None) -> Iterator[tuple[str, str]]:
             yield from ((vehicle, state) for vehicle in vehicles)
         case And(parts):
             for part in parts:
-                yield from _said_states(part)
+                yield from said_states(part)
 
 
 def _places_of(case: Case, vehicle: str, state: str) -> frozenset[Flight]:

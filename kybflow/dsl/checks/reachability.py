@@ -200,13 +200,18 @@ def _walked(vehicle: VehicleEntry) -> dict[str, Entries]:
 
 def endless_states(vehicle: VehicleEntry) -> frozenset[str]:
     """The states whose behavior has no normal end, as its parameters are."""
-    found = set()
+    if "endless" not in vehicle.known:
+        vehicle.known["endless"] = frozenset(_endless(vehicle))
+    endless: frozenset[str] = vehicle.known["endless"]
+    return endless
+
+
+def _endless(vehicle: VehicleEntry) -> Iterator[str]:
     for name, entries in entries_of(vehicle).items():
         state = vehicle.states[name]
         footprints = (state.footprint(entry) for entry in entries.candidates())
         if any(footprint is not None and footprint.is_endless for footprint in footprints):
-            found.add(name)
-    return frozenset(found)
+            yield name
 
 
 def _left_at(state: StateEntry, transition: TransitionEntry, entry: Vec3 | None) -> Vec3 | None:

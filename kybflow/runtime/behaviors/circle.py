@@ -108,7 +108,18 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         end = None if entry is None or params.laps is None else _exit(params, params.laps, entry)
         inward = params.speed * params.speed / r
         path = _path(params, entry)
-        return Footprint(points, abs(params.speed), end, params.laps is None, inward, path)
+        endless, least = params.laps is None, _least_time(params, entry)
+        return Footprint(points, abs(params.speed), end, endless, inward, path, duration=least)
+
+
+def _least_time(params: CircleParams, entry: Vec3 | None) -> float:
+    """The way to the nearest point of the circle, and around it at full speed."""
+    (x, y, z), r, speed = params.center, params.radius, abs(params.speed)
+    around = Profile.within(2.0 * pi * r * (params.laps or 0.0), speed, params.acceleration)
+    if entry is None:
+        return around.duration
+    lead = hypot(hypot(entry[0] - x, entry[1] - y) - r, entry[2] - z)
+    return Profile.within(lead, speed, params.acceleration).duration + around.duration
 
 
 def _path(params: CircleParams, entry: Vec3 | None) -> tuple[Vec3, ...]:

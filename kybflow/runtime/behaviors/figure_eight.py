@@ -62,8 +62,7 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
         super().__init__(params, entry)
         self._heading = entry.heading
         self._coast = Coast.after(entry.motion)
-        rate = 2.0 * pi / params.lap
-        self._phase = Profile(2.0 * pi * params.laps, rate, params.ramp)
+        self._phase = _phase(params)
         self._end = max(self._phase.duration, self._coast.duration)
         long, short = params.width / 2.0, params.across / 2.0
         c, s = cos(params.rotation), sin(params.rotation)
@@ -108,7 +107,14 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
         x0, y0, z0 = entry
         path = tuple((x0 + a * u * c - b * v * s, y0 + a * u * s + b * v * c, z0) for u, v in _UNIT)
         sharpest = _sharpest(a, b, params.lap)
-        return Footprint((entry, *points), speed, last, acceleration=sharpest, path=path)
+        duration = _phase(params).duration
+        return Footprint(
+            (entry, *points), speed, last, acceleration=sharpest, path=path, duration=duration
+        )
+
+
+def _phase(params: FigureEightParams) -> Profile:
+    return Profile(2.0 * pi * params.laps, 2.0 * pi / params.lap, params.ramp)
 
 
 def _sharpest(a: float, b: float, lap: float) -> float:

@@ -26,6 +26,7 @@ from kybflow.core.units import (
     Vec3,
 )
 from kybflow.flight.motion import Coast, Dwell, Straight, Turn
+from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 
@@ -47,7 +48,9 @@ class FlyToParams:
         "Angle from the heading that counts as there; without it the heading may be any.",
         default=None, above=0.0,
     )  # fmt: skip
-    dwell: Duration = param("How long it must be there.", default=0.3, at_least=0.0)
+    dwell: Duration = param(
+        "How long it must be there.", default=0.3, at_least=0.0, limited_by="patience"
+    )
     patience: Duration = param(
         "Time past the planned end after which it has failed.", default=10.0, above=0.0
     )
@@ -82,5 +85,11 @@ class FlyTo(Behavior[FlyToParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
 
     @classmethod
     def footprint(cls, params: FlyToParams, entry: Vec3 | None) -> Footprint | None:
-        points = (params.position,) if entry is None else (entry, params.position)
-        return Footprint(points, params.speed, params.position)
+        if entry is None:
+            points: tuple[Vec3, ...] = (params.position,)
+            return Footprint(points, params.speed, params.position, duration=params.dwell)
+        gap = distance(entry, params.position)
+        way = Profile.within(gap, params.speed, params.acceleration)
+        duration = way.duration + params.dwell
+        points = (entry, params.position)
+        return Footprint(points, params.speed, params.position, duration=duration)

@@ -12,11 +12,14 @@ leg. World frame, metres.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import distance
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Angle, AngularRate, Duration, Length, Path, Speed, Vec3
 from kybflow.flight.motion import Coast, Dwell, Straight, Turn
+from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 
@@ -38,7 +41,9 @@ class FollowPathParams:
         "Angle from the heading that counts as at a corner; without it the heading may be any.",
         default=None, above=0.0,
     )  # fmt: skip
-    dwell: Duration = param("How long it must be there.", default=0.1, at_least=0.0)
+    dwell: Duration = param(
+        "How long it must be there.", default=0.1, at_least=0.0, limited_by="patience"
+    )
     patience: Duration = param(
         "Time past the planned end of a leg after which it has failed.", default=10.0, above=0.0
     )
@@ -94,4 +99,7 @@ class FollowPath(Behavior[FollowPathParams], flight=AIR >> AIR, emits=SetpointKi
         if not params.path:
             return None
         points = params.path if entry is None else (entry, *params.path)
-        return Footprint(points, params.speed, params.path[-1], path=points)
+        gaps = [distance(a, b) for a, b in pairwise(points)]
+        legs = [Profile.within(gap, params.speed, params.acceleration).duration for gap in gaps]
+        duration = sum(legs) + params.dwell * len(params.path)
+        return Footprint(points, params.speed, params.path[-1], path=points, duration=duration)

@@ -26,6 +26,7 @@ from kybflow.core.geometry import Vec3, distance, norm, wrap
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, AngularRate, Duration, Length, Speed
 from kybflow.flight.motion import Coast, Dwell, Straight, Turn
+from kybflow.flight.profiles import Profile
 from kybflow.flight.trajectory import read_trajectory
 from kybflow.parts import AIR, Behavior, Entry, Footprint, Origin, param, params
 
@@ -55,7 +56,9 @@ class FollowTrajectoryParams:
         "Distance that counts as at the first point.", default=0.05, above=0.0
     )
     slower_than: Speed = param("Speed that counts as at rest there.", default=0.1, above=0.0)
-    dwell: Duration = param("How long it must be at rest there.", default=0.3, at_least=0.0)
+    dwell: Duration = param(
+        "How long it must be at rest there.", default=0.3, at_least=0.0, limited_by="patience"
+    )
     patience: Duration = param(
         "Time past the planned arrival at the first point after which it has failed.",
         default=10.0,
@@ -113,7 +116,9 @@ class FollowTrajectory(
         figures, name = curve.figures, params.file.name
         path = tuple(position for position, _ in figures.points)
         lines = {position: f"{name}:{line}" for position, line in figures.points}
-        approach = 0.0 if entry is None or distance(entry, path[0]) == 0.0 else params.approach
+        gap = 0.0 if entry is None else distance(entry, path[0])
+        approach = 0.0 if gap == 0.0 else params.approach
+        lead = Profile.within(gap, params.approach, params.acceleration)
         return Footprint(
             path if entry is None else (entry, *path),
             max(figures.speed, approach),
@@ -121,6 +126,7 @@ class FollowTrajectory(
             acceleration=figures.acceleration,
             path=path if entry is None else (entry, *path),
             origin=Origin(lines, f"{name}:{figures.fastest}", f"{name}:{figures.sharpest}"),
+            duration=lead.duration + params.dwell + curve.duration,
         )
 
     @classmethod

@@ -31,6 +31,7 @@ from __future__ import annotations
 
 from math import hypot, sqrt
 
+from kybflow.core.geometry import distance
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Position, Speed, Vec3
 from kybflow.flight.landing_place import place_beside, vehicle_below
@@ -41,6 +42,7 @@ from kybflow.flight.motion import (
     Dwell,
     Straight,
 )
+from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param, params
 
 _STILL = 0.015
@@ -239,9 +241,23 @@ class Land(
         at = params.position
         speed = max(params.speed, params.approach)
         if entry is None:
-            return None if at is None else Footprint((at,), speed, at)
+            return None if at is None else Footprint((at,), speed, at, duration=params.dwell)
         if at is None:
             ground = (entry[0], entry[1], min(entry[2], 0.0))
-            return Footprint((entry, ground), params.speed, ground)
-        points = (entry, (at[0], at[1], entry[2]), at)
-        return Footprint(points, speed, at, path=points)
+            down = _least_descent(params, entry[2] - ground[2])
+            return Footprint((entry, ground), params.speed, ground, duration=down)
+        above = (at[0], at[1], entry[2])
+        points = (entry, above, at)
+        way = Profile.within(distance(entry, above), params.approach, params.acceleration)
+        duration = way.duration + _ABOVE + _least_descent(params, entry[2] - at[2])
+        return Footprint(points, speed, at, path=points, duration=duration)
+
+
+def _least_descent(params: LandParams, height: float) -> float:
+    """The time from `height` above the ground to the end of the landing, without the ramps of the
+    speed; on the ground it is done at once."""
+    if height <= 0.0:
+        return 0.0
+    slow = min(height, params.slow_below)
+    slowest = min(params.slow_speed, params.speed)
+    return (height - slow) / params.speed + slow / slowest + params.dwell

@@ -36,7 +36,9 @@ class TakeOffParams:
     tolerance: Length = param(
         "Distance from the height that counts as there.", default=0.1, above=0.0
     )
-    dwell: Duration = param("How long it must be there.", default=0.3, at_least=0.0)
+    dwell: Duration = param(
+        "How long it must be there.", default=0.3, at_least=0.0, limited_by="patience"
+    )
     patience: Duration = param(
         "Time past the planned end after which it has failed.", default=5.0, above=0.0
     )
@@ -91,7 +93,9 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
 
     @classmethod
     def footprint(cls, params: TakeOffParams, entry: Vec3 | None) -> Footprint | None:
+        profile = Profile.within(params.height, params.speed, params.acceleration)
+        duration = profile.duration + params.dwell
         if entry is None:
-            return None
+            return Footprint((), params.speed, None, duration=duration)
         top = (entry[0], entry[1], entry[2] + params.height)
-        return Footprint((entry, top), params.speed, top)
+        return Footprint((entry, top), params.speed, top, duration=duration)

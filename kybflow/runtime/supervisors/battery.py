@@ -58,6 +58,10 @@ class BatterySupervisor(Supervisor[BatterySupervisorParams]):
         self._low = False
         self._empty = False
 
+    @classmethod
+    def reserve(cls, params: BatterySupervisorParams) -> float:
+        return 0.0 if Reaction[params.reaction.upper()] is Reaction.WARN else params.land_below
+
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:
         if tick.battery is None:
             return None

@@ -1,0 +1,320 @@
+"""Time and energy: what a mission asks for against what it allows, as lower bounds for a flight in
+which nothing fails: KYB430 to KYB435."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kybflow.core.params import limited_fields
+from kybflow.core.units import RATIO, format_quantity
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.durations import (
+    Way,
+    blamed,
+    exceeds,
+    least_time,
+    no_way_exceeds,
+    quickest_into,
+    seconds_of,
+    sum_of,
+    ways_from,
+)
+from kybflow.dsl.checks.flows import phases
+from kybflow.dsl.checks.reachability import FlightNode, endless_states, entries_of, flight_graph
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.document import (
+    ActionEntry,
+    StateEntry,
+    TransitionEntry,
+    VehicleEntry,
+)
+from kybflow.dsl.expressions import (
+    Eventually,
+    Expression,
+    Finished,
+    GroupInState,
+    InState,
+    parse,
+)
+from kybflow.dsl.names.built_in import end_of
+from kybflow.parts import GROUND
+from kybflow.parts.observables import is_in
+
+_DISTURBING = frozenset({"switch", "phase", "stop"})
+"""Actions after which a mission goes on elsewhere, or not at all."""
+
+
+def within_too_short(case: Case) -> Iterator[Diagnostic]:
+    """KYB430: a `within` ends a behavior, or a chain, before it can have ended by itself, from any
+    entry that it can have. Where both lead to the same state it is a warning."""
+    for vehicle, state, transition in case.cached(_timed):
+        if transition.cause == "within" and transition.after is not None:
+            least, what = least_time(case, vehicle, state), state.name.text
+            if transition.since:
+                least, what = _least_of_chain(case, vehicle, state, transition), transition.since
+            if exceeds(least, transition.after):
+                yield Diagnostic(
+                    "KYB430",
+                    f"`{what}` can't end within {seconds_of(transition.after)}",
+                    transition.span,
+                    label=f"needs {seconds_of(least)} at least",
+                    help="allow more time, or ask for less",
+                    severity=_severity(state, transition),
+                )
+
+
+def _severity(state: StateEntry, limit: TransitionEntry) -> Severity:
+    then = next((t.target.text for t in state.transitions if t.cause == "then"), None)
+    end = end_of(state.part.spec.cls.flight) if then is None else then
+    return Severity.WARNING if end == limit.target.text else Severity.ERROR
+
+
+def _least_of_chain(
+    case: Case, vehicle: VehicleEntry, state: StateEntry, transition: TransitionEntry
+) -> float:
+    """The least time from the first state of a chain to one outside, asked for that state alone."""
+    chain = transition.since
+    limit = transition.after or 0.0
+    if vehicle.goal(chain) != state.name.text or no_way_exceeds(case, vehicle, limit):
+        return 0.0
+    first = [node for node in flight_graph(case, vehicle).nodes if node.state == state.name.text]
+    ways = ways_from(case, vehicle, first, lambda node: is_in(node.state, chain))
+    return min((w.seconds for n, w in ways.items() if not is_in(n.state, chain)), default=0.0)
+
+
+def cut_short(case: Case) -> Iterator[Diagnostic]:
+    """KYB431: a `next` after a time alone leaves a behavior before it can have ended, so that its
+    `then` is never taken."""
+    for vehicle, state, transition in case.cached(_timed):
+        if transition.cause != "next" or transition.after is None or transition.since:
+            continue
+        if transition.when is not None or transition.event is not None:
+            continue
+        then = next((t for t in state.transitions if t.cause == "then" and not t.since), None)
+        least = least_time(case, vehicle, state)
+        if then is None or then.target.text == transition.target.text:
+            continue
+        if exceeds(least, transition.after):
+            yield Diagnostic(
+                "KYB431",
+                f"`{state.name.text}` is left before it can end",
+                transition.span,
+                label=f"after {seconds_of(transition.after)}; it needs {seconds_of(least)}",
+                notes=(f"`{then.target.text}`, its `then`, is never entered",),
+                help="wait longer, or remove the `then`",
+                severity=Severity.WARNING,
+            )
+
+
+def _timed(case: Case) -> Iterator[tuple[VehicleEntry, StateEntry, TransitionEntry]]:
+    """Every transition with a time out of a state that is reached and that has an end, and those of
+    chains."""
+    for vehicle in case.vehicles():
+        endless = endless_states(vehicle)
+        for name in entries_of(vehicle):
+            state = vehicle.states[name]
+            for transition in state.transitions:
+                if transition.after is not None and (transition.since or name not in endless):
+                    yield vehicle, state, transition
+
+
+def beyond_the_time_limit(case: Case) -> Iterator[Diagnostic]:
+    """KYB432: a vehicle can't have come to rest when the mission's time is over, whatever events
+    and conditions bring: the run lands it and has not succeeded.
+
+    A run ends after `time_limit`, 600 s unless the mission says otherwise.
+    """
+    limit = case.document.time_limit
+    for vehicle in case.cached(_left_alone):
+        way = _way_to_rest(case, vehicle, limit)
+        if way is not None and not _waits_longer(vehicle, way, limit):
+            yield _over(case, vehicle, way, limit)
+
+
+def _waits_longer(vehicle: VehicleEntry, way: Way, limit: float) -> bool:
+    """Whether one wait on the way is that long by itself, as KYB259 says."""
+    states = (vehicle.states[name] for name, _ in way.steps() if name in vehicle.states)
+    return any(max(t.after or 0.0, t.hold) >= limit for s in states for t in s.transitions)
+
+
+def longer_than_its_patience(case: Case) -> Iterator[Diagnostic]:
+    """KYB433: a parameter is longer than the one that limits it, so that the part never succeeds: a
+    behavior that must be there for longer than it waits."""
+    for _, state in case.states():
+        part = state.part
+        for field in limited_fields(part.params.__class__):
+            assert field.limited_by is not None
+            own, most = getattr(part.params, field.name), getattr(part.params, field.limited_by)
+            if own is None or most is None or own <= most or field.dimension is None:
+                continue
+            written = [part.spans[n] for n in (field.name, field.limited_by) if n in part.spans]
+            shown = [format_quantity(value, field.dimension) for value in (own, most)]
+            yield Diagnostic(
+                "KYB433",
+                f"`{state.name.text}` ({part.name.text}) always fails",
+                written[0] if written else part.name.span,
+                label=f"its `{field.name}` of {shown[0]} exceeds its `{field.limited_by}`",
+                notes=(f"`{field.limited_by}` is {shown[1]}",),
+                help=f"let `{field.name}` be less than `{field.limited_by}`",
+            )
+
+
+def out_of_energy(case: Case) -> Iterator[Diagnostic]:
+    """KYB434: from a take-off the vehicle can't come down before its battery is empty, or before a
+    supervisor lands it for that.
+
+    Hovering empties the battery in the airframe's `endurance`, and a flight from rest to rest takes
+    no less than hovering for as long.
+    """
+    for vehicle in case.cached(_left_alone):
+        reserve = max((s.spec.cls.reserve(s.params) for s in vehicle.supervisors), default=0.0)
+        lasts = (1.0 - reserve) * vehicle.airframe.endurance
+        for way in () if no_way_exceeds(case, vehicle, lasts) else _flights(case, vehicle):
+            if exceeds(way.seconds, lasts):
+                yield _drained(case, vehicle, way, reserve)
+                break
+
+
+def _drained(case: Case, vehicle: VehicleEntry, way: Way, reserve: float) -> Diagnostic:
+    endurance = vehicle.airframe.endurance
+    name, lands = vehicle.name.text, f", and is landed at {format_quantity(reserve, RATIO)}"
+    return Diagnostic(
+        "KYB434",
+        f"the battery of `{name}` does not last for this flight",
+        _place(case, vehicle, way),
+        label=f"in the air for {seconds_of(way.seconds)} at least",
+        notes=(
+            sum_of(way),
+            f"its airframe hovers for {seconds_of(endurance)}{lands if reserve > 0.0 else ''}",
+        ),
+        help="fly less, or land in between",
+    )
+
+
+def _flights(case: Case, vehicle: VehicleEntry) -> Iterator[Way]:
+    """The quickest way from each take-off to the ground."""
+    for node in flight_graph(case, vehicle).nodes:
+        legs = case.legs(vehicle, node.state)
+        if node.flight is not GROUND or all(leg.end is GROUND for leg in legs):
+            continue
+        ways = ways_from(case, vehicle, [node], lambda n: n.flight is not GROUND)
+        down = [way for n, way in ways.items() if n.flight is GROUND and n != node]
+        if down:
+            yield min(down, key=lambda way: way.seconds)
+
+
+def expected_too_soon(case: Case) -> Iterator[Diagnostic]:
+    """KYB435: an expectation waits for less time than the mission needs at least: to have finished,
+    or until a vehicle is in a state."""
+    for text in case.document.expect:
+        if "within" not in text.text:
+            continue
+        way = _too_slow(case, parse(text, case.scopes.expectation())[0])
+        if way is not None:
+            yield Diagnostic(
+                "KYB435",
+                f"`{text.as_written}` can't be met",
+                text.span,
+                label=f"takes {seconds_of(way.seconds)} at least",
+                notes=(sum_of(way),),
+                help="expect it later, or let the mission be quicker",
+            )
+
+
+def _too_slow(case: Case, expectation: Expression | None) -> Way | None:
+    """The quickest way to what an expectation waits for, where that takes too long."""
+    match expectation:
+        case Finished(limit):
+            found = [_way_to_rest(case, vehicle, limit) for vehicle in case.cached(_left_alone)]
+            is_enough = True
+        case Eventually(InState(name, state), limit) if limit is not None:
+            found, is_enough = [_way_into(case, name, state, limit)], True
+        case Eventually(GroupInState(quantifier, _, names, state), limit) if limit is not None:
+            found = [_way_into(case, name, state, limit) for name in names]
+            is_enough = quantifier == "all"
+        case _:
+            return None
+    slow = [way for way in found if way is not None]
+    if not is_enough and len(slow) < len(found):
+        return None
+    return max(slow, key=lambda way: way.seconds, default=None)
+
+
+def _way_into(case: Case, name: str, state: str, limit: float) -> Way | None:
+    """The quickest way of a vehicle into a state, where it takes longer than `limit`."""
+    vehicle = case.document.vehicles[name]
+    if vehicle not in case.cached(_left_alone) or no_way_exceeds(case, vehicle, limit):
+        return None
+    way = quickest_into(ways_from(case, vehicle, [_first(vehicle)]), state)
+    return way if way is not None and exceeds(way.seconds, limit) else None
+
+
+def _way_to_rest(case: Case, vehicle: VehicleEntry, limit: float) -> Way | None:
+    """The quickest way of a vehicle to where it rests for good, where it takes longer than
+    `limit`."""
+    if no_way_exceeds(case, vehicle, limit):
+        return None
+    ways = ways_from(case, vehicle, [_first(vehicle)])
+    rests = [way for node, way in ways.items() if _rests(vehicle, node)]
+    way = min(rests, key=lambda way: way.seconds, default=None)
+    return way if way is not None and exceeds(way.seconds, limit) else None
+
+
+def _first(vehicle: VehicleEntry) -> FlightNode:
+    return FlightNode(vehicle.begin.text, GROUND)
+
+
+def _left_alone(case: Case) -> Iterator[VehicleEntry]:
+    """The vehicles that fly as their own states say: no flow or callback asks them for anything,
+    and no fault may end their flight early."""
+    broken = {fault.vehicle.text for fault in case.document.faults}
+    for vehicle in () if case.cached(disturbances) else case.vehicles():
+        if not vehicle.requested and vehicle.name.text not in broken:
+            yield vehicle
+
+
+def _rests(vehicle: VehicleEntry, node: FlightNode) -> bool:
+    state = vehicle.states.get(node.state)
+    return node.flight is GROUND and (state is None or not state.transitions)
+
+
+def disturbances(case: Case) -> Iterator[ActionEntry]:
+    """The actions after which a mission goes on elsewhere, or a behavior flies differently."""
+    for callback in case.document.callbacks:
+        for action in callback.actions:
+            if action.name.text in _DISTURBING or action.part is not None or _tunes(action):
+                yield action
+    for _, phase in phases(case.document):
+        yield from filter(_tunes, phase.set)
+
+
+def _tunes(action: ActionEntry) -> bool:
+    return (
+        action.name.text != "emit"
+        and action.target is not None
+        and ".behaviors." in action.target.text
+    )
+
+
+def _over(case: Case, vehicle: VehicleEntry, way: Way, limit: float) -> Diagnostic:
+    return Diagnostic(
+        "KYB432",
+        f"`{vehicle.name.text}` can't have landed when the mission's time is over",
+        _place(case, vehicle, way),
+        label=f"flies for {seconds_of(way.seconds)} at least",
+        notes=(sum_of(way), f"its `time_limit` is {seconds_of(limit)}"),
+        help="fly less, or write a longer `time_limit`",
+    )
+
+
+def _place(case: Case, vehicle: VehicleEntry, way: Way) -> Span:
+    """Where the longest state of a way says for how long, or which wait it is."""
+    name = way.longest()
+    state = vehicle.states.get(name)
+    if state is None:
+        return vehicle.name.span
+    waits = [t for t in state.transitions if t.cause != "then" and t.after is not None]
+    if name in endless_states(vehicle) and waits:
+        return waits[0].span
+    return blamed(case, vehicle, state)

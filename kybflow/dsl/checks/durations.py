@@ -1,0 +1,250 @@
+"""The least time that a vehicle needs from state to state, as far as that can be told before the
+flight: what each behavior's footprint says it needs, what a `next` waits for at least, and the
+quickest way over the graph of states.
+
+Every number is a lower bound for a flight in which nothing fails: what is not known takes no time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from heapq import heappop, heappush
+from itertools import count
+from typing import NamedTuple
+
+from kybflow.core.geometry import Vec3
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.reachability import (
+    FlightEdge,
+    FlightNode,
+    endless_states,
+    entries_of,
+    flight_graph,
+    may_end,
+)
+from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.document import PartUse, StateEntry, TransitionEntry, VehicleEntry
+from kybflow.dsl.expressions import And, Compare, Condition, Quantity, Read
+from kybflow.dsl.names.built_in import end_of
+from kybflow.parts import AIR, GROUND
+from kybflow.parts.observables import is_in
+
+_SPARE = 0.95
+"""The share of a least time that must fit: where a behavior begins is known to some centimetres."""
+_MOST_SHOWN = 5
+_HOVERS = frozenset({"brake", "hover"})
+"""Built-in states that come down after the hover limit."""
+
+
+class Way(NamedTuple):
+    """The quickest way to a node: `seconds` in all, the last step of it, and the way before that.
+    The step is the state that was left, with the time that it took."""
+
+    seconds: float
+    state: str = ""
+    spent: float = 0.0
+    before: Way | None = None
+
+    def steps(self) -> list[tuple[str, float]]:
+        """Each state on the way that takes time, in order, with its least seconds."""
+        found, way = [], self
+        while way.before is not None:
+            if way.spent > 0.0:
+                found.append((way.state, way.spent))
+            way = way.before
+        return found[::-1]
+
+    def longest(self) -> str:
+        """The state that takes the most time."""
+        return max(self.steps(), key=lambda step: step[1])[0]
+
+
+def sum_of(way: Way) -> str:
+    """What adds up to the time of a way, for a note."""
+    steps = way.steps()
+    shown = sorted(sorted(steps, key=lambda s: -s[1])[:_MOST_SHOWN], key=steps.index)
+    terms = [f"`{state}` {seconds_of(spent)}" for state, spent in shown]
+    if len(steps) == 1:
+        return terms[0]
+    rest = way.seconds - sum(spent for _, spent in shown)
+    if len(steps) > len(shown):
+        terms.append(f"{len(steps) - len(shown)} others {seconds_of(rest)}")
+    return f"{seconds_of(way.seconds)} = " + " + ".join(terms)
+
+
+_Edge = tuple[FlightNode, float]
+
+
+def exceeds(least: float, limit: float) -> bool:
+    """Whether a least time surely doesn't fit into a limit."""
+    return least * _SPARE > limit
+
+
+def seconds_of(value: float) -> str:
+    """A time as reports show it."""
+    return f"{value:.0f} s" if value >= 100.0 else f"{value:.3g} s"
+
+
+def least_time(case: Case, vehicle: VehicleEntry, state: StateEntry) -> float:
+    """The least seconds from the entry of a state to the normal end of its behavior, from every
+    entry that it can have."""
+    times: dict[str, float] = vehicle.known.setdefault("least times", {})
+    name = state.name.text
+    if name not in times:
+        entries = entries_of(vehicle)
+        candidates = entries[name].candidates() if name in entries else [None]
+        times[name] = min([least_from(case, state, entry) for entry in candidates])
+    return times[name]
+
+
+def least_from(case: Case, state: StateEntry, entry: Vec3 | None) -> float:
+    """The least seconds from one entry. Where there are obstacles a landing may end on one, and
+    sooner."""
+    footprint = state.footprint(entry)
+    if footprint is None or (case.document.obstacles and _lands(state)):
+        return 0.0
+    return footprint.least_time(entry)
+
+
+def _lands(state: StateEntry) -> bool:
+    return any(leg.end is GROUND and leg.start is not GROUND for leg in state.part.spec.cls.flight)
+
+
+def ways_from(
+    case: Case,
+    vehicle: VehicleEntry,
+    first: Iterable[FlightNode],
+    through: Callable[[FlightNode], bool] = lambda _: True,
+) -> dict[FlightNode, Way]:
+    """The quickest way from any node of `first` to every node that can be reached without anything
+    failing, `through` such nodes only."""
+    ahead, found = _ahead(case, vehicle), dict[FlightNode, Way]()
+    begins = set(first)
+    order = count()
+    queue = [(0.0, next(order), node, Way(0.0)) for node in sorted(begins, key=str)]
+    while queue:
+        seconds, _, node, way = heappop(queue)
+        if node in found:
+            continue
+        found[node] = way
+        if node not in begins and not through(node):
+            continue
+        for target, spent in (*ahead.get(node, ()), *_built_in_ahead(case, node)):
+            if target not in found:
+                onward = Way(seconds + spent, node.state, spent, way)
+                heappush(queue, (onward.seconds, next(order), target, onward))
+    return found
+
+
+def quickest_into(ways: Mapping[FlightNode, Way], state: str) -> Way | None:
+    """The quickest of the ways that end in a state, or inside a chain of that name."""
+    ends = (way for node, way in ways.items() if is_in(node.state, state))
+    return min(ends, key=lambda way: way.seconds, default=None)
+
+
+def no_way_exceeds(case: Case, vehicle: VehicleEntry, limit: float) -> bool:
+    """Whether all that the vehicle's states can take fits into a limit; that is quick to tell."""
+    if "most" not in vehicle.known:
+        ahead = _ahead(case, vehicle).values()
+        brakes = any(target.state in _HOVERS for edges in ahead for target, _ in edges)
+        most = sum([max([spent for _, spent in edges]) for edges in ahead])
+        vehicle.known["most"] = most + case.document.hover_limit if brakes else most
+    return not exceeds(vehicle.known["most"], limit)
+
+
+def _built_in_ahead(case: Case, node: FlightNode) -> Iterator[_Edge]:
+    match node.state:
+        case "brake":
+            yield FlightNode("hover", AIR), 0.0
+        case "hover":
+            yield FlightNode("auto_land", AIR), case.document.hover_limit
+        case "auto_land" | "land_blind":
+            yield FlightNode("landed", GROUND), 0.0
+
+
+def _ahead(case: Case, vehicle: VehicleEntry) -> dict[FlightNode, list[_Edge]]:
+    """The nodes that follow each node of the vehicle's own states, with the least seconds until
+    then."""
+    if "ahead" not in vehicle.known:
+        vehicle.known["ahead"] = _followers(case, vehicle)
+    found: dict[FlightNode, list[_Edge]] = vehicle.known["ahead"]
+    return found
+
+
+def _followers(case: Case, vehicle: VehicleEntry) -> dict[FlightNode, list[_Edge]]:
+    flights, endless = flight_graph(case, vehicle), endless_states(vehicle)
+    found: dict[FlightNode, list[_Edge]] = {}
+    for link in flights.links:
+        if _is_foreseen(link.transition, link.source.state in endless):
+            target = FlightNode(link.transition.target.text, link.flight)
+            spent = _least_before(case, vehicle, link)
+            found.setdefault(link.source, []).append((target, spent))
+    for node in flights.nodes:
+        state = vehicle.states.get(node.state)
+        if state is None or node.state in endless:
+            continue
+        if any(t.cause == "then" for t in state.transitions):
+            continue
+        legs = [leg for leg in state.part.spec.cls.flight if leg.start is node.flight][:1]
+        ends = FlightNode(end_of(legs), legs[0].end if legs else GROUND)
+        found.setdefault(node, []).append((ends, _least_end(case, vehicle, node)))
+    return found
+
+
+def _is_foreseen(transition: TransitionEntry, is_endless: bool) -> bool:
+    """Whether a flight goes on there; a behavior without an end may be meant to fail."""
+    return may_end(transition, is_endless) or (is_endless and transition.cause == "failed")
+
+
+def _least_before(case: Case, vehicle: VehicleEntry, link: FlightEdge) -> float:
+    transition = link.transition
+    if transition.cause == "then":
+        return _least_end(case, vehicle, link.source)
+    scope = case.scopes.condition(vehicle.name.text)
+    when = case.condition(transition.when, scope) if transition.when is not None else None
+    return max(_own_wait(transition), _least_elapsed(when, vehicle.name.text))
+
+
+def _own_wait(transition: TransitionEntry) -> float:
+    """The time in the state that a transition waits for; that of a chain began before."""
+    after = 0.0 if transition.since else transition.after or 0.0
+    return max(after, transition.hold)
+
+
+def _least_elapsed(when: Condition | None, own: str) -> float:
+    match when:
+        case Compare(">" | ">=", Read(who, "elapsed"), Quantity(seconds)) if who in (None, own):
+            return seconds
+        case And(parts):
+            return max(_least_elapsed(part, own) for part in parts)
+    return 0.0
+
+
+def _least_end(case: Case, vehicle: VehicleEntry, node: FlightNode) -> float:
+    """The least time of a state as it is entered there; a part that also flies may be done on the
+    ground at once."""
+    state = vehicle.states[node.state]
+    if node.flight is GROUND and len({leg.start for leg in state.part.spec.cls.flight}) > 1:
+        return 0.0
+    return least_time(case, vehicle, state)
+
+
+def blamed(case: Case, vehicle: VehicleEntry, state: StateEntry) -> Span:
+    """Where the time of a state is written: the parameter without which it needed less than half
+    of that, else the behavior's name."""
+    part, entries = state.part, entries_of(vehicle)[state.name.text].candidates()
+    quickest = 0.5 * least_time(case, vehicle, state)
+    span = part.name.span
+    for field in part.spec.fields:
+        if field.name not in part.spans or field.required:
+            continue
+        shorter = replace(state, part=_without(part, field.name, field.default))
+        seconds = min(least_from(case, shorter, entry) for entry in entries)
+        if seconds < quickest:
+            span, quickest = part.spans[field.name], seconds
+    return span
+
+
+def _without(part: PartUse, name: str, default: object) -> PartUse:
+    return replace(part, params=replace(part.params, **{name: default}))
