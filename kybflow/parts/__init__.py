@@ -8,7 +8,7 @@ every update.
 
 from kybflow.core.params import Field, fields_of, param, params
 from kybflow.parts.action import Action, ActionContext
-from kybflow.parts.base import Objection, Part
+from kybflow.parts.base import Claim, Objection, Part
 from kybflow.parts.behavior import (
     AIR,
     GROUND,
@@ -28,9 +28,43 @@ from kybflow.parts.link import Check, ForeignCommand, Link, Override, StatusText
 from kybflow.parts.sensor import Sensor, Stream
 
 __all__ = [
-    "AIR", "AXES", "GROUND", "MOVING", "Action", "ActionContext", "Behavior", "Check", "Driver",
-    "Effect", "Entry", "Estimator", "Fault", "Field", "Filter", "Flight", "Footprint",
-    "ForeignCommand", "Input", "InputLink", "Leg", "Link", "Objection", "Origin", "Override",
-    "Part", "Processor", "Rig", "Seat", "Sensor", "Session", "StatusText", "Stream", "Supervisor",
-    "Tracker", "fields_of", "param", "params",
+    "AIR",
+    "AXES",
+    "GROUND",
+    "MOVING",
+    "Action",
+    "ActionContext",
+    "Behavior",
+    "Check",
+    "Claim",
+    "Driver",
+    "Effect",
+    "Entry",
+    "Estimator",
+    "Fault",
+    "Field",
+    "Filter",
+    "Flight",
+    "Footprint",
+    "ForeignCommand",
+    "Input",
+    "InputLink",
+    "Leg",
+    "Link",
+    "Objection",
+    "Origin",
+    "Override",
+    "Part",
+    "Processor",
+    "Rig",
+    "Seat",
+    "Sensor",
+    "Session",
+    "StatusText",
+    "Stream",
+    "Supervisor",
+    "Tracker",
+    "fields_of",
+    "param",
+    "params",
 ]  # fmt: skip

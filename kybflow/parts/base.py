@@ -16,6 +16,14 @@ class Objection(NamedTuple):
     hint: str = ""
 
 
+class Claim(NamedTuple):
+    """What a part takes for its vehicle alone: the parameter that says it, and what it is, in
+    words."""
+
+    parameter: str
+    what: str
+
+
 class Part(ABC, Generic[P]):
     """The base class of every part.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import CommandKind, MeasurementKind, Time
-from kybflow.parts.base import Objection, P, Part
+from kybflow.parts.base import Claim, Objection, P, Part
 from kybflow.parts.link import Link
 from kybflow.world.inner_loop import InnerLoop
 from kybflow.world.vehicle_context import Airframe, Parcel, VehicleContext
@@ -83,6 +83,12 @@ class Driver(Part[P]):
         """Return why it can't work with these parameters or fly a vehicle that starts at `start`,
         m, world, and has `payload`; None if it can. The objection's parameter may be the
         vehicle's."""
+        return None
+
+    @classmethod
+    def claim(cls, params: P, vehicle: str, number: int) -> Claim | None:
+        """Return what no other vehicle may have; `number` is the vehicle's place among those of
+        this driver, from 1. None if there is nothing."""
         return None
 
     @classmethod

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.core.signals import Measurement, MeasurementKind, Time, kind_name
-from kybflow.parts.base import Objection, P, Part
+from kybflow.parts.base import Claim, Objection, P, Part
 from kybflow.parts.link import Link
 from kybflow.world.cameras import Camera
 from kybflow.world.vehicle_context import VehicleContext
@@ -57,6 +57,11 @@ class Sensor(Part[P]):
         """Return, in words, what no other sensor of the vehicle may provide; they would be
         indistinguishable."""
         return [f"`{kind_name(kind)}` measurements" for kind in cls.provides]
+
+    @classmethod
+    def claim(cls, params: P, vehicle: str) -> Claim | None:
+        """Return what no other vehicle's sensor may have; None if there is nothing."""
+        return None
 
     @classmethod
     def real_time(cls, params: P) -> bool:

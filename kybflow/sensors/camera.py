@@ -21,7 +21,7 @@ from kybflow.core.signals import NS, Frame, Measurement, Time
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import Duration
 from kybflow.dsl.reading.calibration import read_calibration
-from kybflow.parts import Link, Objection, Sensor, Stream
+from kybflow.parts import Claim, Link, Objection, Sensor, Stream
 from kybflow.parts.sensor import frames_of
 from kybflow.vision import OPENCV, WAY_OUT
 from kybflow.world.cameras import Camera
@@ -156,6 +156,10 @@ class CameraSensor(Sensor[CameraSensorParams]):
     @classmethod
     def claims(cls, params: CameraSensorParams, cameras: Mapping[str, Camera]) -> Sequence[str]:
         return frames_of([_name_of(params, cameras)])
+
+    @classmethod
+    def claim(cls, params: CameraSensorParams, vehicle: str) -> Claim | None:
+        return None if params.video is not None else Claim("device", f"the device {params.device}")
 
     @classmethod
     def real_time(cls, params: CameraSensorParams) -> bool:

@@ -20,7 +20,7 @@ from kybflow.core.signals import Battery, CommandKind, Imu, Odometry, Payload, P
 from kybflow.drivers import firmware_names
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
-from kybflow.parts import Driver, Objection, Seat, Session
+from kybflow.parts import Claim, Driver, Objection, Seat, Session
 from kybflow.world.inner_loop import InnerLoop, attitude_loop
 from kybflow.world.vehicle_context import Airframe, Parcel
 
@@ -92,6 +92,12 @@ class Mavlink(Driver[MavlinkParams]):
         except DriverError as error:
             return Objection("address", str(error))
         return None
+
+    @classmethod
+    def claim(cls, params: MavlinkParams, vehicle: str, number: int) -> Claim:
+        system = params.system or number
+        address = params.address or profile_of(params.autopilot).default_address(system)
+        return Claim("system", f"the system id {system} at `{address}`")
 
     @classmethod
     def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:

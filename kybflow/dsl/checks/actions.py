@@ -1,17 +1,20 @@
-"""What actions ask of vehicles: KYB232 to KYB235."""
+"""What actions ask of vehicles: KYB232 to KYB235 and KYB442."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from kybflow.core.text import did_you_mean
+from kybflow.core.units import ANGLE, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case, wrong_goal
+from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry
 from kybflow.dsl.names.option_names import members, option_values, unknown_vehicle
 from kybflow.dsl.reading.values import shown_value
 
+_ROUNDING = 1e-6
 _TIGHTEN = "its parameters can be tightened with `set`"
 
 
@@ -73,6 +76,28 @@ def loosened(case: Case) -> Iterator[Diagnostic]:
                     action.value.span,
                     label=f"`{declared}` is stricter",
                     help="write the looser value where the part is used, and tighten it here",
+                )
+                break
+
+
+def set_beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
+    """KYB442: `set` gives a part a `tilt`, `speed` or `climb` beyond that of its vehicle's
+    airframe."""
+    for action in _sets(case):
+        assert action.target is not None
+        for option, value in collect(option_values(action, case.document, case.catalog)).value:
+            name, vehicle = option.field.name, option.name.partition(".")[0]
+            limit = getattr(case.document.vehicles[vehicle].airframe, name, None)
+            dimension = option.field.dimension
+            if name not in LIMITS or dimension not in (SPEED, ANGLE) or value is None:
+                continue
+            if limit is not None and value > limit + _ROUNDING:
+                yield Diagnostic(
+                    "KYB442",
+                    f"`{option.name}` is set to more than `{vehicle}` can do",
+                    action.value.span,
+                    label=f"its airframe has a {name} of {format_quantity(limit, dimension)}",
+                    help="set it to less",
                 )
                 break
 

@@ -20,7 +20,7 @@ from kybflow.world.vehicle_context import Airframe, Parcel
 
 _ROUNDING = 1e-6
 _SPARE = 1.1
-_LIMITS = frozenset({"tilt", "speed", "climb"})
+LIMITS = frozenset({"tilt", "speed", "climb"})
 """The airframe's parameters that bound those of the same name in a tracker and a processor."""
 
 
@@ -35,7 +35,7 @@ def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
 def _beyond(vehicle: VehicleEntry, part: PartUse) -> Iterator[Diagnostic]:
     for field in fields_of(Airframe):
         name, dimension = field.name, field.dimension
-        if name not in _LIMITS or name not in part.spans or dimension is None:
+        if name not in LIMITS or name not in part.spans or dimension is None:
             continue
         own = next(f for f in part.spec.fields if f.name == name)
         value, limit = getattr(part.params, name), getattr(vehicle.airframe, name)

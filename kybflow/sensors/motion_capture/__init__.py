@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from kybflow.core.params import param, params
 from kybflow.core.signals import MeasurementKind, Pose
 from kybflow.core.units import Duration
+from kybflow.parts.base import Claim
 from kybflow.parts.link import Link
 from kybflow.parts.sensor import Sensor, Stream
 from kybflow.sensors._stream import Axes, PoseStream, Units
@@ -47,6 +48,10 @@ class MotionCaptureSensorParams:
 class MotionCaptureSensor(Sensor[MotionCaptureSensorParams]):
     provides: ClassVar[frozenset[MeasurementKind]] = frozenset({Pose})
     packages = ("motioncapture",)
+
+    @classmethod
+    def claim(cls, params: MotionCaptureSensorParams, vehicle: str) -> Claim:
+        return Claim("body", f"the body `{params.body or vehicle}` of `{params.host}`")
 
     @classmethod
     def real_time(cls, params: MotionCaptureSensorParams) -> bool:

@@ -15,7 +15,7 @@ from kybflow.core.errors import DriverError
 from kybflow.core.params import param, params
 from kybflow.core.signals import MeasurementKind, Pose
 from kybflow.core.units import Duration
-from kybflow.parts.base import Objection
+from kybflow.parts.base import Claim, Objection
 from kybflow.parts.link import Link
 from kybflow.parts.sensor import Sensor, Stream
 from kybflow.sensors._stream import Axes, PoseStream, Units
@@ -59,6 +59,11 @@ class Vrpn(Sensor[VrpnParams]):
         except DriverError as error:
             return Objection("host", str(error))
         return None
+
+    @classmethod
+    def claim(cls, params: VrpnParams, vehicle: str) -> Claim:
+        part = f", sensor {params.sensor}," if params.sensor else ""
+        return Claim("body", f"the body `{params.body or vehicle}`{part} of `{params.host}`")
 
     @classmethod
     def real_time(cls, params: VrpnParams) -> bool:

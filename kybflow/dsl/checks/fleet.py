@@ -1,0 +1,245 @@
+"""What two vehicles can't share, and waits for each other: KYB440, KYB441 and KYB443."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from kybflow.core.geometry import distance
+from kybflow.core.units import LENGTH, format_quantity
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.reachability import endless_states
+from kybflow.dsl.checks.space import shown_point
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.document import PartUse, StateEntry, VehicleEntry
+from kybflow.dsl.expressions import (
+    And,
+    Compare,
+    Condition,
+    GroupInState,
+    InState,
+    Or,
+    Quantity,
+    Read,
+    Word,
+)
+from kybflow.dsl.names.built_in import BUILT_IN, end_of
+from kybflow.parts import AIR, Claim
+from kybflow.parts.observables import is_in
+
+_UP = 0.2
+"""Metres above its start that a vehicle which stands there is surely not seen at."""
+
+
+def taken_twice(case: Case) -> Iterator[Diagnostic]:
+    """KYB440: two vehicles have what only one can have on the target: a body of motion capture, a
+    system id at one address, a device. Each would be taken for the other, or one has nothing."""
+    first: dict[str, tuple[VehicleEntry, PartUse]] = {}
+    for vehicle, part, claim in _claims(case):
+        owner, other = first.setdefault(claim.what, (vehicle, part))
+        if owner is vehicle:
+            continue
+        yield Diagnostic(
+            "KYB440",
+            f"`{vehicle.name.text}` has {claim.what}, as `{owner.name.text}` has",
+            part.spans.get(claim.parameter, part.name.span),
+            notes=(f"`{owner.name.text}` takes it at {other.span.at}",),
+            help=f"give each its own `{claim.parameter}`",
+        )
+
+
+def _claims(case: Case) -> Iterator[tuple[VehicleEntry, PartUse, Claim]]:
+    if len(case.document.vehicles) < 2:
+        return
+    seats: Counter[str] = Counter()
+    for vehicle in case.vehicles():
+        name, driver = vehicle.name.text, vehicle.driver
+        seats[driver.spec.name] += 1
+        claims = [(driver, driver.spec.cls.claim(driver.params, name, seats[driver.spec.name]))]
+        for sensor in vehicle.sensors:
+            claims.append((sensor.part, sensor.part.spec.cls.claim(sensor.part.params, name)))
+        yield from ((vehicle, part, claim) for part, claim in claims if claim is not None)
+
+
+def homes_in_one_place(case: Case) -> Iterator[Diagnostic]:
+    """KYB441: two vehicles have their home so close to each other that they touch. Home is where
+    `go_home` flies and the failsafe may land; without one it is the start."""
+    vehicles = list(case.vehicles())
+    for index, b in enumerate(vehicles):
+        for a in vehicles[:index]:
+            written = b.home_span or a.home_span
+            apart = (a.airframe.diameter + b.airframe.diameter) / 2.0
+            gap = distance(a.home or a.start, b.home or b.start)
+            if written is None or gap >= apart:
+                continue
+            yield Diagnostic(
+                "KYB441",
+                f"`{b.name.text}` has its home where `{a.name.text}` has",
+                written,
+                label=f"{format_quantity(gap, LENGTH)} away",
+                notes=(f"the home of `{a.name.text}` is at {shown_point(a.home or a.start)}",),
+                help=f"let them be at least {format_quantity(apart, LENGTH)} apart",
+                severity=Severity.WARNING,
+            )
+            break
+
+
+class _Settled(NamedTuple):
+    """Where a vehicle comes to by itself, and stays: `state`, None where it rests for good. `seen`:
+    every state that it may have been in by then, should anything fail on the way."""
+
+    vehicle: VehicleEntry
+    state: StateEntry | None
+    seen: frozenset[str]
+
+    @property
+    def is_grounded(self) -> bool:
+        """Whether it has never left the ground."""
+        states = self.vehicle.states
+        return all(name in states and not _flies(states[name]) for name in self.seen)
+
+
+def wait_for_each_other(case: Case) -> Iterator[Diagnostic]:
+    """KYB443: a behavior without an end that is never left: every way out waits for another vehicle
+    to be in a state, and that one waits in its turn, or never comes there.
+
+    That is told of vehicles that come to such a behavior by `then` alone, and that no flow or
+    callback asks for anything. Conditions count that say in which state a vehicle is.
+    """
+    settled = {s.vehicle.name.text: s for v in case.vehicles() if (s := _settled(v)) is not None}
+    waiting = {name for name, s in settled.items() if s.state is not None and _waits(s.state)}
+    while waiting:
+        leaving = {name for name in waiting if not _is_stuck(case, settled, name, waiting)}
+        if not leaving:
+            break
+        waiting -= leaving
+        for name in leaving:
+            del settled[name]
+    for name in sorted(waiting):
+        state = settled[name].state
+        assert state is not None
+        others = " and ".join(f"`{other}`" for other in sorted(_awaited(case, name, state)))
+        yield Diagnostic(
+            "KYB443",
+            f"`{name}` waits in `{state.name.text}` for ever",
+            state.name.span,
+            label=f"waits for {others}",
+            notes=tuple(_where(settled[other]) for other in sorted(_awaited(case, name, state))),
+            help="add a `next` with `after: 60 s`, or an event such as `operator.go`",
+        )
+
+
+def _waits(state: StateEntry) -> bool:
+    return any(transition.cause == "next" for transition in state.transitions)
+
+
+def _where(other: _Settled) -> str:
+    name = other.vehicle.name.text
+    if other.state is None:
+        return f"`{name}` rests for good by then"
+    return f"`{name}` waits in `{other.state.name.text}`"
+
+
+def _settled(vehicle: VehicleEntry) -> _Settled | None:
+    """Where a vehicle comes to by `then` alone; None where anything else may lead elsewhere."""
+    if vehicle.requested:
+        return None
+    name, passed, endless = vehicle.begin.text, list[StateEntry](), endless_states(vehicle)
+    while name in vehicle.states and vehicle.states[name] not in passed:
+        state = vehicle.states[name]
+        passed.append(state)
+        if name in endless:
+            return _Settled(vehicle, state, _seen(vehicle, passed))
+        if any(t.cause == "next" for t in state.transitions):
+            return None
+        then = next((t.target.text for t in state.transitions if t.cause == "then"), None)
+        name = end_of(state.part.spec.cls.flight) if then is None else then
+    return None if name in vehicle.states else _Settled(vehicle, None, _seen(vehicle, passed))
+
+
+def _seen(vehicle: VehicleEntry, passed: list[StateEntry]) -> frozenset[str]:
+    """The states that were passed, and all that their failures may lead to."""
+    seen = {state.name.text for state in passed}
+    failures = {t.target.text for s in passed for t in s.transitions if t.cause != "next"} - seen
+    while failures:
+        seen |= failures
+        states = (vehicle.states[name] for name in failures if name in vehicle.states)
+        failures = {t.target.text for state in states for t in state.transitions} - seen
+    return frozenset(seen)
+
+
+def _flies(state: StateEntry) -> bool:
+    return any(AIR in leg for leg in state.part.spec.cls.flight)
+
+
+def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[str]) -> bool:
+    """Whether no way out of the state that a vehicle waits in can open while the `waiting` wait."""
+    own = settled[name].state
+    assert own is not None
+    scope = case.scopes.condition(name)
+    for transition in own.transitions:
+        if transition.cause == "then":
+            continue
+        when = case.condition(transition.when, scope)
+        if when is None or not _is_barred(when, settled, waiting):
+            return False
+    return True
+
+
+def _is_barred(when: Condition, settled: dict[str, _Settled], waiting: set[str]) -> bool:
+    """Whether a condition can't come to hold while vehicles wait where they have settled."""
+    match when:
+        case And(parts):
+            return any(_is_barred(part, settled, waiting) for part in parts)
+        case Or(parts):
+            return all(_is_barred(part, settled, waiting) for part in parts)
+        case GroupInState("all", _, vehicles, state):
+            return any(_never_in(settled, waiting, v, state) for v in vehicles)
+        case GroupInState("any", _, vehicles, state):
+            return all(_never_in(settled, waiting, v, state) for v in vehicles)
+        case InState(vehicle, state):
+            return _never_in(settled, waiting, vehicle, state)
+        case Compare("==", Read(vehicle, "behavior"), Word(state)) if vehicle is not None:
+            return _never_in(settled, waiting, vehicle, state)
+        case Compare(">" | ">=", Read(vehicle, "state.altitude"), Quantity(height)):
+            other = None if vehicle is None else _resting(settled, waiting, vehicle)
+            return other is not None and other.is_grounded and height > other.vehicle.start[2] + _UP
+    return False
+
+
+def _never_in(settled: dict[str, _Settled], waiting: set[str], name: str, state: str) -> bool:
+    """Whether a vehicle is never in a state as long as it stays where it is. Into those that are
+    built in, the failsafe may bring it."""
+    other = _resting(settled, waiting, name)
+    if other is None or state in BUILT_IN:
+        return False
+    return not any(is_in(seen, state) for seen in other.seen)
+
+
+def _resting(settled: dict[str, _Settled], waiting: set[str], name: str) -> _Settled | None:
+    """The vehicle of this name where it stays as it is while the `waiting` wait; else None."""
+    other = settled.get(name)
+    if other is None or name in waiting or other.state is None:
+        return other
+    return None if other.state.transitions else other
+
+
+def _awaited(case: Case, name: str, state: StateEntry) -> set[str]:
+    """The vehicles that the ways out of a state ask about."""
+    scope = case.scopes.condition(name)
+    conditions = [case.condition(t.when, scope) for t in state.transitions]
+    return {v for when in conditions if when is not None for v in _named(when)} - {name}
+
+
+def _named(when: Condition) -> Iterator[str]:
+    match when:
+        case And(parts) | Or(parts):
+            for part in parts:
+                yield from _named(part)
+        case GroupInState(_, _, vehicles, _):
+            yield from vehicles
+        case InState(vehicle, _):
+            yield vehicle
+        case Compare(_, Read(vehicle), _) if vehicle is not None:
+            yield vehicle
