@@ -8,7 +8,7 @@ MOVING.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -16,6 +16,7 @@ from typing import NamedTuple
 from kybflow.core.geometry import Vec3, distance
 from kybflow.dsl.checks.case import TARGETS, Case
 from kybflow.dsl.document import StateEntry, TransitionEntry, VehicleEntry
+from kybflow.dsl.plan import Cause
 from kybflow.parts import AIR, GROUND, MOVING, Flight, Leg
 
 
@@ -184,6 +185,19 @@ def _walked(vehicle: VehicleEntry) -> dict[str, Entries]:
     for name in sorted(vehicle.requested_first):
         found[name].add(vehicle.start)
         waiting.append((name, vehicle.start))
+    return _followed(vehicle, found, waiting)
+
+
+def entries_after(vehicle: VehicleEntry, goals: Iterable[str]) -> dict[str, Entries]:
+    """The entries of every state that is reached from `goals`, which are entered anywhere."""
+    waiting: list[tuple[str, Vec3 | None]] = [(goal, None) for goal in goals]
+    return _followed(vehicle, {goal: Entries([], known=False) for goal, _ in waiting}, waiting)
+
+
+def _followed(
+    vehicle: VehicleEntry, found: dict[str, Entries], waiting: list[tuple[str, Vec3 | None]]
+) -> dict[str, Entries]:
+    """Add the entries of every state that follows those `waiting`."""
     while waiting:
         name, entry = waiting.pop()
         state = vehicle.states.get(name)
@@ -191,7 +205,7 @@ def _walked(vehicle: VehicleEntry) -> dict[str, Entries]:
             found.pop(name, None)
             continue
         for transition in state.transitions:
-            left = _left_at(state, transition, entry)
+            left = left_at(state, transition.cause, entry)
             target = transition.target.text
             if target in vehicle.states and found.setdefault(target, Entries()).add(left):
                 waiting.append((target, left))
@@ -214,17 +228,22 @@ def _endless(vehicle: VehicleEntry) -> Iterator[str]:
             yield name
 
 
-def _left_at(state: StateEntry, transition: TransitionEntry, entry: Vec3 | None) -> Vec3 | None:
-    """Where a transition leaves the vehicle; None when that can't be told."""
+def left_at(state: StateEntry, cause: Cause, entry: Vec3 | None) -> Vec3 | None:
+    """Where a transition for `cause` leaves the vehicle; None when that can't be told."""
     cls = state.part.spec.cls
     if all(leg.start is GROUND and leg.end is GROUND for leg in cls.flight):
         return entry
     footprint = state.footprint(entry)
     if footprint is None:
         return None
-    if transition.cause == "then":
+    if cause == "then":
         return footprint.exit
-    stays = footprint.points and all(
-        distance(p, footprint.points[0]) < _SAME for p in footprint.points
-    )
-    return footprint.points[0] if stays else None
+    return footprint.points[0] if stays(state, entry) else None
+
+
+def stays(state: StateEntry, entry: Vec3 | None) -> bool:
+    """Whether a behavior surely keeps its vehicle at one place."""
+    footprint = state.footprint(entry)
+    if footprint is None or not footprint.points:
+        return False
+    return all(distance(p, footprint.points[0]) < _SAME for p in footprint.points)

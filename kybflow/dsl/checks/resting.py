@@ -8,13 +8,22 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.units import LENGTH, format_quantity
+from kybflow.dsl.checks.budgets import disturbances
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.reachability import endless_states, entries_of, may_end
+from kybflow.dsl.checks.flows import assignments
+from kybflow.dsl.checks.reachability import (
+    endless_states,
+    entries_after,
+    entries_of,
+    may_end,
+)
 from kybflow.dsl.checks.space import aim_of, shown_point
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import StateEntry, VehicleEntry
+from kybflow.dsl.document import FlowEntry, StateEntry, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.plan import END
+from kybflow.dsl.shaping.flows import given_vehicles, named_vehicles
 from kybflow.parts import GROUND
 
 _BELOW = frozenset({"landed", "brake", "hover", "auto_land"})
@@ -31,11 +40,12 @@ class RestingPlace(NamedTuple):
 def rest_in_one_place(case: Case) -> Iterator[Diagnostic]:
     """KYB344: two vehicles come to rest so close to each other that they touch, whenever they come.
 
-    A vehicle that never flies rests where it starts; another one where its last landing ends. Where
+    A vehicle that never flies rests where it starts; another one where its last landing ends; one
+    that a flow drives, where that leads it which the flow asks of it last. Where
     a mission leaves that open in any way, by a place that is not known or by landings in several
     places of which one is free, nothing is said.
     """
-    resting = [(v, rests) for v in case.vehicles() if (rests := _rests(v))]
+    resting = [(v, rests) for v in case.vehicles() if (rests := _rests(case, v))]
     for index, (b, own) in enumerate(resting):
         for a, others in resting[:index]:
             apart = (a.airframe.diameter + b.airframe.diameter) / 2
@@ -58,12 +68,16 @@ def _together(
     )
 
 
-def _rests(vehicle: VehicleEntry) -> list[RestingPlace]:
+def _rests(case: Case, vehicle: VehicleEntry) -> list[RestingPlace]:
     """Every place where the vehicle may come to rest when nothing fails; empty when one of them is
     not known."""
     found: list[RestingPlace] = []
     endless = endless_states(vehicle)
-    for name, entries in entries_of(vehicle).items():
+    goals = _asked_last(case, vehicle) if vehicle.requested else frozenset[str]()
+    if not goals <= vehicle.states.keys():
+        return []
+    reached = entries_after(vehicle, goals) if goals else entries_of(vehicle)
+    for name, entries in reached.items():
         state = vehicle.states[name]
         transitions = [a for a in state.transitions if may_end(a, name in endless)]
         by_default = [a for a in transitions if a.target.text in BUILT_IN]
@@ -79,6 +93,32 @@ def _rests(vehicle: VehicleEntry) -> list[RestingPlace]:
             return []
         found += (rest for rest in rests if rest is not None)
     return found
+
+
+def _asked_last(case: Case, vehicle: VehicleEntry) -> frozenset[str]:
+    """The states that a flow can have asked the vehicle for when it ends; empty where another one
+    or a callback may ask it for more."""
+    name, document = vehicle.name.text, case.document
+    flows = [f for f in document.flows.values() if name in named_vehicles(document, f)]
+    if len(flows) != 1 or name in given_vehicles(document, flows[0]) or case.cached(disturbances):
+        return frozenset()
+    return frozenset(_last_goals(case, flows[0], vehicle))
+
+
+def _last_goals(case: Case, flow: FlowEntry, vehicle: VehicleEntry) -> Iterator[str]:
+    """What the vehicle was asked for last, along every way from the first phase to the end."""
+    waiting, seen = [(flow.begin.text, vehicle.begin.text)], set[tuple[str, str]]()
+    while waiting:
+        name, goal = waiting.pop()
+        if (name, goal) in seen or name not in flow.phases:
+            continue
+        seen.add((name, goal))
+        phase = flow.phases[name]
+        for asked in assignments(case.document, phase.run):
+            goal = vehicle.goal(asked.goal.text) if asked.vehicle == vehicle.name.text else goal
+        if not phase.transitions or any(t.target.text == END for t in phase.transitions):
+            yield goal
+        waiting += ((transition.target.text, goal) for transition in phase.transitions)
 
 
 def _rest(vehicle: VehicleEntry, state: StateEntry, entry: Vec3 | None) -> RestingPlace | None:

@@ -9,6 +9,7 @@ from math import hypot, inf
 from kybflow.core.geometry import ZERO, Vec3, distance
 from kybflow.core.units import LENGTH, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.reachability import Entries, entries_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
@@ -175,12 +176,17 @@ def _entered(case: Case) -> Iterator[tuple[VehicleEntry, StateEntry, Entries]]:
 
 
 def footprints(case: Case) -> Iterator[tuple[VehicleEntry, StateEntry, Vec3 | None, Footprint]]:
-    """The footprint of every state that is reached, from every entry that it can have."""
+    """The footprint of every state that is reached, from every entry that it can have; where there
+    are obstacles, also from those that flows lead to."""
     for vehicle, state, entries in _entered(case):
         for entry in entries.candidates():
             footprint = _footprint(state, entry)
             if footprint is not None:
                 yield vehicle, state, entry, footprint
+    for vehicle, name, point in entered_by_flows(case) if case.document.obstacles else ():
+        footprint = _footprint(vehicle.states[name], point)
+        if footprint is not None:
+            yield vehicle, vehicle.states[name], point, footprint
 
 
 def _footprint(state: StateEntry, entry: Vec3 | None) -> Footprint | None:

@@ -1,0 +1,140 @@
+"""Where vehicles are when a flow asks them for a state, as far as its conditions say it.
+
+A vehicle that waits for its flow is at its start. A way out of a phase that waits until a vehicle
+`in hover` or `in landed`, or in a behavior that stays in its place, says that it is where the state
+that the phase asked it for has led it. Of all else nothing is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from kybflow.core.geometry import Vec3
+from kybflow.dsl.checks.budgets import disturbances
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.flows import assignments
+from kybflow.dsl.checks.phases import said_states
+from kybflow.dsl.checks.reachability import endless_states, entries_of, left_at, stays
+from kybflow.dsl.document import FlowEntry, PhaseEntry, TransitionEntry, VehicleEntry
+from kybflow.dsl.names.built_in import end_of
+from kybflow.dsl.shaping.flows import GROUNDED, own_vehicles
+
+_MOST = 16
+_KEEP = frozenset({"hover", "landed"})
+"""Built-in states that a vehicle is still in, at the same place, when the next phase begins."""
+_Points = frozenset[Vec3]
+_Places = dict[str, _Points]
+"""Where each vehicle may be, as far as it is known."""
+
+
+class EnteredByFlow(NamedTuple):
+    """A state as a flow leads to it: entered at `point`."""
+
+    vehicle: VehicleEntry
+    state: str
+    point: Vec3
+
+
+def entered_by_flows(case: Case) -> Iterator[EnteredByFlow]:
+    """Every entry of a state that flows lead to and that the vehicle's own states don't tell."""
+    told: set[tuple[str, str, Vec3]] = set()
+    for flow in () if case.cached(disturbances) else case.document.flows.values():
+        for name, places in _places(case, flow).items():
+            for asked in assignments(case.document, flow.phases[name].run):
+                vehicle = case.document.vehicles[asked.vehicle]
+                goal = vehicle.goal(asked.goal.text)
+                for state, point in _entries(vehicle, goal, places.get(asked.vehicle, ())):
+                    if (asked.vehicle, state, point) not in told:
+                        told.add((asked.vehicle, state, point))
+                        yield EnteredByFlow(vehicle, state, point)
+
+
+def _entries(
+    vehicle: VehicleEntry, goal: str, points: Iterable[Vec3]
+) -> Iterator[tuple[str, Vec3]]:
+    known = entries_of(vehicle)
+    for point in points:
+        for state, entries in _walked(vehicle, goal, point).items():
+            if state in vehicle.states:
+                before = known[state].points if state in known else ()
+                yield from ((state, entry) for entry in entries if entry not in before)
+
+
+def _places(case: Case, flow: FlowEntry) -> dict[str, _Places]:
+    """Where each vehicle may be when a phase is entered, by phase."""
+    vehicles = case.document.vehicles
+    first: _Places = {
+        name: frozenset({vehicles[name].start})
+        for name in own_vehicles(case.document, flow)
+        if vehicles[name].begin.text == GROUNDED
+    }
+    entered = {flow.begin.text: first} if flow.begin.text in flow.phases else {}
+    waiting = list(entered)
+    while waiting:
+        phase = flow.phases[waiting.pop()]
+        for transition in phase.transitions:
+            left = _places_after(case, phase, transition, entered[phase.name.text])
+            target, before = transition.target.text, entered.get(transition.target.text)
+            merged = _united(before or {}, left)
+            if target in flow.phases and merged != before:
+                entered[target] = merged
+                waiting.append(target)
+    return entered
+
+
+def _united(a: _Places, b: _Places) -> _Places:
+    united = {v: a.get(v, frozenset()) | b.get(v, frozenset()) for v in {*a, *b}}
+    return {v: points for v, points in united.items() if len(points) <= _MOST}
+
+
+def _places_after(
+    case: Case, phase: PhaseEntry, transition: TransitionEntry, places: _Places
+) -> _Places:
+    """Where vehicles are after a way out of a phase: those that it asked for nothing where they
+    were, those that are in a state that stays where that is."""
+    document = case.document
+    run = {a.vehicle: a.goal.text for a in assignments(document, phase.run)}
+    given = {a.vehicle for a in assignments(document, phase.give)}
+    left = {v: points for v, points in places.items() if v not in run and v not in given}
+    for name, state in said_states(case.condition(transition.when, case.scopes.flow())):
+        if name not in run or name in given:
+            continue
+        vehicle, found = document.vehicles[name], set[Vec3]()
+        for point in places.get(name, ()):
+            found |= _walked(vehicle, vehicle.goal(run[name]), point).get(state, set())
+        own = vehicle.states.get(state)
+        if state in _KEEP or (own is not None and all(stays(own, point) for point in found)):
+            left[name] = frozenset(found)
+    return left
+
+
+def _walked(vehicle: VehicleEntry, goal: str, point: Vec3) -> dict[str, set[Vec3]]:
+    """The known entries of a state that is entered at `point`, and of all that follow it."""
+    walks: dict[tuple[str, Vec3], dict[str, set[Vec3]]] = vehicle.known.setdefault("walks", {})
+    if (goal, point) in walks:
+        return walks[goal, point]
+    found = walks[goal, point] = {goal: {point}}
+    waiting = [(goal, point)]
+    while waiting:
+        name, entry = waiting.pop()
+        for target, left in _left(vehicle, name, entry):
+            points = found.setdefault(target, set())
+            if left is not None and left not in points and len(points) < _MOST:
+                points.add(left)
+                waiting.append((target, left))
+    return found
+
+
+def _left(vehicle: VehicleEntry, name: str, entry: Vec3) -> Iterator[tuple[str, Vec3 | None]]:
+    """(state, where it is entered) of all that may follow a state."""
+    if name == "brake":
+        yield "hover", entry
+    state = vehicle.states.get(name)
+    if state is None:
+        return
+    for transition in state.transitions:
+        yield transition.target.text, left_at(state, transition.cause, entry)
+    ends = name not in endless_states(vehicle)
+    if ends and all(transition.cause != "then" for transition in state.transitions):
+        yield end_of(state.part.spec.cls.flight), left_at(state, "then", entry)
