@@ -7,10 +7,12 @@ from collections.abc import Iterator
 
 from kybflow.core.params import limited_fields
 from kybflow.core.units import RATIO, format_quantity
+from kybflow.dsl.checks.barriers import flow_ways
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.durations import (
     Way,
     blamed,
+    disturbances,
     exceeds,
     least_time,
     no_way_exceeds,
@@ -19,12 +21,10 @@ from kybflow.dsl.checks.durations import (
     sum_of,
     ways_from,
 )
-from kybflow.dsl.checks.flows import phases
 from kybflow.dsl.checks.reachability import FlightNode, endless_states, entries_of, flight_graph
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.document import (
-    ActionEntry,
     StateEntry,
     TransitionEntry,
     VehicleEntry,
@@ -40,9 +40,6 @@ from kybflow.dsl.expressions import (
 from kybflow.dsl.names.built_in import end_of
 from kybflow.parts import GROUND
 from kybflow.parts.observables import is_in
-
-_DISTURBING = frozenset({"switch", "phase", "stop"})
-"""Actions after which a mission goes on elsewhere, or not at all."""
 
 
 def within_too_short(case: Case) -> Iterator[Diagnostic]:
@@ -227,6 +224,7 @@ def _too_slow(case: Case, expectation: Expression | None) -> Way | None:
     match expectation:
         case Finished(limit):
             found = [_way_to_rest(case, vehicle, limit) for vehicle in case.cached(_left_alone)]
+            found += [way for _, way in case.cached(flow_ways) if exceeds(way.seconds, limit)]
             is_enough = True
         case Eventually(InState(name, state), limit) if limit is not None:
             found, is_enough = [_way_into(case, name, state, limit)], True
@@ -277,24 +275,6 @@ def _left_alone(case: Case) -> Iterator[VehicleEntry]:
 def _rests(vehicle: VehicleEntry, node: FlightNode) -> bool:
     state = vehicle.states.get(node.state)
     return node.flight is GROUND and (state is None or not state.transitions)
-
-
-def disturbances(case: Case) -> Iterator[ActionEntry]:
-    """The actions after which a mission goes on elsewhere, or a behavior flies differently."""
-    for callback in case.document.callbacks:
-        for action in callback.actions:
-            if action.name.text in _DISTURBING or action.part is not None or _tunes(action):
-                yield action
-    for _, phase in phases(case.document):
-        yield from filter(_tunes, phase.set)
-
-
-def _tunes(action: ActionEntry) -> bool:
-    return (
-        action.name.text != "emit"
-        and action.target is not None
-        and ".behaviors." in action.target.text
-    )
 
 
 def _over(case: Case, vehicle: VehicleEntry, way: Way, limit: float) -> Diagnostic:

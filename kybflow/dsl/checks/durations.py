@@ -7,14 +7,15 @@ Every number is a lower bound for a flight in which nothing fails: what is not k
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from heapq import heappop, heappush
 from itertools import count
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from kybflow.core.geometry import Vec3
 from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.flows import phases
 from kybflow.dsl.checks.reachability import (
     FlightEdge,
     FlightNode,
@@ -24,7 +25,7 @@ from kybflow.dsl.checks.reachability import (
     may_end,
 )
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import PartUse, StateEntry, TransitionEntry, VehicleEntry
+from kybflow.dsl.document import ActionEntry, PartUse, StateEntry, TransitionEntry, VehicleEntry
 from kybflow.dsl.expressions import And, Compare, Condition, Quantity, Read
 from kybflow.dsl.names.built_in import end_of
 from kybflow.parts import AIR, GROUND
@@ -35,6 +36,10 @@ _SPARE = 0.95
 _MOST_SHOWN = 5
 _HOVERS = frozenset({"brake", "hover"})
 """Built-in states that come down after the hover limit."""
+
+
+_DISTURBING = frozenset({"switch", "phase", "stop"})
+"""Actions after which a mission goes on elsewhere, or not at all."""
 
 
 class Way(NamedTuple):
@@ -73,7 +78,26 @@ def sum_of(way: Way) -> str:
     return f"{seconds_of(way.seconds)} = " + " + ".join(terms)
 
 
+N = TypeVar("N", bound=Hashable)
 _Edge = tuple[FlightNode, float]
+
+
+def disturbances(case: Case) -> Iterator[ActionEntry]:
+    """The actions after which a mission goes on elsewhere, or a behavior flies differently."""
+    for callback in case.document.callbacks:
+        for action in callback.actions:
+            if action.name.text in _DISTURBING or action.part is not None or _tunes(action):
+                yield action
+    for _, phase in phases(case.document):
+        yield from filter(_tunes, phase.set)
+
+
+def _tunes(action: ActionEntry) -> bool:
+    return (
+        action.name.text != "emit"
+        and action.target is not None
+        and ".behaviors." in action.target.text
+    )
 
 
 def exceeds(least: float, limit: float) -> bool:
@@ -119,20 +143,31 @@ def ways_from(
 ) -> dict[FlightNode, Way]:
     """The quickest way from any node of `first` to every node that can be reached without anything
     failing, `through` such nodes only."""
-    ahead, found = _ahead(case, vehicle), dict[FlightNode, Way]()
-    begins = set(first)
-    order = count()
-    queue = [(0.0, next(order), node, Way(0.0)) for node in sorted(begins, key=str)]
+    edges, begins = _ahead(case, vehicle), set(first)
+
+    def ahead(node: FlightNode) -> Iterable[_Edge]:
+        if node not in begins and not through(node):
+            return ()
+        return (*edges.get(node, ()), *_built_in_ahead(case, node))
+
+    return quickest(sorted(begins, key=str), ahead, lambda node: node.state)
+
+
+def quickest(
+    first: Iterable[N], ahead: Callable[[N], Iterable[tuple[N, float]]], name: Callable[[N], str]
+) -> dict[N, Way]:
+    """The quickest way from any of `first` to every node (Dijkstra). ahead: the nodes that follow a
+    node, each with the seconds until then; name: what a node is called in a sum."""
+    found, order = dict[N, Way](), count()
+    queue = [(0.0, next(order), node, Way(0.0)) for node in first]
     while queue:
         seconds, _, node, way = heappop(queue)
         if node in found:
             continue
         found[node] = way
-        if node not in begins and not through(node):
-            continue
-        for target, spent in (*ahead.get(node, ()), *_built_in_ahead(case, node)):
+        for target, spent in ahead(node):
             if target not in found:
-                onward = Way(seconds + spent, node.state, spent, way)
+                onward = Way(seconds + spent, name(node), spent, way)
                 heappush(queue, (onward.seconds, next(order), target, onward))
     return found
 
@@ -203,10 +238,10 @@ def _least_before(case: Case, vehicle: VehicleEntry, link: FlightEdge) -> float:
         return _least_end(case, vehicle, link.source)
     scope = case.scopes.condition(vehicle.name.text)
     when = case.condition(transition.when, scope) if transition.when is not None else None
-    return max(_own_wait(transition), _least_elapsed(when, vehicle.name.text))
+    return max(own_wait(transition), _least_elapsed(when, vehicle.name.text))
 
 
-def _own_wait(transition: TransitionEntry) -> float:
+def own_wait(transition: TransitionEntry) -> float:
     """The time in the state that a transition waits for; that of a chain began before."""
     after = 0.0 if transition.since else transition.after or 0.0
     return max(after, transition.hold)

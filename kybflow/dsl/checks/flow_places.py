@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3
-from kybflow.dsl.checks.budgets import disturbances
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.flows import assignments
+from kybflow.dsl.checks.durations import disturbances
+from kybflow.dsl.checks.flows import handovers, runs_of
 from kybflow.dsl.checks.phases import said_states
 from kybflow.dsl.checks.reachability import endless_states, entries_of, left_at, stays
 from kybflow.dsl.document import FlowEntry, PhaseEntry, TransitionEntry, VehicleEntry
@@ -41,12 +41,11 @@ def entered_by_flows(case: Case) -> Iterator[EnteredByFlow]:
     told: set[tuple[str, str, Vec3]] = set()
     for flow in () if case.cached(disturbances) else case.document.flows.values():
         for name, places in _places(case, flow).items():
-            for asked in assignments(case.document, flow.phases[name].run):
-                vehicle = case.document.vehicles[asked.vehicle]
-                goal = vehicle.goal(asked.goal.text)
-                for state, point in _entries(vehicle, goal, places.get(asked.vehicle, ())):
-                    if (asked.vehicle, state, point) not in told:
-                        told.add((asked.vehicle, state, point))
+            for who, goal in runs_of(case, flow.phases[name]).items():
+                vehicle = case.document.vehicles[who]
+                for state, point in _entries(vehicle, vehicle.goal(goal), places.get(who, ())):
+                    if (who, state, point) not in told:
+                        told.add((who, state, point))
                         yield EnteredByFlow(vehicle, state, point)
 
 
@@ -94,8 +93,8 @@ def _places_after(
     """Where vehicles are after a way out of a phase: those that it asked for nothing where they
     were, those that are in a state that stays where that is."""
     document = case.document
-    run = {a.vehicle: a.goal.text for a in assignments(document, phase.run)}
-    given = {a.vehicle for a in assignments(document, phase.give)}
+    run = runs_of(case, phase)
+    given = {asked.vehicle for asked in handovers(document, phase)}
     left = {v: points for v, points in places.items() if v not in run and v not in given}
     for name, state in said_states(case.condition(transition.when, case.scopes.flow())):
         if name not in run or name in given:

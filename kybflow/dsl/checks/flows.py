@@ -3,7 +3,7 @@ KYB197 and KYB240."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -252,6 +252,19 @@ def assignments(document: Document, pairs: tuple[tuple[Text, Text], ...]) -> Ite
         for vehicle in members(document, who.text):
             if vehicle in document.vehicles:
                 yield Assignment(vehicle, who, goal)
+
+
+def runs_of(case: Case, phase: PhaseEntry) -> Mapping[str, str]:
+    """The state or chain that a phase asks each of its vehicles for."""
+    (runs,) = case.cached(_runs)
+    return runs[id(phase)]
+
+
+def _runs(case: Case) -> Iterator[dict[int, Mapping[str, str]]]:
+    yield {
+        id(phase): {a.vehicle: a.goal.text for a in assignments(case.document, phase.run)}
+        for _, phase in phases(case.document)
+    }
 
 
 def handovers(document: Document, phase: PhaseEntry) -> Iterator[Assignment]:

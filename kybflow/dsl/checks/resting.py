@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.units import LENGTH, format_quantity
-from kybflow.dsl.checks.budgets import disturbances
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.flows import assignments
+from kybflow.dsl.checks.durations import disturbances
+from kybflow.dsl.checks.flows import runs_of
 from kybflow.dsl.checks.reachability import (
     endless_states,
     entries_after,
@@ -114,8 +114,7 @@ def _last_goals(case: Case, flow: FlowEntry, vehicle: VehicleEntry) -> Iterator[
             continue
         seen.add((name, goal))
         phase = flow.phases[name]
-        for asked in assignments(case.document, phase.run):
-            goal = vehicle.goal(asked.goal.text) if asked.vehicle == vehicle.name.text else goal
+        goal = vehicle.goal(runs_of(case, phase).get(vehicle.name.text, goal))
         if not phase.transitions or any(t.target.text == END for t in phase.transitions):
             yield goal
         waiting += ((transition.target.text, goal) for transition in phase.transitions)
