@@ -328,6 +328,21 @@ OF_THE_RUN = frozenset(
     }
 )  # fmt: skip
 """Events of the whole run, which belong to no vehicle."""
+OF_BODIES = frozenset({"body_lost", "body_froze", "body_jumped", "body_swapped", "body_recovered"})
+"""Events of vehicles that fly on motion capture."""
+OF_CAMERAS = frozenset(
+    {
+        "camera_lost", "camera_froze", "camera_jumped", "camera_swapped", "camera_recovered",
+        "tags_lost", "tags_found",
+    }
+)  # fmt: skip
+"""Events of vehicles that fly on the frames of a camera."""
+OF_A_PAYLOAD = frozenset({"payload_loaded", "payload_released", "payload_already_released"})
+"""Events of vehicles that carry something."""
+OF_OTHERS = frozenset({"control_taken", "control_refused", "foreign_command"})
+"""Events of vehicles that somebody else may command too."""
+OF_FLOWS = frozenset({"driver_changed", "give_refused"})
+"""Events of vehicles that flows drive."""
 OF_THE_SIMULATOR = frozenset({"fault_injected", "fault_ended", "fault_failed"})
 """Events that no vehicle could observe; callbacks may only log them."""
 TOO_LATE = frozenset({"run_ended", "preflight_failed"})

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from typing import NamedTuple
 
-from kybflow.core.signals import Battery
+from kybflow.core.signals import Battery, Sticks
 from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.transitions import reached_states
@@ -156,6 +156,7 @@ def expected_conditions(case: Case) -> Iterator[TypedCondition]:
                 yield TypedCondition(text, condition, None, is_expected=True)
 
 
+_STICKS = "sticks."
 _ESTIMATED = ("state.", "estimate.", "position_error", "velocity_error", "estimator")
 
 
@@ -206,18 +207,21 @@ def _states(typed: TypedCondition) -> Iterator[tuple[str, str]]:
 def not_measured(case: Case) -> Iterator[Diagnostic]:
     """KYB258: a condition or an expectation asks for a value that the vehicle never has.
 
-    The battery is known where the target's driver reports it; where the vehicle is, and how far
+    The battery is known where the target's driver reports it, as are a pilot's sticks, of which
+    nothing is said where the mission has `targets` of its own; where the vehicle is, and how far
     from its setpoint, where it has an estimator. A comparison with a value that is not known is
     false.
     """
-    if not any(_lacking(v, name) for v in case.vehicles() for name in ("battery.", *_ESTIMATED)):
-        return
+    telling = ("battery.", *_ESTIMATED)
+    is_blind = any(_lacking(case, v, name) for v in case.vehicles() for name in telling)
     for typed in (*case.cached(conditions_of), *case.cached(expected_conditions)):
+        if not is_blind and _STICKS not in typed.text.text:
+            continue
         for node in nodes(typed.condition):
             vehicle = case.document.vehicles.get(_subject(node, typed))
             if vehicle is None or not isinstance(node, Read):
                 continue
-            lacking = _lacking(vehicle, node.name)
+            lacking = _lacking(case, vehicle, node.name)
             if lacking:
                 yield Diagnostic(
                     "KYB258",
@@ -232,11 +236,14 @@ def _subject(node: object, typed: TypedCondition) -> str:
     return (node.vehicle or typed.own or "") if isinstance(node, Read) else ""
 
 
-def _lacking(vehicle: VehicleEntry, name: str) -> str:
+def _lacking(case: Case, vehicle: VehicleEntry, name: str) -> str:
     """What the vehicle lacks to know a value, for the report; empty when it lacks nothing."""
     driver = vehicle.driver
     if name.startswith("battery.") and Battery not in driver.spec.cls.provides:
         return f"`{driver.name.text}` reports no battery"
+    is_here_alone = "targets" not in case.document.spans
+    if name.startswith(_STICKS) and is_here_alone and Sticks not in driver.spec.cls.provides:
+        return f"`{driver.name.text}` reports no pilot"
     if name.startswith(_ESTIMATED) and not vehicle.estimators:
         return f"`{vehicle.name.text}` has no estimator"
     return ""
