@@ -68,9 +68,13 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
                 f"`{use.part.label}` is {often} healthy with `{use.healthy.as_written}`",
                 use.healthy.span,
                 label=f"its estimate is {quantity(most, DURATION)} old before the next measurement",
-                help=f"allow some missing ones: `age < {quantity(max(_USUAL, 3.0 * most), DURATION)}`",
+                help=f"allow for some that are missing: `age < {_allowed(most)}`",
                 severity=Severity.ERROR if is_never else Severity.WARNING,
             )
+
+
+def _allowed(most: float) -> str:
+    return quantity(max(_USUAL, 3.0 * most), DURATION)
 
 
 def _ages(vehicle: VehicleEntry, use: EstimatorEntry) -> tuple[float, float] | None:
