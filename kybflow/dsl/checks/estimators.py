@@ -125,7 +125,7 @@ def never_begins(case: Case) -> Iterator[Diagnostic]:
     """KYB305: every estimator of a vehicle is dead reckoning, which goes on from the estimate of
     another: none of them ever has a first one, and the vehicle never takes off."""
     for vehicle in case.vehicles():
-        if vehicle.estimators and all(_reckons(use) for use in vehicle.estimators):
+        if vehicle.estimators and all(reckons(use) for use in vehicle.estimators):
             part = vehicle.estimators[0].part
             yield Diagnostic(
                 "KYB305",
@@ -136,7 +136,7 @@ def never_begins(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _reckons(use: EstimatorEntry) -> bool:
+def reckons(use: EstimatorEntry) -> bool:
     """Whether it is told of the estimate in use, and measures nothing but its own motion."""
     cls, params = use.part.spec.cls, use.part.params
     return cls.anchor is not Estimator.anchor and cls.uses(params) <= {Imu}

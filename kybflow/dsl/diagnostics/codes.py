@@ -61,6 +61,7 @@ _FAMILIES = {
     "KYB415": "Transitions between behaviors",
     "KYB416": "Estimators and failsafe",
     "KYB420": "Airframes and what they carry",
+    "KYB422": "Printed tags",
 }
 """The families of codes, each from its first code on."""
 
