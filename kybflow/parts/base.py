@@ -9,11 +9,13 @@ P = TypeVar("P")
 
 
 class Objection(NamedTuple):
-    """Why a part can't work as configured: the parameter, the reason, and what to write."""
+    """Why a part can't work as configured: the parameter, the reason, and what to write. is_doubt:
+    it can, but hardly as it was meant."""
 
     parameter: str
     reason: str
     hint: str = ""
+    is_doubt: bool = False
 
 
 class Claim(NamedTuple):

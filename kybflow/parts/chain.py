@@ -4,7 +4,7 @@ the supervisors that watch it."""
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.core.signals import (
@@ -19,7 +19,7 @@ from kybflow.core.signals import (
     Tick,
     Time,
 )
-from kybflow.parts.base import P, Part
+from kybflow.parts.base import Objection, P, Part
 from kybflow.world.inner_loop import InnerLoop
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import Airframe, VehicleContext
@@ -95,6 +95,12 @@ class Processor(Part[P]):
         """Return the box inside `fence` that no setpoint leaves; None if it bounds none."""
         return None
 
+    @classmethod
+    def objections(cls, params: P, context: VehicleContext) -> Iterator[Objection]:
+        """Yield what makes these parameters senseless for the vehicle of `context`: bounds that are
+        crossed at once, or never."""
+        yield from ()
+
     @abstractmethod
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm:
         """Return the changed setpoint, or an Alarm that requests a reaction; called once a tick."""
@@ -157,6 +163,17 @@ class Supervisor(Part[P]):
     def reserve(cls, params: P) -> float:
         """Return the share of a battery's charge, 0 to 1, below which it ends a flight."""
         return 0.0
+
+    @classmethod
+    def can_tell(cls, context: VehicleContext) -> tuple[str, ...]:
+        """Return those of `events` that it can raise for the vehicle of `context`."""
+        return cls.events
+
+    @classmethod
+    def objections(cls, params: P, context: VehicleContext) -> Iterator[Objection]:
+        """Yield what makes these parameters senseless for the vehicle of `context`: bounds that are
+        crossed at once, or never."""
+        yield from ()
 
     @abstractmethod
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:

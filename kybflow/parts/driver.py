@@ -44,7 +44,8 @@ class Driver(Part[P]):
     accepts: kinds of command. provides: kinds of measurement. simulated: its vehicles are simulated
     and can have faults. lands: its vehicles have a land mode, and their links are `Lands`.
     lands_blind: that mode descends by a barometer when there is no position. grips: its vehicles
-    may have a servo that holds a payload, and their links are `Grips`. brings: sensors that the
+    may have a servo that holds a payload, and their links are `Grips`. shared: a pilot or another
+    program may command its vehicles too. brings: sensors that the
     compiler adds if an estimator needs what they measure. preflight_timeout: seconds in which its
     vehicles must become ready to fly. targets: targets that every mission has without declaring
     them, each with the driver's parameters.
@@ -58,6 +59,7 @@ class Driver(Part[P]):
     lands: ClassVar[bool] = False
     lands_blind: ClassVar[bool] = False
     grips: ClassVar[bool] = False
+    shared: ClassVar[bool] = True
     brings: ClassVar[tuple[str, ...]] = ()
     preflight_timeout: ClassVar[float] = 5.0
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {}

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
 from operator import attrgetter
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from kybflow.core.geometry import Quat, Vec3, distance, heading_of, norm, tilt_of
 from kybflow.core.signals import Battery, PayloadState, Setpoint, Sticks
@@ -105,11 +105,28 @@ class View(Protocol):
         """A pilot's sticks; Unavailable without a transmitter or a ground station."""
 
 
+class Envelope(NamedTuple):
+    """How far a vehicle's values go, SI. start: its place on the ground. low, high: of its
+    position. speed: of its velocity. error, velocity_error: how far it is from its setpoint. age:
+    of the newest measurement. spread: what the best of sensors leaves."""
+
+    start: Vec3
+    low: Vec3
+    high: Vec3
+    speed: float
+    tilt: float = pi
+    error: float = inf
+    velocity_error: float = inf
+    age: float = inf
+    spread: float = 0.0
+
+
 @dataclass(frozen=True, slots=True)
 class Observable:
     """A value that conditions and expectations can read by name. dimension: None for text (the name
     of a state or an estimator), which is compared with `==` and `!=`. low, high: its bounds, SI.
-    words: the values that a text can have, if they are fixed."""
+    words: the values that a text can have, if they are fixed. reach: its bounds on a vehicle that
+    keeps to an envelope, None for those of every vehicle."""
 
     help: str
     dimension: Dimension | None
@@ -117,6 +134,14 @@ class Observable:
     low: float = -inf
     high: float = inf
     words: tuple[str, ...] = ()
+    reach: Callable[[Envelope], tuple[float, float]] | None = None
+
+    def bounds(self, envelope: Envelope | None) -> tuple[float, float]:
+        """Return the range that the value never leaves."""
+        if envelope is None or self.reach is None:
+            return self.low, self.high
+        low, high = self.reach(envelope)
+        return max(low, self.low), min(high, self.high)
 
 
 def _position_error(view: View) -> float:
@@ -135,16 +160,28 @@ def _velocity_error(view: View) -> float:
 
 OBSERVABLES: dict[str, Observable] = {
     "state.altitude": Observable(
-        "Height above the world's zero.", LENGTH, lambda v: v.state.position[2]
+        "Height above the world's zero.", LENGTH, lambda v: v.state.position[2],
+        reach=lambda e: (e.low[2], e.high[2]),
     ),
-    "state.x": Observable("Position east.", LENGTH, lambda v: v.state.position[0]),
-    "state.y": Observable("Position north.", LENGTH, lambda v: v.state.position[1]),
+    "state.x": Observable(
+        "Position east.", LENGTH, lambda v: v.state.position[0],
+        reach=lambda e: (e.low[0], e.high[0]),
+    ),
+    "state.y": Observable(
+        "Position north.", LENGTH, lambda v: v.state.position[1],
+        reach=lambda e: (e.low[1], e.high[1]),
+    ),
     "state.speed": Observable(
-        "Norm of the velocity.", SPEED, lambda v: norm(v.state.velocity), low=0.0
+        "Norm of the velocity.", SPEED, lambda v: norm(v.state.velocity), low=0.0,
+        reach=lambda e: (0.0, e.speed),
     ),
-    "state.climb": Observable("Vertical speed, up.", SPEED, lambda v: v.state.velocity[2]),
+    "state.climb": Observable(
+        "Vertical speed, up.", SPEED, lambda v: v.state.velocity[2],
+        reach=lambda e: (-e.speed, e.speed),
+    ),
     "state.tilt": Observable(
-        "Angle between body z and world z.", ANGLE, lambda v: tilt_of(v.state.attitude), 0.0, pi
+        "Angle between body z and world z.", ANGLE, lambda v: tilt_of(v.state.attitude), 0.0, pi,
+        reach=lambda e: (0.0, e.tilt),
     ),
     "state.heading": Observable(
         "Heading from east.", ANGLE, lambda v: heading_of(v.state.attitude), -pi, pi
@@ -156,19 +193,23 @@ OBSERVABLES: dict[str, Observable] = {
         "Voltage of the battery.", VOLTAGE, lambda v: v.battery.voltage, low=0.0
     ),
     "estimate.age": Observable(
-        "Age of the newest measurement in the estimate.", DURATION, attrgetter("age"), low=0.0
+        "Age of the newest measurement in the estimate.", DURATION, attrgetter("age"), low=0.0,
+        reach=lambda e: (0.0, e.age),
     ),
     "estimate.spread": Observable(
-        "Standard deviation of the position.", LENGTH, attrgetter("spread"), low=0.0
+        "Standard deviation of the position.", LENGTH, attrgetter("spread"), low=0.0,
+        reach=lambda e: (e.spread, e.error),
     ),
     "position_error": Observable(
-        "Distance in the air from where the behavior wants it.", LENGTH, _position_error, low=0.0
+        "Distance in the air from where the behavior wants it.", LENGTH, _position_error, low=0.0,
+        reach=lambda e: (0.0, e.error),
     ),
     "velocity_error": Observable(
         "Norm of the velocity's difference in the air from what the behavior wants.",
         SPEED,
         _velocity_error,
         low=0.0,
+        reach=lambda e: (0.0, e.velocity_error),
     ),
     "elapsed": Observable("Time in the present behavior.", DURATION, lambda v: v.elapsed, low=0.0),
     "behavior": Observable("Name of the present state.", None, lambda v: v.behavior),
@@ -194,7 +235,7 @@ OBSERVABLES: dict[str, Observable] = {
     "sticks.throttle": Observable(
         "A pilot's stick, 0 to 1.", NUMBER, lambda v: v.sticks.throttle, 0.0, 1.0
     ),
-}
+}  # fmt: skip
 
 EVENTS: dict[str, str] = {
     "run_started": "The run begins.",
@@ -287,6 +328,21 @@ OF_THE_RUN = frozenset(
     }
 )  # fmt: skip
 """Events of the whole run, which belong to no vehicle."""
+OF_BODIES = frozenset({"body_lost", "body_froze", "body_jumped", "body_swapped", "body_recovered"})
+"""Events of vehicles that fly on motion capture."""
+OF_CAMERAS = frozenset(
+    {
+        "camera_lost", "camera_froze", "camera_jumped", "camera_swapped", "camera_recovered",
+        "tags_lost", "tags_found",
+    }
+)  # fmt: skip
+"""Events of vehicles that fly on the frames of a camera."""
+OF_A_PAYLOAD = frozenset({"payload_loaded", "payload_released", "payload_already_released"})
+"""Events of vehicles that carry something."""
+OF_OTHERS = frozenset({"control_taken", "control_refused", "foreign_command"})
+"""Events of vehicles that somebody else may command too."""
+OF_FLOWS = frozenset({"driver_changed", "give_refused"})
+"""Events of vehicles that flows drive."""
 OF_THE_SIMULATOR = frozenset({"fault_injected", "fault_ended", "fault_failed"})
 """Events that no vehicle could observe; callbacks may only log them."""
 TOO_LATE = frozenset({"run_ended", "preflight_failed"})

@@ -14,6 +14,10 @@ DOWN: Quat = (0.0, 0.7071067811865476, -0.7071067811865476, 0.0)
 """Optical frame to body for a camera that looks down, with the image's upper edge forward."""
 
 
+LEAST_SIDE = 12.0
+"""Side of the smallest tag in an image that is looked for, pixels."""
+
+
 class Lens(NamedTuple):
     """A calibrated lens, in pixels; distortion as OpenCV's k1, k2, p1, p2, k3."""
 

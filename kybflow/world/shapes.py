@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import hypot, inf, sqrt
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, distance
+from kybflow.core.geometry import Vec3, add, distance, sub
 
 
 class Box(NamedTuple):
@@ -30,6 +30,15 @@ class Box(NamedTuple):
             low[2] - p[2],
             p[2] - high[2],
         )
+
+    @property
+    def size(self) -> Vec3:
+        """Its extent along each axis."""
+        return sub(self.high, self.low)
+
+    def grown(self, by: Vec3) -> Box:
+        """Return the box with this much more on each side."""
+        return Box(sub(self.low, by), add(self.high, by))
 
     def distance(self, p: Vec3) -> float:
         """Return the distance from the surface to `p`; negative inside."""

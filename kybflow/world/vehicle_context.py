@@ -104,7 +104,7 @@ class VehicleContext(NamedTuple):
     `go_home` flies, None for the start. obstacles: the world's, by name. diameters: every vehicle's
     airframe diameter, by vehicle. tags: the world's. cameras: the airframe's, by name. payload:
     what the vehicle carries, None for nothing. loop: what its driver declares of the loop that
-    answers commands, None for nothing.
+    answers commands, None for nothing. starts: every vehicle's declared start, by vehicle.
     """
 
     vehicle: str
@@ -120,3 +120,4 @@ class VehicleContext(NamedTuple):
     cameras: Mapping[str, Camera] = MappingProxyType({})
     payload: Parcel | None = None
     loop: InnerLoop | None = None
+    starts: Mapping[str, Vec3] = MappingProxyType({})

@@ -61,7 +61,7 @@ vehicles:
     behaviors:
       tour: {a: $goal, next: [{after: 50 s, event: landed, go: tour}]}
 expect:
-  - always distance(a to world.points.dock) < 9 m
+  - always distance(a to world.points.dock) < 3 m
   - eventually a.behavior == tour.first
   - eventually a.behavior != tour
 """

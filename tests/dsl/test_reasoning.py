@@ -9,8 +9,15 @@ from hypothesis import strategies as st
 from kybflow.core.units import LENGTH
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import And, Compare, Condition, Not, Or, Quantity, Read, Scope, parse
-from kybflow.dsl.expressions.reasoning import always_holds, implies, never_holds, physical_bounds
-from kybflow.dsl.expressions.tree import ComparisonOperator
+from kybflow.dsl.expressions.reasoning import (
+    Envelopes,
+    always_holds,
+    implies,
+    never_holds,
+    physical_bounds,
+)
+from kybflow.dsl.expressions.tree import Aggregate, ComparisonOperator, Function
+from kybflow.parts.observables import Envelope
 
 SCOPE = Scope("condition", {"a": ("up", "down", "hover"), "b": ("up", "hover")}, "a")
 NATURE = physical_bounds(600.0)
@@ -130,3 +137,48 @@ def test_what_is_certain_is_so_for_every_value(a, b, x, y) -> None:
     assert not (never_holds(a, NATURE) and holds(a, x, y))
     assert not (always_holds(a, NATURE) and not holds(a, x, y))
     assert not (implies(a, b) and holds(a, x, y) and not holds(b, x, y))
+
+
+AT = Envelope((0.0, 0.0, 0.0), (-3.0, -3.0, 0.0), (3.0, 3.0, 2.5), 4.0, 1.5, 9.0, 8.0, 10.0, 1e-4)
+NEAR = Envelope((0.0, 2.0, 0.0), (-3.0, 1.0, 0.0), (3.0, 3.0, 2.5), 4.0)
+STANDS = Envelope(AT.start, AT.start, AT.start, 0.0, 0.0)
+HERE = Envelopes({"a": AT, "b": NEAR}, "a")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "state.altitude > 2.6 m",
+        "a.state.x < -3.1 m",
+        "state.speed > 5 m/s",
+        "state.climb < -5 m/s",
+        "state.tilt > 90 deg",
+        "position_error > 10 m",
+        "distance(a to b) > 9 m",
+        "distance(b to start) < 90 cm",
+        "estimate.age > 11 s",
+        "estimate.spread < 0.01 mm",
+    ],
+)
+def test_envelopes_bound_it(text: str) -> None:
+    assert never_holds(meant(text), physical_bounds(600.0, HERE))
+    assert not never_holds(meant(text), NATURE)
+
+
+def test_a_vehicle_that_is_not_known_may_be_anywhere() -> None:
+    bounds = physical_bounds(600.0, Envelopes({"a": AT}, "a"))
+
+    assert not never_holds(meant("distance(a to b) > 900 m"), bounds)
+
+
+@pytest.mark.parametrize(
+    ("function", "state", "expected"),
+    [("min", None, (0.0, 0.0)), ("max", None, (0.0, 2.5)), ("min", "up", (0.0, 2.5))],
+)
+def test_the_extremes_of_a_run_know_its_first_tick(
+    function: Function, state: str | None, expected: tuple[float, float]
+) -> None:
+    first = physical_bounds(600.0, Envelopes({"a": STANDS}))
+    value = Aggregate(function, Read("a", "state.altitude"), "a", state)
+
+    assert physical_bounds(600.0, HERE, first)(value) == expected

@@ -45,6 +45,7 @@ class Rotorpy(Driver[RotorpyParams]):
     accepts = frozenset({CommandKind.ATTITUDE_THRUST})
     provides = frozenset({Pose, Battery, Imu, Position})
     simulated: ClassVar[bool] = True
+    shared: ClassVar[bool] = False
     packages = ("rotorpy",)
     brings = ("simulated_camera",)
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {"rotorpy": {}}

@@ -207,6 +207,7 @@ class Sim(Driver[SimParams]):
         }
     )  # fmt: skip
     simulated: ClassVar[bool] = True
+    shared: ClassVar[bool] = False
     grips: ClassVar[bool] = True
     brings = ("simulated_camera",)
 

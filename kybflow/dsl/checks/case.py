@@ -10,7 +10,6 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic, goals_like
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, StateEntry, VehicleEntry
 from kybflow.dsl.expressions import Condition, Scope, parse
-from kybflow.dsl.expressions.reasoning import physical_bounds
 from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.scopes import Scopes
@@ -40,7 +39,6 @@ class Case:
         self.document = document
         self.catalog = catalog
         self.scopes = Scopes(document)
-        self.bounds = physical_bounds(document.time_limit)
         self._found: dict[Callable[[Case], Iterable[Any]], list[Any]] = {}
 
     def cached(self, find: Callable[[Case], Iterable[T]]) -> list[T]:

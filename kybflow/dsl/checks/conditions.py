@@ -1,6 +1,6 @@
 """Conditions, health and expectations: read and typed (KYB210 to KYB214,
-`kybflow.dsl.expressions.errors`), times that never come and answers that are known before the
-flight (KYB253, KYB254, KYB259), and what no flight can answer (KYB257, KYB258)."""
+`kybflow.dsl.expressions.errors`), times that never come (KYB259), and what no flight can answer
+(KYB257, KYB258)."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from typing import NamedTuple
 
-from kybflow.core.signals import Battery
+from kybflow.core.signals import Battery, Sticks
 from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.transitions import reached_states
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import TransitionEntry, VehicleEntry
 from kybflow.dsl.expressions import (
@@ -27,7 +27,6 @@ from kybflow.dsl.expressions import (
     Word,
     parse,
 )
-from kybflow.dsl.expressions.reasoning import always_holds, never_holds
 from kybflow.dsl.expressions.tree import Aggregate
 from kybflow.parts.observables import chains_of
 
@@ -70,41 +69,7 @@ class TypedCondition(NamedTuple):
     text: Text
     condition: Condition
     own: str | None
-
-
-def never_true(case: Case) -> Iterator[Diagnostic]:
-    """KYB253: a condition that can never hold: what it asks of one value leaves none, or the value
-    is never there.
-
-    No speed, distance, age or time is below zero, no share outside 0 % to 100 %, no tilt above 180
-    degrees, no time beyond the mission's `time_limit`, and no vehicle is in two states at once. An
-    transition with such a condition never fires, an estimator with such a `healthy` is never used,
-    and an expectation fails whatever is flown.
-    """
-    for text, condition, _ in case.cached(all_conditions):
-        if never_holds(condition, case.bounds):
-            message = f"`{text.as_written}` can never hold"
-            hint = "mend the bound, or write `or` where both can't hold at once"
-            yield Diagnostic("KYB253", message, text.span, label="never true", help=hint)
-
-
-def always_true(case: Case) -> Iterator[Diagnostic]:
-    """KYB254: a condition that holds whenever it can be asked, so that it says nothing.
-
-    A transition with it fires in the first tick of its state; an expectation with it can't fail.
-    """
-    for text, condition, _ in case.cached(all_conditions):
-        if always_holds(condition, case.bounds):
-            message = f"`{text.as_written}` always holds"
-            hint = "mend the bound, or leave the condition away"
-            yield Diagnostic(
-                "KYB254",
-                message,
-                text.span,
-                label="always true",
-                help=hint,
-                severity=Severity.WARNING,
-            )
+    is_expected: bool = False
 
 
 def after_the_end(case: Case) -> Iterator[Diagnostic]:
@@ -186,11 +151,12 @@ def expected_conditions(case: Case) -> Iterator[TypedCondition]:
     for text in case.document.expect:
         match parse(text, case.scopes.expectation())[0]:
             case Always(condition) | Eventually(condition) | Finally(condition):
-                yield TypedCondition(text, condition, None)
+                yield TypedCondition(text, condition, None, is_expected=True)
             case Compare(left=Aggregate()) as condition:
-                yield TypedCondition(text, condition, None)
+                yield TypedCondition(text, condition, None, is_expected=True)
 
 
+_STICKS = "sticks."
 _ESTIMATED = ("state.", "estimate.", "position_error", "velocity_error", "estimator")
 
 
@@ -241,18 +207,21 @@ def _states(typed: TypedCondition) -> Iterator[tuple[str, str]]:
 def not_measured(case: Case) -> Iterator[Diagnostic]:
     """KYB258: a condition or an expectation asks for a value that the vehicle never has.
 
-    The battery is known where the target's driver reports it; where the vehicle is, and how far
+    The battery is known where the target's driver reports it, as are a pilot's sticks, of which
+    nothing is said where the mission has `targets` of its own; where the vehicle is, and how far
     from its setpoint, where it has an estimator. A comparison with a value that is not known is
     false.
     """
-    if not any(_lacking(v, name) for v in case.vehicles() for name in ("battery.", *_ESTIMATED)):
-        return
+    telling = ("battery.", *_ESTIMATED)
+    is_blind = any(_lacking(case, v, name) for v in case.vehicles() for name in telling)
     for typed in (*case.cached(conditions_of), *case.cached(expected_conditions)):
+        if not is_blind and _STICKS not in typed.text.text:
+            continue
         for node in nodes(typed.condition):
             vehicle = case.document.vehicles.get(_subject(node, typed))
             if vehicle is None or not isinstance(node, Read):
                 continue
-            lacking = _lacking(vehicle, node.name)
+            lacking = _lacking(case, vehicle, node.name)
             if lacking:
                 yield Diagnostic(
                     "KYB258",
@@ -267,11 +236,14 @@ def _subject(node: object, typed: TypedCondition) -> str:
     return (node.vehicle or typed.own or "") if isinstance(node, Read) else ""
 
 
-def _lacking(vehicle: VehicleEntry, name: str) -> str:
+def _lacking(case: Case, vehicle: VehicleEntry, name: str) -> str:
     """What the vehicle lacks to know a value, for the report; empty when it lacks nothing."""
     driver = vehicle.driver
     if name.startswith("battery.") and Battery not in driver.spec.cls.provides:
         return f"`{driver.name.text}` reports no battery"
+    is_here_alone = "targets" not in case.document.spans
+    if name.startswith(_STICKS) and is_here_alone and Sticks not in driver.spec.cls.provides:
+        return f"`{driver.name.text}` reports no pilot"
     if name.startswith(_ESTIMATED) and not vehicle.estimators:
         return f"`{vehicle.name.text}` has no estimator"
     return ""

@@ -1,15 +1,20 @@
-"""Estimators that are never used, not for long, or not there: KYB255, KYB256, KYB305, KYB361 and
-KYB362."""
+"""Estimators that are never used, not for long, or not there: KYB255, KYB256, KYB305, KYB361,
+KYB362 and KYB419."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import inf
 
-from kybflow.core.signals import Imu
+from kybflow.core.signals import Frame, Imu, Pose
 from kybflow.core.text import did_you_mean
+from kybflow.core.units import DURATION
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import EstimatorEntry
+from kybflow.dsl.document import EstimatorEntry, VehicleEntry
+from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.expressions.reasoning import Bounds, never_holds
+from kybflow.dsl.expressions.tree import Read
 from kybflow.parts import Estimator
 
 
@@ -38,6 +43,63 @@ def never_used(case: Case) -> Iterator[Diagnostic]:
             break
 
 
+def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
+    """KYB419: an estimator's `healthy` allows less age than its estimate has before the next
+    measurement comes, so that it is healthy now and then, or never (a warning, and an error).
+
+    That age is the period of what it measures with and the time that a measurement takes to arrive:
+    those of motion capture as the driver declares them, or the period of its slowest camera.
+    """
+    for vehicle in case.vehicles():
+        for use in vehicle.estimators:
+            condition = case.condition(use.healthy, case.scopes.health(vehicle.name.text))
+            ages = _ages(vehicle, use)
+            if condition is None or use.healthy is None or ages is None:
+                continue
+            least, most = ages
+            if not never_holds(condition, _aged(most, most)) or never_holds(
+                condition, _aged(0.0, inf)
+            ):
+                continue
+            is_never = never_holds(condition, _aged(least, most))
+            often = "never" if is_never else "only now and then"
+            yield Diagnostic(
+                "KYB419",
+                f"`{use.part.label}` is {often} healthy with `{use.healthy.as_written}`",
+                use.healthy.span,
+                label=f"its estimate is {quantity(most, DURATION)} old before the next measurement",
+                help=f"allow for some that are missing: `age < {_allowed(most)}`",
+                severity=Severity.ERROR if is_never else Severity.WARNING,
+            )
+
+
+def _allowed(most: float) -> str:
+    return quantity(max(_USUAL, 3.0 * most), DURATION)
+
+
+def _ages(vehicle: VehicleEntry, use: EstimatorEntry) -> tuple[float, float] | None:
+    """The least and the largest age of its estimates in a flight that is in order, s."""
+    driver, needs = vehicle.driver, use.part.spec.cls.uses(use.part.params)
+    if Frame in needs and vehicle.cameras:
+        return 0.0, 1.0 / min(use.camera.rate for use in vehicle.cameras)
+    inner = driver.spec.cls.inner_loop(driver.params, vehicle.airframe)
+    if Pose in needs and Pose in driver.spec.cls.provides and inner is not None:
+        return inner.pose_latency, inner.pose_latency + inner.pose_period
+    return None
+
+
+_AGE, _USUAL = "estimate.age", 0.25
+
+
+def _aged(low: float, high: float) -> Bounds:
+    """The bounds of an estimate whose age is in this range."""
+
+    def bounds(value: object) -> tuple[float, float]:
+        return (low, high) if isinstance(value, Read) and value.name == _AGE else (-inf, inf)
+
+    return bounds
+
+
 def unknown_first(case: Case) -> Iterator[Diagnostic]:
     """KYB361: a behavior names an estimator to come first that its vehicle does not have."""
     for vehicle, state in case.states():
@@ -63,7 +125,7 @@ def never_begins(case: Case) -> Iterator[Diagnostic]:
     """KYB305: every estimator of a vehicle is dead reckoning, which goes on from the estimate of
     another: none of them ever has a first one, and the vehicle never takes off."""
     for vehicle in case.vehicles():
-        if vehicle.estimators and all(_reckons(use) for use in vehicle.estimators):
+        if vehicle.estimators and all(reckons(use) for use in vehicle.estimators):
             part = vehicle.estimators[0].part
             yield Diagnostic(
                 "KYB305",
@@ -74,7 +136,7 @@ def never_begins(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _reckons(use: EstimatorEntry) -> bool:
+def reckons(use: EstimatorEntry) -> bool:
     """Whether it is told of the estimate in use, and measures nothing but its own motion."""
     cls, params = use.part.spec.cls, use.part.params
     return cls.anchor is not Estimator.anchor and cls.uses(params) <= {Imu}

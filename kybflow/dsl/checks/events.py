@@ -1,13 +1,15 @@
 """Events: which of them a mission can hear, and those that transitions and callbacks wait for in
-vain: KYB208 and KYB209."""
+vain: KYB208, KYB209 and KYB415."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from kybflow.core.signals import Frame, Pose
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.checks.contexts import contexts
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, TransitionEntry, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
@@ -16,6 +18,11 @@ from kybflow.parts.observables import (
     ALARM_FIELDS,
     EVENT_FIELDS,
     EVENTS,
+    OF_A_PAYLOAD,
+    OF_BODIES,
+    OF_CAMERAS,
+    OF_FLOWS,
+    OF_OTHERS,
     OF_THE_RUN,
     OF_THE_SIMULATOR,
     TOO_LATE,
@@ -75,6 +82,80 @@ def _too_late(event: Text, known: KnownEvents) -> Iterator[Diagnostic]:
     if event.text.rpartition(".")[2] in TOO_LATE and event.text not in known.custom:
         message = f"nothing can follow the event `{event.text}`"
         yield Diagnostic("KYB208", message, event.span, label="the run is over then")
+
+
+def never_told(case: Case) -> Iterator[Diagnostic]:
+    """KYB415: a transition or a callback waits for an event that its vehicle can't have.
+
+    It flies on no camera, or has no payload, or there is no fence to leave. That nobody else
+    commands a vehicle, as in a simulator, is a warning, and only where the mission has no `targets`
+    of its own.
+    """
+    (known,) = case.cached(known_events)
+    for vehicle, state in case.states():
+        if not state.inherited:
+            yield from _never_told(case, known, state.transitions, vehicle.name.text)
+    for flow in case.document.flows.values():
+        for phase in flow.phases.values():
+            yield from _never_told(case, known, phase.transitions, None)
+    for callback in case.document.callbacks:
+        yield from _vain(case, known, callback.event, None)
+
+
+def _never_told(
+    case: Case, known: KnownEvents, transitions: Iterable[TransitionEntry], own: str | None
+) -> Iterator[Diagnostic]:
+    for transition in transitions:
+        if transition.event is not None:
+            yield from _vain(case, known, transition.event, own)
+
+
+def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Iterator[Diagnostic]:
+    """The finding for an event that none of the vehicles can have of which it speaks."""
+    name, vehicles = event.text.rpartition(".")[2], known.sources(event.text)
+    if own is not None and event.text in known.of[own]:
+        vehicles = (own,)
+    is_doubt = name in OF_OTHERS
+    if event.text in known.of_the_run or (is_doubt and "targets" in case.document.spans):
+        return
+    lacks = [_lacks(case, vehicle, name) for vehicle in vehicles if vehicle]
+    if lacks and all(lacks):
+        yield Diagnostic(
+            "KYB415",
+            f"the event `{event.text}` never comes",
+            event.span,
+            label=lacks[0],
+            help="wait for something else, or give the vehicle what tells it",
+            severity=Severity.WARNING if is_doubt else Severity.ERROR,
+        )
+
+
+def _lacks(case: Case, name: str, event: str) -> str:
+    """What a vehicle lacks to have an event; empty when it lacks nothing."""
+    vehicle = case.document.vehicles[name]
+    if event not in EVENTS:
+        return _silent(case, vehicle, event)
+    used = {kind for e in vehicle.estimators for kind in e.part.spec.cls.uses(e.part.params)}
+    if event in OF_CAMERAS and Frame not in used:
+        return f"no estimator of `{name}` uses a camera"
+    if event in OF_BODIES and Pose not in used:
+        return f"no estimator of `{name}` uses motion capture"
+    if event in OF_A_PAYLOAD and vehicle.payload is None:
+        return f"`{name}` carries no payload"
+    if event in OF_FLOWS and not case.document.flows:
+        return "the mission has no flows"
+    if event in OF_OTHERS and not vehicle.driver.spec.cls.shared:
+        return f"nobody else commands `{name}` on `{vehicle.driver.name.text}`"
+    return ""
+
+
+def _silent(case: Case, vehicle: VehicleEntry, event: str) -> str:
+    """The supervisor that alone tells an event, and has nothing to watch; empty where one does."""
+    telling = [part for part in vehicle.supervisors if event in part.spec.cls.events]
+    context = next(c for v, c in case.cached(contexts) if v is vehicle) if telling else None
+    if context is None or any(event in part.spec.cls.can_tell(context) for part in telling):
+        return ""
+    return f"`{telling[0].label}` has nothing to watch here"
 
 
 def of_the_simulator(case: Case) -> Iterator[Diagnostic]:

@@ -1,9 +1,10 @@
 """What is asked of an airframe beyond its limits, and what carries a payload and lets it go: KYB316
-to KYB319 and KYB395 to KYB397."""
+to KYB319, KYB395 to KYB397, KYB420 and KYB421."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import atan, floor
 from typing import NamedTuple
 
@@ -12,14 +13,16 @@ from kybflow.core.params import fields_of
 from kybflow.core.units import ANGLE, FORCE, MASS, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.document import PartUse, StateEntry, VehicleEntry
 from kybflow.parts import Footprint
+from kybflow.world.plausible import Implausible, of_airframe, of_parcel
 from kybflow.world.vehicle_context import Airframe, Parcel
 
 _ROUNDING = 1e-6
-_SPARE = 1.1
+_SPARE = 1.15
+_STEER = "15 % more than the weight is needed to steer"
 LIMITS = frozenset({"tilt", "speed", "climb"})
 """The airframe's parameters that bound those of the same name in a tracker and a processor."""
 
@@ -96,26 +99,88 @@ def _airframes(case: Case) -> Iterator[_Frame]:
             yield _Frame(use.name, use.airframe, use.spans)
 
 
+def _lifts(airframe: Airframe, payload: float = 0.0) -> bool:
+    """Whether its rotors lift it with a payload of this mass, kg, and can steer it then."""
+    return airframe.max_thrust >= _SPARE * (airframe.mass + payload) * GRAVITY
+
+
+def _is_rigid(airframe: Airframe) -> bool:
+    inertia = airframe.inertia
+    return min(inertia) > 0.0 and 2.0 * max(inertia) <= sum(inertia) * (1.0 + _ROUNDING)
+
+
 def too_heavy(case: Case) -> Iterator[Diagnostic]:
-    """KYB318: four rotors at their largest thrust can't lift the airframe with a tenth to spare."""
+    """KYB318: four rotors at their largest thrust can't lift the airframe with 15 % to spare."""
     for frame in _airframes(case):
         most, weight = frame.airframe.max_thrust, frame.airframe.hover_thrust
-        if most >= _SPARE * weight:
+        if _lifts(frame.airframe):
             continue
         yield Diagnostic(
             "KYB318",
             f"`{frame.name.text}` can't fly: its four rotors lift {most:.3g} N",
             frame.place("thrust", "mass"),
             label=f"it weighs {format_quantity(weight, FORCE)}",
-            notes=("a tenth more than the weight is needed to steer",),
+            notes=(_STEER,),
         )
+
+
+def implausible(case: Case) -> Iterator[Diagnostic]:
+    """KYB420: an airframe's or a payload's numbers can't be those of a quadrotor, such as a
+    diameter in millimetres or rotors that take seconds.
+
+    Judged are disc loading, radius of gyration, torque ratio and rotor time, and of a payload its
+    size under the airframe and its density, by what was ever built (`kybflow.world.plausible`).
+    """
+    for doubt in case.cached(_implausible):
+        if doubt.found.is_certain:
+            yield _doubted("KYB420", "can't be", doubt)
+
+
+def unusual(case: Case) -> Iterator[Diagnostic]:
+    """KYB421: an airframe's or a payload's numbers are unusual for a quadrotor (a warning)."""
+    for doubt in case.cached(_implausible):
+        if not doubt.found.is_certain:
+            told = _doubted("KYB421", "is unusual", doubt)
+            yield replace(told, severity=Severity.WARNING)
+
+
+class _Doubt(NamedTuple):
+    """What is implausible, of whom, and where it is written."""
+
+    name: str
+    found: Implausible
+    span: Span
+
+
+def _implausible(case: Case) -> Iterator[_Doubt]:
+    for frame in _airframes(case):
+        if not _lifts(frame.airframe) or not _is_rigid(frame.airframe):
+            continue
+        for found in of_airframe(frame.airframe):
+            if not frame.spans.keys().isdisjoint(found.parameters):
+                yield _Doubt(f"`{frame.name.text}`", found, frame.place(*found.parameters))
+    for vehicle in case.vehicles():
+        payload, airframe = vehicle.payload, vehicle.airframe
+        if payload is not None and _lifts(airframe, payload.mass):
+            for found in of_parcel(payload, airframe):
+                span = vehicle.spans.get("payload", vehicle.span)
+                yield _Doubt(f"the payload of `{vehicle.name.text}`", found, span)
+
+
+def _doubted(code: str, what: str, doubt: _Doubt) -> Diagnostic:
+    return Diagnostic(
+        code,
+        f"{doubt.name} {what}: {doubt.found.found}",
+        doubt.span,
+        notes=(f"usual: {doubt.found.usual}",),
+        help="check the number and its unit",
+    )
 
 
 def no_rigid_body(case: Case) -> Iterator[Diagnostic]:
     """KYB319: moments of inertia that no body has: each is at most the sum of the other two."""
     for frame in _airframes(case):
-        inertia = frame.airframe.inertia
-        if min(inertia) > 0.0 and 2.0 * max(inertia) <= sum(inertia) * (1.0 + _ROUNDING):
+        if _is_rigid(frame.airframe):
             continue
         yield Diagnostic(
             "KYB319",
@@ -157,20 +222,20 @@ def no_servo(case: Case) -> Iterator[Diagnostic]:
 
 
 def too_heavy_to_lift(case: Case) -> Iterator[Diagnostic]:
-    """KYB397: four rotors at their largest thrust can't lift the vehicle and its payload with a
-    tenth to spare."""
+    """KYB397: four rotors at their largest thrust can't lift the vehicle and its payload with 15 %
+    to spare."""
     for vehicle in case.vehicles():
         if vehicle.payload is None:
             continue
         most = vehicle.airframe.max_thrust
         weight = (vehicle.airframe.mass + vehicle.payload.mass) * GRAVITY
-        if most < _SPARE * weight:
+        if not _lifts(vehicle.airframe, vehicle.payload.mass):
             yield Diagnostic(
                 "KYB397",
                 f"`{vehicle.name.text}` can't fly with its payload: its rotors lift {most:.3g} N",
                 vehicle.spans.get("payload", vehicle.span),
                 label=f"together they weigh {format_quantity(weight, FORCE)}",
-                notes=("a tenth more than the weight is needed to steer",),
+                notes=(_STEER,),
                 help=_lighter(vehicle, vehicle.payload),
             )
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import radians
 from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import PartUse, VehicleEntry
 from kybflow.flight.loops.design import (
+    ASKED,
     LEAST,
     PLANNED,
+    asked_of,
     designed,
     holds,
     margins_of,
@@ -22,6 +25,8 @@ from kybflow.flight.loops.response import OuterLoop
 from kybflow.world.inner_loop import InnerLoop
 
 GAINS = ("proportional", "derivative", "integral")
+_SWINGS = Margins(1.1, radians(10.0), 0.0)
+"""Below these a loop swings long after each disturbance."""
 
 
 class _Closed(NamedTuple):
@@ -63,7 +68,9 @@ def _is_chosen(gain: tuple[float | None, float | None]) -> bool:
 
 def gains_that_oscillate(case: Case) -> Iterator[Diagnostic]:
     """KYB323: a tracker's gains would make the vehicle oscillate on the loop that answers them, or
-    all but: they leave a gain margin below 1.1, a phase margin below 10 degrees, or less than 5 ms
+    all but.
+
+    They leave a gain margin below 1.4 (3 dB), a phase margin below 15 degrees, or less than 5 ms
     for what comes later than it is believed to.
 
     The margins are those of the linear loop: the on-board attitude loop that the airframe declares,
@@ -77,17 +84,29 @@ def gains_that_oscillate(case: Case) -> Iterator[Diagnostic]:
 
 def gains_near_the_limit(case: Case) -> Iterator[Diagnostic]:
     """KYB324: a tracker's gains leave little margin on the loop that answers them: a gain margin
-    below 1.4, a phase margin below 33 degrees or a delay margin below 20 ms."""
+    below 2 (6 dB), a phase margin below 30 degrees or a delay margin below 20 ms (a warning).
+
+    Where the gains that follow from the loop leave a gain margin below 2 themselves, theirs is what
+    is asked for. A tracker's own gains are told where KYB323 would refuse written ones.
+    """
     for loop in case.cached(_loops):
         is_refused = loop.is_chosen and not holds(loop.margins, LEAST)
-        if not is_refused and not holds(loop.margins, PLANNED if loop.is_chosen else LEAST):
+        if not is_refused and not holds(loop.margins, ASKED) and _is_little(loop):
             yield replace(_finding("KYB324", loop), severity=Severity.WARNING)
+
+
+def _is_little(loop: _Closed) -> bool:
+    bound = asked_of(loop.outer, loop.inner) if loop.is_chosen else LEAST
+    return not holds(loop.margins, bound)
 
 
 def _finding(code: str, loop: _Closed) -> Diagnostic:
     tracker, name = loop.vehicle.tracker, loop.vehicle.name.text
-    holding = holds(loop.margins, LEAST)
-    what = f"leaves `{name}` little margin" if holding else f"would make `{name}` oscillate"
+    bound = asked_of(loop.outer, loop.inner)
+    what = f"would make `{name}` oscillate"
+    if holds(loop.margins, _SWINGS):
+        little = "little" if code == "KYB324" else "too little"
+        what = f"leaves `{name}` {little} margin"
     written = (tracker.spans[key] for key in (*GAINS, "observer") if key in tracker.spans)
     span = next(written, tracker.name.span)
     return Diagnostic(
@@ -95,21 +114,23 @@ def _finding(code: str, loop: _Closed) -> Diagnostic:
         f"`{tracker.name.text}` {what}",
         span,
         label=in_words(loop.margins),
-        notes=(f"at least {in_words(PLANNED)} are planned for",),
-        help=_way_out(loop),
+        notes=(f"at least {in_words(bound)} are asked for",),
+        help=_way_out(loop, bound),
     )
 
 
-def _way_out(loop: _Closed) -> str:
+def _way_out(loop: _Closed, bound: Margins) -> str:
     """The largest gains that leave what is planned for, or the quickest observer."""
     outer, inner = loop.outer, loop.inner
     if not loop.is_chosen:
         return "use a tracker whose gains follow from the loop, as those of `geometric` do"
-    if holds(margins_of(outer._replace(observer=0.0), inner), PLANNED):
-        return f"give `observer: {quickest_observer(outer, inner):g} Hz` at most"
+    if holds(margins_of(outer._replace(observer=0.0), inner), bound):
+        return f"give `observer: {quickest_observer(outer, inner, bound):g} Hz` at most"
     gains = designed(outer, inner)
     k, d, i = gains
     best = outer._replace(proportional=k, derivative=d, integral=i)
     if not holds(margins_of(best, inner), PLANNED):
         return "no gains suit this loop: make it answer sooner"
+    if outer.proportional != loop.vehicle.tracker.params.proportional:
+        return "give smaller gains: start at half of them"
     return "give at most " + ", ".join(f"`{n}: {v:.3g}`" for n, v in zip(GAINS, gains, strict=True))

@@ -57,6 +57,11 @@ _FAMILIES = {
     "KYB390": "Sensors",
     "KYB395": "Payloads",
     "KYB400": "Inputs and steering",
+    "KYB410": "Conditions and expectations",
+    "KYB415": "Transitions between behaviors",
+    "KYB416": "Estimators and failsafe",
+    "KYB420": "Airframes and what they carry",
+    "KYB422": "Printed tags",
 }
 """The families of codes, each from its first code on."""
 

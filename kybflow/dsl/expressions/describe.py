@@ -12,7 +12,7 @@ def describe(expression: tree.Expression) -> str:
     """The expression as a person would write it; what it says can be parsed again."""
     match expression:
         case tree.Compare(operator, left, right):
-            return f"{_value(left)} {operator} {_value(right)}"
+            return f"{shown_value(left)} {operator} {shown_value(right)}"
         case tree.InState(vehicle, state):
             return f"{vehicle} in {state}"
         case tree.GroupInState(quantifier, group, _, state):
@@ -53,7 +53,8 @@ def _grouped(part: tree.Expression, loose: tuple[type, ...]) -> str:
     return f"({text})" if isinstance(part, loose) else text
 
 
-def _value(value: tree.Value | tree.Aggregate) -> str:
+def shown_value(value: tree.Value | tree.Aggregate) -> str:
+    """A value of a comparison as a person would write it."""
     match value:
         case tree.Quantity(number, dimension):
             return quantity(number, dimension)
@@ -70,7 +71,7 @@ def _value(value: tree.Value | tree.Aggregate) -> str:
         case tree.Separation(vehicles):
             return f"separation({' and '.join(vehicles)})"
         case tree.Aggregate(function, inner, _, state):
-            return f"{function}({_value(inner)}{f' in {state}' if state else ''})"
+            return f"{function}({shown_value(inner)}{f' in {state}' if state else ''})"
 
 
 def _place(place: tree.Location) -> str:

@@ -8,9 +8,9 @@ or the form grows beyond `_MOST` groups, nothing is said.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import pairwise, product
-from math import inf
+from collections.abc import Callable, Mapping
+from itertools import combinations, pairwise, product
+from math import hypot, inf
 from typing import NamedTuple
 
 from kybflow.dsl.expressions import (
@@ -20,6 +20,7 @@ from kybflow.dsl.expressions import (
     Condition,
     GroupInState,
     InState,
+    Location,
     MissionTime,
     Not,
     Or,
@@ -29,7 +30,8 @@ from kybflow.dsl.expressions import (
     tree,
 )
 from kybflow.dsl.expressions.parse import FLIPPED
-from kybflow.parts.observables import OBSERVABLES, is_in
+from kybflow.parts.observables import OBSERVABLES, Envelope, is_in
+from kybflow.world.shapes import Box
 
 Bounds = Callable[[object], tuple[float, float]]
 """The range that a value never leaves (SI)."""
@@ -56,9 +58,42 @@ class _TooManyError(Exception):
     """The form has more groups than are worth looking at."""
 
 
-def physical_bounds(longest: float) -> Bounds:
-    """The bounds that nature sets, in a run of `longest` seconds at most: no speed or distance is
-    negative, no share above one, no time longer than the run."""
+class Envelopes(NamedTuple):
+    """Where the vehicles are, by name, and the one that asks; an unknown vehicle may be
+    anywhere."""
+
+    of: Mapping[str, Envelope]
+    own: str | None = None
+
+    def get(self, vehicle: str | None) -> Envelope | None:
+        name = self.own if vehicle is None else vehicle
+        return None if name is None else self.of.get(name)
+
+    def box(self, place: Location) -> Box:
+        """Where a place can be."""
+        if place.point is not None:
+            return Box(place.point, place.point)
+        envelope = self.get(place.vehicle)
+        if envelope is None:
+            return EVERYWHERE
+        if place.start or place.vehicle is None:
+            return Box(envelope.start, envelope.start)
+        around = Box(envelope.low, envelope.high)
+        return around.grown(_FALLS) if place.payload else around
+
+
+EVERYWHERE = Box((-inf, -inf, -inf), (inf, inf, inf))
+ANYWHERE = Envelopes({})
+_FALLS = (1.0, 1.0, 1.0)
+"""How far from its vehicle a payload is, or falls from it, metres."""
+
+
+def physical_bounds(
+    longest: float, there: Envelopes = ANYWHERE, at_first: Bounds | None = None
+) -> Bounds:
+    """The bounds of values in a run of `longest` seconds at most, whose vehicles keep to their
+    envelopes: no speed or distance is negative, no share above one, no time longer than the run.
+    at_first: bounds in the first tick, of which the extremes of the whole run know."""
 
     def bounds(value: object) -> tuple[float, float]:
         match value:
@@ -66,18 +101,41 @@ def physical_bounds(longest: float) -> Bounds:
                 return 0.0, longest
             case Axis():
                 return -1.0, 1.0
-            case Read(_, name):
-                return OBSERVABLES[name].low, OBSERVABLES[name].high
-            case tree.Distance() | tree.Separation():
-                return 0.0, inf
-            case tree.Aggregate("rms", inner):
-                low, high = bounds(inner)
-                return 0.0, max(abs(low), abs(high))
-            case tree.Aggregate(_, inner):
-                return bounds(inner)
+            case Read(vehicle, name):
+                return OBSERVABLES[name].bounds(there.get(vehicle))
+            case tree.Distance(a, b):
+                return _apart(there.box(a), there.box(b))
+            case tree.Separation(vehicles):
+                boxes = [there.box(Location(vehicle)) for vehicle in vehicles]
+                low, high = zip(*(_apart(a, b) for a, b in combinations(boxes, 2)), strict=True)
+                return min(low), min(high)
+            case tree.Aggregate(function, inner, _, state):
+                first = at_first(inner) if at_first is not None and state is None else None
+                return _statistic(function, bounds(inner), first)
         return -inf, inf
 
     return bounds
+
+
+def _statistic(
+    function: tree.Function, each: tuple[float, float], first: tuple[float, float] | None
+) -> tuple[float, float]:
+    """The range of a statistic of values in `each`; `first` is the range of the first of them."""
+    low, high = each
+    if function == "rms":
+        return 0.0, max(abs(low), abs(high))
+    if first is not None and function == "min":
+        return low, min(high, first[1])
+    if first is not None and function == "max":
+        return max(low, first[0]), high
+    return low, high
+
+
+def _apart(a: Box, b: Box) -> tuple[float, float]:
+    """The least and the largest distance between points of two boxes."""
+    sides = list(zip(*a, *b, strict=True))
+    near = hypot(*(max(0.0, r - q, p - s) for p, q, r, s in sides))
+    return near, hypot(*(max(s - p, q - r) for p, q, r, s in sides))
 
 
 def never_holds(condition: Condition, bounds: Bounds) -> bool:

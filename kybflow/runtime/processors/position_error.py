@@ -13,15 +13,18 @@ of acceleration is not judged. An alarm that persists is returned in every tick.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import ClassVar
 
 from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale, sub
 from kybflow.core.signals import Alarm, Reaction, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Length
-from kybflow.parts import Processor, param, params
+from kybflow.parts import Objection, Processor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 _LATELY = 2.0
+_TRACKED = 0.02
+"""Metres from its setpoint within which a vehicle is kept in still air, most of the time."""
 
 
 @params
@@ -38,6 +41,18 @@ class PositionError(Processor[PositionErrorParams]):
     }
     safety = True
     events = ("position_error_exceeded",)
+
+    @classmethod
+    def objections(
+        cls, params: PositionErrorParams, context: VehicleContext
+    ) -> Iterator[Objection]:
+        fence, limit = context.fence, params.limit
+        if limit < _TRACKED:
+            reason = f"alarms at once: good tracking leaves {_TRACKED * 100:.0f} cm"
+            yield Objection("limit", reason, "write `limit: 50 cm`", is_doubt=True)
+        if fence is not None and limit > norm(fence.size):
+            reason = f"never alarms: the fence is {norm(fence.size):.3g} m across"
+            yield Objection("limit", reason, "write `limit: 50 cm`", is_doubt=True)
 
     def __init__(self, params: PositionErrorParams, context: VehicleContext) -> None:
         super().__init__(params, context)

@@ -17,18 +17,22 @@ is an event of its own. The value of `battery_low` is the charge left, 0 to 1.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from kybflow.core.signals import NS, Alarm, BatteryWarning, Reaction, ReactionName, Tick
 from kybflow.core.units import Duration, Ratio
-from kybflow.parts import Supervisor, param, params
+from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_RECOVERED = 0.05
+_RECOVERED, _WARNS = 0.05, 0.3
+_FULL, _EMPTY = 0.95, 0.04
+"""Charge that a battery has after a minute, and at which its voltage collapses."""
 
 
 @params
 class BatterySupervisorParams:
     warn_below: Ratio = param(
-        "Charge below which it warns.", default=0.3, at_least=0.0, at_most=1.0, tightens="up"
+        "Charge below which it warns.", default=_WARNS, at_least=0.0, at_most=1.0, tightens="up"
     )
     land_below: Ratio = param(
         "Charge below which the vehicle lands.",
@@ -52,6 +56,22 @@ class BatterySupervisor(Supervisor[BatterySupervisorParams]):
     always = True
     unhurried = True
     events = ("battery_low", "battery_lost")
+
+    @classmethod
+    def objections(
+        cls, params: BatterySupervisorParams, context: VehicleContext
+    ) -> Iterator[Objection]:
+        p = params
+        if p.land_below >= _FULL:
+            reason = "alarms at once: no battery that flies stays as full"
+            yield Objection("land_below", reason, "write `land_below: 15 %`", p.reaction == "warn")
+        if p.land_below < _EMPTY:
+            reason = f"alarms below {p.land_below:.0%}, where a battery carries nothing any more"
+            yield Objection("land_below", reason, "write `land_below: 15 %`", is_doubt=True)
+        if p.warn_below < p.land_below and p.warn_below != _WARNS:
+            reason = f"warns when it lands already, below {p.land_below:.0%}"
+            hint = "write a `warn_below` above `land_below`"
+            yield Objection("warn_below", reason, hint, is_doubt=True)
 
     def __init__(self, params: BatterySupervisorParams, context: VehicleContext) -> None:
         super().__init__(params, context)

@@ -11,10 +11,17 @@ returned in every tick; the engine makes one event of it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
 from kybflow.core.units import Duration, Length
-from kybflow.parts import Supervisor, param, params
+from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
+
+_BLIND = 5.0
+"""Seconds after which dead reckoning is off by metres."""
+_SHARP = 1e-4
+"""Metres: less than the best motion capture leaves."""
 
 
 @params
@@ -32,6 +39,25 @@ class EstimateSupervisor(Supervisor[EstimateSupervisorParams]):
     always = True
     unhurried = True
     events = ("estimate_lost",)
+
+    @classmethod
+    def objections(
+        cls, params: EstimateSupervisorParams, context: VehicleContext
+    ) -> Iterator[Objection]:
+        p, loop = params, context.loop
+        late = context.dt if loop is None else max(context.dt, loop.pose_latency)
+        if p.age <= late:
+            reason = f"alarms at once: the newest measurement is {late * 1e3:.3g} ms old or older"
+            yield Objection("age", reason, "write `age: 300 ms`", p.reaction == "warn")
+        if p.age > _BLIND:
+            reason = f"lets the vehicle fly blindly for {p.age:.3g} s"
+            yield Objection("age", reason, "write `age: 300 ms`", is_doubt=True)
+        if p.spread < _SHARP:
+            reason = "alarms at once: no estimate is as certain"
+            yield Objection("spread", reason, "write `spread: 30 cm`", p.reaction == "warn")
+        if context.fence is not None and p.spread > max(context.fence.size):
+            reason = "never alarms: the fence is smaller"
+            yield Objection("spread", reason, "write `spread: 30 cm`", is_doubt=True)
 
     def __init__(self, params: EstimateSupervisorParams, context: VehicleContext) -> None:
         super().__init__(params, context)

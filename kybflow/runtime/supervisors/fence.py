@@ -15,9 +15,11 @@ persists is returned in every tick; the engine makes one event of it. World fram
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from kybflow.core.signals import Alarm, Reaction, ReactionName, Setpoint, Tick
 from kybflow.core.units import Length
-from kybflow.parts import Supervisor, param, params
+from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -36,6 +38,19 @@ class FenceSupervisor(Supervisor[FenceSupervisorParams]):
     always = True
     unhurried = True
     events = ("fence_breached",)
+
+    @classmethod
+    def objections(
+        cls, params: FenceSupervisorParams, context: VehicleContext
+    ) -> Iterator[Objection]:
+        fence, margin = context.fence, params.margin
+        if fence is not None and margin > min(fence.size):
+            reason = f"alarms {margin:.3g} m beyond a fence of {min(fence.size):.3g} m"
+            yield Objection("margin", reason, "write `margin: 10 cm`", is_doubt=True)
+
+    @classmethod
+    def can_tell(cls, context: VehicleContext) -> tuple[str, ...]:
+        return cls.events if context.fence is not None else ()
 
     def __init__(self, params: FenceSupervisorParams, context: VehicleContext) -> None:
         super().__init__(params, context)

@@ -13,9 +13,11 @@ again. The mission has then failed, however softly the vehicle lies there.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Setpoint, Tick, Time
 from kybflow.core.units import Length
-from kybflow.parts import Supervisor, param, params
+from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 _FLOWN, _NEAR, _STILL, _CLIMBS, _SINKS = 0.15, 0.05, 0.05, 0.1, -0.05
@@ -35,6 +37,13 @@ class Ground(Supervisor[GroundParams]):
     always = True
     unhurried = True
     events = ("ground_touched",)
+
+    @classmethod
+    def objections(cls, params: GroundParams, context: VehicleContext) -> Iterator[Objection]:
+        fence = context.fence
+        if fence is not None and params.gap > fence.size[2]:
+            reason = f"never alarms: the fence is {fence.size[2]:.3g} m high"
+            yield Objection("gap", reason, "write `gap: 10 cm`", is_doubt=True)
 
     def __init__(self, params: GroundParams, context: VehicleContext) -> None:
         super().__init__(params, context)

@@ -13,14 +13,18 @@ The default reaction is `land_blind`: which of the two positions is wrong can't 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
 from kybflow.core.units import Length, Number
 from kybflow.flight.pose_gate import ACCELERATION
-from kybflow.parts import Supervisor, param, params
+from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 _SHARE = 0.05
+_NOISE, _MANY = 0.002, 100.0
+"""Metres, and times the average step."""
 _LASTS = NS
 _SAME = NS // 1000
 
@@ -40,6 +44,19 @@ class Jump(Supervisor[JumpParams]):
     always = True
     unhurried = True
     events = ("jumped",)
+
+    @classmethod
+    def objections(cls, params: JumpParams, context: VehicleContext) -> Iterator[Objection]:
+        p = params
+        if p.at_least < _NOISE:
+            reason = "takes the noise of motion capture for a jump"
+            yield Objection("at_least", reason, "write `at_least: 10 cm`", is_doubt=True)
+        if context.fence is not None and p.at_least > max(context.fence.size):
+            reason = "never alarms: the fence is smaller"
+            yield Objection("at_least", reason, "write `at_least: 10 cm`", is_doubt=True)
+        if p.factor > _MANY:
+            reason = f"alarms at {p.factor:g} times the average step only"
+            yield Objection("factor", reason, "write `factor: 4`", is_doubt=True)
 
     def __init__(self, params: JumpParams, context: VehicleContext) -> None:
         super().__init__(params, context)

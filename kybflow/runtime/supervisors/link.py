@@ -17,9 +17,17 @@ lands by its own land mode, whose loops the link is no part of.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from kybflow.core.signals import Alarm, Reaction, ReactionName, Tick
 from kybflow.core.units import Duration
-from kybflow.parts import Supervisor, param, params
+from kybflow.parts import Objection, Supervisor, param, params
+from kybflow.world.vehicle_context import VehicleContext
+
+_HASTY, _SILENT = 0.05, 10.0
+"""Seconds of silence that a radio has now and then, and after which it is gone for good."""
+_LATE = 2.0
+"""Seconds: several times those after which the slowest loop oscillates."""
 
 
 @params
@@ -33,6 +41,28 @@ class LinkSupervisor(Supervisor[LinkSupervisorParams]):
     always = True
     unhurried = True
     events = ("link_lost", "link_slow")
+
+    @classmethod
+    def objections(
+        cls, params: LinkSupervisorParams, context: VehicleContext
+    ) -> Iterator[Objection]:
+        p = params
+        tick = f"a tick takes {context.dt * 1e3:.3g} ms"
+        if p.age <= context.dt:
+            reason = f"alarms with the first late packet: {tick}"
+            yield Objection("age", reason, "write `age: 500 ms`", p.reaction == "warn")
+        elif p.age < _HASTY:
+            reason = "alarms when a few packets are late"
+            yield Objection("age", reason, "write `age: 500 ms`", is_doubt=True)
+        if p.age > _SILENT:
+            reason = f"leaves the vehicle alone for {p.age:.3g} s"
+            yield Objection("age", reason, "write `age: 500 ms`", is_doubt=True)
+        if p.delay <= context.dt:
+            reason = f"alarms with the first round trip: {tick}"
+            yield Objection("delay", reason, "write `delay: 200 ms`", p.reaction == "warn")
+        if p.delay > _LATE:
+            reason = "alarms long after a loop over the link oscillates"
+            yield Objection("delay", reason, "write `delay: 200 ms`", is_doubt=True)
 
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:
         p, silence, delay = self.params, tick.link_age, tick.link_delay

@@ -14,10 +14,12 @@ below it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from kybflow.core.geometry import distance, dot, sub
 from kybflow.core.signals import NEVER, NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
 from kybflow.core.units import Length
-from kybflow.parts import Supervisor, param, params
+from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 _APART = 0.05
@@ -41,6 +43,21 @@ class Proximity(Supervisor[ProximityParams]):
     always = True
     unhurried = True
     events = ("too_close",)
+
+    @classmethod
+    def objections(cls, params: ProximityParams, context: VehicleContext) -> Iterator[Objection]:
+        touching = context.airframe.diameter
+        for name, start in context.starts.items():
+            other, apart = context.diameters.get(name, touching), distance(context.start, start)
+            bound = 0.5 * (touching + other) + params.margin
+            if name != context.vehicle and max(touching, other) <= apart <= bound:
+                reason = f"alarms at its start: `{name}` is {apart:.3g} m away"
+                hint = f"{bound:.3g} m are needed: write a smaller `margin`, or start further apart"
+                yield Objection("margin", reason, hint, params.reaction == "warn")
+
+    @classmethod
+    def can_tell(cls, context: VehicleContext) -> tuple[str, ...]:
+        return cls.events if len(context.diameters) > 1 else ()
 
     def __init__(self, params: ProximityParams, context: VehicleContext) -> None:
         super().__init__(params, context)

@@ -13,13 +13,17 @@ The default reaction is `brake`: the vehicle holds where it is, and goes on from
 
 from __future__ import annotations
 
-from kybflow.core.geometry import ZERO, add, distance, scale
+from collections.abc import Iterator
+
+from kybflow.core.geometry import ZERO, add, distance, norm, scale
 from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Setpoint, Tick, Time
 from kybflow.core.units import Length
-from kybflow.parts import Supervisor, param, params
+from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 _LASTS = NS // 10
+_TRACKED = 0.02
+"""Metres from its setpoint within which a vehicle is kept in still air, most of the time."""
 
 
 @params
@@ -35,6 +39,20 @@ class SetpointSupervisor(Supervisor[SetpointSupervisorParams]):
     always = True
     unhurried = True
     events = ("setpoint_jumped", "setpoint_left")
+
+    @classmethod
+    def objections(
+        cls, params: SetpointSupervisorParams, context: VehicleContext
+    ) -> Iterator[Objection]:
+        fence = context.fence
+        for name, usual in ("step", "50 cm"), ("distance", "1 m"):
+            bound: float = getattr(params, name)
+            if bound < _TRACKED:
+                reason = f"alarms at once: good tracking leaves {_TRACKED * 100:.0f} cm"
+                yield Objection(name, reason, f"write `{name}: {usual}`", is_doubt=True)
+            if fence is not None and bound > norm(fence.size):
+                reason = f"never alarms: the fence is {norm(fence.size):.3g} m across"
+                yield Objection(name, reason, f"write `{name}: {usual}`", is_doubt=True)
 
     def __init__(self, params: SetpointSupervisorParams, context: VehicleContext) -> None:
         super().__init__(params, context)

@@ -11,14 +11,17 @@ The default reaction is `land`: what makes it spin does not go away in the air.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import degrees
 
 from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick
 from kybflow.core.units import DEG, AngularRate
-from kybflow.parts import Supervisor, param, params
+from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 _LATELY = 0.25
+_MEASURED, _TURNS = 2000.0 * DEG, 10.0 * DEG
+"""rad/s: the range of usual gyroscopes, and what gusts and take-offs turn a vehicle by."""
 
 
 @params
@@ -33,6 +36,15 @@ class Spin(Supervisor[SpinParams]):
     always = True
     unhurried = True
     events = ("spinning",)
+
+    @classmethod
+    def objections(cls, params: SpinParams, context: VehicleContext) -> Iterator[Objection]:
+        if params.limit > _MEASURED:
+            reason = "never alarms: no gyroscope measures such a rate"
+            yield Objection("limit", reason, "write `limit: 360 deg/s`", is_doubt=True)
+        if params.limit < _TURNS:
+            reason = "alarms when gusts turn the vehicle a little"
+            yield Objection("limit", reason, "write `limit: 360 deg/s`", is_doubt=True)
 
     def __init__(self, params: SpinParams, context: VehicleContext) -> None:
         super().__init__(params, context)

@@ -9,15 +9,18 @@ The default reaction is `land_blind`, which asks for a level attitude and nothin
 
 from __future__ import annotations
 
-from math import degrees
+from collections.abc import Iterator
+from math import degrees, pi
 
 from kybflow.core.geometry import tilt_of
 from kybflow.core.signals import Alarm, Reaction, ReactionName, Tick
 from kybflow.core.units import DEG, Angle
-from kybflow.parts import Supervisor, param, params
+from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 _BACK = 0.087
+_HOVERS = 0.05
+"""Tilt of a vehicle that only hovers, in a draught, rad."""
 
 
 @params
@@ -32,6 +35,18 @@ class TiltSupervisor(Supervisor[TiltSupervisorParams]):
     always = True
     unhurried = True
     events = ("tilted",)
+
+    @classmethod
+    def objections(
+        cls, params: TiltSupervisorParams, context: VehicleContext
+    ) -> Iterator[Objection]:
+        own, limit = context.airframe.tilt, params.limit
+        if limit <= own:
+            reason = f"alarms in curves: the airframe may tilt {degrees(own):.3g} deg"
+            yield Objection("limit", reason, "write `limit: 60 deg`", limit > _HOVERS)
+        if limit > 0.5 * pi:
+            reason = "alarms when the vehicle is upside down, which is too late"
+            yield Objection("limit", reason, "write `limit: 60 deg`", is_doubt=True)
 
     def __init__(self, params: TiltSupervisorParams, context: VehicleContext) -> None:
         super().__init__(params, context)

@@ -22,10 +22,12 @@ from kybflow.core.geometry import GRAVITY, ZERO, Vec3, body_z
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Damping, Number, Speed
 from kybflow.flight.governor import shortened
+from kybflow.flight.loops.response import OuterLoop
 from kybflow.flight.steering import Steering, turning
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.parts import Tracker, param, params
-from kybflow.world.vehicle_context import VehicleContext
+from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 
 @params
@@ -49,6 +51,14 @@ class Velocity(Tracker[VelocityParams]):
         self._drag = context.airframe.drag
         self._steering = Steering(context, params.mass_guess)
         self._integral = (0.0, 0.0)
+
+    @classmethod
+    def outer_loop(
+        cls, params: VelocityParams, airframe: Airframe, inner: InnerLoop | None, period: float
+    ) -> OuterLoop:
+        """With the wanted velocity P e, D and I are those of `cascade` with D P + I, D and I P."""
+        p, k, d, i = params, params.proportional, params.derivative, params.integral
+        return OuterLoop(d * k + i, d, i * k, p.trim, airframe.drag, period, turning=0.0)
 
     @property
     def hover_thrust(self) -> float:

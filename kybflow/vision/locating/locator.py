@@ -21,7 +21,7 @@ from kybflow.vision.locating.locate import Located, locate
 from kybflow.vision.locating.search import Search, Shapes
 from kybflow.vision.locating.sight import AT_REST, BodyMotion, Start, TagView
 from kybflow.vision.projection import optical_pose, rotation, undistort
-from kybflow.world.cameras import Camera
+from kybflow.world.cameras import LEAST_SIDE, Camera
 from kybflow.world.tags import Tag, TagMap
 
 _CLOSE = 6.0
@@ -35,8 +35,6 @@ _NARROW, _WIDEST = 12.0, 100.0
 _ENOUGH, _SHARE = 3, 0.4
 """Tags that hold a pose, if so many should be in view; and the share of these that must."""
 _PATIENCE = 4
-_LEAST_CELLS, _LEAST_PIXELS = 6, 2.0
-"""The smallest tag in the image that is looked for."""
 _GRAZING = 0.05
 
 
@@ -158,7 +156,7 @@ class Locator:
         lowest tag's plane, as far away as the largest tag can be made out."""
         at, turn = optical_pose(camera, *pose)
         rays = self._rims[camera.name] @ rotation(turn).T
-        far = self._largest * camera.lens.fx / (_LEAST_CELLS * _LEAST_PIXELS)
+        far = self._largest * camera.lens.fx / LEAST_SIDE
         down = numpy.maximum(-rays[:, 2], _GRAZING)
         reach = numpy.clip((at[2] - self._lowest) / down, 0.0, far)
         ends = numpy.vstack((rays[:, :2] * reach[:, None], (0.0, 0.0))) + at[:2]

@@ -1,0 +1,202 @@
+"""Conditions and expectations whose answer is known before the flight: KYB253, KYB254 and KYB410 to
+KYB414."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import inf
+from typing import NamedTuple
+
+from kybflow.core.units import DURATION, Dimension, format_quantity
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.conditions import TypedCondition, all_conditions, nodes
+from kybflow.dsl.checks.envelopes import reaches_of
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.expressions import (
+    Aggregate,
+    Always,
+    Compare,
+    Condition,
+    Distance,
+    Eventually,
+    Expression,
+    Finished,
+    Quantity,
+    Read,
+    Separation,
+    parse,
+)
+from kybflow.dsl.expressions.describe import quantity, shown_value
+from kybflow.dsl.expressions.reasoning import always_holds, never_holds, physical_bounds
+from kybflow.dsl.expressions.tree import Value
+
+
+class _Decided(NamedTuple):
+    """A condition whose answer is known before the flight: it always `holds`, or never. is_certain:
+    whatever happens, and not only in a flight that is in order."""
+
+    typed: TypedCondition
+    holds: bool
+    is_certain: bool
+
+
+def _decided(case: Case) -> Iterator[_Decided]:
+    reaches = reaches_of(case)
+    for typed in case.cached(all_conditions):
+        usual, certain, _ = reaches(typed.own)
+        for holds, is_known in ((False, never_holds), (True, always_holds)):
+            if is_known(typed.condition, usual):
+                yield _Decided(typed, holds, is_known(typed.condition, certain))
+                break
+
+
+def never_true(case: Case) -> Iterator[Diagnostic]:
+    """KYB253: a condition that can never hold: what it asks of one value leaves none, or the value
+    is never there.
+
+    No speed, distance, age or time is below zero, no share outside 0 % to 100 %, no tilt above 180
+    degrees, no time beyond the mission's `time_limit`, and no vehicle is in two states at once. No
+    vehicle comes further outside the fence than the fence is long, is faster than three times its
+    airframe's speed and a fall from there, or begins anywhere but at its start. A transition with
+    such a condition never fires, an estimator with such a `healthy` is never used, and an
+    expectation fails whatever is flown.
+    """
+    for found in case.cached(_decided):
+        if not found.holds and found.is_certain:
+            hint = "mend the bound, or write `or` where both can't hold at once"
+            if isinstance(found.typed.condition, Compare) and found.typed.is_expected:
+                hint = "mend the bound, or ask for it in a state: `min(a.state.altitude in hold)`"
+            yield _told(case, found, "KYB253", "can never hold", "never true", hint)
+
+
+def always_true(case: Case) -> Iterator[Diagnostic]:
+    """KYB254: a condition that holds whenever it can be asked, so that it says nothing.
+
+    A transition with it fires in the first tick of its state (a warning); an expectation with it
+    can't fail, which is an error but for a statistic of a state, which may never be entered.
+    """
+    for found in case.cached(_decided):
+        if found.holds and found.is_certain:
+            hint = "mend the bound, or leave the condition away"
+            told = _told(case, found, "KYB254", "always holds", "always true", hint)
+            is_empty = found.typed.is_expected and not _of_a_state(found.typed.condition)
+            yield told if is_empty else replace(told, severity=Severity.WARNING)
+
+
+def not_in_order(case: Case) -> Iterator[Diagnostic]:
+    """KYB410: a condition that can't hold in a flight that is in order (a warning).
+
+    It asks for a place a fifth of the fence's size outside of it, for three times the airframe's
+    speed, for an estimate that is 10 s old, or for a spread below 0.1 mm.
+    """
+    for found in case.cached(_decided):
+        if not found.holds and not found.is_certain:
+            hint = "ask for what can be, or leave the condition away"
+            told = _told(case, found, "KYB410", "hardly ever holds", "out of reach", hint)
+            yield replace(told, severity=Severity.WARNING)
+
+
+def generous(case: Case) -> Iterator[Diagnostic]:
+    """KYB411: a condition that always holds in a flight that is in order, so that it says next to
+    nothing (a warning).
+
+    The bounds are those of KYB410: a position error below 10 m where the fence is 6 m wide.
+    """
+    for found in case.cached(_decided):
+        if found.holds and not found.is_certain:
+            hint = "give the bound that you mean, or leave the condition away"
+            told = _told(case, found, "KYB411", "says next to nothing", "holds anyhow", hint)
+            yield replace(told, severity=Severity.WARNING)
+
+
+def _told(case: Case, found: _Decided, code: str, what: str, label: str, hint: str) -> Diagnostic:
+    text = found.typed.text
+    message, notes = f"`{text.as_written}` {what}", tuple(_limits(case, found))
+    return Diagnostic(code, message, text.span, label, notes, hint)
+
+
+def _limits(case: Case, found: _Decided) -> Iterator[str]:
+    """How far the values go that decide a condition, where nature alone doesn't."""
+    usual, certain, _ = reaches_of(case)(found.typed.own)
+    bounds, nature = (certain if found.is_certain else usual), physical_bounds(inf)
+    is_known = always_holds if found.holds else never_holds
+    for node in nodes(found.typed.condition):
+        match node:
+            case Compare(
+                _, (Read() | Distance() | Separation() | Aggregate()) as value, Quantity(_, unit)
+            ) if is_known(node, bounds) and not is_known(node, nature):
+                yield _range(value, usual(value), unit)
+
+
+def _range(value: Value | Aggregate, reached: tuple[float, float], dimension: Dimension) -> str:
+    low, high = (quantity(bound, dimension) for bound in reached)
+    return f"`{shown_value(value)}` goes from {low} to {high}"
+
+
+def _of_a_state(condition: Condition) -> bool:
+    return any(isinstance(node, Aggregate) and node.state for node in nodes(condition))
+
+
+def false_at_first(case: Case) -> Iterator[Diagnostic]:
+    """KYB412: an `always` that is false in the first tick, where its vehicles stand at their
+    starts, so that it fails whatever is flown."""
+    for text, expression in _expected(case):
+        if not isinstance(expression, Always):
+            continue
+        usual, _, at_first = reaches_of(case)(None)
+        condition = expression.condition
+        if never_holds(condition, at_first) and not never_holds(condition, usual):
+            yield Diagnostic(
+                "KYB412",
+                f"`{text.as_written}` is false at once",
+                text.span,
+                label="the vehicles stand at their starts",
+                help="ask for it in a state: `min(a.state.altitude in hold) > 1 m`",
+            )
+
+
+def true_at_first(case: Case) -> Iterator[Diagnostic]:
+    """KYB413: an `eventually` that is true in the first tick, where its vehicles stand at their
+    starts, so that it says nothing of the flight (a warning)."""
+    for text, expression in _expected(case):
+        if not isinstance(expression, Eventually):
+            continue
+        usual, _, at_first = reaches_of(case)(None)
+        condition = expression.condition
+        if always_holds(condition, at_first) and not always_holds(condition, usual):
+            yield Diagnostic(
+                "KYB413",
+                f"`{text.as_written}` is true at once",
+                text.span,
+                label="the vehicles stand at their starts",
+                help="write `finally` for the end of the run",
+                severity=Severity.WARNING,
+            )
+
+
+def _expected(case: Case) -> Iterator[tuple[Text, Expression]]:
+    """Every expectation that parses."""
+    for text in case.document.expect:
+        expression = parse(text, case.scopes.expectation())[0]
+        if expression is not None:
+            yield text, expression
+
+
+def longer_than_the_run(case: Case) -> Iterator[Diagnostic]:
+    """KYB414: an expectation gives more time than the run has, so that its `within` says nothing (a
+    warning)."""
+    limit = case.document.time_limit
+    for text, expression in _expected(case):
+        match expression:
+            case Eventually(_, within) | Finished(within) if within is not None and within > limit:
+                yield Diagnostic(
+                    "KYB414",
+                    f"`{text.as_written}` gives more time than there is",
+                    text.span,
+                    label="the run is over before",
+                    notes=(f"its `time_limit` is {format_quantity(limit, DURATION)}",),
+                    help="give less, or write a longer `time_limit`",
+                    severity=Severity.WARNING,
+                )

@@ -1,0 +1,104 @@
+"""How far the values of a mission's vehicles go, by the fence, the airframe and the start: once as
+far as nothing goes, once as far as a flight goes that is in order, and in the first tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import hypot, pi, sqrt
+from typing import NamedTuple
+
+from kybflow.core.geometry import GRAVITY, Vec3
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.document import VehicleEntry
+from kybflow.dsl.expressions.reasoning import EVERYWHERE, Bounds, Envelopes, physical_bounds
+from kybflow.parts.observables import Envelope
+from kybflow.world.shapes import Box
+
+_PLACED = (0.05, 0.05, 0.05)
+_STANDS, _LEVEL = 0.05, 0.2
+"""In the first tick: how far from its start a vehicle may stand, m, its speed, m/s, its tilt."""
+_SHARE, _ROOM = 0.2, 0.3
+"""How far outside the fence a flight in order may come: a share of its size, and m at least."""
+_FAR = 2.0
+"""How far outside at least nothing comes, m: by as much as the fence is long, if that is more."""
+_FASTER = 3.0
+"""Times the airframe's speed that gusts and failures bring it to; what falls is faster."""
+_OLD = 10.0
+"""Age of an estimate that no vehicle flies on, s."""
+_SPREAD, _LEAST_SPREAD = 1e-4, 1e-5
+"""The spread of the best motion capture there is, and one that nothing has, m."""
+
+
+class Reaches(NamedTuple):
+    """Bounds for one who asks. usual: of a flight in order. certain: whatever happens."""
+
+    usual: Bounds
+    certain: Bounds
+    at_first: Bounds
+
+
+def reaches_of(case: Case) -> Callable[[str | None], Reaches]:
+    """The bounds by the vehicle that asks, None for none of them."""
+    (found,) = case.cached(_reaches)
+    return found
+
+
+def _reaches(case: Case) -> list[Callable[[str | None], Reaches]]:
+    vehicles, fence = case.document.vehicles.items(), case.document.fence
+    kinds = (
+        {name: _usual(vehicle, fence) for name, vehicle in vehicles},
+        {name: _certain(vehicle, fence) for name, vehicle in vehicles},
+        {name: _at_first(vehicle) for name, vehicle in vehicles},
+    )
+    made: dict[str | None, Reaches] = {}
+
+    def reaches(own: str | None) -> Reaches:
+        if own not in made:
+            usual, certain, first = (Envelopes(kind, own) for kind in kinds)
+            longest = case.document.time_limit
+            at_first = physical_bounds(longest, first)
+            made[own] = Reaches(
+                physical_bounds(longest, usual, at_first),
+                physical_bounds(longest, certain, at_first),
+                at_first,
+            )
+        return made[own]
+
+    return [reaches]
+
+
+def _usual(vehicle: VehicleEntry, fence: Box | None) -> Envelope:
+    box = _around(vehicle, fence, lambda size: tuple(max(_ROOM, _SHARE * s) for s in size))
+    speed, across = _fast(vehicle), hypot(*(EVERYWHERE if fence is None else fence).size)
+    tilt = 0.5 * pi + vehicle.airframe.tilt
+    return Envelope(vehicle.start, *box, speed, tilt, across, 2.0 * speed, _OLD, _SPREAD)
+
+
+def _certain(vehicle: VehicleEntry, fence: Box | None) -> Envelope:
+    box = _around(vehicle, fence, lambda size: (max(_FAR, *size),) * 3)
+    across, speed = hypot(*box.size), _fast(vehicle) + sqrt(2.0 * GRAVITY * box.size[2])
+    return Envelope(vehicle.start, *box, speed, pi, across, 2.0 * speed, spread=_LEAST_SPREAD)
+
+
+def _fast(vehicle: VehicleEntry) -> float:
+    return _FASTER * hypot(vehicle.airframe.speed, vehicle.airframe.climb)
+
+
+def _around(
+    vehicle: VehicleEntry, fence: Box | None, room: Callable[[Vec3], tuple[float, ...]]
+) -> Box:
+    """The fence and the start, with some room around; everywhere without a fence."""
+    if fence is None:
+        return EVERYWHERE
+    x, y, z = room(fence.size)
+    low, high = fence.grown((x, y, z))
+    (a, b, c), (d, e, f), start = low, high, vehicle.start
+    return Box(
+        (min(a, start[0]), min(b, start[1]), min(c, start[2])),
+        (max(d, start[0]), max(e, start[1]), max(f, start[2])),
+    )
+
+
+def _at_first(vehicle: VehicleEntry) -> Envelope:
+    low, high = Box(vehicle.start, vehicle.start).grown(_PLACED)
+    return Envelope(vehicle.start, low, high, _STANDS, _LEVEL)

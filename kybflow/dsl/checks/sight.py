@@ -1,0 +1,94 @@
+"""Whether a vehicle that finds its way by printed tags sees any where it goes: KYB422."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from math import hypot
+
+from kybflow.core.geometry import Vec3, rotate
+from kybflow.core.signals import Frame
+from kybflow.core.units import LENGTH, format_quantity
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.estimators import reckons
+from kybflow.dsl.checks.space import aim_of, footprints, shown_point
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.document import EstimatorEntry, VehicleEntry
+from kybflow.world.cameras import LEAST_SIDE, Camera
+from kybflow.world.tags import Tag
+
+_LOW = 0.3
+"""Metres above its start up to which a vehicle takes off and lands, on what it saw there."""
+_DOWNWARD = -0.95
+"""The z of the axis of a camera that looks down, level."""
+
+
+def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
+    """KYB422: a vehicle that flies on tags alone goes where its cameras see no tag (a warning).
+
+    A tag counts that may be in the image of a camera that looks down, whatever the heading; that
+    fits into it as a whole; and whose side is at least 12 pixels long, as the search for tags asks.
+    Dead reckoning may bridge what is between two places, so only their ends are judged.
+    """
+    tags = [*chain.from_iterable(use.tags for use in case.document.tags)]
+    blind = {v.name.text for v in case.vehicles() if tags and _flies_on_tags(v)}
+    judged: set[tuple[str, Vec3]] = set()
+    for vehicle, state, _, footprint in case.cached(footprints) if blind else ():
+        name = vehicle.name.text
+        for place in footprint.points if name in blind else ():
+            if place[2] < vehicle.start[2] + _LOW or (name, place) in judged:
+                continue
+            judged.add((name, place))
+            reason = _unseen(vehicle, place, tags)
+            if reason:
+                yield Diagnostic(
+                    "KYB422",
+                    f"`{name}` sees no tag where `{state.name.text}` goes",
+                    aim_of(state, footprint),
+                    label=reason,
+                    notes=(f"at {shown_point(place)}",),
+                    help="go where tags are, at another height, or print others",
+                    severity=Severity.WARNING,
+                )
+                break
+
+
+def _flies_on_tags(vehicle: VehicleEntry) -> bool:
+    """Whether nothing but tags and dead reckoning tells where it is, by cameras that look down."""
+    down = [rotate(c.camera.attitude, (0.0, 0.0, 1.0))[2] < _DOWNWARD for c in vehicle.cameras]
+    sees = [_sees_tags(use) for use in vehicle.estimators]
+    known = (
+        is_by_tags or reckons(use) for is_by_tags, use in zip(sees, vehicle.estimators, strict=True)
+    )
+    return bool(down) and all(down) and any(sees) and all(known)
+
+
+def _sees_tags(use: EstimatorEntry) -> bool:
+    cls = use.part.spec.cls
+    return cls.needs_tags and Frame in cls.uses(use.part.params)
+
+
+def _unseen(vehicle: VehicleEntry, place: Vec3, tags: Sequence[Tag]) -> str:
+    """Why no tag is seen from a place; empty where one is."""
+    reasons = [_hidden(use.camera, place, tags) for use in vehicle.cameras]
+    return reasons[0] if all(reasons) else ""
+
+
+def _hidden(camera: Camera, place: Vec3, tags: Sequence[Tag]) -> str:
+    lens, (x, y, z) = camera.lens, place
+    aside, reason = hypot(camera.position[0], camera.position[1]), ""
+    for tag in tags:
+        height = z + camera.position[2] - tag.position[2]
+        wide, high = lens.width / lens.fx * height, lens.height / lens.fy * height
+        away = hypot(x - tag.position[0], y - tag.position[1])
+        if height <= 0.0 or away > aside + 0.5 * hypot(wide, high):
+            continue
+        pixels = lens.fx * tag.size / height
+        if tag.size > min(wide, high):
+            room = format_quantity(min(wide, high), LENGTH)
+            reason = f"the image shows {room}, a tag is {format_quantity(tag.size, LENGTH)} wide"
+        elif pixels < LEAST_SIDE:
+            reason = f"a tag is {pixels:.2g} pixels wide, {LEAST_SIDE:g} are needed"
+        else:
+            return ""
+    return reason or "no tag is in the image"

@@ -1,0 +1,84 @@
+"""What watches a vehicle: bounds that are crossed at once or never (KYB416 and KYB417), and rotors
+that stop in the air (KYB418)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import sqrt
+
+from kybflow.core.geometry import GRAVITY
+from kybflow.core.units import LENGTH, SPEED, format_quantity
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.contexts import contexts
+from kybflow.dsl.checks.space import footprints
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.document import PartUse, VehicleEntry
+from kybflow.parts import Objection
+
+
+def crossed_at_once(case: Case) -> Iterator[Diagnostic]:
+    """KYB416: a bound of a supervisor or a processor is crossed as soon as the vehicle flies.
+
+    Such a bound is shorter than a tick, sharper than any estimate, or wider than the vehicles'
+    starts are apart. Each part says so of itself.
+    """
+    for part, objection in case.cached(_objections):
+        if not objection.is_doubt:
+            yield _finding("KYB416", part, objection, Severity.ERROR)
+
+
+def of_little_help(case: Case) -> Iterator[Diagnostic]:
+    """KYB417: a bound of a supervisor or a processor is crossed never, too late to help, or in
+    flights that are in order (a warning)."""
+    for part, objection in case.cached(_objections):
+        if objection.is_doubt:
+            yield _finding("KYB417", part, objection, Severity.WARNING)
+
+
+def _objections(case: Case) -> Iterator[tuple[PartUse, Objection]]:
+    for vehicle, context in case.cached(contexts):
+        for part in (*vehicle.supervisors, *vehicle.processors):
+            for objection in part.spec.cls.objections(part.params, context):
+                yield part, objection
+
+
+def _finding(code: str, part: PartUse, objection: Objection, severity: Severity) -> Diagnostic:
+    return Diagnostic(
+        code,
+        f"`{objection.parameter}` of `{part.label}` {objection.reason}",
+        part.spans.get(objection.parameter, part.name.span),
+        help=objection.hint,
+        severity=severity,
+    )
+
+
+def falls(case: Case) -> Iterator[Diagnostic]:
+    """KYB418: a supervisor stops the rotors in the air (a warning).
+
+    From the height h a vehicle hits the ground at sqrt(2 g h); h is that of the highest place to
+    which the mission flies it, else of the fence's top.
+    """
+    for vehicle in case.vehicles():
+        for part in vehicle.supervisors:
+            if getattr(part.params, "reaction", None) != "cut":
+                continue
+            height = max(0.0, _highest(case, vehicle) - vehicle.start[2])
+            speed = format_quantity(sqrt(2.0 * GRAVITY * height), SPEED)
+            yield Diagnostic(
+                "KYB418",
+                f"`{part.label}` lets `{vehicle.name.text}` fall",
+                part.spans.get("reaction", part.name.span),
+                label="stops the rotors in the air",
+                notes=(f"from {format_quantity(height, LENGTH)} it hits the ground at {speed}",),
+                help="write `reaction: land_blind`, unless a fall does the least harm",
+                severity=Severity.WARNING,
+            )
+
+
+def _highest(case: Case, vehicle: VehicleEntry) -> float:
+    found = case.cached(footprints)
+    ways = (way for owner, _, _, way in found if owner is vehicle)
+    heights = [point[2] for way in ways for point in way.points]
+    fence = case.document.fence
+    top = vehicle.start[2] if fence is None else fence.high[2]
+    return max(heights, default=top)

@@ -1,0 +1,132 @@
+"""Whether an airframe's numbers are those of a quadrotor: how they stand to each other.
+
+Each ratio is judged by what was built, from 27 g to 6 kg, and by what could be:
+
+    thrust to weight     1.5 to 5; racers reach 10 and more
+    disc loading         m g / 4 pi r^2: Crazyflie 2 40 N/m^2, MikroKopter 52, Nano+ 80, X500 106, a
+                         racer of 5 inches 155 (Leishman, Helicopter Aerodynamics, sec. 2.6)
+    radius of gyration   sqrt(I / m) over the diameter: 0.20 to 0.27 about x and y, 0.27 to 0.33
+                         about z, on the airframes of the library, the Crazyflie 2 (Foerster, 2015)
+                         and the Hummingbird (RotorS); all of the mass at the hubs: 0.35 and 0.5
+    torque ratio         over the rotor's radius, C_Q / C_T: 0.13 to 0.26 on the same
+    rotor time           12 ms with speed loops to 107 ms without (hector_quadrotor, RotorS)
+
+SI; r is a quarter of the diameter. What is certain can't be or can't fly; the rest is unusual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import cos, pi, sqrt
+from typing import NamedTuple
+
+from kybflow.core.units import DURATION, LENGTH, Dimension, format_quantity
+from kybflow.world.vehicle_context import Airframe, Parcel
+
+
+class Range(NamedTuple):
+    """Where a value usually is, and beyond which it can't be."""
+
+    least: float
+    low: float
+    high: float
+    most: float
+
+    def has(self, value: float, is_certain: bool) -> bool:
+        low, high = (self.least, self.most) if is_certain else (self.low, self.high)
+        return low <= value <= high
+
+
+class Implausible(NamedTuple):
+    """The parameters, the first of which is most likely wrong, what was found, what is usual."""
+
+    parameters: tuple[str, ...]
+    found: str
+    usual: str
+    is_certain: bool
+
+
+_LOADING = Range(1.0, 10.0, 600.0, 4000.0)
+"""N/m^2."""
+_GYRATION = Range(0.04, 0.1, 0.45, 0.75)
+_TORQUE = Range(0.005, 0.03, 0.6, 3.0)
+_ROTOR_TIME = Range(0.0005, 0.004, 0.15, 0.4)
+_POWERFUL = 15.0
+"""Thrust to weight that no quadrotor is known to have."""
+_ENDURANCE = Range(0.0, 30.0, 7200.0, 86400.0)
+_DENSITY = Range(0.0, 2.0, 12000.0, 23000.0)
+"""Of a payload, kg/m^3: lead has 11,300, nothing more than 22,600."""
+
+
+def of_airframe(airframe: Airframe) -> Iterator[Implausible]:
+    """What is implausible of an airframe that can lift itself."""
+    radius, diameter, mass = airframe.rotor_radius, airframe.diameter, airframe.mass
+    loading = airframe.hover_thrust / (4.0 * pi * radius**2)
+    if not _LOADING.has(loading, False):
+        found = f"{loading:.3g} N carried by each m^2 below its rotors"
+        usual = f"{_LOADING.low:g} to {_LOADING.high:g} N/m^2 with rotors of a quarter its diameter"
+        yield Implausible(("diameter", "mass"), found, usual, not _LOADING.has(loading, True))
+    if _LOADING.has(loading, True):
+        for moment in dict.fromkeys(airframe.inertia):
+            share = sqrt(moment / mass) / diameter
+            if moment > 0.0 and not _GYRATION.has(share, False):
+                yield _inertia(airframe, moment, not _GYRATION.has(share, True))
+                break
+    yield from _rotors(airframe)
+    yield from _limits(airframe)
+
+
+def _inertia(airframe: Airframe, moment: float, is_certain: bool) -> Implausible:
+    low, high = (airframe.mass * (share * airframe.diameter) ** 2 for share in _GYRATION[1:3])
+    usual = f"{low:.2g} to {high:.2g} kg m^2 for its mass and diameter"
+    return Implausible(
+        ("inertia",), f"a moment of inertia of {moment:.3g} kg m^2", usual, is_certain
+    )
+
+
+def _rotors(airframe: Airframe) -> Iterator[Implausible]:
+    ratio, radius = airframe.torque_ratio, airframe.rotor_radius
+    if not _TORQUE.has(ratio / radius, False):
+        low, high = (share * radius for share in _TORQUE[1:3])
+        found = f"a torque of {format_quantity(ratio, LENGTH)} per newton"
+        usual = f"{low * 100:.2g} to {high * 100:.2g} cm for its rotors"
+        is_certain = not _TORQUE.has(ratio / radius, True)
+        yield Implausible(("torque_ratio",), found, usual, is_certain)
+    yield from _unusual("rotor_time", airframe.rotor_time, _ROTOR_TIME, DURATION)
+
+
+def _limits(airframe: Airframe) -> Iterator[Implausible]:
+    lifts = airframe.max_thrust / airframe.hover_thrust
+    if lifts > _POWERFUL:
+        usual = f"{_POWERFUL:g} times at most"
+        yield Implausible(
+            ("mass", "thrust"), f"a thrust of {lifts:.3g} times its weight", usual, False
+        )
+    elif lifts * cos(airframe.tilt) < 1.0:
+        found = f"a tilt at which a thrust of {lifts:.3g} times its weight doesn't hold it"
+        yield Implausible(("tilt", "thrust"), found, "less, or stronger rotors", False)
+    yield from _unusual("endurance", airframe.endurance, _ENDURANCE, DURATION)
+
+
+def _unusual(name: str, value: float, usual: Range, dimension: Dimension) -> Iterator[Implausible]:
+    if not usual.has(value, False):
+        low, high = (format_quantity(v, dimension) for v in (usual.low, usual.high))
+        found = f"`{name}` of {format_quantity(value, dimension)}"
+        yield Implausible((name,), found, f"{low} to {high}", not usual.has(value, True))
+
+
+def of_parcel(parcel: Parcel, airframe: Airframe) -> Iterator[Implausible]:
+    """What is implausible of a payload under an airframe: its corners, which point along the arms,
+    should end where the rotors begin, and must where the hubs are."""
+    size, reach = parcel.size, parcel.size / sqrt(2.0)
+    free, most = airframe.arm - airframe.rotor_radius, airframe.arm
+    if reach > free:
+        found = f"a box of {size * 100:.3g} cm, whose corners reach below the rotors"
+        usual = f"{free * sqrt(2.0) * 100:.3g} cm at most under its airframe"
+        yield Implausible(("size",), found, usual, reach > most)
+        return
+    density = parcel.mass / size**3
+    if not _DENSITY.has(density, False):
+        found = f"a box of {density:.3g} kg/m^3"
+        usual = f"{_DENSITY.low:g} to {_DENSITY.high:g} kg/m^3"
+        yield Implausible(("size", "mass"), found, usual, not _DENSITY.has(density, True))
