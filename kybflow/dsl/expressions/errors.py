@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
-from kybflow.core.text import did_you_mean
+from kybflow.core.text import as_typed, did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.expressions.tokens import Token
@@ -51,7 +52,12 @@ def misspelt(text: Text, token: Token, near: str) -> Unreadable:
 
 
 def _way_out(text: str, token: Token) -> str:
-    before = text[: token.start]
+    before, after = text[: token.start], text[token.end :]
+    if token.text == "," and before[-1:].isdigit() and after[:1].isdigit():
+        number, rest = re.split(r"[^\d]", before)[-1], re.split(r"[^\d]", after)[0]
+        return f"write `{number}.{rest}`, with a decimal point"
+    if not token.text.isascii() and (typed := as_typed(token.text)) != token.text:
+        return f"write `{typed}`, as a keyboard has it"
     if token.text == "," and before.count("(") <= before.count(")"):
         return "the language has no comma: write `and` where both must hold"
     if token.text == ",":
