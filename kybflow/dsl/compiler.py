@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from kybflow.dsl.checks import check
 from kybflow.dsl.diagnostics.diagnostic import (
+    Cause,
     Diagnosed,
     Diagnostic,
     Stopped,
@@ -132,8 +133,18 @@ def _at_value(diagnostic: Diagnostic, files: Files) -> Diagnostic:
     it."""
     span, value = diagnostic.span, diagnostic.span.value
     if value is None:
-        return diagnostic
-    lines = files.sources[span.file].text.split("\n") if span.file in files.sources else []
-    name = lines[span.line - 1][span.column - 1 : span.end_column - 1] if lines else "a parameter"
-    notes = (f"it takes the place of `{name}` at {span.at}", *diagnostic.notes)
+        return diagnostic if span.given is None else _with_the_given(diagnostic, span.given, files)
+    notes = (f"it takes the place of {_written(span, files)} at {span.at}", *diagnostic.notes)
     return replace(diagnostic, span=value, notes=notes)
+
+
+def _with_the_given(diagnostic: Diagnostic, given: Span, files: Files) -> Diagnostic:
+    """The finding with the place of a parameter's value, such as its default, beside it."""
+    cause = Cause(given, f"what {_written(diagnostic.span, files)} stands for")
+    return replace(diagnostic, causes=(cause, *diagnostic.causes))
+
+
+def _written(span: Span, files: Files) -> str:
+    lines = files.sources[span.file].text.split("\n") if span.file in files.sources else []
+    name = lines[span.line - 1][span.column - 1 : span.end_column - 1] if lines else ""
+    return f"`{name}`" if name else "a parameter"
