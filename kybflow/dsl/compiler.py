@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 
 from kybflow.dsl.checks import check
 from kybflow.dsl.diagnostics.diagnostic import (
-    Cause,
     Diagnosed,
     Diagnostic,
+    Related,
     Stopped,
     has_errors,
     in_order,
@@ -42,6 +42,7 @@ from kybflow.dsl.shaping.shape import shape
 from kybflow.dsl.writing.mission import to_yaml
 
 if TYPE_CHECKING:
+    from kybflow.dsl.diagnostics.spans import Span
     from kybflow.dsl.reading.nodes import Node
     from kybflow.dsl.resolving.parameters import Setting
     from kybflow.parts.catalog import Catalog
@@ -135,13 +136,16 @@ def _at_value(diagnostic: Diagnostic, files: Files) -> Diagnostic:
     if value is None:
         return diagnostic if span.given is None else _with_the_given(diagnostic, span.given, files)
     notes = (f"it takes the place of {_written(span, files)} at {span.at}", *diagnostic.notes)
-    return replace(diagnostic, span=value, notes=notes)
+    related = tuple(other for other in diagnostic.related if other.span != value)
+    return replace(diagnostic, span=value, notes=notes, related=related)
 
 
 def _with_the_given(diagnostic: Diagnostic, given: Span, files: Files) -> Diagnostic:
     """The finding with the place of a parameter's value, such as its default, beside it."""
-    cause = Cause(given, f"what {_written(diagnostic.span, files)} stands for")
-    return replace(diagnostic, causes=(cause, *diagnostic.causes))
+    if any(other.span == given for other in diagnostic.related):
+        return diagnostic
+    other = Related(given, f"what {_written(diagnostic.span, files)} stands for")
+    return replace(diagnostic, related=(other, *diagnostic.related))
 
 
 def _written(span: Span, files: Files) -> str:

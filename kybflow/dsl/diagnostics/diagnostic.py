@@ -19,7 +19,7 @@ class Severity(Enum):
     WARNING = "warning"
 
 
-class Cause(NamedTuple):
+class Related(NamedTuple):
     """Another place that has a part in a finding, and what it is to it: the fence that a way
     leaves, the default of a parameter."""
 
@@ -29,8 +29,8 @@ class Cause(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One finding. `label` is written under the marked text, `causes`, `notes` and `help` below it,
-    one line each."""
+    """One finding. `label` is written under the marked text; `related` places, `notes` and `help`
+    below it, one line each."""
 
     code: str
     message: str
@@ -39,7 +39,7 @@ class Diagnostic:
     notes: tuple[str, ...] = ()
     help: str = ""
     severity: Severity = Severity.ERROR
-    causes: tuple[Cause, ...] = ()
+    related: tuple[Related, ...] = ()
 
     @property
     def order(self) -> tuple[str, int, int, str]:

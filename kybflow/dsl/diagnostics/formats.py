@@ -83,7 +83,7 @@ def _result(diagnostic: Diagnostic, rule: int) -> dict[str, Any]:
         "locations": [_location(shown)],
     }
     related = [(span, "found here")] if shown is not span else []
-    related += [(cause.span, cause.label) for cause in diagnostic.causes]
+    related += [(other.span, other.label) for other in diagnostic.related]
     related += [(use, "used here") for use in span.used]
     related += [(reached, "imported here") for reached in span.via]
     if related:

@@ -32,9 +32,9 @@ def _lines(diagnostic: Diagnostic, texts: dict[str, str]) -> Iterator[str]:
         f"{diagnostic.severity.value}[{diagnostic.code}]: {diagnostic.message}"
     )
     yield from _source(span, diagnostic.label, texts)
-    for cause in diagnostic.causes:
-        if cause.span.file == span.file:
-            yield from _source(cause.span, cause.label, texts)
+    for other in diagnostic.related:
+        if other.span.file == span.file:
+            yield from _source(other.span, other.label, texts)
     for note in (*ways_to(span), *elsewhere(diagnostic), *diagnostic.notes):
         yield f"      = {note}"
     if diagnostic.help:
@@ -69,10 +69,10 @@ def ways_to(span: Span) -> Iterator[str]:
 
 
 def elsewhere(diagnostic: Diagnostic) -> Iterator[str]:
-    """The causes in other files, a line each."""
-    for cause in diagnostic.causes:
-        if cause.span.file != diagnostic.span.file:
-            yield f"{cause.label}: {cause.span.at}"
+    """The related places in other files, a line each."""
+    for other in diagnostic.related:
+        if other.span.file != diagnostic.span.file:
+            yield f"{other.label}: {other.span.at}"
 
 
 def render_all(diagnostics: Iterable[Diagnostic], texts: dict[str, str]) -> list[str]:
@@ -109,7 +109,7 @@ def to_json(diagnostic: Diagnostic) -> dict[str, Any]:
         "label": diagnostic.label,
         "notes": [clipped(note) for note in diagnostic.notes],
         "help": diagnostic.help,
-        "causes": [{"at": c.span.at, "label": clipped(c.label)} for c in diagnostic.causes],
+        "related": [{"at": c.span.at, "label": clipped(c.label)} for c in diagnostic.related],
         "imported_from": [reached.at for reached in span.via],
         "used_at": [use.at for use in span.used],
     }
