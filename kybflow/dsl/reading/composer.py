@@ -23,6 +23,7 @@ from yaml.events import (
 from kybflow.dsl.diagnostics.diagnostic import Collected, Diagnostic
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import (
+    NAME_A_POINT,
     NO_COMMAS,
     Mapping,
     MappingEntry,
@@ -164,7 +165,7 @@ class _Composer:
         if is_cut(before.value):
             name = before.key.text
             message = f"YAML ends `{name}` at the comma and reads a list as a key"
-            hint = f"{NO_COMMAS}; a point is `$point`, a parameter of the type `position`"
+            hint = f"{NO_COMMAS}; {NAME_A_POINT}"
             raise _Unreadable(Diagnostic("KYB010", message, key.span, help=hint))
 
     def _enter(self, entries: dict[str, MappingEntry], key: Node, value: Node) -> None:

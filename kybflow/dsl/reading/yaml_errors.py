@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.reading.nodes import NAME_A_POINT
 from kybflow.dsl.reading.slips import missing_colon
 
 CODES = {
@@ -23,6 +24,8 @@ _DASHES = re.compile(r"(?:- +)*")
 _KEY = re.compile(r"\s*(?:- +)*([^\s:]+):\s")
 _APART = re.compile(r"- +(?=[\d.])")
 """A sign and its number, with a space between."""
+_CALL = re.compile(r"\w\([^()]*\Z")
+"""What stands before the argument of a function."""
 _SHOWN = 60
 
 
@@ -317,6 +320,8 @@ def _left_open(brackets: tuple[str, str], began: tuple[int, int], stop: _Stop) -
     message = f"the `{opening}`{where} is still open: a `,` or `{closing}` is missing before this"
     notes = (f"`{opening}` opened at {stop.file}:{row + 1}:{column + 1}",)
     hint = f"close it with `{closing}`, or put a `,` between its entries"
+    if stop.character == "[" and _CALL.search(stop.line[: stop.column]):
+        hint = NAME_A_POINT
     return replace(stop.finding(message, hint), notes=notes)
 
 
