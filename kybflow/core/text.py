@@ -1,7 +1,8 @@
-"""The hint for a name that nothing has."""
+"""The hint for a name that nothing has, and text as a keyboard has it."""
 
 from __future__ import annotations
 
+import unicodedata
 from bisect import bisect
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -29,3 +30,17 @@ def _around(names: list[str], place: int) -> list[str]:
     if len(names) <= _COMPARED:
         return names
     return names[max(0, place - _COMPARED // 2) : place + _COMPARED // 2]
+
+
+_TYPED = str.maketrans(
+    dict.fromkeys("\u2212\u2010\u2011\u2012\u2013\u2014", "-")
+    | dict.fromkeys("\u201c\u201d\u201e\u00ab\u00bb", '"')
+    | dict.fromkeys("\u2018\u2019\u201a", "'")
+)
+"""Minus signs, dashes and quotes of word processors."""
+
+
+def as_typed(text: str) -> str:
+    """`text` with the plain characters in place of those of a word processor or of a full-width
+    keyboard: minus signs, dashes, quotes, colons, commas, digits, spaces."""
+    return text if text.isascii() else unicodedata.normalize("NFKC", text.translate(_TYPED))

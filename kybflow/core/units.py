@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from kybflow.core.errors import UnitError
+from kybflow.core.text import as_typed
 
 Vec3 = tuple[float, float, float]
 
@@ -95,7 +96,11 @@ Path = Annotated[tuple[Vec3, ...], LENGTH]
 """Any number of positions."""
 
 # A number and then a unit: `1.2 m`, `-3e-2m/s`, `0.25 1/s`.
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.].*|1/s)?\s*\Z")
+_QUANTITY = re.compile(
+    r"[ \t]*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)[ \t]*([^\d\s.,].*?|1/s)?[ \t]*\Z", re.ASCII
+)
+_COMMA = re.compile(r"(?<=\d)\s*[.,]\s*(?=\d)")
+_APART = re.compile(r"^([+-])\s+")
 
 
 def parse_quantity(text: str, dimension: Dimension) -> float:
@@ -106,15 +111,23 @@ def parse_quantity(text: str, dimension: Dimension) -> float:
     """
     match = _QUANTITY.match(text)
     if match is None:
-        raise UnitError(
-            f"`{text}` is not {article(dimension.name)}", f"write it like `{dimension.example}`"
-        )
+        raise UnitError(f"`{text}` is not {article(dimension.name)}", _way_out(text, dimension))
     value = float(match[1])
-    unit = (match[2] or "").strip()
+    unit = match[2] or ""
     factor = _factor(text, match[1], unit, dimension)
     if not math.isfinite(value * factor):
         raise UnitError(f"`{text}` is not finite", f"write it like `{dimension.example}`")
     return value * factor
+
+
+def _way_out(text: str, dimension: Dimension) -> str:
+    """The hint for a text that is no quantity: with a decimal point in place of a comma, a sign
+    beside its number and characters of a keyboard, where that makes it one."""
+    typed = _COMMA.sub(".", _APART.sub(r"\1", as_typed(text).strip()))
+    match = _QUANTITY.match(typed)
+    if match is not None and (match[2] or "") in {"", *dimension.units}:
+        return f"write `{typed}`"
+    return f"write it like `{dimension.example}`"
 
 
 def _factor(text: str, number: str, unit: str, dimension: Dimension) -> float:
@@ -131,6 +144,8 @@ def _factor(text: str, number: str, unit: str, dimension: Dimension) -> float:
                 f"`{text}` is {article(other.name)}, but {article(dimension.name)} is needed",
                 f"write it like `{dimension.example}`",
             )
+    if (typed := as_typed(unit).strip()) in dimension.units:
+        raise UnitError(f"`{text}` has another keyboard's characters", f"write `{number} {typed}`")
     known = ", ".join(f"`{u}`" for u in dimension.units) or "none"
     raise UnitError(
         f"`{unit}` is no unit of {dimension.name}", f"the units of {dimension.name} are {known}"

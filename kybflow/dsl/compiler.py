@@ -19,6 +19,7 @@ from kybflow.dsl.checks import check
 from kybflow.dsl.diagnostics.diagnostic import (
     Diagnosed,
     Diagnostic,
+    Related,
     Stopped,
     has_errors,
     in_order,
@@ -41,6 +42,7 @@ from kybflow.dsl.shaping.shape import shape
 from kybflow.dsl.writing.mission import to_yaml
 
 if TYPE_CHECKING:
+    from kybflow.dsl.diagnostics.spans import Span
     from kybflow.dsl.reading.nodes import Node
     from kybflow.dsl.resolving.parameters import Setting
     from kybflow.parts.catalog import Catalog
@@ -132,8 +134,21 @@ def _at_value(diagnostic: Diagnostic, files: Files) -> Diagnostic:
     it."""
     span, value = diagnostic.span, diagnostic.span.value
     if value is None:
+        return diagnostic if span.given is None else _with_the_given(diagnostic, span.given, files)
+    notes = (f"it takes the place of {_written(span, files)} at {span.at}", *diagnostic.notes)
+    related = tuple(other for other in diagnostic.related if other.span != value)
+    return replace(diagnostic, span=value, notes=notes, related=related)
+
+
+def _with_the_given(diagnostic: Diagnostic, given: Span, files: Files) -> Diagnostic:
+    """The finding with the place of a parameter's value, such as its default, beside it."""
+    if any(other.span == given for other in diagnostic.related):
         return diagnostic
+    other = Related(given, f"what {_written(diagnostic.span, files)} stands for")
+    return replace(diagnostic, related=(other, *diagnostic.related))
+
+
+def _written(span: Span, files: Files) -> str:
     lines = files.sources[span.file].text.split("\n") if span.file in files.sources else []
-    name = lines[span.line - 1][span.column - 1 : span.end_column - 1] if lines else "a parameter"
-    notes = (f"it takes the place of `{name}` at {span.at}", *diagnostic.notes)
-    return replace(diagnostic, span=value, notes=notes)
+    name = lines[span.line - 1][span.column - 1 : span.end_column - 1] if lines else ""
+    return f"`{name}`" if name else "a parameter"

@@ -12,7 +12,7 @@ from kybflow.core.geometry import GRAVITY
 from kybflow.core.params import fields_of
 from kybflow.core.units import ANGLE, FORCE, MASS, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.space import footprints
+from kybflow.dsl.checks.space import footprints, the_limit, values_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.document import PartUse, StateEntry, VehicleEntry
@@ -50,6 +50,7 @@ def _beyond(vehicle: VehicleEntry, part: PartUse) -> Iterator[Diagnostic]:
             part.spans[name],
             label=format_quantity(value, dimension),
             notes=(f"its airframe has {format_quantity(limit, dimension)}",),
+            related=the_limit(vehicle, name),
         )
 
 
@@ -70,6 +71,7 @@ def too_steep(case: Case) -> Iterator[Diagnostic]:
                 *_sharpest(footprint),
             ),
             help="fly it slower or wider",
+            related=(*the_limit(vehicle, "tilt"), *values_of(state.part)),
         )
 
 

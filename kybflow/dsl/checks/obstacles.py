@@ -9,8 +9,8 @@ from math import hypot, inf
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, the_fence, values_of
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
 from kybflow.dsl.document import ObstacleEntry, StateEntry, VehicleEntry
 from kybflow.parts import GROUND, Footprint
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape
@@ -88,6 +88,7 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
                 label=f"at {shown_point(point)}, {_near(vehicle, room)}",
                 notes=(_stands(obstacle), *footprint.line_of(point)),
                 help="lead it round with `follow_path`, or further away",
+                related=values_of(state.part),
             )
             break
 
@@ -123,16 +124,18 @@ def homes(case: Case) -> Iterator[Diagnostic]:
         if home is None or span is None:
             continue
         name, label, note = vehicle.name.text, "", ""
+        related: tuple[Related, ...] = ()
         if fence is not None and fence.outside_by(home) > _ROUNDING:
             beyond = format_quantity(fence.outside_by(home), LENGTH)
             label, note = f"{shown_point(home)} is {beyond} outside", extent(fence)
+            related = the_fence(case)
         for obstacle in case.document.obstacles:
             room = obstacle.shape.distance(home)
             if room < vehicle.airframe.arm - _ROUNDING and not _carries(obstacle, home, vehicle):
                 label, note = _near(vehicle, room), _stands(obstacle)
         if label:
             message = f"`{name}` can't go home"
-            yield Diagnostic("KYB343", message, span, label=label, notes=(note,))
+            yield Diagnostic("KYB343", message, span, label=label, notes=(note,), related=related)
 
 
 def path_of(footprint: Footprint) -> tuple[Vec3, ...]:

@@ -11,9 +11,9 @@ from kybflow.core.units import LENGTH, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.reachability import Entries, entries_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import StateEntry, VehicleEntry
+from kybflow.dsl.document import PartUse, StateEntry, VehicleEntry
 from kybflow.parts import AIR, GROUND, Footprint
 from kybflow.world.shapes import Box
 
@@ -32,6 +32,7 @@ def starts_outside(case: Case) -> Iterator[Diagnostic]:
             vehicle.start_span,
             label=_beyond(fence, vehicle.start),
             notes=(extent(fence),),
+            related=the_fence(case),
         )
 
 
@@ -73,6 +74,7 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
                 aim_of(state, footprint),
                 label=_beyond(fence, far),
                 notes=(extent(fence), *footprint.line_of(far)),
+                related=(*the_fence(case), *values_of(state.part)),
             )
 
 
@@ -101,6 +103,7 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
                     *footprint.line_of(far),
                 ),
                 help="stay further from the fence, or make the margin smaller",
+                related=(*the_fence(case), *values_of(state.part)),
             )
 
 
@@ -122,6 +125,10 @@ def too_fast(case: Case) -> Iterator[Diagnostic]:
             notes=(
                 f"its airframe may {verb} {format_quantity(limit, SPEED)}",
                 *_fastest(footprint),
+            ),
+            related=(
+                *the_limit(vehicle, "speed" if verb == "fly" else "climb"),
+                *values_of(state.part),
             ),
         )
 
@@ -208,6 +215,25 @@ def _beyond(fence: Box, point: Vec3) -> str:
 def extent(fence: Box) -> str:
     """Where the fence is, for a note."""
     return f"the fence goes from {shown_point(fence.low)} to {shown_point(fence.high)}"
+
+
+def the_fence(case: Case) -> tuple[Related, ...]:
+    """Where the fence is written, beside what leaves it."""
+    span = case.document.spans.get("fence")
+    return () if span is None else (Related(span, "the fence"),)
+
+
+def the_limit(vehicle: VehicleEntry, name: str) -> tuple[Related, ...]:
+    """Where the mission itself writes a limit of the airframe, beside what is beyond it."""
+    span = vehicle.airframe_spans.get(name)
+    is_own = span is not None and span.file == vehicle.name.span.file
+    return (Related(span, f"the {name} of its airframe"),) if span is not None and is_own else ()
+
+
+def values_of(part: PartUse) -> tuple[Related, ...]:
+    """Where the values of a mission's parameters are written that a part has."""
+    given = {name: span.given for name, span in part.spans.items() if span.given is not None}
+    return tuple(Related(span, f"its `{name}`") for name, span in given.items())
 
 
 def shown_point(point: Vec3) -> str:

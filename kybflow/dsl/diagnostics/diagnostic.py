@@ -19,10 +19,18 @@ class Severity(Enum):
     WARNING = "warning"
 
 
+class Related(NamedTuple):
+    """Another place that has a part in a finding, and what it is to it: the fence that a way
+    leaves, the default of a parameter."""
+
+    span: Span
+    label: str
+
+
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One finding. `label` is written under the marked text, `notes` and `help` below it, one line
-    each."""
+    """One finding. `label` is written under the marked text; `related` places, `notes` and `help`
+    below it, one line each."""
 
     code: str
     message: str
@@ -31,6 +39,7 @@ class Diagnostic:
     notes: tuple[str, ...] = ()
     help: str = ""
     severity: Severity = Severity.ERROR
+    related: tuple[Related, ...] = ()
 
     @property
     def order(self) -> tuple[str, int, int, str]:

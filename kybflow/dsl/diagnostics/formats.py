@@ -83,6 +83,7 @@ def _result(diagnostic: Diagnostic, rule: int) -> dict[str, Any]:
         "locations": [_location(shown)],
     }
     related = [(span, "found here")] if shown is not span else []
+    related += [(other.span, other.label) for other in diagnostic.related]
     related += [(use, "used here") for use in span.used]
     related += [(reached, "imported here") for reached in span.via]
     if related:

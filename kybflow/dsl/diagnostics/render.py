@@ -32,7 +32,10 @@ def _lines(diagnostic: Diagnostic, texts: dict[str, str]) -> Iterator[str]:
         f"{diagnostic.severity.value}[{diagnostic.code}]: {diagnostic.message}"
     )
     yield from _source(span, diagnostic.label, texts)
-    for note in (*ways_to(span), *diagnostic.notes):
+    for other in diagnostic.related:
+        if other.span.file == span.file:
+            yield from _source(other.span, other.label, texts)
+    for note in (*ways_to(span), *elsewhere(diagnostic), *diagnostic.notes):
         yield f"      = {note}"
     if diagnostic.help:
         yield f"      = help: {diagnostic.help}"
@@ -63,6 +66,13 @@ def ways_to(span: Span) -> Iterator[str]:
         yield f"imported from {reached.at}"
     for use in reversed(span.used):
         yield f"used at {use.at}"
+
+
+def elsewhere(diagnostic: Diagnostic) -> Iterator[str]:
+    """The related places in other files, a line each."""
+    for other in diagnostic.related:
+        if other.span.file != diagnostic.span.file:
+            yield f"{other.label}: {other.span.at}"
 
 
 def render_all(diagnostics: Iterable[Diagnostic], texts: dict[str, str]) -> list[str]:
@@ -99,6 +109,7 @@ def to_json(diagnostic: Diagnostic) -> dict[str, Any]:
         "label": diagnostic.label,
         "notes": [clipped(note) for note in diagnostic.notes],
         "help": diagnostic.help,
+        "related": [{"at": c.span.at, "label": clipped(c.label)} for c in diagnostic.related],
         "imported_from": [reached.at for reached in span.via],
         "used_at": [use.at for use in span.used],
     }

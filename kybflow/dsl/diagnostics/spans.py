@@ -68,12 +68,13 @@ _COMPARED = Span._fields.index("given")
 
 class Inset(NamedTuple):
     """A value in the place of a parameter: the characters `start` to `end` of the text stand for
-    `written_start` to `written_end` of what was written."""
+    `written_start` to `written_end` of what was written, and are `given` there."""
 
     start: int
     end: int
     written_start: int
     written_end: int
+    given: Span | None = None
 
 
 class Text(NamedTuple):
@@ -100,7 +101,9 @@ class Text(NamedTuple):
         s = self.span
         first = self._written_at(start)
         last = max(self._written_at(end, is_end=True), first + 1)
-        return Span(s.file, s.line, s.column + first, s.line, s.column + last, s.via, s.used)
+        inside = (i.given for i in self.insets if i.start < end and start < i.end)
+        place = Span(s.file, s.line, s.column + first, s.line, s.column + last, s.via, s.used)
+        return place._replace(given=next(inside, None)) if self.insets else place
 
     def _written_at(self, position: int, is_end: bool = False) -> int:
         """Where the character at `position` of the text stands in what was written."""

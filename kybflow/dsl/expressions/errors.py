@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Collection
 
-from kybflow.core.text import did_you_mean
+from kybflow.core.text import as_typed, did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics.spans import PREFIX, Text
 from kybflow.dsl.expressions.tokens import Token
-from kybflow.dsl.reading.nodes import no_commas
+from kybflow.dsl.reading.nodes import NAME_A_POINT, no_commas
 
 _HABITS = {
     "=": "write `==`",
@@ -18,6 +19,10 @@ _HABITS = {
     "$": "a parameter is written as a word of its own",
     "°": "write `deg`",
 }
+_MOST = 6
+"""Names in a help line."""
+_COORDINATES = re.compile(r"[([]?[-+\d.]+[\s,]+[-+\d.]+[\s,]+[-+\d.]+[)\]]?\s*\)")
+"""A point written out as the last argument of a function."""
 
 
 class Unreadable(Exception):
@@ -51,7 +56,14 @@ def misspelt(text: Text, token: Token, near: str) -> Unreadable:
 
 
 def _way_out(text: str, token: Token) -> str:
-    before = text[: token.start]
+    before, after = text[: token.start], text[token.end :]
+    if token.text == "," and before[-1:].isdigit() and after[:1].isdigit():
+        number, rest = re.split(r"[^\d]", before)[-1], re.split(r"[^\d]", after)[0]
+        return f"write `{number}.{rest}`, with a decimal point"
+    if not token.text.isascii() and (typed := as_typed(token.text)) != token.text:
+        return f"write `{typed}`, as a keyboard has it"
+    if before.count("[") > before.count("]") or _COORDINATES.match(text, token.start):
+        return NAME_A_POINT
     if token.text == "," and before.count("(") <= before.count(")"):
         return "the language has no comma: write `and` where both must hold"
     if token.text == ",":
@@ -75,11 +87,16 @@ def too_long(text: Text, limit: int) -> Unreadable:
 
 
 def unknown(
-    text: Text, place: tuple[int, int], message: str, name: str, known: Iterable[str]
+    text: Text, place: tuple[int, int], message: str, name: str, known: Collection[str]
 ) -> Diagnostic:
     """KYB211: a name that nothing in the mission has."""
     span = text.part(*place)
-    return Diagnostic("KYB211", message, span, label="unknown", help=did_you_mean(name, known))
+    members = [f"`{one}`" for one in known if one.startswith(f"{name}.") or one == PREFIX + name]
+    if len(members) > 1:
+        hint = f"write one of {', '.join(members[:_MOST])}"
+    else:
+        hint = f"did you mean {members[0]}?" if members else did_you_mean(name, known)
+    return Diagnostic("KYB211", message, span, label="unknown", help=hint)
 
 
 def no_payload(text: Text, place: tuple[int, int], vehicle: str) -> Diagnostic:

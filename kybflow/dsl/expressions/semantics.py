@@ -82,7 +82,9 @@ class Semantics:
             self.findings.append(errors.group_for_one(self.text, token, message))
         elif token.text not in self.scope.vehicles:
             message = f"there is no vehicle `{token.text}`"
-            self.unknown(token, message, self.scope.vehicles)
+            place = f"{PREFIX}{token.text}"
+            known = {place: ()} if token.text in self.scope.points else self.scope.vehicles
+            self.unknown(token, message, known)
         return token.text
 
     def point(self, token: Token) -> Vec3:
@@ -131,19 +133,22 @@ class Semantics:
         axes = [f"{name}.{axis}" for name, axes in self.scope.inputs.items() for axis in axes]
         return [*own, "time", *others, *axes]
 
-    def unknown_name(self, side: Operand) -> None:
-        """Marks what is unknown of a dotted name: all of it, or what follows a vehicle."""
+    def unknown_name(self, side: Operand, other: Operand | None = None) -> None:
+        """Marks what is unknown of a dotted name: all of it, or what follows a vehicle. `other` is
+        what it is compared with."""
         first, _, rest = side.source.partition(".")
         token = Token("name", side.source, side.start, side.end)
         if first in self.scope.vehicles and rest:
             token = Token("name", rest, side.end - len(rest), side.end)
-            self.unknown(token, f"`{rest}` of `{first}` is unknown", OBSERVABLES)
+            message = f"`{rest}` of `{first}` is unknown"
+            self.unknown(token, message, _fitting(rest, OBSERVABLES, other))
         elif first in self.scope.inputs and rest:
             token = Token("name", rest, side.end - len(rest), side.end)
             message = f"`{rest}` is no axis of `{first}`"
             self.unknown(token, message, self.scope.inputs[first])
         else:
-            self.unknown(token, f"`{side.source}` is unknown", self._readable())
+            known = _fitting(side.source, self._readable(), other)
+            self.unknown(token, f"`{side.source}` is unknown", known)
 
     def unknown(self, token: Token, message: str, known: Collection[str]) -> None:
         place = (token.start, token.end)
@@ -188,7 +193,7 @@ class Semantics:
     ) -> Compare:
         words = [side for side in (left, right) if not is_quantity(side)]
         for word in words:
-            self.unknown_name(word)
+            self.unknown_name(word, right if word is left else left)
         if not words:
             message = "both sides are written out: this never changes"
             self.mismatch(left, message, "a constant", "compare with something that is measured")
@@ -232,6 +237,25 @@ class Semantics:
         a, b = type_name(left.dimension), type_name(right.dimension)
         message = f"`{left.source}` is {a}, but `{right.source}` is {b}"
         self.mismatch(right, message, b, "")
+
+
+def _fitting(name: str, known: Collection[str], other: Operand | None) -> Collection[str]:
+    """Those of `known` that are of `name` (`battery.remaining` of `battery`) and of the dimension
+    of `other`, where there are any; else all."""
+    members = [one for one in known if one.startswith(f"{name}.") and one in OBSERVABLES]
+    if other is None or not is_quantity(other):
+        return members or known
+    return [one for one in members if _can_be(other.source, OBSERVABLES[one].dimension)] or known
+
+
+def _can_be(source: str, dimension: Dimension | None) -> bool:
+    if dimension is None:
+        return False
+    try:
+        parse_quantity(source, dimension)
+    except UnitError:
+        return False
+    return True
 
 
 def is_quantity(side: Operand) -> bool:

@@ -7,8 +7,8 @@ second documents are refused; every node has its place.
 
 from __future__ import annotations
 
-import re
-from typing import Any
+import functools
+from typing import Any, TypeGuard
 
 import yaml
 from yaml.events import (
@@ -23,6 +23,7 @@ from yaml.events import (
 from kybflow.dsl.diagnostics.diagnostic import Collected, Diagnostic
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import (
+    NAME_A_POINT,
     NO_COMMAS,
     Mapping,
     MappingEntry,
@@ -30,11 +31,11 @@ from kybflow.dsl.reading.nodes import (
     Scalar,
     Sequence,
     is_cut,
-    is_null,
 )
+from kybflow.dsl.reading.slips import doubled_colon, empty, is_doubled, without_colon
+from kybflow.dsl.reading.yaml_errors import not_yaml
 
 CODES = {
-    "KYB004": "The file is not YAML.",
     "KYB005": "The file is empty.",
     "KYB006": "A file holds one document, not several.",
     "KYB007": "A mapping has the same key twice.",
@@ -49,8 +50,6 @@ MAX_NODES = 100_000
 MAX_DEPTH = 40
 LONG = "a long path belongs in a table of its own, which `do: follow_trajectory` flies"
 """The way out of a file that is too large."""
-_JOINED = re.compile(r"([A-Za-z_]\w*):(\S.*)\Z", re.ASCII)
-"""What YAML takes for one word: a key and its value without a space between."""
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -62,24 +61,29 @@ class _Unreadable(Exception):
 
 def compose(text: str, file: str) -> Collected[Node | None]:
     """The tree of `text`; None, and a finding, when it can't be had."""
-    composer = _Composer(file)
+    composer = _Composer(text, file)
     try:
         return Collected(composer.document(_Loader(text)), composer.found)
     except _Unreadable as stop:
         return Collected(None, [*composer.found, stop.diagnostic])
     except (yaml.YAMLError, UnicodeError) as error:
-        return Collected(None, [*composer.found, _not_yaml(error, text, file)])
+        return Collected(None, [*composer.found, not_yaml(error, text, file)])
 
 
 class _Composer:
     """Builds one tree from the parser's events. `sizes` are the nodes under each anchor."""
 
-    def __init__(self, file: str) -> None:
+    def __init__(self, text: str, file: str) -> None:
         self.file = file
+        self._text = text
         self.found: list[Diagnostic] = []
         self.anchors: dict[str, Node | None] = {}
         self.sizes: dict[str, int] = {}
         self.total = 0
+
+    @functools.cached_property
+    def _lines(self) -> list[str]:
+        return self._text.splitlines()
 
     def document(self, loader: Any) -> Node:
         self._next_event = loader.get_event
@@ -124,20 +128,44 @@ class _Composer:
                 items.append(self._node(inner, depth + 1))
             return Sequence(tuple(items), self._span(event, inner))
         entries: dict[str, MappingEntry] = {}
+        bare: list[Scalar] = []
         while not isinstance(inner := self._next_event(), MappingEndEvent):
             key = self._node(inner, depth + 1)
             if entries and not isinstance(key, Scalar):
                 self._cut(next(reversed(entries.values())), key)
             value = self._node(self._next_event(), depth + 1)
+            if isinstance(value, Scalar) and not value.text and self._is_bare(key, value):
+                bare.append(key)
+                continue
+            if bare:
+                self._tell(entries, bare)
+                bare = []
             self._enter(entries, key, value)
+        self._tell(entries, bare)
         return Mapping(entries, self._span(event, inner))
+
+    def _is_bare(self, key: Node, value: Scalar) -> TypeGuard[Scalar]:
+        """Whether no colon follows a key, as in `{height: 1,5 m}`; reports one behind whose colon
+        nothing stands."""
+        if value.quoted or not isinstance(key, Scalar):
+            return False
+        line = self._lines[key.span.end_line - 1 : key.span.end_line]
+        if line and not line[0][key.span.end_column - 1 :].lstrip().startswith(":"):
+            return True
+        self.found.append(empty(key))
+        return False
+
+    def _tell(self, entries: dict[str, MappingEntry], bare: list[Scalar]) -> None:
+        """Report the keys without a colon behind the last of `entries`."""
+        if bare:
+            self.found += without_colon(next(reversed(entries.values()), None), bare)
 
     def _cut(self, before: MappingEntry, key: Node) -> None:
         """Stop where YAML ended a condition at its comma: what follows is no mapping."""
         if is_cut(before.value):
             name = before.key.text
             message = f"YAML ends `{name}` at the comma and reads a list as a key"
-            hint = f"{NO_COMMAS}; a point is `$point`, a parameter of the type `position`"
+            hint = f"{NO_COMMAS}; {NAME_A_POINT}"
             raise _Unreadable(Diagnostic("KYB010", message, key.span, help=hint))
 
     def _enter(self, entries: dict[str, MappingEntry], key: Node, value: Node) -> None:
@@ -155,10 +183,8 @@ class _Composer:
                     help="start from another entry with `like: NAME`",
                 )
             )
-        elif is_null(value) and not key.quoted and (joined := _JOINED.match(key.text)):
-            message = f"a space is missing after `{joined[1]}:`"
-            hint = f"write `{joined[1]}: {joined[2]}`"
-            self.found.append(Diagnostic("KYB010", message, key.span, help=hint))
+        elif key.text[-1:] == ":" and is_doubled(key):
+            self.found.append(doubled_colon(key))
         elif key.text in entries:
             first = entries[key.text].key.span
             message = f"`{key.text}` is written twice"
@@ -193,89 +219,3 @@ class _Composer:
     def _span(self, first: Any, last: Any) -> Span:
         start, end = first.start_mark, last.end_mark
         return Span(self.file, start.line + 1, start.column + 1, end.line + 1, end.column + 1)
-
-
-_OPEN = {
-    "while parsing a flow mapping": ("{", "}"),
-    "while parsing a flow sequence": ("[", "]"),
-}
-
-
-def _not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
-    """The finding for what stopped the parser in `text`."""
-    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-    if mark is None:
-        reason = getattr(error, "reason", None) or "a character that no text file has"
-        position = getattr(error, "position", 0)
-        line = text.count("\n", 0, position) + 1 if isinstance(position, int) else 1
-        return Diagnostic("KYB004", f"this is not YAML: {reason}", Span(file, line, 1, line, 2))
-    span = _mark_span(file, mark)
-    lines = text.splitlines()
-    line_text = lines[mark.line] if mark.line < len(lines) else ""
-    at_fault = line_text[: _indent(line_text)] + line_text[mark.column : mark.column + 1]
-    if "\t" in at_fault:  # elsewhere it is a space like any other
-        return Diagnostic("KYB004", "a tab can't indent YAML", span, help="indent with spaces")
-    context, began = getattr(error, "context", None), getattr(error, "context_mark", None)
-    if context in _OPEN and began is not None:
-        return _left_open(_OPEN[context], _mark_span(file, began), span, lines)
-    is_entry = line_text.lstrip().startswith("- ")
-    if context == "while parsing a block mapping" and is_entry and began is not None:
-        where = f"a list entry inside of the mapping that begins in line {began.line + 1}"
-        return Diagnostic(
-            "KYB004", where, span, help="write `key: value`, or indent it under a key"
-        )
-    problem = getattr(error, "problem", None) or "it can't be understood"
-    notes = (context,) if context else ()
-    return Diagnostic("KYB004", f"this is not YAML: {problem}", span, notes=notes)
-
-
-def _mark_span(file: str, mark: Any) -> Span:
-    """The character at a mark."""
-    return Span(file, mark.line + 1, mark.column + 1, mark.line + 1, mark.column + 2)
-
-
-def _left_open(brackets: tuple[str, str], opened: Span, stop: Span, lines: list[str]) -> Diagnostic:
-    """KYB004 for a bracket that stays open, at what can't follow in it, or at itself where nothing
-    follows."""
-    opening, closing = brackets
-    is_end = stop.line > len(lines) or not "".join(lines[stop.line - 1 :]).strip()
-    if is_end:
-        return _never_closed(opening, opened, lines, f"close it with `{closing}`")
-    where = "" if opened.line == stop.line else f" of line {opened.line}"
-    return Diagnostic(
-        "KYB004",
-        f"the `{opening}`{where} is still open: a `,` or `{closing}` is missing before this",
-        stop,
-        notes=(f"`{opening}` opened at {opened.at}:{opened.column}",),
-        help=f"close it with `{closing}`, or put a `,` between its entries",
-    )
-
-
-def _never_closed(opening: str, opened: Span, lines: list[str], hint: str) -> Diagnostic:
-    """KYB004 at a bracket that the end of the file leaves open; rather at one inside of it behind
-    which the next line begins anew: the bracket that was meant for the outer one closes that."""
-    for number in range(opened.line + 1, len(lines)):
-        line, below = lines[number - 1], lines[number]
-        column = _left_open_in(line, opening)
-        anew = below.strip() and below.strip()[0] not in "]}" and _indent(below) <= _indent(line)
-        if column is not None and anew:
-            span = Span(opened.file, number, column + 1, number, column + 2)
-            message = f"a `{opening}` is never closed, most likely this one"
-            note = f"the end of the file leaves the `{opening}` of line {opened.line} open"
-            return Diagnostic("KYB004", message, span, notes=(note,), help=hint)
-    return Diagnostic("KYB004", f"this `{opening}` is never closed", opened, help=hint)
-
-
-def _left_open_in(line: str, opening: str) -> int | None:
-    """The column of the first bracket that a line leaves open; None where it leaves none."""
-    stack: list[int] = []
-    for column, character in enumerate(line.partition(" #")[0]):
-        if character in "{[":
-            stack.append(column)
-        elif character in "}]" and stack:
-            stack.pop()
-    return next((column for column in stack if line[column] == opening), None)
-
-
-def _indent(line: str) -> int:
-    return len(line) - len(line.lstrip())

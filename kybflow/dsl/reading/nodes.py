@@ -23,6 +23,8 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z", re.ASCII)
 
 
 NO_COMMAS = "the language has no commas: write `distance(a to b)`, `separation(a and b)`"
+NAME_A_POINT = "name the point: `points: {there: [1, 0, 1]}` in the world, and `world.points.there`"
+"""The help line for a point that is written out in a condition."""
 _TWO = re.compile(r"(distance|separation)\(\s*([\w.$]+)\s*,\s*([\w.$]+)\s*\)")
 
 

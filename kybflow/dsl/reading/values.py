@@ -197,10 +197,36 @@ def _wrong(node: Node, field: Field) -> Diagnostic:
     text = f" `{node.text[:_LONGEST]}`" if isinstance(node, Scalar) else ""
     message = f"`{field.name}` must be {needed}, but this is {describe(node)}{size}{text}"
     hint = "" if isinstance(node, Mapping) or dimension is None else _example(field, dimension)
+    if isinstance(node, Sequence) and field.shape == "vector":
+        hint = _decimal_commas(node) or hint
     point = _POINT.match(node.text) if isinstance(node, Scalar) else None
     if point is not None and field.shape == "vector":
         hint = f"did you mean `{PREFIX}{point[1]}`?"
     return Diagnostic("KYB104", message, node.span, help=hint)
+
+
+_PIECE = re.compile(r"[-+]?\d+\Z", re.ASCII)
+
+
+def _decimal_commas(node: Sequence) -> str:
+    """The hint for a list in which commas without a space were meant as decimal points."""
+    texts: list[str] = []
+    before: Node | None = None
+    for item in node.items:
+        if not isinstance(item, Scalar):
+            return ""
+        joins = before is not None and item.span[1:3] == (
+            before.span.end_line,
+            before.span.end_column + 1,
+        )
+        if joins and _PIECE.match(texts[-1]) and item.text[:1].isdigit():
+            texts[-1] += f".{item.text}"
+        else:
+            texts.append(item.text)
+        before = item
+    if len(texts) != 3 or len(node.items) == 3:
+        return ""
+    return f"write `[{', '.join(texts)}]`, with a decimal point"
 
 
 def _example(field: Field, dimension: Dimension) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, has_errors
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import ParsedFile
@@ -160,7 +160,7 @@ def library_root(library: Library, at: Span) -> Diagnosed[Mapping | None]:
     """The top level of a library file; None, and findings, when it is none."""
     yield from library.findings
     root = library.source.root
-    if library.findings or root is None:
+    if has_errors(library.findings) or root is None:
         return None
     if isinstance(root, Mapping) and "library" in root.entries:
         return root

@@ -47,7 +47,10 @@ class Substitution:
         if isinstance(node, Sequence):
             items = yield from every(self.apply(item, expression) for item in node.items)
             same = all(a is b for a, b in zip(items, node.items, strict=True))
-            return node if same else Sequence(tuple(items), node.span)
+            if same:
+                return node
+            given = next((s.given for i in items if (s := i.span).given is not None), None)
+            return Sequence(tuple(items), node.span._replace(given=given))
         changed: dict[str, MappingEntry] = {}
         for key, entry in node.entries.items():
             if isinstance(entry.value, Scalar) and "$" not in entry.value.text:
@@ -79,7 +82,8 @@ class Substitution:
                 continue
             text += node.text[behind : match.start()]
             value = _literal(declared.node)
-            insets.append(Inset(len(text), len(text) + len(value), *match.span()))
+            given = declared.node.span.given or declared.node.span
+            insets.append(Inset(len(text), len(text) + len(value), *match.span(), given))
             text += value
             behind = match.end()
         if not insets:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, NamedTuple
@@ -14,18 +13,14 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import DIMENSIONS, NUMBER, article, parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.reading.nodes import (
-    NAME,
     Mapping,
-    MappingEntry,
     Node,
     Scalar,
     Sequence,
     describe,
     head_of,
-    is_cut,
-    is_null,
-    no_commas,
 )
+from kybflow.dsl.reading.slips import CONDITIONS, missing_colon
 from kybflow.dsl.reading.values import TYPES, decode, quantity_field
 
 CODES = {
@@ -39,7 +34,6 @@ CODES = {
     "KYB111": "A version of the language that this program doesn't read.",
 }
 _NEVER = {("library", "kybflow"): "remove it; a library begins with `library:`"}
-_CONDITIONS = frozenset({"when", "healthy"})
 _MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
 _SHAPES = {
     "object": "a mapping",
@@ -82,10 +76,7 @@ def _explain_unknown(fault: SchemaViolation) -> Iterator[Diagnostic]:
     for key, entry in node.entries.items():
         if key in known:
             continue
-        cut = cut_by_yaml(node, key, known)
-        if cut is not None:
-            yield cut
-        elif fault.part:
+        if fault.part:
             message = f"`{key}` is no parameter of `{fault.part}`"
             hint = meant(fault.part, key, node, known, fault.beside)
             yield Diagnostic("KYB107", message, entry.key.span, help=hint)
@@ -136,10 +127,14 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
     place = f"`{name}`" if name else f"{article(schema.get('title', 'file'))}"
     shown = f" `{node.text[:60]}`" if isinstance(node, Scalar) and node.text else ""
     hint = ""
-    if name in _CONDITIONS:
+    if name in CONDITIONS:
         hint = "write a condition, like `state.altitude > 1 m`"
     elif name == "log" and isinstance(node, Mapping):
         hint = "write a text that has braces in quotes"
+    elif isinstance(node, Scalar) and "object" in types and missing_colon(node.text):
+        hint = missing_colon(node.text)
+    elif isinstance(node, Scalar) and "array" in types and node.text.startswith("-"):
+        hint = "a list has a space after each `-`"
     elif wanted == "text" and isinstance(node, Scalar):
         hint = f'write "{node.text[:60]}" in quotes if you mean the text'
     elif schema.get("examples") and fault.keyword == "type":
@@ -237,35 +232,6 @@ _EXPLAINERS = {
     "minProperties": _explain_empty,
     "minItems": _explain_few,
 }
-
-
-_COMPARED = re.compile(r"[<>=]|\w in \w")
-_JOIN = "the language has no commas: write `and` where both must hold"
-_TEXTS = frozenset({"log", "stop", "summary", "help"})
-_QUOTE = "put the text in quotes"
-
-
-def cut_by_yaml(node: Mapping, key: str, known: Iterable[str]) -> Diagnostic | None:
-    """The finding where YAML ended a text at a comma inside of {...}, as in `when: distance(a, b)
-    < 1 m` or `log: up, up and away`: it reads two keys, the second without a value. None for a key
-    that is probably one of those `known`, misspelt."""
-    keys, entry = list(node.entries), node.entries[key]
-    before = node.entries[keys[keys.index(key) - 1]] if key != keys[0] else None
-    name, is_name = before.key.text if before else "", NAME.match(key) is not None
-    if before and not is_name and isinstance(before.value, Scalar) and is_cut(before.value):
-        hint = no_commas(f"{before.value.text}, {key}")
-        return _cut(name, entry, (f"`{name}` is `{before.value.text}`",), hint)
-    if not is_null(entry.value) or get_close_matches(key.split(" ", maxsplit=1)[0], known):
-        return None
-    if name in _CONDITIONS or (not is_name and _COMPARED.search(key)):
-        return _cut(name if name in _CONDITIONS else "when", entry, (), _JOIN)
-    return _cut(name, entry, (), _QUOTE) if name in _TEXTS else None
-
-
-def _cut(name: str, entry: MappingEntry, notes: tuple[str, ...], hint: str) -> Diagnostic:
-    key = entry.key
-    message = f"YAML ends `{name}` at the comma and reads `{key.text}` as a key"
-    return Diagnostic("KYB101", message, key.span, notes=notes, help=hint)
 
 
 _SURE = 0.75

@@ -18,7 +18,6 @@ from kybflow.dsl.reading.nodes import (
     is_null,
     items_of,
 )
-from kybflow.dsl.schema.explain import cut_by_yaml
 from kybflow.dsl.shaping.entry_values import goal_of
 from kybflow.dsl.shaping.parts import PartDecoder, params_of
 from kybflow.dsl.shaping.states import duration
@@ -63,11 +62,9 @@ def _callback(node: Mapping, uses: PartDecoder) -> Diagnosed[CallbackEntry]:
 def _actions(node: Node, uses: PartDecoder) -> Diagnosed[list[ActionEntry]]:
     """The actions of one item: `switch` and `set` may name several things."""
     if not isinstance(node, Mapping) or len(node.entries) != 1:
-        last = next(reversed(entries_of(node)), "")
-        cut = cut_by_yaml(node, last, BUILT_IN) if isinstance(node, Mapping) and last else None
         hint = "write each as an item of its own: `do: [{log: hello}, {emit: ready}]`"
         message = "an action is one key with its value"
-        yield cut or Diagnostic("KYB171", message, head_of(node), help=hint)
+        yield Diagnostic("KYB171", message, head_of(node), help=hint)
         return []
     [entry] = node.entries.values()
     name = entry.key.text
