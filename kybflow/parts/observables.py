@@ -284,7 +284,7 @@ OF_THE_RUN = frozenset(
         "run_started", "run_ended", "run_stopped", "observer_failed", "recording_stopped", "logged",
         "action_failed", "commands_failed", "clients_refused", "input_lost", "input_recovered",
         "phase_started", "phase_ended", "phase_refused", "flow_ended",
-        "flow_failed",
+        "flow_failed", "rehearsal_skipped",
     }
 )  # fmt: skip
 """Events of the whole run, which belong to no vehicle."""
