@@ -88,9 +88,9 @@ def landed_hard(own: Doing, speed: float, texts: Texts) -> Diagnostic:
     )
 
 
-def left_the_fence(own: Doing, why: str, by: str, texts: Texts) -> Diagnostic:
+def left_the_fence(own: Doing, why: str, by: str, *, starts: bool, texts: Texts) -> Diagnostic:
     """KYB473: a behavior leads a vehicle out of the fence, or to where a processor lets no setpoint
-    go."""
+    go. It is a warning of a take-off, which begins where the vehicle stands."""
     return Diagnostic(
         "KYB473",
         f"`{own.state}` ({own.part}) leads `{own.vehicle}` out of bounds {own.when}",
@@ -98,6 +98,7 @@ def left_the_fence(own: Doing, why: str, by: str, texts: Texts) -> Diagnostic:
         label=why,
         notes=(f"the bound: {by}",) if by else (),
         help="keep its way inside, or make the fence larger",
+        severity=Severity.WARNING if starts else Severity.ERROR,
     )
 
 
@@ -118,7 +119,8 @@ def failsafe_acted(
 
 def failed(own: Doing, why: str, *, answered: bool, texts: Texts) -> Diagnostic:
     """KYB475: a behavior fails or refuses to start although nothing is broken. It is a warning
-    where the mission says what follows."""
+    where the mission says what follows, and where a flow or a callback asks for a state that the
+    vehicle can't enter then: it stays in the one that it is in."""
     return Diagnostic(
         "KYB475",
         f"`{own.state}` ({own.part}) of `{own.vehicle}` fails {own.when}",
@@ -136,6 +138,7 @@ def refused(own: Doing, wanted: str, why: str, at: str, texts: Texts) -> Diagnos
         span_at(at, texts),
         label=why,
         notes=(own.note,),
+        severity=Severity.WARNING,
     )
 
 
@@ -229,7 +232,8 @@ def common_place(own: Doing, other: Doing, *, rests: bool, texts: Texts) -> Diag
 
 
 def too_close(own: Doing, other: Doing, gap: float, needed: float, texts: Texts) -> Diagnostic:
-    """KYB480: two vehicles fly so close to each other that the discs of their rotors could meet."""
+    """KYB480: two vehicles fly so close to each other that the discs of their rotors meet, unless
+    they are turned well."""
     near = format_quantity(round(gap, 2), LENGTH)
     return Diagnostic(
         "KYB480",

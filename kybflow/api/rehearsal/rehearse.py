@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from kybflow.api.entry_judge import PlanEntryJudge
 from kybflow.api.opening import build_vehicles, open_devices
 from kybflow.api.rehearsal.ideal import at_rest, ideal
 from kybflow.api.rehearsal.person import Assumed, Person
@@ -70,6 +71,9 @@ def rehearse(
         vehicles = build_vehicles(
             flown, devices, events, lambda _: VehicleObserver(), score, inputs.readings
         )
+        judge = PlanEntryJudge(plan)
+        for vehicle in vehicles:
+            vehicle.requests.judge = judge
         clock = SimulatedClock(flown.control_rate)
         engine = Engine(
             flown, clock, devices.sessions, vehicles, events, (watch.look, person), 0, commands,

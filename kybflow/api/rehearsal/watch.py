@@ -14,6 +14,7 @@ from typing import NamedTuple
 from kybflow.core.geometry import Vec3, distance, dot, norm, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
+from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl import rehearsed
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.expressions.describe import describe
@@ -133,7 +134,7 @@ class Watch:
         if self.separation is None or gap < self.separation.metres:
             self.separation = LeastSeparation(gap, self._engine.seconds(), (one.name, other.name))
         frames = (one.context.airframe, other.context.airframe)
-        needed = sum(frame.arm + frame.rotor_radius for frame in frames)
+        needed = sum(frame.arm + 0.5 * frame.rotor_radius for frame in frames)
         collides = gap < sum(frame.arm for frame in frames)
         if gap < needed and not collides and one.airborne and other.airborne:
             own, beside = self._doing(one), self._doing(other)
@@ -149,7 +150,9 @@ class Watch:
         beyond = fence.outside_by((x, y, max(z, fence.low[2]) if z >= floor else z))
         if beyond > LEFT and not _is_steered(vehicle):
             why = f"{beyond:.2f} m outside of the fence"
-            found = rehearsed.left_the_fence(self._doing(vehicle), why, "", self._texts)
+            found = rehearsed.left_the_fence(
+                self._doing(vehicle), why, "", starts=False, texts=self._texts
+            )
             self._add_of(vehicle, vehicle.activity.state, found)
 
     def _collided(self, event: Event) -> None:
@@ -173,7 +176,9 @@ class Watch:
         if _is_steered(vehicle):
             return
         own, why = self._doing(vehicle), str(event.fields["reason"])
-        found = rehearsed.left_the_fence(own, why, event.at, self._texts)
+        found = rehearsed.left_the_fence(
+            own, why, event.at, starts=vehicle.activity.leg.start is GROUND, texts=self._texts
+        )
         self._add_of(vehicle, vehicle.activity.state, found)
 
     def _failsafe(self, event: Event) -> None:
@@ -340,4 +345,6 @@ def _awaits(transitions: Iterable[TransitionPlan]) -> str:
             words.append(f"the event `{one.event}`")
         elif one.when is not None:
             words.append(f"`{describe(one.when)}`")
+        elif one.after is not None and one.cause == "next":
+            words.append(f"{format_quantity(one.after, DURATION)} to pass")
     return " or ".join(dict.fromkeys(words)) or "the end of its behavior"

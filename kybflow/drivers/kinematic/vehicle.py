@@ -30,6 +30,8 @@ from kybflow.world.vehicle_context import LEGS
 
 REPORTED: Time = NS // 10
 """How often the battery is reported."""
+LIFTED = 0.01
+"""Metres above the ground from which a touch of it is a new one."""
 NOISE = 1e-6
 """A specific force, m/s^2: an IMU that says the same twice counts as stuck."""
 
@@ -40,7 +42,7 @@ class IdealVehicle(Link):
     def __init__(self, seat: Seat) -> None:
         self.context = context = seat.context
         self.state = KinematicState(context.start, attitude=from_heading(context.heading))
-        self.is_down = True
+        self.is_down, self._has_lifted = True, False
         self.rig = Rig(context.vehicle, _refuse)
         self.tell_touch: Callable[[Touch], None] = _untold
         self._command: Command | None = None
@@ -115,14 +117,16 @@ class IdealVehicle(Link):
             self._imu = self._felt(now, dt)
 
     def _fly(self, command: Command, dt: float) -> None:
-        before, was_down = self.state, self.is_down
+        before = self.state
         self.state = state = moved(before, command, self.context.airframe, self._mass, dt)
         x, y, z = state.position
         ground = self._ground(state.position, dt)
         self.is_down = z <= ground
+        self._has_lifted = self._has_lifted or z > ground + LIFTED
         if not self.is_down:
             return
-        if not was_down:
+        if self._has_lifted:
+            self._has_lifted = False
             self.tell_touch(Touch("the floor", carries=True))
         self.state = stopped(before, (x, y, ground), dt)
 
