@@ -88,9 +88,9 @@ def landed_hard(own: Doing, speed: float, texts: Texts) -> Diagnostic:
     )
 
 
-def left_the_fence(own: Doing, why: str, by: str, *, starts: bool, texts: Texts) -> Diagnostic:
+def left_the_fence(own: Doing, why: str, by: str, *, is_vertical: bool, texts: Texts) -> Diagnostic:
     """KYB473: a behavior leads a vehicle out of the fence, or to where a processor lets no setpoint
-    go. It is a warning of a take-off, which begins where the vehicle stands."""
+    go. It is a warning of a take-off or a landing, which goes on where it is let."""
     return Diagnostic(
         "KYB473",
         f"`{own.state}` ({own.part}) leads `{own.vehicle}` out of bounds {own.when}",
@@ -98,7 +98,7 @@ def left_the_fence(own: Doing, why: str, by: str, *, starts: bool, texts: Texts)
         label=why,
         notes=(f"the bound: {by}",) if by else (),
         help="keep its way inside, or make the fence larger",
-        severity=Severity.WARNING if starts else Severity.ERROR,
+        severity=Severity.WARNING if is_vertical else Severity.ERROR,
     )
 
 

@@ -15,8 +15,8 @@ from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.diagnostics.diagnostic import Severity
 from kybflow.dsl.plan import Plan
-from kybflow.flight.motion import Motion
-from kybflow.parts import AIR, Behavior, Entry
+from kybflow.flight.motion import IDLE, Motion
+from kybflow.parts import AIR, GROUND, Behavior, Entry
 from kybflow.parts.catalog import load_catalog
 
 HEAD = """\
@@ -44,6 +44,15 @@ class Drift(Behavior[Any], flight=AIR >> AIR, emits=SetpointKind.POSITION):
         return Done(setpoint) if tick.elapsed >= 4.0 else setpoint
 
 
+class Plunge(Behavior[Any], flight=AIR >> GROUND, emits=SetpointKind.VELOCITY):
+    """Comes down too fast."""
+
+    def update(self, tick: Tick) -> Setpoint | Done:
+        down = (0.0, 0.0, -2.0 * min(1.0, tick.elapsed / 0.2))
+        setpoint = Setpoint(SetpointKind.VELOCITY, None, down)
+        return Done(IDLE) if tick.known().position[2] <= 0.0 else setpoint
+
+
 def planned(text: str, tmp_path: Path, head: str = HEAD) -> tuple[Plan, dict[str, str]]:
     path = tmp_path / "mission.yaml"
     path.write_text(head + text)
@@ -57,12 +66,13 @@ def rehearsed(text: str, tmp_path: Path, **options: Any) -> Rehearsal:
     return rehearse(plan, texts=texts, **options)
 
 
-def drifting(plan: Plan, state: str) -> Plan:
+def drifting(plan: Plan, state: str, cls: type[Behavior[Any]] = Drift) -> Plan:
     """The plan with a lab's own behavior in place of that of `state`."""
     [vehicle] = plan.vehicles
     before = vehicle.states[state]
-    part = dataclasses.replace(before.behavior, cls=Drift, name="drift")
-    states = {**vehicle.states, state: dataclasses.replace(before, behavior=part)}
+    part = dataclasses.replace(before.behavior, cls=cls, name=cls.__name__.lower())
+    own = dataclasses.replace(before, behavior=part, legs=cls.flight)
+    states = {**vehicle.states, state: own}
     return dataclasses.replace(plan, vehicles=(dataclasses.replace(vehicle, states=states),))
 
 
@@ -153,10 +163,63 @@ def test_a_labs_own_behavior_that_leaves_the_fence(tmp_path: Path) -> None:
     [held] = rehearse(drifting(plan, "own"), texts=texts).diagnostics
     [left] = rehearse(drifting(unheld, "own"), texts=texts).diagnostics
 
+    assert held.code == left.code == "KYB473"
     assert (held.span.line, left.span.line) == (12, 12)
     assert "`fence` keeps the setpoint" in held.label
     assert "outside of the fence" in left.label
     assert "`own` (drift) leads `a` out of bounds at " in left.message
+
+
+class Breaks(Behavior[Any], flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    """Raises."""
+
+    def update(self, tick: Tick) -> Setpoint:
+        raise ZeroDivisionError
+
+
+def test_a_part_that_raises(tmp_path: Path) -> None:
+    plan, texts = planned(ALONE, tmp_path)
+
+    [one] = rehearse(drifting(plan, "own", Breaks), texts=texts).diagnostics
+
+    assert one.code == "KYB475"
+    assert "`behaviors.own` failed: ZeroDivisionError" in one.label
+
+
+def test_a_touch_down_that_is_too_fast(tmp_path: Path) -> None:
+    plan, texts = planned(ALONE, tmp_path)
+    [vehicle] = bare(plan).vehicles
+    plan = dataclasses.replace(plan, vehicles=(dataclasses.replace(vehicle, processors=()),))
+
+    one = rehearse(drifting(plan, "down", Plunge), texts=texts)
+
+    assert found(one) == ["KYB472"]
+    assert one.diagnostics[0].message.startswith("`a` touches down with 2.00 m/s at ")
+    assert one.diagnostics[0].span.line == 13
+
+
+def test_two_that_pass_too_close(tmp_path: Path) -> None:
+    text = (PAIR % "[-1, 0.22, 1]").replace("at: [1, 0, 0]", "at: [1, 0.22, 0]")
+    plan, texts = planned(text, tmp_path)
+
+    one = rehearse(bare(plan), texts=texts)
+
+    assert found(one) == ["KYB480"]
+    assert one.is_clean
+    assert one.separation is not None
+    assert one.separation.metres == pytest.approx(0.22, abs=0.005)
+    assert one.separation.pair == ("a", "b")
+
+
+def test_a_preflight_that_stays_red(tmp_path: Path) -> None:
+    plan, texts = planned(ALONE, tmp_path)
+    [vehicle] = plan.vehicles
+    outside = dataclasses.replace(vehicle, start=(5.0, 0.0, 0.0))
+
+    one = rehearse(dataclasses.replace(plan, vehicles=(outside,)), texts=texts)
+
+    assert found(one) == ["KYB481"]
+    assert one.diagnostics[0].label == "2.00 m outside"
 
 
 def test_a_path_through_an_obstacle_from_a_place_known_only_in_flight(tmp_path: Path) -> None:

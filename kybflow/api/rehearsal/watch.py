@@ -68,6 +68,7 @@ class Watch:
             "behavior_ended": self._ended,
             "behavior_waits": self._behavior_waits,
             "switch_refused": self._switch_refused,
+            "part_failed": self._part_failed,
             "phase_ended": self._phase_ended,
             "preflight_failed": self._preflight_failed,
         }
@@ -151,7 +152,7 @@ class Watch:
         if beyond > LEFT and not _is_steered(vehicle):
             why = f"{beyond:.2f} m outside of the fence"
             found = rehearsed.left_the_fence(
-                self._doing(vehicle), why, "", starts=False, texts=self._texts
+                self._doing(vehicle), why, "", is_vertical=False, texts=self._texts
             )
             self._add_of(vehicle, vehicle.activity.state, found)
 
@@ -177,7 +178,7 @@ class Watch:
             return
         own, why = self._doing(vehicle), str(event.fields["reason"])
         found = rehearsed.left_the_fence(
-            own, why, event.at, starts=vehicle.activity.leg.start is GROUND, texts=self._texts
+            own, why, event.at, is_vertical=GROUND in vehicle.activity.leg, texts=self._texts
         )
         self._add_of(vehicle, vehicle.activity.state, found)
 
@@ -197,6 +198,12 @@ class Watch:
             own, answered = self._doing_in(vehicle, state), _answers(state.transitions)
             found = rehearsed.failed(own, why, answered=answered, texts=self._texts)
             self._add_of(vehicle, state, found)
+
+    def _part_failed(self, event: Event) -> None:
+        vehicle = self._vehicles[event.vehicle]
+        why = f"`{event.fields['part']}` failed: {event.fields['reason']}"
+        found = rehearsed.failed(self._doing(vehicle), why, answered=False, texts=self._texts)
+        self._add_of(vehicle, vehicle.activity.state, found)
 
     def _switch_refused(self, event: Event) -> None:
         """A flow or a callback asks for a state that can't be entered."""

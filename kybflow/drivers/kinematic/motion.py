@@ -24,7 +24,7 @@ from kybflow.core.geometry import (
 from kybflow.core.signals import Command, CommandKind, Setpoint
 from kybflow.world.vehicle_context import Airframe
 
-SPEED_RESERVE = 1.5
+SPEED_RESERVE = 2.0
 """The largest speed over the larger one of those that the airframe may fly and climb."""
 DOWN: Vec3 = (0.0, 0.0, -GRAVITY)
 
