@@ -73,7 +73,8 @@ class RunRequest:
     operator's events, as (seconds, name). out: the run folder, None for one under `runs/`. sets:
     the `NAME=VALUE` that the plan was compiled with, for `provenance.json` only. again: the
     commands of an earlier run, given at the same ticks; inputs: what its inputs said, by name, in
-    place of the devices.
+    place of the devices. skips_rehearsal: somebody wants to fly hardware without a rehearsal, which
+    is told.
     """
 
     seed: int = 0
@@ -84,6 +85,7 @@ class RunRequest:
     sets: tuple[str, ...] = ()
     again: tuple[RecordedCommand, ...] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
+    skips_rehearsal: bool = False
 
     def record(self) -> dict[str, Any]:
         """The request as `provenance.json` holds it: options as the command line takes them."""
@@ -129,6 +131,8 @@ def fly(
     try:
         events = Events((recorder.event, folder.event, *listeners))
         run = _Run(plan, request, events, recorder, commands, folder.input)
+        if request.skips_rehearsal:
+            events.tell("rehearsal_skipped")
         with Interrupts(run), _served(servers, commands, folder.path, events):
             run.fly((record, *observers, *_pictures(plan, folder)))
             record.close()

@@ -30,6 +30,7 @@ COMMANDS = (
     "run",
     "command",
     "validate",
+    "rehearse",
     "test",
     "preflight",
     "record-input",

@@ -10,8 +10,10 @@ import click
 from click.exceptions import Exit
 
 from kybflow.cli.output import echo
+from kybflow.core.errors import UnitError
 from kybflow.core.exit_codes import INVALID
 from kybflow.core.files import write_whole
+from kybflow.core.units import DURATION, parse_quantity
 
 if TYPE_CHECKING:
     from kybflow.dsl.compiler import Result
@@ -55,6 +57,21 @@ set_option = click.option(
     "--set", "sets", multiple=True, metavar="NAME=VALUE", help="Set a parameter of the mission."
 )
 seed_option = click.option("--seed", default=0, help="Seed of everything that is drawn by chance.")
+emit_option = click.option(
+    "--emit",
+    "emits",
+    multiple=True,
+    metavar="NAME@TIME",
+    help="Give an event while it flies, like operator.go@2s; TIME is that of the run. "
+    "operator.pause, .resume, .land, .reset and .stop act on every vehicle.",
+)
+option_option = click.option(
+    "--option",
+    "options",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Change a parameter of a part, like mk.processors.limit_speed.speed=50cm/s.",
+)
 out_option = click.option("--out", type=PATH, help="Run folder; runs/MISSION-TIME by default.")
 
 
@@ -77,6 +94,29 @@ def compiled(
     if result.plan is None:
         raise Exit(INVALID)
     return result.plan, result
+
+
+def timed(emit: str) -> tuple[float, str]:
+    """(seconds, name) of `NAME@TIME`."""
+    name, at, time = emit.rpartition("@")
+    if not at or not name.strip():
+        raise click.BadParameter(f"`{emit}` is not NAME@TIME", param_hint="--emit")
+    try:
+        seconds = parse_quantity(time, DURATION)
+    except UnitError as error:
+        reason = f"`{emit}`: {error}; {error.hint}" if error.hint else f"`{emit}`: {error}"
+        raise click.BadParameter(reason, param_hint="--emit") from None
+    if seconds < 0.0:
+        raise click.BadParameter(f"`{emit}` is before the run", param_hint="--emit")
+    return seconds, name.strip()
+
+
+def pair(option: str) -> tuple[str, str]:
+    """(name, value) of `NAME=VALUE`."""
+    name, equals, value = option.partition("=")
+    if not equals:
+        raise click.BadParameter(f"`{option}` is not NAME=VALUE", param_hint="--option")
+    return name.strip(), value.strip()
 
 
 def write(path: Path, text: str, option: str) -> None:

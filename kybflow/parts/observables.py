@@ -240,6 +240,7 @@ OBSERVABLES: dict[str, Observable] = {
 EVENTS: dict[str, str] = {
     "run_started": "The run begins.",
     "run_ended": "The run is over.",
+    "rehearsal_skipped": "Hardware flies without a rehearsal, because somebody said so.",
     "observer_failed": "Something that looks on was left out, because it raised.",
     "recording_stopped": "A part of the record is lost; the flight goes on.",
     "commands_failed": "Commands are not served as they should be: the flight goes on.",
@@ -324,7 +325,7 @@ OF_THE_RUN = frozenset(
         "run_started", "run_ended", "run_stopped", "observer_failed", "recording_stopped", "logged",
         "action_failed", "commands_failed", "clients_refused", "input_lost", "input_recovered",
         "phase_started", "phase_ended", "phase_refused", "flow_ended",
-        "flow_failed",
+        "flow_failed", "rehearsal_skipped",
     }
 )  # fmt: skip
 """Events of the whole run, which belong to no vehicle."""
@@ -353,6 +354,7 @@ ALARM_FIELDS = ("reaction", "reason", "value", "bound")
 EVENT_FIELDS: dict[str, tuple[str, ...]] = {
     "run_started": (),
     "run_ended": ("reason",),
+    "rehearsal_skipped": (),
     "observer_failed": ("reason",),
     "recording_stopped": ("reason",),
     "commands_failed": ("reason",),

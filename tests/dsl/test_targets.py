@@ -145,7 +145,7 @@ def test_the_trackers_of_a_target(tmp_path: Path) -> None:
 def test_the_control_rate_that_nobody_wrote_falls_on_the_steps_of_every_vehicle(
     tmp_path: Path, driver: str, rate: int
 ) -> None:
-    result = compiled(tmp_path, "rehearsal", f"{{rehearsal: {{all: {{driver: {driver}}}}}}}")
+    result = compiled(tmp_path, "dry_run", f"{{dry_run: {{all: {{driver: {driver}}}}}}}")
     assert result.diagnostics == ()
     assert result.plan is not None
     assert result.plan.control_rate == rate
@@ -153,7 +153,7 @@ def test_the_control_rate_that_nobody_wrote_falls_on_the_steps_of_every_vehicle(
 
 def test_steps_on_which_no_usual_control_rate_falls_are_an_error(tmp_path: Path) -> None:
     driver = "{use: emulated_autopilot, physics: 330 Hz}"
-    result = compiled(tmp_path, "rehearsal", f"{{rehearsal: {{all: {{driver: {driver}}}}}}}")
+    result = compiled(tmp_path, "dry_run", f"{{dry_run: {{all: {{driver: {driver}}}}}}}")
     assert [(d.code, d.message) for d in result.diagnostics][:1] == [
         ("KYB303", "control at 100 Hz does not divide `emulated_autopilot` at 330 Hz")
     ]

@@ -137,7 +137,7 @@ def autopilot(
     """Emulate autopilots on simulated vehicles until Ctrl-C.
 
     MAVLink 2 on the addresses at which the firmware's own simulator is found: any client can arm,
-    take off, fly by set-points, land. It is made for tests and rehearsals; only the firmware itself
+    take off, fly by set-points, land. It is made for tests and dry runs; only the firmware itself
     shows what the firmware does.
     """
     from kybflow.core.errors import DriverError

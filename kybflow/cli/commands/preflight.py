@@ -48,14 +48,17 @@ def command(mission: Path, target: str | None, sets: tuple[str, ...], seed: int)
     2: the mission is invalid.
     3: a driver or device failed.
     """
-    plan, _ = compiled(mission, target, sets)
-    raise Exit(_inspect(plan, seed))
+    plan, result = compiled(mission, target, sets)
+    raise Exit(_inspect(plan, result.texts, seed))
 
 
-def _inspect(plan: Plan, seed: int) -> int:
+def _inspect(plan: Plan, texts: dict[str, str], seed: int) -> int:
     from kybflow.api.flight import inspect
+    from kybflow.api.rehearsal.rehearse import rehearse
+    from kybflow.cli.printing.rehearsal import preflight_line
     from kybflow.core.errors import DriverError, PartFailed
 
+    rehearsed = preflight_line(rehearse(plan, texts=texts))
     try:
         found = inspect(plan, seed)
     except DriverError as error:
@@ -64,10 +67,11 @@ def _inspect(plan: Plan, seed: int) -> int:
     except PartFailed as failure:
         echo(f"error: `{failure.part}` can't be made: {failure}", err=True)
         return RED
-    echo("\n".join(table(found.lines)))
+    lines = [*found.lines, rehearsed]
+    echo("\n".join(table(lines)))
     if found.driver_failed:
         return FAILED
-    return 0 if all(line.green for line in found.lines) else RED
+    return 0 if all(line.green for line in lines) else RED
 
 
 def table(lines: Sequence[PreflightResult]) -> list[str]:

@@ -16,16 +16,19 @@ from kybflow.cli.arguments import (
     Subcommand,
     argument,
     compiled,
+    emit_option,
     examples,
+    option_option,
     out_option,
+    pair,
     seed_option,
     set_option,
     target_option,
+    timed,
 )
-from kybflow.cli.output import console, teller
-from kybflow.core.errors import KybflowError, UnitError
+from kybflow.cli.output import console, echo, teller
+from kybflow.core.errors import KybflowError
 from kybflow.core.exit_codes import FAILED, INTERRUPTED, INVALID
-from kybflow.core.units import DURATION, parse_quantity
 
 if TYPE_CHECKING:
     from kybflow.api.flight import Flown, RunRequest
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
     from kybflow.cli.printing.live import LivePanel
     from kybflow.cli.printing.run import PlainPanel
     from kybflow.command_server.server import CommandServer
+    from kybflow.dsl.compiler import Result
     from kybflow.dsl.plan import Plan
     from kybflow.recording.earlier_run import EarlierRun
     from kybflow.runtime.commanding.command_queue import RecordedCommand
@@ -57,21 +61,8 @@ EXAMPLES = examples(
     type=click.FloatRange(min=0.01),
     help="Pace of a simulation, 1 is real time; else as fast as it goes.",
 )
-@click.option(
-    "--option",
-    "options",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Change a parameter of a part, like mk.processors.limit_speed.speed=50cm/s.",
-)
-@click.option(
-    "--emit",
-    "emits",
-    multiple=True,
-    metavar="NAME@TIME",
-    help="Give an event while it flies, like operator.go@2s; TIME is that of the run. "
-    "operator.pause, .resume, .land, .reset and .stop act on every vehicle.",
-)
+@option_option
+@emit_option
 @click.option(
     "--again",
     type=PATH,
@@ -83,6 +74,13 @@ EXAMPLES = examples(
 @click.option("--plain", is_flag=True, help="Events as lines, no table.")
 @click.option("--report/--no-report", default=True, help="Write report.html.")
 @click.option("--commands/--no-commands", "serves", default=True, help="Take `kybflow command`s.")
+@click.option(
+    "--rehearse/--no-rehearsal",
+    "rehearses",
+    default=None,
+    help="Fly it on ideal vehicles first, and not at all if that goes wrong; as by default on "
+    "hardware.",
+)
 def command(
     mission: Path,
     target: str | None,
@@ -97,6 +95,7 @@ def command(
     plain: bool,
     report: bool,
     serves: bool,
+    rehearses: bool | None,
 ) -> None:
     """Fly a mission and report.
 
@@ -104,7 +103,7 @@ def command(
     Exit codes:
     0: it ended as it should and every expectation held.
     1: it did not, or its record could not be written.
-    2: the mission or the command line is invalid.
+    2: the mission or the command line is invalid, or its rehearsal went wrong.
     3: a driver or device failed.
     130: interrupted.
     """
@@ -118,11 +117,39 @@ def command(
         target, seed, sets, options, emits, commands, said = _earlier(again)
         sets = () if mission.resolve().parent == again.resolve() else sets
     pace = 1.0 if live and speed is None else speed
-    changes = tuple(_pair(option) for option in options)
-    given = tuple(_timed(emit) for emit in emits)
-    plan, _ = compiled(mission, target, sets)
-    request = RunRequest(seed, out, pace, changes, given, sets, commands, said)
+    changes = tuple(pair(option) for option in options)
+    given = tuple(timed(emit) for emit in emits)
+    plan, result = compiled(mission, target, sets)
+    skips = rehearses is False and not plan.simulated
+    if rehearses or not (plan.simulated or skips):
+        _rehearse(plan, result, given, changes)
+    request = RunRequest(seed, out, pace, changes, given, sets, commands, said, skips)
     raise Exit(fly_plan(plan, request, live=live, plain=plain, report=report, serves=serves))
+
+
+def _rehearse(
+    plan: Plan,
+    result: Result,
+    given: tuple[tuple[float, str], ...],
+    changes: tuple[tuple[str, str], ...],
+) -> None:
+    """Rehearse a plan and say what came of it. Exits with INVALID where it went wrong."""
+    from kybflow.api.rehearsal.rehearse import rehearse
+    from kybflow.cli.printing.rehearsal import reports
+
+    try:
+        rehearsal = rehearse(plan, given, changes, result.texts)
+    except KybflowError as error:
+        echo(f"error: {error}", err=True)
+        raise Exit(INVALID) from None
+    for text in reports(rehearsal, result.texts):
+        echo(text, err=True)
+    if not rehearsal.is_clean:
+        echo(
+            "nothing has armed: the rehearsal went wrong (--no-rehearsal flies all the same)",
+            err=True,
+        )
+        raise Exit(INVALID)
 
 
 def fly_plan(
@@ -227,25 +254,3 @@ def _with_window(plan: Plan) -> Plan:
         driver = dataclasses.replace(driver, params=params)
         vehicles.append(dataclasses.replace(vehicle, driver=driver))
     return dataclasses.replace(plan, vehicles=tuple(vehicles))
-
-
-def _timed(emit: str) -> tuple[float, str]:
-    """(seconds, name) of `NAME@TIME`."""
-    name, at, time = emit.rpartition("@")
-    if not at or not name.strip():
-        raise click.BadParameter(f"`{emit}` is not NAME@TIME", param_hint="--emit")
-    try:
-        seconds = parse_quantity(time, DURATION)
-    except UnitError as error:
-        reason = f"`{emit}`: {error}; {error.hint}" if error.hint else f"`{emit}`: {error}"
-        raise click.BadParameter(reason, param_hint="--emit") from None
-    if seconds < 0.0:
-        raise click.BadParameter(f"`{emit}` is before the run", param_hint="--emit")
-    return seconds, name.strip()
-
-
-def _pair(option: str) -> tuple[str, str]:
-    name, equals, value = option.partition("=")
-    if not equals:
-        raise click.BadParameter(f"`{option}` is not NAME=VALUE", param_hint="--option")
-    return name.strip(), value.strip()

@@ -1,4 +1,4 @@
-"""PX4 or ArduPilot, emulated on simulated quadrotors: for tests, and to rehearse without firmware.
+"""PX4 or ArduPilot, emulated on simulated quadrotors: for tests, and for dry runs without firmware.
 
 The vehicles are those of `sim`, in one MuJoCo world; on each sits enough of an autopilot, with an
 estimator, controllers, modes, arming checks and failsafes as they were seen on the firmware. It

@@ -18,6 +18,7 @@ import numpy
 from kybflow.core.geometry import GRAVITY, LEVEL, Quat, Vec3, integrate, multiply
 from kybflow.core.signals import NS, Battery, Imu, Pose, Position, Time, Truth
 from kybflow.drivers.sim.steps.aboard import Numbers
+from kybflow.world.battery import BatteryCharge
 from kybflow.world.vehicle_context import Airframe
 
 Array = numpy.ndarray[Any, numpy.dtype[numpy.float64]]
@@ -277,38 +278,14 @@ class Positions:
 
 
 class SimulatedBattery:
-    """A battery that a hovering vehicle empties in the airframe's endurance.
-
-    Power goes with thrust^1.5 (momentum theory). Voltage falls with the charge by the airframe's
-    `voltage_spread` and with the load by a quarter of that at hover; rotor thrust goes with its
-    square.
-    """
-
-    FULL = 4.2 * 4
-    sag = 0.0
-    """Part of the charge that is missing."""
+    """A vehicle's battery and when it is reported."""
 
     def __init__(self, airframe: Airframe, remaining: float, rate: float) -> None:
         self.schedule = Schedule(rate)
-        self._spread = airframe.voltage_spread
-        self._weight = airframe.hover_thrust
-        self._per_second = 1.0 / airframe.endurance
-        self._charge = remaining
-        self.level = 1.0 - self._spread * (1.0 - remaining)
-
-    @property
-    def remaining(self) -> float:
-        """0 to 1."""
-        return max(0.0, self._charge - self.sag)
-
-    def drain(self, thrust: float, seconds: float) -> None:
-        """Give `thrust` newtons for `seconds`."""
-        load = max(0.0, thrust / self._weight) ** 1.5
-        self._charge = max(0.0, self._charge - load * seconds * self._per_second)
-        self.level = 1.0 - self._spread * (1.0 - self.remaining + 0.1 * load)
+        self.charge = BatteryCharge(airframe, remaining)
 
     def measure(self, now: Time) -> Battery:
-        return Battery(now, self.remaining, self.FULL * self.level)
+        return Battery(now, self.charge.remaining, self.charge.voltage)
 
 
 def bias(generator: numpy.random.Generator, deviation: float) -> Vec3:

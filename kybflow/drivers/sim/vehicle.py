@@ -196,12 +196,12 @@ class SimulatedVehicle(Link):
         """Drain the battery by what the rotors give, and let their thrust sag with it."""
         aboard, index, battery = self._world.aboard, self._index, self.battery
         given = _given(aboard.rotors[index], self._thrusts())
-        battery.drain(given, 1.0 / battery.schedule.rate if now else 0.0)
+        battery.charge.drain(given, 1.0 / battery.schedule.rate if now else 0.0)
         aboard.thrusts[index] = self._thrusts()
 
     def _thrusts(self) -> Numbers:
         """The largest thrust of each rotor, on the battery as it is."""
-        sag, weak = self.battery.level**2, self.rig.rotors
+        sag, weak = self.battery.charge.level**2, self.rig.rotors
         return tuple(sag * f * left for f, left in zip(self.body.thrust, weak, strict=True))
 
     @property
@@ -288,7 +288,7 @@ class SimulatedVehicle(Link):
         self._receiver.put_off(0 if self.is_wired else round(rig.late * NS))
         self._seen_as = self._world.index(rig.body)
         self._sees_as = self._world.index(rig.view)
-        self.battery.sag = rig.sag
+        self.battery.charge.sag = rig.sag
         self.imu_bias = (*rig.gyro_bias, *rig.accelerometer_bias)
         self._world.refit(self._index)
 

@@ -62,6 +62,7 @@ _FAMILIES = {
     "KYB416": "Estimators and failsafe",
     "KYB420": "Airframes and what they carry",
     "KYB422": "Printed tags",
+    "KYB470": "Rehearsals",
 }
 """The families of codes, each from its first code on."""
 

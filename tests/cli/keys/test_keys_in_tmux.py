@@ -25,7 +25,7 @@ import sys
 from pathlib import Path
 
 from plans import part, plan, state, vehicle
-from rehearsals import opening
+from dry_runs import opening
 from short_flights import down, hold, up
 
 from kybflow.api.flight import RunRequest

@@ -7,8 +7,8 @@ import pytest
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
 from commanders import Asked, People
+from dry_runs import AUTOPILOTS, opening
 from plans import part, plan, state, vehicle
-from rehearsals import AUTOPILOTS, opening
 from short_flights import down, hold, named, path, up
 
 from kybflow.api.flight import RunRequest, fly

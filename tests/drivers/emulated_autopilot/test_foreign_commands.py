@@ -9,8 +9,8 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
+from dry_runs import DRIVER, WRONG, DryRun
 from pymavlink.dialects.v20 import all as mavlink
-from rehearsals import DRIVER, WRONG, Rehearsal
 
 from kybflow.drivers.mavlink.protocol.framing import Packer
 from kybflow.drivers.mavlink.transport.wire import memory_wires
@@ -20,10 +20,10 @@ thorough = pytest.mark.thorough
 AUTOPILOTS = [pytest.param("px4", marks=thorough), "ardupilot"]
 
 
-def station(*messages: Any, seconds: float) -> Callable[[Rehearsal], None]:
+def station(*messages: Any, seconds: float) -> Callable[[DryRun], None]:
     """A ground station on a wire of its own, which sends these `RATE` times a second."""
 
-    def begins(flight: Rehearsal) -> None:
+    def begins(flight: DryRun) -> None:
         endpoint = flight.link._emulated.onboard
         wire, theirs = memory_wires("memory:station")
         endpoint.connect(theirs)
@@ -55,7 +55,7 @@ def target() -> Any:
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_foreign_set_points_are_told_with_the_station_and_no_success(autopilot, tmp_path) -> None:
     deeds = [(WRONG, station(target(), seconds=2.5))]
-    flight = Rehearsal(autopilot, tmp_path, deeds=deeds)
+    flight = DryRun(autopilot, tmp_path, deeds=deeds)
     told = flight.only("foreign_command")
     assert (told.vehicle, told.at) == ("a", DRIVER)
     assert (
@@ -74,7 +74,7 @@ def change() -> Any:
 
 
 def test_a_changed_failsafe_parameter_is_told(tmp_path) -> None:
-    flight = Rehearsal("ardupilot", tmp_path, deeds=[(WRONG, station(change(), seconds=0.1))])
+    flight = DryRun("ardupilot", tmp_path, deeds=[(WRONG, station(change(), seconds=0.1))])
     told = flight.only("foreign_command").fields["reason"]
     assert told.startswith("somebody set FS_GCS_ENABLE from 5 to 0")
     assert flight.flown.exit_code == 1
@@ -82,7 +82,7 @@ def test_a_changed_failsafe_parameter_is_told(tmp_path) -> None:
 
 def test_where_others_may_command_it_the_run_may_succeed(tmp_path) -> None:
     deeds = [(WRONG, station(change(), seconds=0.1))]
-    flight = Rehearsal("ardupilot", tmp_path, deeds=deeds, driver={"shared": True})
+    flight = DryRun("ardupilot", tmp_path, deeds=deeds, driver={"shared": True})
     assert flight.only("foreign_command")
     assert flight.flown.exit_code == 0
 
@@ -90,6 +90,6 @@ def test_where_others_may_command_it_the_run_may_succeed(tmp_path) -> None:
 @thorough
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_a_station_that_only_listens_is_no_commander(autopilot, tmp_path) -> None:
-    flight = Rehearsal(autopilot, tmp_path, deeds=[(WRONG, station(seconds=2.0))])
+    flight = DryRun(autopilot, tmp_path, deeds=[(WRONG, station(seconds=2.0))])
     assert flight.events("foreign_command") == []
     assert flight.flown.exit_code == 0

@@ -6,9 +6,9 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
+from dry_runs import AUTOPILOTS, HEIGHT, DryRun
 from fingers import Person
 from plans import part, state
-from rehearsals import AUTOPILOTS, HEIGHT, Rehearsal
 from short_flights import down, hold, up
 
 from kybflow.dsl.plan import TransitionPlan
@@ -33,7 +33,7 @@ def test_a_person_lets_it_go_and_asks_it_back_from_a_pilot(autopilot, tmp_path):
 
     go = TransitionPlan("next", "up", event="operator.go")
     idle = state("idle", part("behaviors", "wait_on_ground"), go)
-    flight = Rehearsal(
+    flight = DryRun(
         autopilot,
         tmp_path,
         states=[idle, up("hold", HEIGHT), hold(5.0, "down"), down()],

@@ -9,14 +9,14 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from rehearsals import (
+from dry_runs import (
     AUTOPILOTS,
     DRIVER,
     HEIGHT,
     LANDS,
     UP,
     WRONG,
-    Rehearsal,
+    DryRun,
     fault,
     supervised,
 )
@@ -48,7 +48,7 @@ def high():
 
 @each(("px4", 1.0), ("ardupilot", 5.0))
 def test_a_cut_link_is_nothing_when_it_is_short_and_else_lands_it(autopilot, seconds, tmp_path):
-    flight = Rehearsal(autopilot, tmp_path, faults=[fault("link_cut", seconds)])
+    flight = DryRun(autopilot, tmp_path, faults=[fault("link_cut", seconds)])
     assert flight.is_safe()
     back = flight.only("link_returned")
     assert (back.at, back.fields["value"]) == (DRIVER, pytest.approx(seconds, abs=0.05))
@@ -66,7 +66,7 @@ def test_a_cut_link_is_nothing_when_it_is_short_and_else_lands_it(autopilot, sec
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_where_silence_is_allowed_its_own_failsafe_is_an_alarm_and_lands_it(autopilot, tmp_path):
     cut = fault("link_cut", 2.5)
-    flight = Rehearsal(autopilot, tmp_path, faults=[cut], supervisors=supervised(**PATIENT))
+    flight = DryRun(autopilot, tmp_path, faults=[cut], supervisors=supervised(**PATIENT))
     assert flight.is_safe()
     assert flight.events("link_lost") == []
     assert flight.after(WRONG, LANDS[autopilot]) < NOTICES[autopilot]
@@ -76,7 +76,7 @@ def test_where_silence_is_allowed_its_own_failsafe_is_an_alarm_and_lands_it(auto
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 @pytest.mark.parametrize("way", ["resume", "land"])
 def test_on_return_it_goes_on_or_lands_as_the_mission_says(autopilot, way, tmp_path):
-    flight = Rehearsal(
+    flight = DryRun(
         autopilot,
         tmp_path,
         faults=[fault("link_cut", 1.1, at=HIGH_AT)],
@@ -101,7 +101,7 @@ def test_one_that_is_nearly_down_is_not_taken_back(autopilot, tmp_path):
     """It would be commanded up from the ground, or be believed to fly while it stands there."""
     mute = fault("link_cut", 2.5, way="to_vehicle")
     again = {"after_failsafe": "resume"}
-    flight = Rehearsal(autopilot, tmp_path, faults=[mute], driver=again)
+    flight = DryRun(autopilot, tmp_path, faults=[mute], driver=again)
     assert flight.is_safe()
     assert flight.events("control_returned") == []
     assert flight.path == ["up", "hold", "landed"]
@@ -111,7 +111,7 @@ def test_one_that_is_nearly_down_is_not_taken_back(autopilot, tmp_path):
 @each(("px4", 5.0))
 def test_set_points_that_stall_are_a_matter_of_its_own_failsafe(autopilot, seconds, tmp_path):
     mute = fault("link_cut", seconds, way="to_vehicle")
-    flight = Rehearsal(autopilot, tmp_path, faults=[mute])
+    flight = DryRun(autopilot, tmp_path, faults=[mute])
     assert flight.is_safe()
     if seconds < NOTICES[autopilot] - 0.5:
         assert flight.flown.exit_code == 0
@@ -131,7 +131,7 @@ def test_one_that_holds_by_itself_while_it_is_to_be_landed_is_landed(tmp_path):
     def holds(flight):
         flight.pilot.state.parameters._values["COM_OBL_RC_ACT"] = 5.0
 
-    flight = Rehearsal("px4", tmp_path, faults=[fault("link_cut", 1.5)], deeds=[(6.0, holds)])
+    flight = DryRun("px4", tmp_path, faults=[fault("link_cut", 1.5)], deeds=[(6.0, holds)])
     assert flight.is_safe()
     assert "AUTO.LOITER" in {s.mode for s in flight.samples if s.time > WRONG}
     assert flight.path[-2:] == ["auto_land", "fault"]
@@ -143,7 +143,7 @@ def test_when_the_program_dies_it_lands_and_stops_its_rotors(autopilot, tmp_path
         flight.go_on(60.0)
         flight.engine.interrupts = 2
 
-    flight = Rehearsal(autopilot, tmp_path, deeds=[(WRONG, dies)])
+    flight = DryRun(autopilot, tmp_path, deeds=[(WRONG, dies)])
     assert flight.is_safe()
     assert flight.after(WRONG, LANDS[autopilot]) < NOTICES[autopilot]
     down = next(s.time for s in flight.samples if s.time > WRONG and not s.armed)
@@ -154,7 +154,7 @@ def test_when_the_program_dies_it_lands_and_stops_its_rotors(autopilot, tmp_path
 def test_a_program_that_is_late_does_not_come_between_an_autopilot_and_its_rotors(
     autopilot, tmp_path
 ):
-    flight = Rehearsal(
+    flight = DryRun(
         autopilot,
         tmp_path,
         faults=[fault("clock_late", 2.0, by=0.3)],
@@ -167,7 +167,7 @@ def test_a_program_that_is_late_does_not_come_between_an_autopilot_and_its_rotor
 
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_a_slow_link_is_noticed_and_the_autopilot_lands_it(autopilot, tmp_path):
-    flight = Rehearsal(autopilot, tmp_path, faults=[fault("clock_late", by=0.3)])
+    flight = DryRun(autopilot, tmp_path, faults=[fault("clock_late", by=0.3)])
     assert flight.is_safe()
     slow = flight.only("link_slow").fields
     assert (slow["value"], slow["bound"]) == (pytest.approx(0.31, abs=0.02), 0.2)
@@ -182,7 +182,7 @@ def test_a_slow_link_is_noticed_and_the_autopilot_lands_it(autopilot, tmp_path):
 def test_a_hiccup_is_no_slow_link_nor_is_one_that_is_a_little_late(
     autopilot, seconds, by, tmp_path
 ):
-    flight = Rehearsal(autopilot, tmp_path, faults=[fault("clock_late", seconds, by=by)])
+    flight = DryRun(autopilot, tmp_path, faults=[fault("clock_late", seconds, by=by)])
     assert flight.is_safe()
     assert flight.path == ["up", "hold", "down", "landed"]
     assert flight.events("link_slow") == []

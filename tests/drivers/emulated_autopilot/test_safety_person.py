@@ -6,14 +6,14 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from rehearsals import (
+from dry_runs import (
     DRIVER,
     FOLLOWS,
     HEIGHT,
     LANDS,
     LINE,
     WRONG,
-    Rehearsal,
+    DryRun,
     supervised,
 )
 from short_flights import NoParams
@@ -52,7 +52,7 @@ SET_POINTS, COMMANDS = {82, 84, 86}, {76}
 @pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
 def test_a_pilot_has_it_at_once_and_until_it_is_asked_for(autopilot, tmp_path):
     deeds, resume = [(WRONG, switches)], (BACK, "operator.resume")
-    flight = Rehearsal(autopilot, tmp_path, deeds=deeds, emitted=[resume])
+    flight = DryRun(autopilot, tmp_path, deeds=deeds, emitted=[resume])
     taken = flight.only("control_taken")
     assert (taken.at, taken.fields["reason"]) == (
         DRIVER,
@@ -73,7 +73,7 @@ def test_a_pilot_who_lands_it_ends_the_run(autopilot, tmp_path):
         flight.pilot.change(flight.pilot.firmware.land, flight.pilot.now, asked=True)
 
     deeds = [(WRONG, switches), (WRONG + 0.5, lands)]
-    flight = Rehearsal(autopilot, tmp_path, deeds=deeds)
+    flight = DryRun(autopilot, tmp_path, deeds=deeds)
     assert flight.path == ["up", "hold", "landed"]
     assert "a pilot took over" in flight.flown.summary["reason"]
     assert flight.flown.exit_code == 1
@@ -86,7 +86,7 @@ def interrupted(times):
 
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_ctrl_c_lands_it_by_its_own_mode(autopilot, tmp_path):
-    flight = Rehearsal(autopilot, tmp_path, deeds=[(WRONG, interrupted(1))])
+    flight = DryRun(autopilot, tmp_path, deeds=[(WRONG, interrupted(1))])
     assert flight.only("land_mode_started").at == DRIVER
     assert flight.after(WRONG, LANDS[autopilot]) < 0.15
     assert flight.flown.exit_code == 130
@@ -96,7 +96,7 @@ def test_ctrl_c_lands_it_by_its_own_mode(autopilot, tmp_path):
 @pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
 def test_a_second_ctrl_c_cuts_the_stream_and_it_lands_by_itself(autopilot, tmp_path):
     deeds = [(WRONG, interrupted(2))]
-    flight = Rehearsal(autopilot, tmp_path, deeds=deeds)
+    flight = DryRun(autopilot, tmp_path, deeds=deeds)
     assert flight.mode == {"px4": "OFFBOARD", "ardupilot": "GUIDED"}[autopilot]
     assert flight.pilot.state.armed
     flight.go_on(20.0)
@@ -118,7 +118,7 @@ def test_who_disarms_it_in_its_landing_has_not_landed_it(autopilot, tmp_path):
         else:
             flight.do_next(watches)
 
-    flight = Rehearsal(autopilot, tmp_path, deeds=[(WRONG, watches)])
+    flight = DryRun(autopilot, tmp_path, deeds=[(WRONG, watches)])
     assert flight.path == ["up", "hold", "down", "fault"]
     assert "it disarmed in the air" in flight.only("control_lost").fields["reason"]
     assert flight.events("landed") == []
@@ -136,7 +136,7 @@ class Cuts(Supervisor[NoParams]):
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_cut_stops_its_rotors_in_the_air(autopilot, tmp_path):
     alarm = PartPlan("cuts", Cuts, NoParams(), "supervisors.cuts", LINE)
-    flight = Rehearsal(autopilot, tmp_path, supervisors=(*supervised(), alarm))
+    flight = DryRun(autopilot, tmp_path, supervisors=(*supervised(), alarm))
     first = next(s for s in flight.samples if s.time >= WRONG and not s.armed)
     assert first.time - WRONG <= 0.06
     assert first.position[2] > 0.8 * HEIGHT

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from rehearsals import AUTOPILOTS, WRONG, Rehearsal, fault
+from dry_runs import AUTOPILOTS, WRONG, DryRun, fault
 
 BOUND = 0.3
 """Seconds; of the supervisor `estimate`."""
@@ -19,7 +19,7 @@ DRIFT = 1.2
     "autopilot", ["px4", pytest.param("ardupilot", marks=pytest.mark.thorough)]
 )
 def test_motion_capture_lost_for_good(autopilot, tmp_path):
-    flight = Rehearsal(autopilot, tmp_path, faults=[fault("mocap_dropout")])
+    flight = DryRun(autopilot, tmp_path, faults=[fault("mocap_dropout")])
     lost = flight.only("estimate_lost")
     since_last_pose = lost.fields["value"]
     assert BOUND < since_last_pose < BOUND + 0.3
@@ -33,7 +33,7 @@ def test_motion_capture_lost_for_good(autopilot, tmp_path):
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 @pytest.mark.thorough
 def test_an_estimate_that_jumps_by_a_metre_is_not_followed(autopilot, tmp_path):
-    flight = Rehearsal(autopilot, tmp_path, faults=[fault("mocap_jump")])
+    flight = DryRun(autopilot, tmp_path, faults=[fault("mocap_jump")])
     jumped = flight.only("body_jumped")
     assert jumped.fields["value"] == pytest.approx(1.0, abs=0.02)
     assert flight.at("body_jumped") - WRONG < 0.05

@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
 from click.testing import CliRunner
+from dry_runs import AUTOPILOTS, DRIVER, UP, DryRun, supervised
 from plans import part, state, then
-from rehearsals import AUTOPILOTS, DRIVER, UP, Rehearsal, supervised
 from short_flights import down, hold, up
 
 from kybflow.cli.app import app
@@ -74,7 +74,7 @@ def test_it_will_not_arm(autopilot, what, tmp_path):
     breaks = (STARTS, broken(**{what: BROKEN[what]}))
     states = mission() if (autopilot, what) in QUICK else None
     unasked = supervised(battery={"warn_below": 0.05, "land_below": 0.05})  # ours is not asked
-    flight = Rehearsal(autopilot, tmp_path, on=breaks, states=states, supervisors=unasked)
+    flight = DryRun(autopilot, tmp_path, on=breaks, states=states, supervisors=unasked)
     refused = flight.only("arming_refused")
     assert refused.at == UP
     assert WORDS[what][autopilot] in refused.fields["reason"]
@@ -99,7 +99,7 @@ def test_it_will_not_arm(autopilot, what, tmp_path):
 )
 def test_it_does_not_pass_the_preflight(autopilot, what, check, words, tmp_path):
     failure = {"bar": "Mode change denied: not today", "blind": True}[what]
-    flight = Rehearsal(autopilot, tmp_path, deeds=[(0.0, broken(**{what: failure}))])
+    flight = DryRun(autopilot, tmp_path, deeds=[(0.0, broken(**{what: failure}))])
     found = {event.fields["check"]: event for event in flight.events("preflight_failed")}
     assert found[check].at == DRIVER
     assert words in found[check].fields["reason"]
@@ -109,7 +109,7 @@ def test_it_does_not_pass_the_preflight(autopilot, what, check, words, tmp_path)
 
 def test_px4_is_never_in_offboard_without_set_points(tmp_path):
     """So that it is never refused for want of them."""
-    flight = Rehearsal("px4", tmp_path, deeds=[(0.0, starts_watching)])
+    flight = DryRun("px4", tmp_path, deeds=[(0.0, starts_watching)])
     assert flight.follows
     assert all(flight.follows)
     assert flight.events("arming_refused") == []
@@ -141,7 +141,7 @@ def test_its_servo_is_not_set_up(autopilot, tmp_path):
     drop = replace(drop, transitions=(*drop.transitions, failed))
     states = [replace(up("drop"), at=UP), drop, down()]
     parcel = Parcel(mass=0.03, size=0.05, channel=1)
-    flight = Rehearsal(
+    flight = DryRun(
         autopilot, tmp_path, states=states, payload=parcel, deeds=[(0.0, unset)],
     )  # fmt: skip
     failed = flight.only("behavior_failed")

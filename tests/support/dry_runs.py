@@ -70,9 +70,9 @@ def supervised(**params: dict[str, Any]) -> tuple[PartPlan, ...]:
     )
 
 
-class Rehearsal:
+class DryRun:
     """One flight. driver: parameters of the driver. facts: of the vehicle's plan. faults: of the
-    plan. deeds: (seconds, what is done to the rehearsal then). emitted: by the operator. on: an
+    plan. deeds: (seconds, what is done to the dry run then). emitted: by the operator. on: an
     event, and what is done when it is told first. servers: who gives commands."""
 
     def __init__(
@@ -82,10 +82,10 @@ class Rehearsal:
         *,
         driver: dict[str, Any] | None = None,
         faults: Sequence[FaultPlan] = (),
-        deeds: Sequence[tuple[float, Callable[[Rehearsal], Any]]] = (),
+        deeds: Sequence[tuple[float, Callable[[DryRun], Any]]] = (),
         emitted: Sequence[tuple[float, str]] = (),
         states: Sequence[Any] | None = None,
-        on: tuple[str, Callable[[Rehearsal], Any]] | None = None,
+        on: tuple[str, Callable[[DryRun], Any]] | None = None,
         servers: Sequence[Server] = (),
         **facts: Any,
     ) -> None:
@@ -148,7 +148,7 @@ class Rehearsal:
         """How long after that it was in a mode first."""
         return next(s.time for s in self.samples if s.time >= seconds and s.mode == mode) - seconds
 
-    def do_next(self, deed: Callable[[Rehearsal], Any]) -> None:
+    def do_next(self, deed: Callable[[DryRun], Any]) -> None:
         """Do this in the next tick that is looked at."""
         self._deeds.insert(0, (self.engine.seconds() + 0.001, deed))
 

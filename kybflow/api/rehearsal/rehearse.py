@@ -1,0 +1,107 @@
+"""Flies a plan once on ideal vehicles, as fast as it goes, and says what goes wrong in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from kybflow.api.entry_judge import PlanEntryJudge
+from kybflow.api.opening import build_vehicles, open_devices
+from kybflow.api.rehearsal.ideal import at_rest, ideal
+from kybflow.api.rehearsal.person import Assumed, Person
+from kybflow.api.rehearsal.watch import LeastCharge, LeastSeparation, Watch
+from kybflow.core.errors import PartFailed
+from kybflow.core.signals import NS
+from kybflow.dsl import rehearsed
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, has_errors, in_order
+from kybflow.dsl.plan import Plan
+from kybflow.runtime.clock import SimulatedClock
+from kybflow.runtime.commanding.awaited import check_emitted
+from kybflow.runtime.commanding.command_queue import CommandQueue
+from kybflow.runtime.engine import Engine
+from kybflow.runtime.events import Events
+from kybflow.runtime.fleet.inputs import Inputs
+from kybflow.runtime.making import parts_of
+from kybflow.runtime.observer import VehicleObserver
+from kybflow.runtime.scores import Score
+
+NOTHING: Mapping[str, str] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """What came of a rehearsal: the findings in order; how long the mission took, seconds; the
+    least distance of two vehicles and the least charge, None where there was none; and a person's
+    events that were assumed."""
+
+    mission: str
+    target: str
+    diagnostics: tuple[Diagnostic, ...]
+    duration: float
+    separation: LeastSeparation | None
+    charge: LeastCharge | None
+    assumed: tuple[Assumed, ...]
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether no finding is an error."""
+        return not has_errors(self.diagnostics)
+
+
+def rehearse(
+    plan: Plan,
+    emitted: Sequence[tuple[float, str]] = (),
+    options: Sequence[tuple[str, str]] = (),
+    texts: Mapping[str, str] = NOTHING,
+) -> Rehearsal:
+    """Rehearse `plan`. emitted: a person's events, as (seconds, name), in place of those that would
+    be assumed. options: changes of parts' parameters before take-off. texts: the mission's files,
+    for the spans of findings. Raises EventRefused and OptionRefused for those that can't be."""
+    check_emitted(plan, (name for _, name in emitted))
+    flown, watch = ideal(plan), Watch(plan, texts)
+    commands = CommandQueue(emitted)
+    person = Person(plan, commands, (name for _, name in emitted))
+    events, score = Events((watch.hear,)), Score(flown)
+    again = at_rest(plan)
+    devices = open_devices(flown, 0, again)
+    inputs = Inputs(flown.inputs, devices.inputs, events)
+    duration = 0.0
+    try:
+        vehicles = build_vehicles(
+            flown, devices, events, lambda _: VehicleObserver(), score, inputs.readings
+        )
+        judge = PlanEntryJudge(plan)
+        for vehicle in vehicles:
+            vehicle.requests.judge = judge
+        clock = SimulatedClock(flown.control_rate)
+        engine = Engine(
+            flown, clock, devices.sessions, vehicles, events, (watch.look, person), 0, commands,
+            inputs,
+        )  # fmt: skip
+        for name, value in options:
+            engine.options.set(name, value, "command line")
+        watch.begin(engine)
+        engine.run()
+        watch.end(engine)
+        duration, found = clock.now / NS, watch.diagnostics
+    except PartFailed as failure:
+        found = (_not_made(plan, failure, texts),)
+    finally:
+        devices.close()
+    return Rehearsal(
+        plan.mission,
+        plan.target,
+        in_order(found),
+        duration,
+        watch.separation,
+        watch.charge,
+        tuple(person.assumed),
+    )
+
+
+def _not_made(plan: Plan, failure: PartFailed, texts: Mapping[str, str]) -> Diagnostic:
+    made = ((vehicle.name, part) for vehicle in plan.vehicles for part in parts_of(vehicle))
+    found = ((name, part.at) for name, part in made if part.label == failure.part)
+    name, at = next(found, (plan.vehicles[0].name, plan.vehicles[0].at))
+    return rehearsed.stays_down(name, failure.part, str(failure), at, texts)

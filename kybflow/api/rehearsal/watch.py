@@ -1,0 +1,357 @@
+"""Looks on at a rehearsal: hears its events, looks at its vehicles, and makes findings.
+
+Of what goes wrong with one vehicle in one state the first error and the first warning are kept, and
+nothing of what it does in a built-in state after that: one slip is told once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import combinations
+from math import hypot
+from typing import NamedTuple
+
+from kybflow.core.geometry import Vec3, distance, dot, norm, sub
+from kybflow.core.params import named_in
+from kybflow.core.signals import Event
+from kybflow.core.units import DURATION, format_quantity
+from kybflow.dsl import rehearsed
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.expressions.describe import describe
+from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan
+from kybflow.dsl.rehearsed import Doing, Texts, Waiting
+from kybflow.parts import GROUND
+from kybflow.runtime.engine import Engine
+from kybflow.runtime.vehicle.vehicle import Vehicle
+
+NEARLY = 0.3
+"""Seconds before the time limit."""
+LEFT = 0.01
+"""Metres outside of the fence that are no rounding."""
+
+
+class LeastSeparation(NamedTuple):
+    """The least distance of two vehicles of which one flew, m: when, and which."""
+
+    metres: float
+    seconds: float
+    pair: tuple[str, str]
+
+
+class LeastCharge(NamedTuple):
+    """The least charge of a battery, 0 to 1, and whose."""
+
+    remaining: float
+    vehicle: str
+
+
+class Watch:
+    """A listener of the events, and as `look` an observer of the engine. separation, charge: the
+    least ones so far, None before the first."""
+
+    def __init__(self, plan: Plan, texts: Texts) -> None:
+        self.separation: LeastSeparation | None = None
+        self.charge: LeastCharge | None = None
+        self._plan, self._texts = plan, texts
+        self._found: dict[tuple[str, ...], Diagnostic] = {}
+        self._engine: Engine | None = None
+        self._vehicles: dict[str, Vehicle] = {}
+        self._wrong: set[str] = set()
+        self._before: dict[str, Vec3] = {}
+        self._unfinished: tuple[Waiting | None, tuple[str, ...]] = (None, ())
+        self._hearing = {
+            "collided": self._collided,
+            "landed_hard": self._landed_hard,
+            "clamp_started": self._clamped,
+            "failsafe_started": self._failsafe,
+            "behavior_failed": self._failed,
+            "behavior_ended": self._ended,
+            "behavior_waits": self._behavior_waits,
+            "switch_refused": self._switch_refused,
+            "part_failed": self._part_failed,
+            "phase_ended": self._phase_ended,
+            "preflight_failed": self._preflight_failed,
+        }
+
+    def begin(self, engine: Engine) -> None:
+        """The engine is made."""
+        self._engine = engine
+        self._vehicles = {vehicle.name: vehicle for vehicle in engine.vehicles}
+
+    @property
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """The findings so far; of two vehicles that collide nothing less."""
+        hit = {key[1:] for key in self._found if key[0] == "KYB470"}
+        return tuple(
+            d for key, d in self._found.items() if key[0] == "KYB470" or key[1:] not in hit
+        )
+
+    def hear(self, event: Event) -> None:
+        hearing = self._hearing.get(event.name)
+        if hearing is not None:
+            hearing(event)
+
+    def look(self, engine: Engine) -> None:
+        """Compare where the vehicles are, and were at the last look, with each other and with the
+        fence."""
+        left = self._plan.time_limit - engine.seconds()
+        if 0.0 < left < NEARLY:  # before the engine lands what still flies
+            self._unfinished = (next(_unfinished(engine), None), self._states())
+        places = {v.name: v.truth.position for v in engine.vehicles if v.truth is not None}
+        before, self._before = self._before, places
+        for vehicle in engine.vehicles:
+            battery = vehicle.battery
+            if battery is not None:
+                self._note_charge(vehicle, battery.remaining)
+            if vehicle.name in places and vehicle.airborne:
+                self._look_at_fence(vehicle, places[vehicle.name])
+        for one, other in combinations(engine.vehicles, 2):
+            if (one.airborne or other.airborne) and one.name in before and other.name in before:
+                apart = sub(places[one.name], places[other.name])
+                gap = _least(sub(before[one.name], before[other.name]), apart)
+                self._note_gap(one, other, gap)
+
+    def end(self, engine: Engine) -> None:
+        """The engine has stopped."""
+        waiting, notes = self._unfinished
+        if waiting is not None and engine.seconds() >= self._plan.time_limit:
+            limit = self._plan.time_limit
+            self._add(rehearsed.not_finished(waiting, limit, notes, self._texts))
+        for one, other in combinations(engine.vehicles, 2):
+            pair = sorted((one.name, other.name))
+            if _rest_together(one, other) and ("KYB470", *pair) not in self._found:
+                own, beside = self._doing(one), self._doing(other)
+                found = rehearsed.common_place(own, beside, rests=True, texts=self._texts)
+                self._add(found, *pair)
+
+    def _note_charge(self, vehicle: Vehicle, remaining: float) -> None:
+        if self.charge is None or remaining < self.charge.remaining:
+            self.charge = LeastCharge(remaining, vehicle.name)
+        if remaining <= 0.0 and vehicle.airborne:
+            self._add(rehearsed.battery_ended(self._doing(vehicle), self._texts), vehicle.name)
+
+    def _note_gap(self, one: Vehicle, other: Vehicle, gap: float) -> None:
+        assert self._engine is not None
+        if self.separation is None or gap < self.separation.metres:
+            self.separation = LeastSeparation(gap, self._engine.seconds(), (one.name, other.name))
+        frames = (one.context.airframe, other.context.airframe)
+        needed = sum(frame.arm + 0.5 * frame.rotor_radius for frame in frames)
+        collides = gap < sum(frame.arm for frame in frames)
+        if gap < needed and not collides and one.airborne and other.airborne:
+            own, beside = self._doing(one), self._doing(other)
+            found = rehearsed.too_close(own, beside, gap, needed, self._texts)
+            self._add(found, *sorted((one.name, other.name)))
+
+    def _look_at_fence(self, vehicle: Vehicle, place: Vec3) -> None:
+        fence = vehicle.context.fence
+        if fence is None:
+            return
+        x, y, z = place
+        floor = min(fence.low[2], vehicle.context.start[2])
+        beyond = fence.outside_by((x, y, max(z, fence.low[2]) if z >= floor else z))
+        if beyond > LEFT and not _is_steered(vehicle):
+            why = f"{beyond:.2f} m outside of the fence"
+            found = rehearsed.left_the_fence(
+                self._doing(vehicle), why, "", is_vertical=False, texts=self._texts
+            )
+            self._add_of(vehicle, vehicle.activity.state, found)
+
+    def _collided(self, event: Event) -> None:
+        vehicle, into = self._vehicles[event.vehicle], str(event.fields["into"])
+        other = self._vehicles.get(into)
+        own = self._doing(vehicle)
+        if other is None:
+            self._add(rehearsed.ran_into(own, into, self._texts), vehicle.name, into)
+        else:
+            found = rehearsed.collided(own, self._doing(other), self._texts)
+            self._add(found, *sorted((vehicle.name, into)))
+
+    def _landed_hard(self, event: Event) -> None:
+        vehicle, speed = self._vehicles[event.vehicle], event.fields["speed"]
+        assert isinstance(speed, float)
+        found = rehearsed.landed_hard(self._doing(vehicle), speed, self._texts)
+        self._add_of(vehicle, vehicle.activity.state, found)
+
+    def _clamped(self, event: Event) -> None:
+        vehicle = self._vehicles[event.vehicle]
+        if _is_steered(vehicle):
+            return
+        own, why = self._doing(vehicle), str(event.fields["reason"])
+        found = rehearsed.left_the_fence(
+            own, why, event.at, is_vertical=GROUND in vehicle.activity.leg, texts=self._texts
+        )
+        self._add_of(vehicle, vehicle.activity.state, found)
+
+    def _failsafe(self, event: Event) -> None:
+        vehicle, why = self._vehicles[event.vehicle], str(event.fields["reason"])
+        if vehicle.requests.retired == why:
+            return  # the engine lands it at the time limit, which is told otherwise
+        own, reaction = self._doing(vehicle), str(event.fields["reaction"])
+        others = tuple(self._doing(o).note for o in self._vehicles.values() if f"`{o.name}`" in why)
+        found = rehearsed.failsafe_acted(own, reaction, why, event.at, others, self._texts)
+        self._add_of(vehicle, vehicle.activity.state, found)
+
+    def _failed(self, event: Event) -> None:
+        vehicle, why = self._vehicles[event.vehicle], str(event.fields["reason"])
+        state = vehicle.plan.states[str(event.fields["behavior"])]
+        if not _steers(state):
+            own, answered = self._doing_in(vehicle, state), _answers(state.transitions)
+            found = rehearsed.failed(own, why, answered=answered, texts=self._texts)
+            self._add_of(vehicle, state, found)
+
+    def _part_failed(self, event: Event) -> None:
+        vehicle = self._vehicles[event.vehicle]
+        why = f"`{event.fields['part']}` failed: {event.fields['reason']}"
+        found = rehearsed.failed(self._doing(vehicle), why, answered=False, texts=self._texts)
+        self._add_of(vehicle, vehicle.activity.state, found)
+
+    def _switch_refused(self, event: Event) -> None:
+        """A flow or a callback asks for a state that can't be entered."""
+        vehicle, wanted = self._vehicles[event.vehicle], str(event.fields["state"])
+        if event.fields["by"] == "mission" or vehicle.name in self._wrong:
+            return
+        own, why = self._doing(vehicle), str(event.fields["reason"])
+        found = rehearsed.refused(own, wanted, why, event.at or own.at, self._texts)
+        self._add(found, vehicle.name, wanted)
+
+    def _ended(self, event: Event) -> None:
+        vehicle, how = self._vehicles[event.vehicle], event.fields["how"]
+        state = vehicle.plan.states[str(event.fields["behavior"])]
+        if how == "within" and not _is_endless(state, vehicle):
+            own = self._doing_in(vehicle, state)
+            limit = next((t.after for t in state.transitions if t.cause == "within"), None)
+            answered = _answers(state.transitions)
+            found = rehearsed.timed_out(own, limit, answered=answered, texts=self._texts)
+            self._add_of(vehicle, state, found)
+
+    def _behavior_waits(self, event: Event) -> None:
+        vehicle = self._vehicles[event.vehicle]
+        other = self._nearest(vehicle)
+        if vehicle.activity.leg.end is GROUND and vehicle.airborne and other is not None:
+            own, beside = self._doing(vehicle), self._doing(other)
+            found = rehearsed.common_place(own, beside, rests=False, texts=self._texts)
+            self._add(found, vehicle.name, other.name)
+
+    def _phase_ended(self, event: Event) -> None:
+        if event.fields["how"] != "within":
+            return
+        assert self._engine is not None
+        flow = next(f for f in self._plan.flows if f.name == event.fields["flow"])
+        phase = flow.phases[str(event.fields["phase"])]
+        limit = next((t.after for t in phase.transitions if t.cause == "within"), None)
+        seconds = self._engine.seconds()
+        found = rehearsed.phase_timed_out(
+            flow.name, phase.name, phase.at, limit, seconds, self._states(), self._texts
+        )
+        self._add(found, flow.name, phase.name)
+
+    def _preflight_failed(self, event: Event) -> None:
+        check, why = str(event.fields["check"]), str(event.fields["reason"])
+        at = event.at or self._plan.vehicles[0].at
+        self._add(rehearsed.stays_down(event.vehicle, check, why, at, self._texts), event.vehicle)
+
+    def _nearest(self, vehicle: Vehicle) -> Vehicle | None:
+        truth = vehicle.truth
+        others = (o for o in self._vehicles.values() if o is not vehicle and o.truth is not None)
+        if truth is None:
+            return None
+        x, y, _ = truth.position
+        return min(others, key=lambda o: _level((x, y), o), default=None)
+
+    def _states(self) -> tuple[str, ...]:
+        return tuple(self._doing(vehicle).note for vehicle in self._vehicles.values())
+
+    def _doing(self, vehicle: Vehicle) -> Doing:
+        return self._doing_in(vehicle, vehicle.activity.state)
+
+    def _doing_in(self, vehicle: Vehicle, state: StatePlan) -> Doing:
+        assert self._engine is not None
+        truth = vehicle.truth
+        place = vehicle.context.start if truth is None else truth.position
+        at, seconds = state.at or vehicle.plan.at, self._engine.seconds()
+        return Doing(vehicle.name, state.name, state.behavior.name, at, seconds, place)
+
+    def _add(self, found: Diagnostic, *about: str) -> None:
+        """Keep a finding about two vehicles, or about something else that `about` names."""
+        self._found.setdefault((found.code, *about), found)
+
+    def _add_of(self, vehicle: Vehicle, state: StatePlan, found: Diagnostic) -> None:
+        """Keep a finding about a vehicle in a state."""
+        if state.built_in and vehicle.name in self._wrong:
+            return
+        self._wrong.add(vehicle.name)
+        self._found.setdefault((vehicle.name, state.name, found.severity.value), found)
+
+
+def _least(before: Vec3, after: Vec3) -> float:
+    """The least distance of two that were `before` apart and are `after`, on straight ways."""
+    way = sub(after, before)
+    length = dot(way, way)
+    share = 0.0 if length == 0.0 else min(1.0, max(0.0, -dot(before, way) / length))
+    return norm(
+        (before[0] + share * way[0], before[1] + share * way[1], before[2] + share * way[2])
+    )
+
+
+def _level(place: tuple[float, float], other: Vehicle) -> float:
+    truth = other.truth
+    assert truth is not None
+    return hypot(truth.position[0] - place[0], truth.position[1] - place[1])
+
+
+def _rest_together(one: Vehicle, other: Vehicle) -> bool:
+    """Whether two vehicles rest on each other that did not begin so."""
+    a, b = one.truth, other.truth
+    if a is None or b is None or one.airborne or other.airborne:
+        return False
+    apart = one.context.airframe.arm + other.context.airframe.arm
+    began = distance(one.context.start, other.context.start)
+    return distance(a.position, b.position) < min(apart, began - LEFT)
+
+
+def _steers(state: StatePlan) -> bool:
+    """Whether an input steers in this state: what it does is a person's doing."""
+    return bool(named_in(state.behavior.params, "input"))
+
+
+def _is_steered(vehicle: Vehicle) -> bool:
+    return _steers(vehicle.activity.state)
+
+
+def _answers(transitions: Iterable[TransitionPlan]) -> bool:
+    """Whether the mission says what follows a failure."""
+    return any(t.cause == "failed" and not t.implied for t in transitions)
+
+
+def _is_endless(state: StatePlan, vehicle: Vehicle) -> bool:
+    told = state.behavior.cls.footprint(state.behavior.params, vehicle.context.start)
+    return told is not None and told.is_endless
+
+
+def _unfinished(engine: Engine) -> Iterator[Waiting]:
+    """What keeps the mission from being over: flows first."""
+    for plan in engine.plan.flows:
+        flow = engine.flows.running(plan.name)
+        if flow.active:
+            phase = flow.phase
+            yield Waiting(plan.name, phase.name, phase.at, _awaits(phase.transitions))
+    for vehicle in engine.vehicles:
+        state = vehicle.activity.state
+        if not vehicle.rests:
+            at = state.at or vehicle.plan.at
+            yield Waiting(vehicle.name, state.name, at, _awaits(state.transitions))
+
+
+def _awaits(transitions: Iterable[TransitionPlan]) -> str:
+    """What leads on, in words."""
+    words = []
+    for one in transitions:
+        if one.implied:
+            continue
+        if one.event is not None:
+            words.append(f"the event `{one.event}`")
+        elif one.when is not None:
+            words.append(f"`{describe(one.when)}`")
+        elif one.after is not None and one.cause == "next":
+            words.append(f"{format_quantity(one.after, DURATION)} to pass")
+    return " or ".join(dict.fromkeys(words)) or "the end of its behavior"

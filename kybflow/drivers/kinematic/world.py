@@ -1,0 +1,71 @@
+"""The session: ideal vehicles in one world, and what they run into."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from math import cos, pi, sin
+
+from kybflow.core.geometry import Vec3, distance
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.kinematic.vehicle import IdealVehicle
+from kybflow.parts import Link, Seat, Session
+from kybflow.parts.link import Touch
+from kybflow.world.shapes import Shape
+from kybflow.world.vehicle_context import LEGS
+
+ROUND = tuple((cos(n * pi / 4), sin(n * pi / 4)) for n in range(8))
+"""Where the edge of a vehicle is looked at."""
+_Pair = tuple[IdealVehicle, str]
+
+
+class KinematicWorld(Session):
+    """Moves every vehicle to each tick's end.
+
+    Two vehicles touch where their centres are nearer to each other than an arm of each. A vehicle
+    touches an obstacle with the disc of its hubs, or with its legs below; on one that carries it,
+    it stands.
+    """
+
+    def __init__(self, seats: Sequence[Seat]) -> None:
+        self._vehicles = [IdealVehicle(seat) for seat in seats]
+        self.links: dict[str, Link] = {v.context.vehicle: v for v in self._vehicles}
+        self._now: Time = 0
+        self._touching: frozenset[_Pair] = frozenset()
+
+    def advance(self, now: Time) -> None:
+        dt, self._now = (now - self._now) / NS, now
+        for vehicle in self._vehicles:
+            vehicle.move(now, dt)
+        touching = frozenset(self._touches())
+        if touching != self._touching:
+            before, self._touching = self._touching, touching
+            for vehicle, into in sorted(
+                touching - before, key=lambda t: (t[0].context.vehicle, t[1])
+            ):
+                vehicle.tell_touch(Touch(into, carries=False))
+
+    def close(self) -> None:
+        """There is nothing to release."""
+
+    def _touches(self) -> Iterator[_Pair]:
+        for one, other in combinations(self._vehicles, 2):
+            apart = one.context.airframe.arm + other.context.airframe.arm
+            near = distance(one.state.position, other.state.position) < apart
+            if near and not (one.is_down and other.is_down):
+                yield one, other.context.vehicle
+                yield other, one.context.vehicle
+        for vehicle in self._vehicles:
+            place, arm = vehicle.state.position, vehicle.context.airframe.arm
+            for name, shape in vehicle.context.obstacles.items():
+                if shape.distance(place) < arm + LEGS and _meets(shape, place, arm):
+                    yield vehicle, name
+
+
+def _meets(shape: Shape, place: Vec3, arm: float) -> bool:
+    """Return whether a vehicle at `place` is in a shape: its centre, the edge of its disc or of its
+    legs. One that stands on it is not."""
+    x, y, z = place
+    low = z - LEGS + 1e-6
+    edge = ((x + arm * c, y + arm * s, h) for h in (z, low) for c, s in ROUND)
+    return shape.distance((x, y, low)) < 0.0 or any(shape.distance(p) < 0.0 for p in edge)

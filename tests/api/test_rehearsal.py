@@ -1,0 +1,353 @@
+"""A rehearsal finds what can't be proven: each thing in a small mission of its own."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from kybflow.api.rehearsal.rehearse import Rehearsal, rehearse
+from kybflow.core.errors import EventRefused
+from kybflow.core.geometry import add, scale
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.diagnostics.diagnostic import Severity
+from kybflow.dsl.plan import Plan
+from kybflow.flight.motion import IDLE, Motion
+from kybflow.parts import AIR, GROUND, Behavior, Entry
+from kybflow.parts.catalog import load_catalog
+
+HEAD = """\
+kybflow: 1
+mission: rehearsed
+import: {std: kybflow/airframes}
+world:
+  fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}
+"""
+
+
+class Drift(Behavior[Any], flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    """Flies east for 4 s at 1 m/s, from wherever it is, and tells nobody where."""
+
+    speed = 1.0
+
+    def __init__(self, params: Any, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self._start, self._heading = entry.position, entry.heading
+
+    def update(self, tick: Tick) -> Setpoint | Done:
+        way = (self.speed, 0.0, 0.0)
+        place = add(self._start, scale(way, tick.elapsed))
+        setpoint = Motion(place, way).setpoint(self._heading)
+        return Done(setpoint) if tick.elapsed >= 4.0 else setpoint
+
+
+class Plunge(Behavior[Any], flight=AIR >> GROUND, emits=SetpointKind.VELOCITY):
+    """Comes down too fast."""
+
+    def update(self, tick: Tick) -> Setpoint | Done:
+        down = (0.0, 0.0, -2.0 * min(1.0, tick.elapsed / 0.2))
+        setpoint = Setpoint(SetpointKind.VELOCITY, None, down)
+        return Done(IDLE) if tick.known().position[2] <= 0.0 else setpoint
+
+
+def planned(text: str, tmp_path: Path, head: str = HEAD) -> tuple[Plan, dict[str, str]]:
+    path = tmp_path / "mission.yaml"
+    path.write_text(head + text)
+    result = compile_mission(path, catalog=load_catalog())
+    assert result.plan is not None, result.diagnostics
+    return result.plan, result.texts
+
+
+def rehearsed(text: str, tmp_path: Path, **options: Any) -> Rehearsal:
+    plan, texts = planned(text, tmp_path)
+    return rehearse(plan, texts=texts, **options)
+
+
+def drifting(plan: Plan, state: str, cls: type[Behavior[Any]] = Drift) -> Plan:
+    """The plan with a lab's own behavior in place of that of `state`."""
+    [vehicle] = plan.vehicles
+    before = vehicle.states[state]
+    part = dataclasses.replace(before.behavior, cls=cls, name=cls.__name__.lower())
+    own = dataclasses.replace(before, behavior=part, legs=cls.flight)
+    states = {**vehicle.states, state: own}
+    return dataclasses.replace(plan, vehicles=(dataclasses.replace(vehicle, states=states),))
+
+
+def found(rehearsal: Rehearsal) -> list[str]:
+    return [d.code for d in rehearsal.diagnostics]
+
+
+PAIR = """\
+vehicles:
+  a:
+    like: std.nano_plus
+    start: {at: [-1, 0, 0]}
+    behaviors:
+      up:   {do: take_off, height: 1 m, then: over}
+      over: {do: fly_to, position: [1, 0, 1], then: down}
+      down: {do: land}
+  b:
+    like: a
+    start: {at: [1, 0, 0]}
+    behaviors: {over: {position: %s}}
+"""
+SWAP = PAIR % "[-1, 0, 1]"
+
+
+def bare(plan: Plan) -> Plan:
+    """The plan without supervisors."""
+    vehicles = tuple(dataclasses.replace(v, supervisors=()) for v in plan.vehicles)
+    return dataclasses.replace(plan, vehicles=vehicles)
+
+
+def test_two_that_swap_places_on_one_line_are_told_with_both_lines(tmp_path: Path) -> None:
+    plan, texts = planned(SWAP, tmp_path)
+
+    braked = rehearse(plan, texts=texts)
+    [hit] = rehearse(bare(plan), texts=texts).diagnostics
+
+    assert found(braked) == ["KYB474", "KYB474"]
+    first, second = braked.diagnostics
+    assert first.message.startswith("the failsafe answers `over` of `a` with `brake` at 6.")
+    assert (first.span.line, second.span.line) == (12, 17)
+    assert first.notes[0].startswith("`b` is in `over` (fly_to) at [0.")
+    assert first.notes[0].endswith("mission.yaml:17)")
+    assert hit.code == "KYB470"
+    assert hit.message.startswith("`a` and `b` collide at 7.")
+    assert hit.message.endswith(", 0, 1] m")
+    assert hit.span.line == 12
+    assert hit.notes[0].endswith("mission.yaml:17)")
+
+
+def test_two_in_one_landing_place(tmp_path: Path) -> None:
+    """The second waits above the first. Where it may choose it turns aside, else it fails."""
+    text = (PAIR % "[0.9, 0, 1]").replace(
+        "{over: {position: [0.9, 0, 1]}}",
+        "{up: {then: wait}, wait: {do: hover, next: [{when: a in landed, go: over}]}, "
+        "over: {position: [0.9, 0, 1]}, down: {position: %s}}",
+    )
+    text = text.replace("at: [1, 0, 0]", "at: [1, 2, 0]")
+    plan, texts = planned(text % "null", tmp_path)
+    aside = rehearse(bare(plan), texts=texts)
+    plan, texts = planned(text % "[0.9, 0, 0]", tmp_path)
+    fails, waits = rehearse(bare(plan), texts=texts).diagnostics
+
+    assert found(aside) == ["KYB479"]
+    assert aside.is_clean
+    assert (waits.code, fails.code) == ("KYB479", "KYB475")
+    assert fails.label == "`a` is below for 10 s"
+    assert waits.message.startswith("`b` comes down where `a` is, at ")
+    assert waits.notes[0].startswith("`a` is in `landed` (wait_on_ground) at [1, 0, 0] m")
+
+
+ALONE = """\
+vehicles:
+  a:
+    like: std.nano_plus
+    start: {at: [0, 0, 0]}
+    behaviors:
+      up:   {do: take_off, height: 1 m, then: own}
+      own:  {do: hover, for_time: 4 s, then: down}
+      down: {do: land}
+"""
+
+
+def test_a_labs_own_behavior_that_leaves_the_fence(tmp_path: Path) -> None:
+    plan, texts = planned(ALONE, tmp_path)
+    [vehicle] = plan.vehicles
+    unheld = dataclasses.replace(plan, vehicles=(dataclasses.replace(vehicle, processors=()),))
+
+    [held] = rehearse(drifting(plan, "own"), texts=texts).diagnostics
+    [left] = rehearse(drifting(unheld, "own"), texts=texts).diagnostics
+
+    assert held.code == left.code == "KYB473"
+    assert (held.span.line, left.span.line) == (12, 12)
+    assert "`fence` keeps the setpoint" in held.label
+    assert "outside of the fence" in left.label
+    assert "`own` (drift) leads `a` out of bounds at " in left.message
+
+
+class Breaks(Behavior[Any], flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    """Raises."""
+
+    def update(self, tick: Tick) -> Setpoint:
+        raise ZeroDivisionError
+
+
+def test_a_part_that_raises(tmp_path: Path) -> None:
+    plan, texts = planned(ALONE, tmp_path)
+
+    [one] = rehearse(drifting(plan, "own", Breaks), texts=texts).diagnostics
+
+    assert one.code == "KYB475"
+    assert "`behaviors.own` failed: ZeroDivisionError" in one.label
+
+
+def test_a_touch_down_that_is_too_fast(tmp_path: Path) -> None:
+    plan, texts = planned(ALONE, tmp_path)
+    [vehicle] = bare(plan).vehicles
+    plan = dataclasses.replace(plan, vehicles=(dataclasses.replace(vehicle, processors=()),))
+
+    one = rehearse(drifting(plan, "down", Plunge), texts=texts)
+
+    assert found(one) == ["KYB472"]
+    assert one.diagnostics[0].message.startswith("`a` touches down with 2.00 m/s at ")
+    assert one.diagnostics[0].span.line == 13
+
+
+def test_two_that_pass_too_close(tmp_path: Path) -> None:
+    text = (PAIR % "[-1, 0.22, 1]").replace("at: [1, 0, 0]", "at: [1, 0.22, 0]")
+    plan, texts = planned(text, tmp_path)
+
+    one = rehearse(bare(plan), texts=texts)
+
+    assert found(one) == ["KYB480"]
+    assert one.is_clean
+    assert one.separation is not None
+    assert one.separation.metres == pytest.approx(0.22, abs=0.005)
+    assert one.separation.pair == ("a", "b")
+
+
+def test_a_preflight_that_stays_red(tmp_path: Path) -> None:
+    plan, texts = planned(ALONE, tmp_path)
+    [vehicle] = plan.vehicles
+    outside = dataclasses.replace(vehicle, start=(5.0, 0.0, 0.0))
+
+    one = rehearse(dataclasses.replace(plan, vehicles=(outside,)), texts=texts)
+
+    assert found(one) == ["KYB481"]
+    assert one.diagnostics[0].label == "2.00 m outside"
+
+
+def test_a_path_through_an_obstacle_from_a_place_known_only_in_flight(tmp_path: Path) -> None:
+    pillar = "pillar: {cylinder: {at: [2, 0, 0], radius: 20 cm, height: 2.5 m}}"
+    head = f"{HEAD}  obstacles: {{{pillar}}}\n"
+    plan, texts = planned(ALONE, tmp_path, head)
+
+    [one] = [
+        d for d in rehearse(drifting(plan, "own"), texts=texts).diagnostics if d.code == "KYB471"
+    ]
+
+    assert one.message.startswith("`a` runs into `pillar` at ")
+
+
+STALL = """\
+time_limit: 40 s
+vehicles:
+  a:
+    like: std.nano_plus
+    start: {at: [-1, 0, 0]}
+    begin: wait
+    behaviors:
+      wait: {do: wait_on_ground, next: [{when: b in hover, go: up}]}
+      up:   {do: take_off, height: 1 m, then: down}
+      down: {do: land}
+  b: {like: a, start: {at: [1, 0, 0]}, behaviors: {wait: {next: [{when: a in hover, go: up}]}}}
+"""
+
+
+def test_vehicles_that_wait_for_each_other(tmp_path: Path) -> None:
+    [one] = rehearsed(STALL, tmp_path).diagnostics
+
+    assert one.code == "KYB477"
+    assert one.message == "the mission is not over after 40 s: `a` is still in `wait`"
+    assert one.label == "waits for `b in hover`"
+    assert "`b` is in `wait` (wait_on_ground)" in one.notes[1]
+
+
+FLOW = """\
+time_limit: 60 s
+hover_limit: 90 s
+vehicles:
+  a:
+    like: std.nano_plus
+    start: {at: [0, 0, 0]}
+    behaviors:
+      up:   {do: take_off, height: 1 m, then: hover}
+      down: {do: land}
+flows:
+  team:
+    begin: rise
+    phases:
+      rise: {run: {a: up}, next: [{%s, go: fall}]%s}
+      fall: {run: {a: down}}
+"""
+
+
+def test_a_flow_that_stalls(tmp_path: Path) -> None:
+    text = FLOW % ("when: a.state.altitude > 1.2 m", ", within: 50 s, otherwise: fall")
+    [one] = rehearsed(text, tmp_path).diagnostics
+
+    assert one.code == "KYB476"
+    assert one.message.startswith("the phase `rise` of `team` is not over within its time of 50 s")
+    assert one.severity is Severity.WARNING
+
+
+def test_a_persons_events_come_two_seconds_after_they_are_waited_for(tmp_path: Path) -> None:
+    text = FLOW % ("event: operator.go", "")
+
+    one = rehearsed(text, tmp_path)
+    later = rehearsed(text, tmp_path, emitted=((20.0, "operator.go"),))
+
+    assert found(one) == found(later) == []
+    [assumed] = one.assumed
+    assert assumed.name == "operator.go"
+    assert assumed.waiting == "`rise` of `team`"
+    assert 6.0 < assumed.seconds < 8.0
+    assert later.assumed == ()
+    assert later.duration > 20.0
+    with pytest.raises(EventRefused):
+        rehearsed(text, tmp_path, emitted=((1.0, "operator.goo"),))
+
+
+def test_a_battery_that_ends_before(tmp_path: Path) -> None:
+    text = ALONE.replace("for_time: 4 s", "for_time: 60 s")
+    plan, texts = planned(text, tmp_path)
+    [vehicle] = plan.vehicles
+    weak = dataclasses.replace(vehicle.airframe, endurance=40.0)
+    bare = dataclasses.replace(vehicle, airframe=weak, supervisors=())
+    watched = dataclasses.replace(vehicle, airframe=weak)
+
+    empty = rehearse(dataclasses.replace(plan, vehicles=(bare,)), texts=texts)
+    acted = rehearse(dataclasses.replace(plan, vehicles=(watched,)), texts=texts)
+
+    assert found(empty) == ["KYB478"]
+    assert empty.charge is not None
+    assert empty.charge.remaining == 0.0
+    assert found(acted) == ["KYB474"]
+    assert acted.diagnostics[0].span.line == 12
+
+
+def test_a_behavior_that_fails_or_takes_too_long(tmp_path: Path) -> None:
+    text = ALONE.replace("then: own}", "then: own, within: 3 s}")
+    once = ALONE.replace("{do: hover, for_time: 4 s", "{do: release_payload").replace(
+        "at: [0, 0, 0]}", "at: [0, 0, 0]}\n    payload: {mass: 10 g, size: 3 cm, aboard: false}"
+    )
+    [late] = rehearsed(text, tmp_path).diagnostics
+    [fails] = rehearsed(once, tmp_path).diagnostics
+
+    assert late.code == "KYB476"
+    assert late.message.startswith("`up` of `a` is not done within its time of 3 s, at 3.1 s")
+    assert fails.code == "KYB475"
+    assert fails.message.startswith("`own` (release_payload) of `a` fails at ")
+    assert fails.label == "no payload is on board"
+
+
+def test_what_an_input_at_rest_steers_goes_on(tmp_path: Path) -> None:
+    mission = Path(__file__).parents[2] / "missions" / "joystick.yaml"
+    result = compile_mission(mission, catalog=load_catalog(), target="hands")
+    assert result.plan is not None
+
+    one = rehearse(result.plan, texts=result.texts)
+
+    assert found(one) == []
+    assert [a.name for a in one.assumed] == [
+        "stick.take", "stick.give", "stick.take", "stick.land"
+    ]  # fmt: skip
+
+
+def test_it_repeats_exactly(tmp_path: Path) -> None:
+    assert rehearsed(SWAP, tmp_path) == rehearsed(SWAP, tmp_path)

@@ -1,0 +1,48 @@
+"""Every mission in `missions/` rehearses without a finding, and in the time that it takes in the
+simulator: a few in every run of the tests, all in the thorough ones."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from kybflow.api.flight import RunRequest, fly
+from kybflow.api.rehearsal.rehearse import Rehearsal, rehearse
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.plan import Plan
+from kybflow.parts.catalog import load_catalog
+
+MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
+QUICK = frozenset({"first_flight", "mass_pickup", "sidestep"})
+OFF = 0.03
+"""How far the mission time of a rehearsal may be off that of a flight without faults."""
+
+
+def rehearsed(path: Path) -> tuple[Plan, Rehearsal]:
+    result = compile_mission(path, catalog=load_catalog())
+    assert result.plan is not None
+    return result.plan, rehearse(result.plan, texts=result.texts)
+
+
+@pytest.mark.parametrize("path", MISSIONS, ids=lambda path: path.stem)
+def test_a_shipped_mission_rehearses_without_a_finding(path: Path) -> None:
+    _, rehearsal = rehearsed(path)
+
+    assert rehearsal.diagnostics == ()
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(p, id=p.stem, marks=() if p.stem in QUICK else pytest.mark.thorough)
+        for p in MISSIONS
+    ],
+)
+def test_its_time_is_that_of_the_simulator(path: Path, tmp_path: Path) -> None:
+    plan, rehearsal = rehearsed(path)
+
+    flown = fly(dataclasses.replace(plan, faults=()), RunRequest(out=tmp_path))
+
+    assert rehearsal.duration == pytest.approx(flown.summary["sim_time_s"], rel=OFF)
