@@ -57,6 +57,7 @@ _FAMILIES = {
     "KYB390": "Sensors",
     "KYB395": "Payloads",
     "KYB400": "Inputs and steering",
+    "KYB460": "Parameters",
 }
 """The families of codes, each from its first code on."""
 
