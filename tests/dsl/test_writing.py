@@ -10,7 +10,15 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from kybflow.core.units import ANGLE, ANGULAR_RATE, DIMENSIONS, LENGTH, SPEED, Dimension, parse_quantity
+from kybflow.core.units import (
+    ANGLE,
+    ANGULAR_RATE,
+    DIMENSIONS,
+    LENGTH,
+    SPEED,
+    Dimension,
+    parse_quantity,
+)
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import ExpectationPlan, Plan
 from kybflow.dsl.writing.values import quantity
@@ -125,7 +133,13 @@ def test_a_value_that_no_degree_is_exact_for_stays_in_radians() -> None:
 
 @pytest.mark.parametrize(
     ("text", "dimension"),
-    [("18 mm", LENGTH), ("7 cm", LENGTH), ("5 km/h", SPEED), ("0.6 m", LENGTH), ("7.3 mm/s", SPEED)],
+    [
+        ("18 mm", LENGTH),
+        ("7 cm", LENGTH),
+        ("5 km/h", SPEED),
+        ("0.6 m", LENGTH),
+        ("7.3 mm/s", SPEED),
+    ],
 )
 def test_a_value_is_written_in_the_unit_in_which_it_is_short(
     text: str, dimension: Dimension

@@ -19,6 +19,13 @@ _PARAMETER = r"\$[A-Za-z_]\w*"
 _PLACE = rf"^{_PARAMETER}$|^world\.points\.[A-Za-z_]\w*$"
 
 
+BOUNDS = {
+    "exclusiveMinimum": "above",
+    "minimum": "at_least",
+    "exclusiveMaximum": "below",
+    "maximum": "at_most",
+}
+"""The bounds of a schema, and what a field calls them."""
 LISTS = ("estimators", "processors", "supervisors")
 """The lists of a vehicle in which stacks may stand."""
 
@@ -60,13 +67,8 @@ def vector(dimension: Dimension, help: str, **bounds: Any) -> Schema:
 
 
 def _bounds(field: Field) -> dict[str, float]:
-    bounds = {
-        "exclusiveMinimum": field.above,
-        "minimum": field.at_least,
-        "exclusiveMaximum": field.below,
-        "maximum": field.at_most,
-    }
-    return {key: bound for key, bound in bounds.items() if bound is not None}
+    bounds = ((key, getattr(field, own)) for key, own in BOUNDS.items())
+    return {key: bound for key, bound in bounds if bound is not None}
 
 
 def _help(field: Field) -> str:
