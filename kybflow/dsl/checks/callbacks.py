@@ -11,7 +11,7 @@ from kybflow.core.signals import ReactionName
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.events import OPERATOR, KnownEvents, fields_of, known_events
+from kybflow.dsl.checks.events import OPERATOR, KnownEvents, known_events
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry, CallbackEntry
@@ -148,7 +148,7 @@ def carried(callback: CallbackEntry, events: KnownEvents) -> tuple[str, ...]:
     event = callback.event.text
     if event in events.custom or event.startswith(OPERATOR):
         return ()
-    return fields_of(event.rpartition(".")[2])
+    return events.fields_of(event.rpartition(".")[2])
 
 
 def _placeholders(

@@ -125,6 +125,8 @@ class KnownEvents:
         pressed = {f"{n}.{b}" for n, use in document.inputs.items() for b in use.buttons.values()}
         self.custom = emitted(document) | ends | pressed
         self.of = {v.name.text: _told_by(v, case) for v in case.vehicles()}
+        states = (state for vehicle in case.vehicles() for state in vehicle.states.values())
+        self._carried = {e: f for s in states for e, f in s.part.spec.cls.tells.items()}
 
     @property
     def of_the_run(self) -> frozenset[str]:
@@ -140,6 +142,12 @@ class KnownEvents:
             return ()
         asked = tuple(self.of) if first == ANY else members(self._document, first)
         return tuple(vehicle for vehicle in asked if name in self.of[vehicle])
+
+    def fields_of(self, event: str) -> tuple[str, ...]:
+        """The fields of an event, by its bare name. A mission's own event has none."""
+        if event in self._carried:
+            return ("behavior", *self._carried[event])
+        return EVENT_FIELDS.get(event, ALARM_FIELDS)
 
     def hears(self, event: str, own: str | None) -> bool:
         """Whether a transition can hear an event: of the vehicle `own`, or of a flow (None)."""
@@ -174,11 +182,6 @@ def emitted(document: Document) -> frozenset[str]:
             elif action.part is not None:
                 found.update(action.part.spec.cls.events)
     return frozenset(found)
-
-
-def fields_of(event: str) -> tuple[str, ...]:
-    """The fields of an event, by its bare name. A mission's own event has none."""
-    return EVENT_FIELDS.get(event, ALARM_FIELDS)
 
 
 def _told_by(vehicle: VehicleEntry, case: Case) -> frozenset[str]:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import pytest
 from plans import state, then, vehicle
-from short_flights import NoParams, down, hold, named, path, up
+from short_flights import NoParams, Still, down, hold, named, path, up
 
 from kybflow.core.errors import OptionRefused, PartFailed
-from kybflow.core.signals import NS, Event
+from kybflow.core.signals import NS, Event, Setpoint, SetpointKind, Tick, Told
 from kybflow.dsl.expressions import InState
 from kybflow.dsl.plan import (
     Call,
@@ -23,7 +23,7 @@ from kybflow.dsl.plan import (
     Switch,
     TransitionPlan,
 )
-from kybflow.parts import Action, ActionContext
+from kybflow.parts import AIR, Action, ActionContext, Entry
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.action_context import RunControls
 from kybflow.runtime.fleet.callbacks import Callbacks, filled
@@ -268,3 +268,40 @@ def test_stop_lands_everybody_and_the_run_ended_as_it_should(run):
     assert flown.summary["sim_time_s"] < 30.0
     assert {v["final"] for v in flown.summary["vehicles"].values()} == {"ground"}
     assert flown.exit_code == 0
+
+
+class Humming(Still, flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    """Tells each second, by the second."""
+
+    tells = {"hummed": ("second",)}  # noqa: RUF012
+
+    def __init__(self, params: NoParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self._told = 0
+
+    def update(self, tick: Tick) -> Setpoint | Told:
+        if tick.elapsed < self._told + 1:
+            return self.setpoint
+        self._told += 1
+        return Told(self.setpoint, "hummed", {"second": float(self._told)})
+
+
+class Mumbling(Humming, flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    tells = {}  # noqa: RUF012
+
+
+def test_what_a_behavior_tells_is_answered_by_next_and_by_callbacks(run):
+    callbacks = (on("hummed", LogText("{behavior} {second}")),)
+    heard = TransitionPlan("next", "down", event="hummed")
+    _, told = run(
+        vehicle("a", [up("hum"), state("hum", Humming, heard), down()]), callbacks=callbacks
+    )
+    assert [e.fields["text"] for e in named(told, "logged")] == ["hum 1"]
+    assert path(told, "a") == ["up", "hum", "down", "landed"]
+
+
+def test_a_behavior_that_tells_what_it_does_not_declare_has_failed(run):
+    states = [up("hum"), state("hum", Mumbling, then("down")), down()]
+    _, told = run(vehicle("a", states))
+    [failed] = named(told, "part_failed")
+    assert "`hummed` is no event that it `tells`" in str(failed.fields["reason"])
