@@ -214,13 +214,15 @@ class ActionEntry:
 
 @dataclass(frozen=True, slots=True)
 class CallbackEntry:
-    """One entry of `on:`."""
+    """One entry of `on:`. One without an event is done when its condition has held for `hold`
+    seconds."""
 
-    event: Text
+    event: Text | None
     fields: tuple[tuple[Text, Text], ...]
     when: Text | None
     actions: tuple[ActionEntry, ...]
     span: Span
+    hold: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -207,7 +207,9 @@ class InputPlan:
 @dataclass(frozen=True, slots=True)
 class CallbackPlan:
     """One entry of `on:`: when an event called `event` of one of `vehicles` (`""`: of the run) is
-    heard whose fields are as `fields` says, and `when` holds, the actions are done in order."""
+    heard whose fields are as `fields` says, and `when` holds, the actions are done in order. One
+    that hears nothing (`event` is empty) does them each time that `when` has held for `hold`
+    seconds."""
 
     event: str
     vehicles: tuple[str, ...]
@@ -215,6 +217,7 @@ class CallbackPlan:
     fields: tuple[tuple[str, str], ...] = ()
     when: Expression | None = None
     at: str = ""
+    hold: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,8 +37,9 @@ def unknown_events(case: Case) -> Iterator[Diagnostic]:
     for flow in case.document.flows.values():
         for phase in flow.phases.values():
             yield from _unheard_by(phase.transitions, known, None)
-    for callback in case.document.callbacks:
-        event = callback.event
+    for event in (callback.event for callback in case.document.callbacks):
+        if event is None:
+            continue
         if known.sources(event.text):
             yield from _too_late(event, known)
         else:
@@ -91,7 +92,7 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
     acting += [
         callback.event
         for callback in case.document.callbacks
-        if any(action.name.text != "log" for action in callback.actions)
+        if callback.event and any(action.name.text != "log" for action in callback.actions)
     ]
     for event in acting:
         if event.text.rpartition(".")[2] in OF_THE_SIMULATOR:
@@ -125,8 +126,6 @@ class KnownEvents:
         pressed = {f"{n}.{b}" for n, use in document.inputs.items() for b in use.buttons.values()}
         self.custom = emitted(document) | ends | pressed
         self.of = {v.name.text: _told_by(v, case) for v in case.vehicles()}
-        states = (state for vehicle in case.vehicles() for state in vehicle.states.values())
-        self._carried = {e: f for s in states for e, f in s.part.spec.cls.tells.items()}
 
     @property
     def of_the_run(self) -> frozenset[str]:
@@ -145,9 +144,13 @@ class KnownEvents:
 
     def fields_of(self, event: str) -> tuple[str, ...]:
         """The fields of an event, by its bare name. A mission's own event has none."""
-        if event in self._carried:
-            return ("behavior", *self._carried[event])
-        return EVENT_FIELDS.get(event, ALARM_FIELDS)
+        if event in EVENT_FIELDS:
+            return EVENT_FIELDS[event]
+        for vehicle in self._document.vehicles.values():
+            for state in vehicle.states.values():
+                if event in state.part.spec.cls.tells:
+                    return ("behavior", *state.part.spec.cls.tells[event])
+        return ALARM_FIELDS
 
     def hears(self, event: str, own: str | None) -> bool:
         """Whether a transition can hear an event: of the vehicle `own`, or of a flow (None)."""

@@ -58,6 +58,7 @@ _FAMILIES = {
     "KYB395": "Payloads",
     "KYB400": "Inputs and steering",
     "KYB460": "Parameters",
+    "KYB461": "Callbacks",
 }
 """The families of codes, each from its first code on."""
 

@@ -16,6 +16,7 @@ from kybflow.dsl.expressions import describe
 from kybflow.dsl.expressions.describe import quantity
 from kybflow.dsl.plan import (
     END,
+    CallbackPlan,
     FlowPlan,
     PhasePlan,
     Plan,
@@ -71,8 +72,13 @@ def requests_to(plan: Plan, vehicle: str) -> Requests:
     for callback in plan.callbacks:
         for action in callback.actions:
             if isinstance(action, Switch) and action.vehicle == vehicle:
-                found.setdefault(f"on {callback.event}", {})[action.state] = None
+                found.setdefault(f"on {_occasion(callback)}", {})[action.state] = None
     return {name: tuple(states) for name, states in found.items()}
+
+
+def _occasion(callback: CallbackPlan) -> str:
+    """What a callback answers: an event, or a condition that begins to hold."""
+    return describe(callback.when) if callback.when and not callback.event else callback.event
 
 
 Groups = Mapping[str, tuple[str, ...]]

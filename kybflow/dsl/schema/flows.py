@@ -74,7 +74,10 @@ _OWN = {
         "What to hear: `VEHICLE.NAME`, `any.NAME` of every vehicle, `operator.NAME` of a person, "
         "or the bare name of an event of the run, or of one that a mission emits."
     ),
-    "when": "A condition that must hold too, like `a in landed`; vehicles go by their names.",
+    "when": (
+        "A condition that must hold too, like `a in landed`; vehicles go by their names. Without "
+        "`event`, the actions are done when it begins to hold."
+    ),
 }
 
 
@@ -126,10 +129,13 @@ def on_schema() -> Schema:
         "type": "array",
         "items": {
             "title": "callback",
-            "description": "An event, and the actions that it brings about, in this order.",
+            "description": "An event or a condition, and the actions that it brings about.",
             "type": "object",
             "properties": {
                 **{key: text(what) for key, what in _OWN.items()},
+                "for": quantity(
+                    DURATION, "How long a condition without an `event` must hold.", minimum=0
+                ),
                 "do": {
                     "description": "The actions, each a mapping with one key.",
                     "type": "array",
@@ -142,7 +148,7 @@ def on_schema() -> Schema:
                     for name in fields
                 },
             },
-            "required": ["event", "do"],
+            "required": ["do"],
             "additionalProperties": False,
         },
     }  # fmt: skip

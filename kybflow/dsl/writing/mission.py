@@ -238,10 +238,12 @@ def callback_lines(document: Document) -> Iterator[YamlLine]:
 
 
 def _callback_text(callback: CallbackEntry) -> str:
-    pairs = [f"event: {quoted(callback.event.text)}"]
+    pairs = [] if callback.event is None else [f"event: {quoted(callback.event.text)}"]
     pairs += [f"{field.text}: {quoted(value.text)}" for field, value in callback.fields]
     if callback.when is not None:
         pairs.append(f"when: {quoted(callback.when.text)}")
+    if callback.hold:
+        pairs.append(f"for: {quantity(callback.hold, DURATION)}")
     actions = ", ".join(_action_text(action) for action in callback.actions)
     return "{" + ", ".join((*pairs, f"do: [{actions}]")) + "}"
 

@@ -68,14 +68,15 @@ class FakeVehicle:
 class Bench:
     """Callbacks on a fake vehicle `a`, without a flight."""
 
-    def __init__(self, *plans: CallbackPlan, refuses: bool = False) -> None:
+    def __init__(self, *plans: CallbackPlan, refuses: bool = False, breaks: bool = False) -> None:
         self.told: list[Event] = []
         self.events = Events((self.told.append,))
         self.vehicle = FakeVehicle()
         self.asked = self.vehicle.asked
         self._refuses = refuses
         controls = RunControls({"a": self.vehicle}, self, self.events, self._phase, self._stop)
-        self.callbacks = Callbacks(plans, controls, lambda _: lambda: self.holds)
+        condition = (lambda: 1 / 0) if breaks else (lambda: self.holds)
+        self.callbacks = Callbacks(plans, controls, lambda _: condition)
         self.holds = True
 
     def set(self, name: str, value: object, by: str, at: str = "") -> None:
@@ -305,3 +306,48 @@ def test_a_behavior_that_tells_what_it_does_not_declare_has_failed(run):
     _, told = run(vehicle("a", states))
     [failed] = named(told, "part_failed")
     assert "`hummed` is no event that it `tells`" in str(failed.fields["reason"])
+
+
+def when(*actions, hold: float = 0.0) -> CallbackPlan:
+    """A callback on the condition of the bench."""
+    return CallbackPlan("", (), actions, when=InState("a", "down"), at="m.yaml:9", hold=hold)
+
+
+def watched(bench: Bench, *holds: bool) -> int:
+    """How often something was logged after ticks of a tenth of a second, each with the condition
+    as `holds` says."""
+    for bench.holds in holds:
+        bench.events.turn(bench.events.now + NS // 10)
+        bench.callbacks.watch()
+    return len(bench.logged())
+
+
+def test_a_condition_is_answered_each_time_that_it_begins_to_hold():
+    bench = Bench(when(LogText("now")))
+    assert watched(bench, False, True, True, True) == 1
+    assert watched(bench, False, True) == 2
+    assert watched(Bench(when(LogText("at once"))), True, True) == 1
+
+
+def test_a_condition_with_for_is_answered_when_it_has_held_that_long():
+    bench = Bench(when(LogText("at {time}"), hold=0.2))
+    assert watched(bench, True, True) == 0
+    assert watched(bench, False, True, True) == 0
+    assert watched(bench, True, True) == 1
+    assert bench.logged() == ["at 0.60 s"]
+
+
+def test_a_condition_that_raises_is_told_once_and_not_answered():
+    bench = Bench(when(LogText("never")), breaks=True)
+    assert watched(bench, True, True) == 0
+    assert len(named(bench.told, "action_failed")) == 1
+
+
+def test_a_condition_switches_a_vehicle_in_flight_without_an_event(run):
+    high = CallbackPlan(
+        "", (), (Switch("a", "down"),), when=InState("a", "hold"), hold=1.0, at="m.yaml:9"
+    )
+    _, told = run(vehicle("a", [up("hold"), hold(60.0, "down"), down()]), callbacks=(high,))
+    [asked] = [e for e in named(told, "behavior_ended") if e.fields["how"] == "asked"]
+    [began] = [e for e in named(told, "behavior_started") if e.fields["behavior"] == "hold"]
+    assert asked.time - began.time == pytest.approx(NS, abs=3 * NS // 250)
