@@ -11,7 +11,7 @@ from kybflow.core.signals import ReactionName
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.events import OPERATOR, KnownEvents, known_events
+from kybflow.dsl.checks.events import OPERATOR, KnownEvents, known_events, told_by_transitions
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry, CallbackEntry
@@ -75,12 +75,15 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
     called like an event of the engine or of a part, and may not begin with a vehicle's, a group's
     or an input's name, `any.` or `operator.`: whoever hears it would believe that they told it.
     """
+    names = [action.value for action in actions_of(case, "emit")]
+    names += told_by_transitions(case.document)
+    if not names:
+        return
     (events,) = case.cached(known_events)
     taken = {event for own in events.of.values() for event in own} | EVENTS.keys()
     owners = {"any", "operator", *case.document.vehicles, *case.document.groups}
     owners.update(case.document.flows, case.document.inputs)
-    for action in actions_of(case, "emit"):
-        name = action.value
+    for name in names:
         first, dot, _ = name.text.partition(".")
         message = hint = ""
         if not _CUSTOM.match(name.text):

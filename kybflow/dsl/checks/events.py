@@ -4,6 +4,7 @@ vain: KYB208 and KYB209."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import Case
@@ -121,11 +122,14 @@ class KnownEvents:
 
     def __init__(self, case: Case) -> None:
         self._document = case.document
-        document = case.document
+        self.of = {v.name.text: _told_by(v, case) for v in case.vehicles()}
+
+    @cached_property
+    def custom(self) -> frozenset[str]:
+        document = self._document
         ends = {f"{flow}.finished" for flow in document.flows}
         pressed = {f"{n}.{b}" for n, use in document.inputs.items() for b in use.buttons.values()}
-        self.custom = emitted(document) | ends | pressed
-        self.of = {v.name.text: _told_by(v, case) for v in case.vehicles()}
+        return emitted(document) | ends | pressed
 
     @property
     def of_the_run(self) -> frozenset[str]:
@@ -176,8 +180,8 @@ def known_events(case: Case) -> Iterator[KnownEvents]:
 
 
 def emitted(document: Document) -> frozenset[str]:
-    """The custom events that the actions of a mission emit."""
-    found: set[str] = set()
+    """The custom events that the actions and transitions of a mission emit."""
+    found = {name.text for name in told_by_transitions(document)}
     for callback in document.callbacks:
         for action in callback.actions:
             if action.name.text == "emit":
@@ -185,6 +189,13 @@ def emitted(document: Document) -> frozenset[str]:
             elif action.part is not None:
                 found.update(action.part.spec.cls.events)
     return frozenset(found)
+
+
+def told_by_transitions(document: Document) -> list[Text]:
+    """The events that transitions of states and phases emit."""
+    ways = [state.transitions for v in document.vehicles.values() for state in v.states.values()]
+    ways += [phase.transitions for f in document.flows.values() for phase in f.phases.values()]
+    return [t.emit for transitions in ways for t in transitions if t.emit]
 
 
 def _told_by(vehicle: VehicleEntry, case: Case) -> frozenset[str]:

@@ -59,6 +59,7 @@ _FAMILIES = {
     "KYB400": "Inputs and steering",
     "KYB460": "Parameters",
     "KYB461": "Callbacks",
+    "KYB462": "Groups and flows",
 }
 """The families of codes, each from its first code on."""
 

@@ -170,6 +170,8 @@ def cause_of(transition: TransitionPlan) -> str:
     if transition.after is not None:
         inside = f" in {transition.since}" if transition.since else ""
         parts.append(f"after {quantity(transition.after, DURATION)}{inside}")
+    if transition.emit is not None:
+        parts.append(f"emits {transition.emit}")
     return " ".join(parts)
 
 
@@ -179,8 +181,8 @@ def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
     for phase in flow.phases.values():
         for transition in phase.transitions:
             labels.setdefault((phase.name, transition.target), []).append(cause_of(transition))
-        if not phase.transitions:
-            labels[phase.name, END] = ["done"]
+        if phase.ends or not phase.transitions:
+            labels.setdefault((phase.name, END), []).append("done")
     boxes = [StateBox(p.name, _phase_text(p, groups), "", False) for p in flow.phases.values()]
     if any(target == END for _, target in labels):
         boxes.append(StateBox(END, "the flow is over", "", True))

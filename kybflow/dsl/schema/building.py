@@ -67,8 +67,8 @@ def vector(dimension: Dimension, help: str, **bounds: Any) -> Schema:
 
 
 def _bounds(field: Field) -> dict[str, float]:
-    bounds = ((key, getattr(field, own)) for key, own in BOUNDS.items())
-    return {key: bound for key, bound in bounds if bound is not None}
+    bounds = (field.above, field.at_least, field.below, field.at_most)
+    return {key: bound for key, bound in zip(BOUNDS, bounds, strict=True) if bound is not None}
 
 
 def _help(field: Field) -> str:
@@ -217,6 +217,7 @@ NEXT = mapping(
         "event": text("An event to hear."),
         "after": quantity(DURATION, "Time in the behavior.", minimum=0),
         "for": quantity(DURATION, "How long the condition must hold.", minimum=0),
+        "emit": text("An event of the mission's own, told when this way is taken."),
         "go": text("The behavior to go to."),
     },
     required=["go"],

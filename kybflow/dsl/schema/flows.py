@@ -23,6 +23,11 @@ def flows_schema() -> Schema:
     keys: Schema = {
         "like": text(like),
         "begin": text("The first phase; without it the topmost."),
+        "next": {
+            "description": "Ways out of every phase but the one that it leads to, asked first.",
+            "type": "array",
+            "items": NEXT,
+        },
         "phases": named("Its phases: exactly one is active.", _phase(), minProperties=1),
     }
     alone = {"title": "flow", "properties": dict.fromkeys(keys, True), "required": ["phases"]}

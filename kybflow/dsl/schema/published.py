@@ -62,11 +62,13 @@ def _suggest(catalog: Catalog, properties: Schema) -> None:
         "event": ["operator.go", *events],
     })  # fmt: skip
     of_any = ["operator.go", *sorted(OF_THE_RUN), *(f"any.{name}" for name in events)]
-    phases = properties["flows"]["additionalProperties"]["properties"]["phases"]
-    _offer(phases["additionalProperties"], {
+    flow = properties["flows"]["additionalProperties"]
+    in_a_phase = {
         "when": ["all swarm in hover", "a in landed"], "event": of_any, "go": [END],
         "after": ["10 s"], "within": ["20 s"], "otherwise": [END],
-    })  # fmt: skip
+    }  # fmt: skip
+    _offer(flow, in_a_phase)
+    _offer(flow["properties"]["phases"]["additionalProperties"], in_a_phase)
     when = ["any swarm in fault", "a.battery.remaining < 30 %"]
     _offer(properties["on"]["items"], {"event": of_any, "when": when})
 

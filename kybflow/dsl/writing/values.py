@@ -75,6 +75,8 @@ def way(transition: TransitionEntry) -> str:
         pairs.append(f"after: {quantity(transition.after, DURATION)}")
     if transition.hold:
         pairs.append(f"for: {quantity(transition.hold, DURATION)}")
+    if transition.emit is not None:
+        pairs.append(f"emit: {quoted(transition.emit.text)}")
     pairs.append(f"go: {goal(transition)}")
     return "{" + ", ".join(pairs) + "}"
 

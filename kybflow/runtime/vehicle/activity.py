@@ -358,6 +358,8 @@ class Activity:
             self._tell("behavior_failed", reason.at, reason=self._reason)
         self._score.left(reason.how, self._events.now / NS)
         self._tell("behavior_ended", reason.at, how=reason.how)
+        if reason.transition is not None and reason.transition.emit is not None:
+            self._events.tell(reason.transition.emit, at=reason.at)
         if reason.how in ("failed", "refused", "within"):
             self._score_unforeseen(reason)
         if reason.how != "refused":
