@@ -20,10 +20,10 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick, Told
 from kybflow.core.units import Acceleration, Length, Number, Position, Speed, Vec3
-from kybflow.flight.laps import LAP_EVENTS, Laps
 from kybflow.flight.motion import Coast, Straight
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
+from kybflow.runtime.behaviors._laps import LAP_EVENTS, Laps
 
 _CHORDS = 48
 """Straight lines that stand for the circle in its footprint."""

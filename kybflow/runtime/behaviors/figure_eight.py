@@ -19,10 +19,10 @@ from math import cos, hypot, pi, sin, sqrt
 
 from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick, Told, made
 from kybflow.core.units import Angle, Duration, Length, Number, Vec3
-from kybflow.flight.laps import LAP_EVENTS, Laps
 from kybflow.flight.motion import Coast
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
+from kybflow.runtime.behaviors._laps import LAP_EVENTS, Laps
 
 _POSITION = SetpointKind.POSITION
 _CHORDS = 96
