@@ -61,6 +61,12 @@ def missions() -> list[Shipped]:
     ]
 
 
+def hollow() -> list[str]:
+    """The packages that promise missions, and of which no file is installed."""
+    shipped = {one.name.partition("/")[0] for one in (*libraries(), *missions())}
+    return sorted({entry.name for entry in entry_points(group=GROUP)} - shipped - {OWN})
+
+
 def _homes() -> Iterator[tuple[str, Path]]:
     names = dict.fromkeys([OWN, *sorted(entry.name for entry in entry_points(group=GROUP))])
     for name in names:

@@ -307,6 +307,17 @@ class Grip(NamedTuple):
     is_open: bool
 
 
+class Told(NamedTuple):
+    """A behavior's update that also tells an event, one of those that its class `tells`.
+
+    output: the update itself. fields: what the event carries besides the behavior's state.
+    """
+
+    output: Setpoint | Done
+    event: str
+    fields: dict[str, str | float | bool | None]
+
+
 class Event(NamedTuple):
     """Something that happened. at: the mission line that caused it, or empty."""
 

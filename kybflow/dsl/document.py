@@ -5,7 +5,7 @@ are gone."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.geometry import Vec3
 from kybflow.dsl.diagnostics.spans import Span, Text
@@ -35,12 +35,12 @@ class PartUse:
     spans: dict[str, Span] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class TransitionEntry:
+class TransitionEntry(NamedTuple):
     """One transition as written. `span` is the whole of it, `target.span` the name of its target.
     `since` names the chain that the transition belongs to: its `after` counts from the entry of
-    that chain. `enters` names the chain that the transition enters; the target is then its first
-    state."""
+    that chain. In a phase it names the flow, whose way out of every phase this is. `enters` names
+    the chain that the transition enters; the target is then its first state. `emit` is the event
+    that it tells."""
 
     cause: Cause
     target: Text
@@ -51,6 +51,7 @@ class TransitionEntry:
     hold: float = 0.0
     since: str = ""
     enters: str = ""
+    emit: Text | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,13 +215,15 @@ class ActionEntry:
 
 @dataclass(frozen=True, slots=True)
 class CallbackEntry:
-    """One entry of `on:`."""
+    """One entry of `on:`. One without an event is done when its condition has held for `hold`
+    seconds."""
 
-    event: Text
+    event: Text | None
     fields: tuple[tuple[Text, Text], ...]
     when: Text | None
     actions: tuple[ActionEntry, ...]
     span: Span
+    hold: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,12 +284,13 @@ class PhaseEntry:
 
 @dataclass(frozen=True, slots=True)
 class FlowEntry:
-    """One entry of `flows:`."""
+    """One entry of `flows:`. The `transitions` of the flow are also among those of its phases."""
 
     name: Text
     begin: Text
     phases: dict[str, PhaseEntry]
     span: Span
+    transitions: tuple[TransitionEntry, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

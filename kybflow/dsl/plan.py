@@ -44,7 +44,8 @@ class TransitionPlan:
     have passed in the state (those that are given, together); `then` when the behavior is done;
     `failed` when it failed; `within` after `after` seconds. `implied` transitions are those that
     the language adds. Seconds count from the entry of the chain `since` where it is not empty;
-    `enters` is the chain that the transition enters anew.
+    `enters` is the chain that the transition enters anew. `emit` is the event that is told when it
+    is taken.
     """
 
     cause: Cause
@@ -57,6 +58,7 @@ class TransitionPlan:
     at: str = ""
     since: str = ""
     enters: str = ""
+    emit: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +209,9 @@ class InputPlan:
 @dataclass(frozen=True, slots=True)
 class CallbackPlan:
     """One entry of `on:`: when an event called `event` of one of `vehicles` (`""`: of the run) is
-    heard whose fields are as `fields` says, and `when` holds, the actions are done in order."""
+    heard whose fields are as `fields` says, and `when` holds, the actions are done in order. One
+    that hears nothing (`event` is empty) does them each time that `when` has held for `hold`
+    seconds."""
 
     event: str
     vehicles: tuple[str, ...]
@@ -215,6 +219,7 @@ class CallbackPlan:
     fields: tuple[tuple[str, str], ...] = ()
     when: Expression | None = None
     at: str = ""
+    hold: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +242,8 @@ class PhasePlan:
     whose first state that is, where a chain was asked for; `values`: to those that the state is
     entered with in place of its own). `transitions` are
     asked like those of a state: `next` from the top, then `within`; the target `end` ends the flow.
-    So does a phase without any, when no vehicle that it ran is in its state any more."""
+    So does a phase without any, or one that `ends`, when no vehicle that it ran is in its state any
+    more."""
 
     name: str
     run: dict[str, str]
@@ -247,6 +253,7 @@ class PhasePlan:
     chains: dict[str, str] = field(default_factory=dict)
     at: str = ""
     values: dict[str, Values] = field(default_factory=dict)
+    ends: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -146,6 +146,8 @@ class Engine:
             self.flows.step(now, dt)
         if self.events.unanswered:
             self.callbacks.step()
+        if self.callbacks.watching:
+            self.callbacks.watch()
         self.judge.sample()
         self._advance()
 

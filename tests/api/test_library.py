@@ -59,6 +59,14 @@ def test_a_package_ships_libraries_and_missions(
     assert "kybshelf/hop" in [one.name for one in missions()]
 
 
+def test_a_package_without_its_files_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package(tmp_path, "kybhollow", None)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert "kybhollow: installed without its YAML files" in run("library")[1]
+
+
 @pytest.mark.parametrize("origin", [one.name for one in missions()])
 def test_a_new_mission_is_valid_in_an_empty_folder(origin: str, tmp_path: Path) -> None:
     scaffold("mine", origin, tmp_path)

@@ -5,6 +5,7 @@ schema that the mission's first line names. `npm install --global yaml-language-
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -12,6 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from kybflow.dsl.diagnostics.diagnostic import collect
+from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.reading.values import decode
+from kybflow.parts.catalog import load_catalog
 
 REPO = Path(__file__).parents[2]
 MISSIONS = sorted((REPO / "missions").glob("*.yaml"))
@@ -126,6 +132,116 @@ def test_it_completes_the_parameters_of_a_part(server: Server) -> None:
     uri, lines = opened(server, "keys", "      up:\n        do: take_off\n        \n")
     found = labels(server.at("textDocument/completion", uri, len(lines) - 2, 8))
     assert {"height", "then", "within"} <= found
+
+
+LISTS = {"estimators", "processors", "supervisors"}
+KINDS = ("behaviors", "estimators", "processors", "supervisors", "trackers")
+CATALOG = load_catalog()
+PARTS = [(kind, name) for kind in KINDS for name in CATALOG.names(kind)]
+
+
+def completed(server: Server, kind: str, name: str) -> dict[str, str]:
+    """What completing each parameter of a part inserts, without the marks of a snippet."""
+    place = "tracker" if kind == "trackers" else kind
+    lead = "- " if kind in LISTS else ""
+    inner = "      p:\n        do:" if kind == "behaviors" else f"    {place}:\n      {lead}use:"
+    text = "kybflow: 1\nmission: draft\nvehicles:\n  a:\n"
+    text += "    behaviors:\n" * (kind == "behaviors") + f"{inner} {name}\n        \n"
+    schema = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
+    indent = 8 if kind == "behaviors" or lead else 6
+    text = schema + text.rstrip(" \n") + "\n" + " " * indent + "\n"
+    uri = server.open(REPO / "missions" / f"{kind}_{name}.yaml", text)
+    answer = server.at("textDocument/completion", uri, text.count("\n") - 1, indent)
+    items = answer["items"] if isinstance(answer, dict) else answer
+    plain = {i["label"]: re.sub(r"\$\{\d+:([^}]*)\}|\$\d+", r"\1", i["insertText"]) for i in items}
+    return {label: text.partition(":")[2].strip() for label, text in plain.items()}
+
+
+@pytest.mark.parametrize(("kind", "name"), PARTS, ids=[f"{k}.{n}" for k, n in PARTS])
+def test_completing_a_parameter_inserts_a_right_value_with_its_unit(
+    server: Server, kind: str, name: str
+) -> None:
+    inserted = completed(server, kind, name)
+    for field in CATALOG.get(kind, name).fields:
+        value = inserted[field.name]
+        if field.dimension is not None and field.dimension.units:
+            assert any(unit in value for unit in field.dimension.units), field.name
+        if field.dimension is not None or value:
+            node, findings = compose(value, "editor")
+            assert node is not None
+            assert not findings
+            assert collect(decode(node, field)).diagnostics == [], field.name
+
+
+def test_every_dimension_of_a_part_is_completed() -> None:
+    fields = [field for kind, name in PARTS for field in CATALOG.get(kind, name).fields]
+    kinds = {(f.dimension.name, f.shape) for f in fields if f.dimension is not None}
+    assert {"length", "speed", "duration", "angle", "acceleration"} <= {name for name, _ in kinds}
+    assert {"scalar", "vector", "path"} == {shape for _, shape in kinds}
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        "        then: \n",
+        "        failed: \n",
+        "        next:\n          - when: \n",
+        "        next:\n          - event: \n",
+        "        within: \n",
+    ],
+)
+def test_it_offers_no_null(server: Server, keys: str) -> None:
+    name = "null_" + re.sub(r"\W", "", keys)
+    uri, lines = opened(server, name, "      up:\n        do: take_off\n" + keys)
+    found = labels(server.at("textDocument/completion", uri, len(lines) - 2, len(lines[-2])))
+    assert found
+    assert "null" not in found
+
+
+@pytest.mark.parametrize(("key", "expected"), [("like", set()), ("tracker", {"cascade"})])
+def test_it_offers_no_null_for_a_vehicle(server: Server, key: str, expected: set[str]) -> None:
+    text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
+    text += f"kybflow: 1\nmission: draft\nvehicles:\n  a:\n    {key}: \n"
+    uri = server.open(REPO / "missions" / f"null_{key}.yaml", text)
+    found = labels(server.at("textDocument/completion", uri, 5, len(key) + 6))
+    assert "null" not in found
+    assert expected <= found
+
+
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        (
+            "take_off, height: 1 s",
+            "A length, like `1.2 m`, is needed; its units are m, cm, mm, km.",
+        ),
+        (
+            "take_off, within: soon",
+            "A duration, like `300 ms`, is needed; its units are s, ms, min.",
+        ),
+        ("circle, center: [0, 0, 1 s]", "A length, like `1.2 m`, is needed"),
+        ("circle, center: 5", "`[x, y, z]` is needed, each a length, like `1.2 m`."),
+        ("take_off, then: [a]", "Text is needed."),
+        ("land, within: null", ""),
+    ],
+)
+def test_what_is_wrong_is_told_in_words(server: Server, state: str, said: str) -> None:
+    name = "words_" + re.sub(r"\W", "", state)
+    uri, _ = opened(server, name, f"      up: {{do: {state}}}\n")
+    found = [finding["message"] for finding in server.report(uri)]
+    assert len(found) == bool(said)
+    assert all(message.startswith(said) for message in found)
+
+
+def test_a_reaction_is_completed_and_a_wrong_one_told(server: Server) -> None:
+    text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
+    text += "kybflow: 1\nmission: draft\nvehicles:\n  a:\n    supervisors:\n"
+    text += "      - use: battery\n        reaction: "
+    uri = server.open(REPO / "missions" / "reaction.yaml", text + "\n")
+    assert {"brake", "land"} <= labels(server.at("textDocument/completion", uri, 7, 18))
+    uri = server.open(REPO / "missions" / "reactions.yaml", text + "lnad\n")
+    (finding,) = server.report(uri)
+    assert finding["message"].startswith("One of `warn`, `brake`, ")
 
 
 def test_it_shows_what_a_parameter_is(server: Server) -> None:

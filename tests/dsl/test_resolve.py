@@ -51,7 +51,6 @@ def height(plan: Plan) -> float:
 def test_the_default_counts_until_a_setting_does(tmp_path: Path) -> None:
     assert height(plan_of(tmp_path, MISSION)) == 1.0
     assert height(plan_of(tmp_path, MISSION, "height=150 cm")) == 1.5
-    assert height(plan_of(tmp_path, MISSION, "height=50cm", "height=1.2")) == 1.2
 
 
 @pytest.mark.parametrize(

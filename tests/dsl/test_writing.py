@@ -7,9 +7,18 @@ import math
 import shutil
 from pathlib import Path
 
+import hypothesis
 import pytest
 
-from kybflow.core.units import ANGLE, ANGULAR_RATE
+from kybflow.core.units import (
+    ANGLE,
+    ANGULAR_RATE,
+    DIMENSIONS,
+    LENGTH,
+    SPEED,
+    Dimension,
+    parse_quantity,
+)
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import ExpectationPlan, Plan
 from kybflow.dsl.writing.values import quantity
@@ -120,3 +129,32 @@ def test_a_value_that_no_degree_is_exact_for_stays_in_radians() -> None:
     assert quantity(0.349, ANGLE) == "0.349 rad"
     assert quantity(math.radians(20), ANGLE) == "20 deg"
     assert quantity(0.0, ANGULAR_RATE) == "0 deg/s"
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension"),
+    [
+        ("18 mm", LENGTH),
+        ("7 cm", LENGTH),
+        ("5 km/h", SPEED),
+        ("0.6 m", LENGTH),
+        ("7.3 mm/s", SPEED),
+    ],
+)
+def test_a_value_is_written_in_the_unit_in_which_it_is_short(
+    text: str, dimension: Dimension
+) -> None:
+    value = parse_quantity(text, dimension)
+    written = quantity(value, dimension)
+    assert parse_quantity(written, dimension) == value
+    assert len(written) <= len("0.0073 m/s")
+
+
+@pytest.mark.parametrize("dimension", DIMENSIONS.values(), ids=DIMENSIONS)
+@hypothesis.given(value=hypothesis.strategies.floats(-1e9, 1e9))
+def test_a_value_is_written_exactly(dimension: Dimension, value: float) -> None:
+    assert parse_quantity(quantity(value, dimension), dimension) == value
+
+
+def test_millimetres_are_written_as_such() -> None:
+    assert quantity(parse_quantity("18 mm", LENGTH), LENGTH) == "18 mm"

@@ -38,6 +38,7 @@ from kybflow.core.signals import (
     Setpoint,
     SetpointKind,
     Tick,
+    Told,
 )
 from kybflow.parts import GROUND, ActionContext, Effect, Footprint
 from kybflow.parts.catalog import BASES, PartSpec, load_catalog
@@ -181,7 +182,10 @@ def test_a_behavior_is_deterministic_and_finite_and_emits_what_it_says(spec: Par
 
     for output in same_twice(lambda: begun(spec), run):
         assert not isinstance(output, Grip) or spec.cls.grips
-        given = output.setpoint if isinstance(output, Done | Failed | Grip) else output
+        if isinstance(output, Told):
+            assert tuple(output.fields) == spec.cls.tells[output.event]
+        own = output.output if isinstance(output, Told) else output
+        given = own.setpoint if isinstance(own, Done | Failed | Grip) else own
         if isinstance(given, Command):
             assert spec.cls.emits is CommandKind.ATTITUDE_THRUST
             continue

@@ -17,6 +17,7 @@ from kybflow.core.signals import (
     Setpoint,
     SetpointKind,
     Tick,
+    Told,
 )
 from kybflow.parts import AIR, AXES, Behavior, Entry, Flight
 from kybflow.world.shapes import Box
@@ -81,10 +82,12 @@ class Sample(NamedTuple):
 
 
 class Flown(NamedTuple):
-    """What a behavior put out: a sample for each tick, and its end, None while it went on."""
+    """What a behavior put out: a sample for each tick, its end, None while it went on, and the
+    events that it told, each with what it carries."""
 
     samples: tuple[Sample, ...]
     end: Done | Failed | None
+    told: tuple[tuple[object, ...], ...] = ()
 
     @property
     def duration(self) -> float:
@@ -135,17 +138,21 @@ def point_mass(start: Vec3, ground: float, most: float = 8.0, push: Vec3 = ZERO)
 def fly(behavior: Behavior[Any], body: Body, seconds: float = 120.0) -> Flown:
     """Tick a behavior until it ends or the time is over."""
     samples: list[Sample] = []
+    told: list[tuple[object, ...]] = []
     setpoint: Setpoint | None = None
     for i in range(round(seconds / DT)):
         position, velocity = body(setpoint)
         now = i * DT
         output = behavior.update(tick(now, estimate(position, velocity, round(now * NS)), setpoint))
+        if isinstance(output, Told):
+            told.append((output.event, *output.fields.values()))
+            output = output.output
         ended = isinstance(output, Done | Failed)
         setpoint = output.setpoint if ended else output
         samples.append(Sample(now, setpoint))
         if ended:
-            return Flown(tuple(samples), output)
-    return Flown(tuple(samples), None)
+            return Flown(tuple(samples), output, tuple(told))
+    return Flown(tuple(samples), None, tuple(told))
 
 
 def worst_mismatch(samples: Sequence[Sample], field: str, derivative: str) -> float:

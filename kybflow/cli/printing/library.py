@@ -11,6 +11,7 @@ from pathlib import Path
 from kybflow.api.library import (
     OWN,
     Shipped,
+    hollow,
     imports_of,
     libraries,
     missions,
@@ -22,6 +23,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.render import render
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, entries_of
 
+_INSTALL = "setuptools installs none without `package-data`"
 _MOST_FILES = 200
 """Files of a folder that are looked at."""
 
@@ -32,7 +34,9 @@ def list_shipped() -> str:
     shipped = missions()
     width = max((len(one.name) for one in shipped), default=0)
     rows = [f"  {one.name:<{width}}  {one.summary}".rstrip() for one in shipped]
-    return "\n\n".join([*blocks, "\n".join(["missions, for `kybflow new NAME --from`", *rows])])
+    rows.insert(0, "missions, for `kybflow new NAME --from`")
+    missing = [f"{name}: installed without its YAML files ({_INSTALL})" for name in hollow()]
+    return "\n\n".join([*blocks, "\n".join(rows), *missing])
 
 
 def _contents(one: Shipped) -> Iterator[str]:

@@ -198,10 +198,11 @@ def _number(value: Any) -> str:
 def _callback(callback: CallbackPlan) -> str:
     """`d.battery_low, when elapsed > 3 s: stop`."""
     whose = ", ".join(filter(None, callback.vehicles))
-    words = [f"{whose}.{callback.event}" if whose else callback.event]
+    words = [f"{whose}.{callback.event}" if whose else callback.event] if callback.event else []
     words += [f"{name} {value}" for name, value in callback.fields]
     if callback.when is not None:
-        words.append(f"when {describe(callback.when)}")
+        lasts = f" for {format_quantity(callback.hold, DURATION)}" if callback.hold else ""
+        words.append(f"when {describe(callback.when)}{lasts}")
     return f"{', '.join(words)}: {'; '.join(map(_action, callback.actions))}"
 
 

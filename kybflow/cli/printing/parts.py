@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from enum import Enum
-from typing import Any
+from typing import Annotated, Any, get_args, get_origin
 
+from kybflow.core import units
 from kybflow.core.params import Field, fields_of, type_of
 from kybflow.core.signals import MeasurementKind, kind_name
 from kybflow.core.text import did_you_mean
+from kybflow.core.units import Vec3
 from kybflow.dsl.reading.values import bounds_of, shown_value
 from kybflow.parts.catalog import Catalog, PartSpec, own_catalog
 from kybflow.world.vehicle_context import Airframe
@@ -49,6 +51,13 @@ _KINDS = {
 _AIRFRAMES = (
     "`airframes: {NAME: {...}}`, in a mission or a library: what flies, as the controller believes "
     "it. It is no part, and its keys are these, beside `like`."
+)
+_TYPES = (
+    "What a parameter can be that is a quantity, and the type in `kybflow.core.units` with which a "
+    "part declares it. In a mission it has one of the units, in Python it is SI: an angle in "
+    "radians, a ratio of 20 % as 0.2. Besides, a parameter can be an `int`, a `bool`,"
+    " a `str`, a choice (`Literal['near', 'far']`), a list of whole numbers (`tuple[int, ...]`), or"
+    " a file (`kybflow.core.files.File`, which is read, and `FilePath`, which is not)."
 )
 _COLUMNS = ("parameter", "type", "default", "bounds", "in flight", "what it is")
 _NO_OPTIONS = ("drivers", "sensors", "inputs", "faults", "actions")
@@ -115,12 +124,27 @@ def _page() -> Iterator[str]:
         names = ", ".join(f"`{name}`" for name in catalog.names(kind))
         yield f"- [{kind.capitalize()}](#{kind}): {names or 'none'}"
     yield "- [Airframes](#airframes)"
+    yield "- [Types](#types)"
     for kind in catalog.kinds():
         yield f"\n## {kind.capitalize()}\n\n{_KINDS[kind]}"
         for name in catalog.names(kind):
             yield from _section(catalog.get(kind, name))
     yield f"\n## Airframes\n\n{_AIRFRAMES}"
     yield from _table(fields_of(Airframe), are_options=False)
+    yield from _types()
+
+
+def _types() -> Iterator[str]:
+    """The table of the types that carry a unit."""
+    yield "\n## Types\n\n" + _TYPES
+    yield "\n| type | in Python | a value is | units | like |\n|---|---|---|---|---|"
+    shapes = {float: "a number", Vec3: "`[x, y, z]`", tuple[Vec3, ...]: "`[[x, y, z], ...]`"}
+    for name, hint in vars(units).items():
+        if get_origin(hint) is Annotated:
+            base, dimension = get_args(hint)
+            known = ", ".join(f"`{unit}`" for unit in dimension.units) or "none"
+            cells = (dimension.name, f"`{name}`", shapes[base], known, f"`{dimension.example}`")
+            yield f"| {' | '.join(cells)} |"
 
 
 def _section(spec: PartSpec) -> Iterator[str]:

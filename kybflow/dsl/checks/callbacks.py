@@ -11,7 +11,7 @@ from kybflow.core.signals import ReactionName
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.events import OPERATOR, KnownEvents, fields_of, known_events
+from kybflow.dsl.checks.events import OPERATOR, KnownEvents, known_events, told_by_transitions
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry, CallbackEntry
@@ -35,8 +35,10 @@ def filters(case: Case) -> Iterator[Diagnostic]:
     """
     (events,) = case.cached(known_events)
     for callback in case.document.callbacks:
+        if callback.event is None:
+            continue
         sources = events.sources(callback.event.text)
-        known = carried(callback, events)
+        known = carried(callback.event.text, events)
         for field, value in callback.fields if sources else ():
             if field.text not in known:
                 message = f"`{callback.event.text}` has no field `{field.text}`"
@@ -73,12 +75,15 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
     called like an event of the engine or of a part, and may not begin with a vehicle's, a group's
     or an input's name, `any.` or `operator.`: whoever hears it would believe that they told it.
     """
+    names = [action.value for action in actions_of(case, "emit")]
+    names += told_by_transitions(case.document)
+    if not names:
+        return
     (events,) = case.cached(known_events)
     taken = {event for own in events.of.values() for event in own} | EVENTS.keys()
     owners = {"any", "operator", *case.document.vehicles, *case.document.groups}
     owners.update(case.document.flows, case.document.inputs)
-    for action in actions_of(case, "emit"):
-        name = action.value
+    for name in names:
         first, dot, _ = name.text.partition(".")
         message = hint = ""
         if not _CUSTOM.match(name.text):
@@ -123,12 +128,12 @@ def phases(case: Case) -> Iterator[Diagnostic]:
 def logged_fields(case: Case) -> Iterator[Diagnostic]:
     """KYB238: `log` asks for something that its event does not carry.
 
-    Every event has `{event}` and `{time}`; one of a vehicle has `{vehicle}`, and each its own
-    fields. Braces that are meant as such are written twice.
+    A condition without an event has `{time}`; every event has `{event}` too, one of a vehicle
+    `{vehicle}`, and each its own fields. Braces that are meant as such are written twice.
     """
     (events,) = case.cached(known_events)
     for callback in case.document.callbacks:
-        if not events.sources(callback.event.text):
+        if callback.event is not None and not events.sources(callback.event.text):
             continue  # KYB208 says so
         known = log_fields(callback, events)
         for action in callback.actions:
@@ -138,17 +143,19 @@ def logged_fields(case: Case) -> Iterator[Diagnostic]:
 
 def log_fields(callback: CallbackEntry, events: KnownEvents) -> tuple[str, ...]:
     """The fields that a callback's `log` may name in braces."""
-    sources = events.sources(callback.event.text)
-    own = ("vehicle",) if sources and sources != ("",) else ()
-    return (*_ALWAYS, *own, *carried(callback, events))
-
-
-def carried(callback: CallbackEntry, events: KnownEvents) -> tuple[str, ...]:
-    """The fields of the event that a callback hears; a custom one has none."""
+    if callback.event is None:
+        return ("time",)
     event = callback.event.text
+    sources = events.sources(event)
+    own = ("vehicle",) if sources and sources != ("",) else ()
+    return (*_ALWAYS, *own, *carried(event, events))
+
+
+def carried(event: str, events: KnownEvents) -> tuple[str, ...]:
+    """The fields of the event that a callback hears; a custom one has none."""
     if event in events.custom or event.startswith(OPERATOR):
         return ()
-    return fields_of(event.rpartition(".")[2])
+    return events.fields_of(event.rpartition(".")[2])
 
 
 def _placeholders(
@@ -173,7 +180,8 @@ def _placeholders(
                 "KYB238", message, place, help="write `{vehicle}`, and `{{` for a brace"
             )
         elif name not in known:
-            message = f"`{callback.event.text}` has no field `{name}`"
+            what = "a condition" if callback.event is None else f"`{callback.event.text}`"
+            message = f"{what} has no field `{name}`"
             hint = did_you_mean(name, known)
             yield Diagnostic("KYB238", message, place, label="unknown", help=hint)
 
@@ -202,11 +210,12 @@ def cycles(case: Case) -> Iterator[Diagnostic]:
     `behavior_ended` and `behavior_started`, `phase` `phase_started`.
     """
     callbacks = [c for c in case.document.callbacks if c.when is None]
-    ways = _ways(case, callbacks)
+    heard_events = [c.event.text for c in callbacks if c.event is not None]
+    ways = _ways(case, callbacks, heard_events)
     for first, out in ways.items():
         cycle = _back(first, ways)
         if cycle and first == min(cycle):
-            heard = [callbacks[index].event.text for index in (*cycle, first)]
+            heard = [heard_events[index] for index in (*cycle, first)]
             yield Diagnostic(
                 "KYB239",
                 f"`{heard[0]}` is answered again and again, for ever",
@@ -217,11 +226,10 @@ def cycles(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _ways(case: Case, callbacks: list[CallbackEntry]) -> dict[int, list[_Way]]:
+def _ways(case: Case, callbacks: list[CallbackEntry], heard: list[str]) -> dict[int, list[_Way]]:
     (events,) = case.cached(known_events)
     hearing: dict[tuple[str, str], list[int]] = {}
-    for index, callback in enumerate(callbacks):
-        event = callback.event.text
+    for index, event in enumerate(heard):
         for vehicle in events.sources(event):
             name = event.partition(".")[2] if vehicle else event
             hearing.setdefault((vehicle, name), []).append(index)

@@ -4,6 +4,7 @@ vain: KYB208, KYB209 and KYB415."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 
 from kybflow.core.signals import Frame, Pose
 from kybflow.core.text import did_you_mean
@@ -44,8 +45,9 @@ def unknown_events(case: Case) -> Iterator[Diagnostic]:
     for flow in case.document.flows.values():
         for phase in flow.phases.values():
             yield from _unheard_by(phase.transitions, known, None)
-    for callback in case.document.callbacks:
-        event = callback.event
+    for event in (callback.event for callback in case.document.callbacks):
+        if event is None:
+            continue
         if known.sources(event.text):
             yield from _too_late(event, known)
         else:
@@ -172,7 +174,7 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
     acting += [
         callback.event
         for callback in case.document.callbacks
-        if any(action.name.text != "log" for action in callback.actions)
+        if callback.event and any(action.name.text != "log" for action in callback.actions)
     ]
     for event in acting:
         if event.text.rpartition(".")[2] in OF_THE_SIMULATOR:
@@ -201,11 +203,14 @@ class KnownEvents:
 
     def __init__(self, case: Case) -> None:
         self._document = case.document
-        document = case.document
+        self.of = {v.name.text: _told_by(v, case) for v in case.vehicles()}
+
+    @cached_property
+    def custom(self) -> frozenset[str]:
+        document = self._document
         ends = {f"{flow}.finished" for flow in document.flows}
         pressed = {f"{n}.{b}" for n, use in document.inputs.items() for b in use.buttons.values()}
-        self.custom = emitted(document) | ends | pressed
-        self.of = {v.name.text: _told_by(v, case) for v in case.vehicles()}
+        return emitted(document) | ends | pressed
 
     @property
     def of_the_run(self) -> frozenset[str]:
@@ -221,6 +226,16 @@ class KnownEvents:
             return ()
         asked = tuple(self.of) if first == ANY else members(self._document, first)
         return tuple(vehicle for vehicle in asked if name in self.of[vehicle])
+
+    def fields_of(self, event: str) -> tuple[str, ...]:
+        """The fields of an event, by its bare name. A mission's own event has none."""
+        if event in EVENT_FIELDS:
+            return EVENT_FIELDS[event]
+        for vehicle in self._document.vehicles.values():
+            for state in vehicle.states.values():
+                if event in state.part.spec.cls.tells:
+                    return ("behavior", *state.part.spec.cls.tells[event])
+        return ALARM_FIELDS
 
     def hears(self, event: str, own: str | None) -> bool:
         """Whether a transition can hear an event: of the vehicle `own`, or of a flow (None)."""
@@ -246,8 +261,8 @@ def known_events(case: Case) -> Iterator[KnownEvents]:
 
 
 def emitted(document: Document) -> frozenset[str]:
-    """The custom events that the actions of a mission emit."""
-    found: set[str] = set()
+    """The custom events that the actions and transitions of a mission emit."""
+    found = {name.text for name in told_by_transitions(document)}
     for callback in document.callbacks:
         for action in callback.actions:
             if action.name.text == "emit":
@@ -257,9 +272,11 @@ def emitted(document: Document) -> frozenset[str]:
     return frozenset(found)
 
 
-def fields_of(event: str) -> tuple[str, ...]:
-    """The fields of an event, by its bare name. A mission's own event has none."""
-    return EVENT_FIELDS.get(event, ALARM_FIELDS)
+def told_by_transitions(document: Document) -> list[Text]:
+    """The events that transitions of states and phases emit."""
+    ways = [state.transitions for v in document.vehicles.values() for state in v.states.values()]
+    ways += [phase.transitions for f in document.flows.values() for phase in f.phases.values()]
+    return [t.emit for transitions in ways for t in transitions if t.emit]
 
 
 def _told_by(vehicle: VehicleEntry, case: Case) -> frozenset[str]:

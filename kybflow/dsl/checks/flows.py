@@ -119,7 +119,8 @@ def barriers(case: Case) -> Iterator[Diagnostic]:
     """
     for flow, phase in phases(case.document):
         bounded = any(_is_time_alone(transition) for transition in phase.transitions)
-        waits = [a for a in phase.transitions if not _may_wait(a, flow, case.document)]
+        own = [transition for transition in phase.transitions if not transition.since]
+        waits = [a for a in own if not _may_wait(a, flow, case.document)]
         if waits and not bounded:
             yield Diagnostic(
                 "KYB197",

@@ -102,7 +102,7 @@ def _heard(case: Case) -> set[str]:
     transitions = [t for _, state in case.states() for t in state.transitions]
     transitions += [t for flow in flows for p in flow.phases.values() for t in p.transitions]
     events = [t.event.text for t in transitions if t.event is not None]
-    events += [callback.event.text for callback in case.document.callbacks]
+    events += [one.event.text for one in case.document.callbacks if one.event is not None]
     return {event.partition(".")[0] for event in events}
 
 

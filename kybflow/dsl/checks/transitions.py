@@ -193,12 +193,14 @@ def never_fires(case: Case) -> Iterator[Diagnostic]:
 def phases_never_left(case: Case) -> Iterator[Diagnostic]:
     """KYB241: a way out of a phase that can never be taken, because another always comes first."""
     scope = case.scopes.flow()
+    told: set[Span] = set()
     for _, phase in phases(case.document):
         guarded = [_Guarded(t, case.condition(t.when, scope)) for t in phase.transitions]
         for index, later in enumerate(guarded):
             before = [a for a in guarded[:index] if _covers(a, later)]
             before += [a for a in guarded if _is_sooner(a, later)]
-            if before:
+            if before and later.transition.span not in told:
+                told.add(later.transition.span)
                 yield _shadowed("KYB241", phase, later.transition, before[0].transition)
 
 

@@ -62,6 +62,9 @@ _FAMILIES = {
     "KYB416": "Estimators and failsafe",
     "KYB420": "Airframes and what they carry",
     "KYB422": "Printed tags",
+    "KYB460": "Parameters",
+    "KYB461": "Callbacks",
+    "KYB462": "Groups and flows",
     "KYB470": "Rehearsals",
 }
 """The families of codes, each from its first code on."""

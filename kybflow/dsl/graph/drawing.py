@@ -16,6 +16,7 @@ from kybflow.dsl.expressions import describe
 from kybflow.dsl.expressions.describe import quantity
 from kybflow.dsl.plan import (
     END,
+    CallbackPlan,
     FlowPlan,
     PhasePlan,
     Plan,
@@ -71,8 +72,13 @@ def requests_to(plan: Plan, vehicle: str) -> Requests:
     for callback in plan.callbacks:
         for action in callback.actions:
             if isinstance(action, Switch) and action.vehicle == vehicle:
-                found.setdefault(f"on {callback.event}", {})[action.state] = None
+                found.setdefault(f"on {_occasion(callback)}", {})[action.state] = None
     return {name: tuple(states) for name, states in found.items()}
+
+
+def _occasion(callback: CallbackPlan) -> str:
+    """What a callback answers: an event, or a condition that begins to hold."""
+    return describe(callback.when) if callback.when and not callback.event else callback.event
 
 
 Groups = Mapping[str, tuple[str, ...]]
@@ -164,6 +170,8 @@ def cause_of(transition: TransitionPlan) -> str:
     if transition.after is not None:
         inside = f" in {transition.since}" if transition.since else ""
         parts.append(f"after {quantity(transition.after, DURATION)}{inside}")
+    if transition.emit is not None:
+        parts.append(f"emits {transition.emit}")
     return " ".join(parts)
 
 
@@ -173,8 +181,8 @@ def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
     for phase in flow.phases.values():
         for transition in phase.transitions:
             labels.setdefault((phase.name, transition.target), []).append(cause_of(transition))
-        if not phase.transitions:
-            labels[phase.name, END] = ["done"]
+        if phase.ends or not phase.transitions:
+            labels.setdefault((phase.name, END), []).append("done")
     boxes = [StateBox(p.name, _phase_text(p, groups), "", False) for p in flow.phases.values()]
     if any(target == END for _, target in labels):
         boxes.append(StateBox(END, "the flow is over", "", True))

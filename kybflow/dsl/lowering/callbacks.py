@@ -37,7 +37,7 @@ def callback_plans(document: Document, scope: Scope, catalog: Catalog) -> tuple[
 def _callback(
     callback: CallbackEntry, document: Document, scope: Scope, catalog: Catalog
 ) -> CallbackPlan:
-    event, vehicles = _heard(callback.event.text, document)
+    event, vehicles = ("", ()) if callback.event is None else _heard(callback.event.text, document)
     return CallbackPlan(
         event=event,
         vehicles=vehicles,
@@ -47,6 +47,7 @@ def _callback(
         fields=tuple((field.text, value.text) for field, value in callback.fields),
         when=None if callback.when is None else parse(callback.when, scope)[0],
         at=callback.span.at,
+        hold=callback.hold,
     )
 
 

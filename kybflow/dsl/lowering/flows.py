@@ -51,6 +51,7 @@ def _phase(phase: PhaseEntry, document: Document, scope: Scope, catalog: Catalog
         chains={name: state for name, state in named.items() if state != run[name]},
         at=phase.span.at,
         values=_values(phase, document),
+        ends=all(bool(transition.since) for transition in phase.transitions),
     )
 
 
@@ -77,4 +78,5 @@ def _transition(transition: TransitionEntry, scope: Scope) -> TransitionPlan:
         after=transition.after,
         hold=transition.hold,
         at=transition.span.at,
+        emit=None if transition.emit is None else transition.emit.text,
     )

@@ -200,6 +200,7 @@ def _transition(transition: TransitionEntry, vehicle: str, scopes: Scopes) -> Tr
         after=transition.after,
         hold=transition.hold,
         at=transition.span.at,
+        emit=None if transition.emit is None else transition.emit.text,
         since=transition.since,
         enters=transition.enters,
     )

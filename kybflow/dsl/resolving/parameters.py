@@ -33,6 +33,7 @@ CODES = {
     "KYB134": "A parameter of an unknown type.",
     "KYB135": "A `--set` that is not `name=value`.",
     "KYB136": "A parameter whose bounds leave no value.",
+    "KYB460": "A parameter that `--set` gives two values.",
 }
 _BOUNDS = ("above", "at_least", "below", "at_most")
 
@@ -64,7 +65,7 @@ class Setting(NamedTuple):
 
 
 def parse_settings(sets: Iterable[str]) -> Diagnosed[dict[str, Setting]]:
-    """The values of `--set name=value` by name; the last one counts."""
+    """The values of `--set name=value` by name."""
     settings: dict[str, Setting] = {}
     for line, text in enumerate(sets, start=1):
         name, equals, value = text.partition("=")
@@ -78,8 +79,21 @@ def parse_settings(sets: Iterable[str]) -> Diagnosed[dict[str, Setting]]:
             yield Diagnostic("KYB135", f"`{value}` is no value of a parameter", span)
             continue
         place = Span(SET, line, 1, line, len(name) + 1)
+        if name.strip() in settings:
+            yield _set_twice(name.strip(), settings[name.strip()].name, place)
+            continue
         settings[name.strip()] = Setting(_moved(node, line, len(name) + 1), place)
     return settings
+
+
+def _set_twice(name: str, first: Span, again: Span) -> Diagnostic:
+    return Diagnostic(
+        "KYB460",
+        f"`{name}` is set twice",
+        again,
+        notes=(f"{first.at} sets it already",),
+        help="give each parameter one value",
+    )
 
 
 def _moved(node: Node, line: int, shift: int) -> Node:

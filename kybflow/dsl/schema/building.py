@@ -19,6 +19,13 @@ _PARAMETER = r"\$[A-Za-z_]\w*"
 _PLACE = rf"^{_PARAMETER}$|^world\.points\.[A-Za-z_]\w*$"
 
 
+BOUNDS = {
+    "exclusiveMinimum": "above",
+    "minimum": "at_least",
+    "exclusiveMaximum": "below",
+    "maximum": "at_most",
+}
+"""The bounds of a schema, and what a field calls them."""
 LISTS = ("estimators", "processors", "supervisors")
 """The lists of a vehicle in which stacks may stand."""
 
@@ -60,13 +67,8 @@ def vector(dimension: Dimension, help: str, **bounds: Any) -> Schema:
 
 
 def _bounds(field: Field) -> dict[str, float]:
-    bounds = {
-        "exclusiveMinimum": field.above,
-        "minimum": field.at_least,
-        "exclusiveMaximum": field.below,
-        "maximum": field.at_most,
-    }
-    return {key: bound for key, bound in bounds.items() if bound is not None}
+    bounds = (field.above, field.at_least, field.below, field.at_most)
+    return {key: bound for key, bound in zip(BOUNDS, bounds, strict=True) if bound is not None}
 
 
 def _help(field: Field) -> str:
@@ -215,6 +217,7 @@ NEXT = mapping(
         "event": text("An event to hear."),
         "after": quantity(DURATION, "Time in the behavior.", minimum=0),
         "for": quantity(DURATION, "How long the condition must hold.", minimum=0),
+        "emit": text("An event of the mission's own, told when this way is taken."),
         "go": text("The behavior to go to."),
     },
     required=["go"],

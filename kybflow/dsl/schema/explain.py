@@ -22,6 +22,7 @@ from kybflow.dsl.reading.nodes import (
 )
 from kybflow.dsl.reading.slips import CONDITIONS, missing_colon
 from kybflow.dsl.reading.values import TYPES, decode, quantity_field
+from kybflow.dsl.schema.building import BOUNDS
 
 CODES = {
     "KYB101": "A key that the language doesn't have there.",
@@ -171,11 +172,7 @@ def _flow(value: Any) -> str:
 
 
 def _bounds(schema: dict[str, Any]) -> dict[str, Any]:
-    names = {
-        "exclusiveMinimum": "above", "minimum": "at_least",
-        "exclusiveMaximum": "below", "maximum": "at_most",
-    }  # fmt: skip
-    return {ours: schema[theirs] for theirs, ours in names.items() if theirs in schema}
+    return {ours: schema[theirs] for theirs, ours in BOUNDS.items() if theirs in schema}
 
 
 def _explain_version(fault: SchemaViolation) -> Iterator[Diagnostic]:

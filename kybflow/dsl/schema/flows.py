@@ -23,6 +23,11 @@ def flows_schema() -> Schema:
     keys: Schema = {
         "like": text(like),
         "begin": text("The first phase; without it the topmost."),
+        "next": {
+            "description": "Ways out of every phase but the one that it leads to, asked first.",
+            "type": "array",
+            "items": NEXT,
+        },
         "phases": named("Its phases: exactly one is active.", _phase(), minProperties=1),
     }
     alone = {"title": "flow", "properties": dict.fromkeys(keys, True), "required": ["phases"]}
@@ -74,7 +79,10 @@ _OWN = {
         "What to hear: `VEHICLE.NAME`, `any.NAME` of every vehicle, `operator.NAME` of a person, "
         "or the bare name of an event of the run, or of one that a mission emits."
     ),
-    "when": "A condition that must hold too, like `a in landed`; vehicles go by their names.",
+    "when": (
+        "A condition that must hold too, like `a in landed`; vehicles go by their names. Without "
+        "`event`, the actions are done when it begins to hold."
+    ),
 }
 
 
@@ -126,10 +134,13 @@ def on_schema() -> Schema:
         "type": "array",
         "items": {
             "title": "callback",
-            "description": "An event, and the actions that it brings about, in this order.",
+            "description": "An event or a condition, and the actions that it brings about.",
             "type": "object",
             "properties": {
                 **{key: text(what) for key, what in _OWN.items()},
+                "for": quantity(
+                    DURATION, "How long a condition without an `event` must hold.", minimum=0
+                ),
                 "do": {
                     "description": "The actions, each a mapping with one key.",
                     "type": "array",
@@ -142,7 +153,7 @@ def on_schema() -> Schema:
                     for name in fields
                 },
             },
-            "required": ["event", "do"],
+            "required": ["do"],
             "additionalProperties": False,
         },
     }  # fmt: skip

@@ -6,16 +6,20 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from kybflow.dsl.schema.building import LISTS, Schema, nullable, params_schema
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.plan import END
+from kybflow.dsl.schema.building import LISTS, Schema, params_schema
+from kybflow.dsl.schema.editor import for_editors, parameter
 from kybflow.dsl.schema.mission import skeleton
+from kybflow.parts.observables import EVENTS, OF_THE_RUN
 
 if TYPE_CHECKING:
-    from kybflow.parts.catalog import Catalog
+    from kybflow.parts.catalog import Catalog, PartSpec
 
 
 def mission_schema(catalog: Catalog) -> Schema:
     """The schema that editors complete from; a part's parameters follow from its name."""
-    root = skeleton()
+    root: Schema = json.loads(json.dumps(skeleton()))  # nothing in it is shared
     vehicle = root["properties"]["vehicles"]["additionalProperties"]["properties"]
     for kind in LISTS:
         vehicle[kind]["items"] = _chosen(catalog, kind, vehicle[kind]["items"])
@@ -27,12 +31,15 @@ def mission_schema(catalog: Catalog) -> Schema:
     target["properties"]["driver"] = _chosen(catalog, "drivers", target["properties"]["driver"])
     sensors = target["properties"]["sensors"]
     several = sensors["additionalProperties"]
-    one = _chosen(catalog, "sensors", several["items"])
-    either = [*one["anyOf"], {"type": "array"}]
-    several = {**several, "items": one, "anyOf": either, "allOf": one["allOf"]}
-    sensors["additionalProperties"] = several | {"properties": one["properties"]}
+    root["$defs"] = {"sensor": _chosen(catalog, "sensors", several["items"])}
+    one = {"$ref": "#/$defs/sensor"}
+    sensors["additionalProperties"] = {
+        "description": several["description"], "type": several["type"], "items": one,
+        "minItems": 1, "if": {"type": ["array", "null"]}, "else": one,
+    }  # fmt: skip
     inputs = root["properties"]["inputs"]
     inputs["additionalProperties"] = _chosen(catalog, "inputs", inputs["additionalProperties"])
+    _suggest(catalog, root["properties"])
     _reused(root["properties"])
     faults = root["properties"]["faults"]
     faults["items"] = _chosen(catalog, "faults", faults["items"], "inject")
@@ -40,8 +47,45 @@ def mission_schema(catalog: Catalog) -> Schema:
     actions["items"] = _actions(catalog, actions["items"])
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **nullable(root),
+        **for_editors(root),
     }
+
+
+def _suggest(catalog: Catalog, properties: Schema) -> None:
+    """Give the keys whose values are names or conditions some that every mission may have."""
+    events = sorted({*(EVENTS.keys() - OF_THE_RUN), *_told_by_parts(catalog)})
+    states = [name for name in BUILT_IN if name != "fault"]
+    state = properties["vehicles"]["additionalProperties"]["properties"]["behaviors"]
+    _offer(state["additionalProperties"], {
+        "then": states, "failed": states, "within": ["10 s"], "go": states, "after": ["10 s"],
+        "when": ["battery.remaining < 30 %", "state.altitude > 1 m", "elapsed > 5 s"],
+        "event": ["operator.go", *events],
+    })  # fmt: skip
+    of_any = ["operator.go", *sorted(OF_THE_RUN), *(f"any.{name}" for name in events)]
+    flow = properties["flows"]["additionalProperties"]
+    in_a_phase = {
+        "when": ["all swarm in hover", "a in landed"], "event": of_any, "go": [END],
+        "after": ["10 s"], "within": ["20 s"], "otherwise": [END],
+    }  # fmt: skip
+    _offer(flow, in_a_phase)
+    _offer(flow["properties"]["phases"]["additionalProperties"], in_a_phase)
+    when = ["any swarm in fault", "a.battery.remaining < 30 %"]
+    _offer(properties["on"]["items"], {"event": of_any, "when": when})
+
+
+def _told_by_parts(catalog: Catalog) -> set[str]:
+    kinds = ("behaviors", "processors", "supervisors")
+    specs = (catalog.get(kind, name) for kind in kinds for name in catalog.names(kind))
+    return {event for spec in specs for event in spec.cls.events}
+
+
+def _offer(mapping: Schema, examples: dict[str, list[str]]) -> None:
+    """Give the keys of a mapping and of its `next` their examples."""
+    for key, value in mapping["properties"].items():
+        if key == "next":
+            _offer(value["items"], examples)
+        elif key in examples:
+            value["examples"] = examples[key]
 
 
 def schema_text(catalog: Catalog) -> str:
@@ -68,11 +112,16 @@ def _reused(properties: Schema) -> None:
 def _actions(catalog: Catalog, action: Schema) -> Schema:
     """`action`, with those of packages, and no other."""
     specs = [catalog.get("actions", name) for name in catalog.names("actions")]
-    offered = {s.name: {**params_schema(s.fields, s.name), "description": s.summary} for s in specs}
-    properties = {**action["properties"], **offered}
+    properties = {**action["properties"], **{s.name: _action(s) for s in specs}}
     return {
         **action, "properties": properties, "additionalProperties": False, "maxProperties": 1,
     }  # fmt: skip
+
+
+def _action(spec: PartSpec) -> Schema:
+    whole = params_schema(spec.fields, spec.name)
+    properties = {field.name: parameter(field) for field in spec.fields}
+    return {**whole, "description": spec.summary, "properties": properties}
 
 
 def _chosen(catalog: Catalog, kind: str, use: Schema, word: str = "use") -> Schema:
@@ -90,7 +139,7 @@ def _chosen(catalog: Catalog, kind: str, use: Schema, word: str = "use") -> Sche
         }
         for name in names
     ]
-    bare = {"anyOf": [{"enum": names}, {"type": ["object", "null"]}]}
+    bare = {"anyOf": [{"enum": names}, {"not": {"type": "string"}}]}
     more = bare if "string" in use["type"] else {}
     return {**use, "properties": {**own, word: named}, **more, "allOf": cases}
 
@@ -101,6 +150,5 @@ def _constant(catalog: Catalog, kind: str, name: str) -> Schema:
 
 def _case(catalog: Catalog, kind: str, name: str, own: Schema) -> Schema:
     spec = catalog.get(kind, name)
-    schema = params_schema(spec.fields, name)
-    properties = {**dict.fromkeys(own, True), **schema["properties"]}
+    properties = {**dict.fromkeys(own, True), **{f.name: parameter(f) for f in spec.fields}}
     return {"description": spec.summary, "properties": properties, "additionalProperties": False}

@@ -26,9 +26,10 @@ from kybflow.parts.action import BUILT_IN
 CODES = {
     "KYB170": "An action that neither the language nor an installed package has.",
     "KYB171": "A callback that does nothing, or an action that is not one key with a value.",
+    "KYB461": "A callback that says neither an event nor a condition, or what needs the other one.",
     "KYB180": "A fault that does not say when, or says it twice.",
 }
-_CALLBACK_KEYS = frozenset({"event", "when", "do"})
+_CALLBACK_KEYS = frozenset({"event", "when", "for", "do"})
 
 
 def callbacks(node: Node | None, uses: PartDecoder) -> Diagnosed[tuple[CallbackEntry, ...]]:
@@ -39,13 +40,15 @@ def callbacks(node: Node | None, uses: PartDecoder) -> Diagnosed[tuple[CallbackE
 
 def _callback(node: Mapping, uses: PartDecoder) -> Diagnosed[CallbackEntry]:
     event, when, items = node.get("event"), node.get("when"), items_of(node.get("do"))
-    assert isinstance(event, Scalar)
+    yield from _occasion(node)
     if not items:
-        message = f"nothing is done when `{event.text}` is heard"
+        told = f"when `{event.text}` is heard" if isinstance(event, Scalar) else "here"
+        message = f"nothing is done {told}"
         yield Diagnostic("KYB171", message, head_of(node), help="write `do: [...]`")
+    hold = yield from duration(node, "for")
     actions = yield from every(_actions(item, uses) for item in items)
     return CallbackEntry(
-        event=event.as_text,
+        event=event.as_text if isinstance(event, Scalar) else None,
         fields=tuple(
             (entry.key.as_text, entry.value.as_text)
             for key, entry in node.entries.items()
@@ -56,7 +59,28 @@ def _callback(node: Mapping, uses: PartDecoder) -> Diagnosed[CallbackEntry]:
         when=when.as_text if isinstance(when, Scalar) else None,
         actions=tuple(action for several in actions for action in several),
         span=node.span,
+        hold=hold or 0.0,
     )
+
+
+def _occasion(node: Mapping) -> Diagnosed[None]:
+    """What is wrong with when a callback is answered."""
+    if node.get("event") is not None:
+        if node.get("for") is not None:
+            message, hint = (
+                "an event has no duration",
+                "`for` belongs to a `when` without an `event`",
+            )
+            yield Diagnostic("KYB461", message, node.entries["for"].key.span, help=hint)
+        return
+    if node.get("when") is None:
+        hint = "write `event: NAME`, `when: CONDITION`, or both"
+        yield Diagnostic("KYB461", "nothing says when this is done", head_of(node), help=hint)
+    for key, entry in node.entries.items():
+        if key not in _CALLBACK_KEYS and not is_null(entry.value):
+            message = f"`{key}` asks for a field of an event, and there is none"
+            hint = "add `event: NAME`, or ask for it in the `when`"
+            yield Diagnostic("KYB461", message, entry.key.span, help=hint)
 
 
 def _actions(node: Node, uses: PartDecoder) -> Diagnosed[list[ActionEntry]]:

@@ -18,6 +18,7 @@ from kybflow.dsl.shaping.states import duration, next_transition
 from kybflow.parts import GROUND
 
 CODES = {
+    "KYB462": "A way out of every phase of a flow that counts time.",
     "KYB192": "A phase with `within` and no `otherwise`, or the reverse.",
 }
 GROUNDED = "landed"
@@ -40,7 +41,8 @@ def flows_of(node: Node | None) -> Diagnosed[dict[str, FlowEntry]]:
         if not isinstance(body, Mapping):
             continue  # null: not written
         written = body.entries.get("phases")
-        several = yield from every(_phase(e) for e in _own(written).values())
+        shared = yield from _shared(body.get("next"), name)
+        several = yield from every(_phase(e, shared) for e in _own(written).values())
         phases = {phase.name.text: phase for phase in several}
         if not phases:
             message = f"the flow `{name}` needs `phases`"
@@ -50,7 +52,7 @@ def flows_of(node: Node | None) -> Diagnosed[dict[str, FlowEntry]]:
         begin = body.get("begin")
         first = next(iter(phases.values())).name
         text = begin.as_text if isinstance(begin, Scalar) else first
-        flows[name] = FlowEntry(entry.key.as_text, text, phases, entry.key.span)
+        flows[name] = FlowEntry(entry.key.as_text, text, phases, entry.key.span, shared)
     return flows
 
 
@@ -64,7 +66,21 @@ def _own(phases: MappingEntry | None) -> dict[str, MappingEntry]:
     return {name: entry._replace(inherited=True) for name, entry in entries.items()}
 
 
-def _phase(entry: MappingEntry) -> Diagnosed[PhaseEntry]:
+def _shared(node: Node | None, flow: str) -> Diagnosed[tuple[TransitionEntry, ...]]:
+    """The ways out of every phase of a flow."""
+    items = [item for item in items_of(node) if isinstance(item, Mapping)]
+    for item in items:
+        if item.get("after") is not None:
+            message, hint = (
+                "a flow's `next` has no `after`",
+                "write it in each phase that it bounds",
+            )
+            yield Diagnostic("KYB462", message, item.entries["after"].key.span, help=hint)
+    ways = yield from every(next_transition(item) for item in items)
+    return tuple(way._replace(since=flow) for way in ways)
+
+
+def _phase(entry: MappingEntry, shared: tuple[TransitionEntry, ...]) -> Diagnosed[PhaseEntry]:
     body = entry.value if isinstance(entry.value, Mapping) else Mapping({}, entry.key.span)
     options = body.entries.get("set")
     items = (item for item in items_of(body.get("next")) if isinstance(item, Mapping))
@@ -80,7 +96,11 @@ def _phase(entry: MappingEntry) -> Diagnosed[PhaseEntry]:
         run=tuple((who, state) for who, (state, _) in run.items()),
         give=tuple(_pairs(body.get("give"))),
         set=tuple(actions),
-        transitions=(*transitions, *limit),
+        transitions=(
+            *(way for way in shared if way.target.text != entry.key.text),
+            *transitions,
+            *limit,
+        ),
         span=entry.key.span,
         inherited=entry.inherited,
         values={who.text: values for who, (_, values) in run.items() if values is not None},

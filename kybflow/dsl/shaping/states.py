@@ -8,7 +8,6 @@ their times count from the entry of the chain.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import NamedTuple
 
 from kybflow.core.text import did_you_mean
@@ -73,7 +72,7 @@ def _chain(entry: MappingEntry, states: States) -> Diagnosed[ChainEntry]:
             yield Diagnostic("KYB101", message, inner.key.span, help=hint)
     transitions = yield from _written(entry.value, states)
     return ChainEntry(
-        entry.key.as_text, tuple(replace(a, since=name) for a in transitions), entry.key.span
+        entry.key.as_text, tuple(a._replace(since=name) for a in transitions), entry.key.span
     )
 
 
@@ -99,7 +98,7 @@ def _written(node: Mapping, states: States) -> Diagnosed[list[TransitionEntry]]:
     for transition in (yield from every(next_transition(item) for item in items)):
         target, enters = states.goal(transition.target)
         transitions.append(
-            replace(transition, target=target, enters=enters) if enters else transition
+            transition._replace(target=target, enters=enters) if enters else transition
         )
     causes: tuple[Cause, ...] = ("then", "failed")
     for cause in causes:
@@ -134,10 +133,10 @@ def _joined(
         failed = _first_of("failed", inward[depth:])
         for transition in level:
             if transition.cause == "within" and failed is not None:
-                transitions.append(replace(transition, target=failed.target, enters=failed.enters))
+                transitions.append(transition._replace(target=failed.target, enters=failed.enters))
             elif transition.cause == "within":
                 transitions.append(
-                    replace(transition, target=transition.target._replace(text=implied))
+                    transition._replace(target=transition.target._replace(text=implied))
                 )
     return tuple(transitions)
 
@@ -151,6 +150,7 @@ def _first_of(cause: str, levels: Iterable[Iterable[TransitionEntry]]) -> Transi
 def next_transition(node: Mapping) -> Diagnosed[TransitionEntry]:
     """The transition that an item of `next` is; its shape is judged already."""
     when, event, goal = node.get("when"), node.get("event"), node.get("go")
+    emit = node.get("emit")
     assert isinstance(goal, Scalar)
     if when is None and event is None and node.get("after") is None:
         message = f"nothing says when to go to `{goal.text}`"
@@ -170,6 +170,7 @@ def next_transition(node: Mapping) -> Diagnosed[TransitionEntry]:
         event=event.as_text if isinstance(event, Scalar) else None,
         after=after,
         hold=hold or 0.0,
+        emit=emit.as_text if isinstance(emit, Scalar) and not emit.is_null else None,
     )
 
 

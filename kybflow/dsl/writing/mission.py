@@ -197,6 +197,9 @@ def flow_lines(document: Document) -> Iterator[YamlLine]:
 def _flow(flow: FlowEntry) -> Iterator[YamlLine]:
     yield f"  {flow.name.text}:", flow.span.at
     yield f"    begin: {flow.begin.text}", flow.begin.span.at
+    if flow.transitions:
+        ways = ", ".join(map(way, flow.transitions))
+        yield f"    next: [{ways}]", flow.transitions[0].span.at
     yield "    phases:", flow.span.at
     for phase in flow.phases.values():
         yield f"      {phase.name.text}: {_phase(phase)}", phase.span.at
@@ -206,9 +209,10 @@ def _phase(phase: PhaseEntry) -> str:
     options = [f"{a.target.text}: {option_value(a.value)}" for a in phase.set if a.target]
     pairs = [_pairs("give", phase.give), _pairs("run", phase.run, phase.values)]
     pairs.insert(1, f"set: {{{', '.join(options)}}}" if options else "")
-    ways = [way(transition) for transition in phase.transitions if transition.cause == "next"]
+    own = [transition for transition in phase.transitions if not transition.since]
+    ways = [way(transition) for transition in own if transition.cause == "next"]
     pairs.append(f"next: [{', '.join(ways)}]" if ways else "")
-    for transition in phase.transitions:
+    for transition in own:
         if transition.cause == "within" and transition.after is not None:
             limit = quantity(transition.after, DURATION)
             pairs.append(f"within: {limit}, otherwise: {quoted(transition.target.text)}")
@@ -238,10 +242,12 @@ def callback_lines(document: Document) -> Iterator[YamlLine]:
 
 
 def _callback_text(callback: CallbackEntry) -> str:
-    pairs = [f"event: {quoted(callback.event.text)}"]
+    pairs = [] if callback.event is None else [f"event: {quoted(callback.event.text)}"]
     pairs += [f"{field.text}: {quoted(value.text)}" for field, value in callback.fields]
     if callback.when is not None:
         pairs.append(f"when: {quoted(callback.when.text)}")
+    if callback.hold:
+        pairs.append(f"for: {quantity(callback.hold, DURATION)}")
     actions = ", ".join(_action_text(action) for action in callback.actions)
     return "{" + ", ".join((*pairs, f"do: [{actions}]")) + "}"
 

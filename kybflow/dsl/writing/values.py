@@ -1,4 +1,4 @@
-"""Values of the document as YAML that reads back as the same, in SI with every digit."""
+"""Values of the document as YAML that reads back as the same, exact to the last digit."""
 
 from __future__ import annotations
 
@@ -75,6 +75,8 @@ def way(transition: TransitionEntry) -> str:
         pairs.append(f"after: {quantity(transition.after, DURATION)}")
     if transition.hold:
         pairs.append(f"for: {quantity(transition.hold, DURATION)}")
+    if transition.emit is not None:
+        pairs.append(f"emit: {quoted(transition.emit.text)}")
     pairs.append(f"go: {goal(transition)}")
     return "{" + ", ".join(pairs) + "}"
 
@@ -99,13 +101,18 @@ def vector(value: tuple[float, ...], dimension: Dimension) -> str:
 
 
 def quantity(value: float, dimension: Dimension) -> str:
-    """The exact value with its unit: in SI, or as an author writes it where that is as exact."""
+    """The exact value with its unit: in SI, or as an author writes it where that is as exact and
+    SI would need more digits: `18 mm`."""
     factor, unit = _WRITTEN.get(dimension, (1.0, ""))
     text = f"{value / factor:g} {unit}"
     if unit and parse_quantity(text, dimension) == value:
         return text
-    number = f"{value:g}" if float(f"{value:g}") == value else repr(value)
-    return f"{number} {dimension.si}".rstrip()
+    number = f"{value:g}"
+    if float(number) == value:
+        return f"{number} {dimension.si}".rstrip()
+    scaled = (f"{value / factor:.15g} {unit}" for unit, factor in dimension.units.items())
+    exact = [text for text in scaled if parse_quantity(text, dimension) == value]
+    return min(exact, key=len, default=f"{value!r} {dimension.si}".rstrip())
 
 
 def quoted(text: str) -> str:

@@ -7,8 +7,9 @@ point ahead) and stops there; from there the arc length follows a rest-to-rest p
     p = c + r (cos phi, sin phi),   v = s' e,   a = s'' e - s'^2/r n,
     j = (s''' - s'^3/r^2) e - 3 s' s''/r n,        e = (-sin phi, cos phi), n = (cos phi, sin phi)
 
-so that after `laps` it stops where the circle began. A negative speed flies clockwise. The heading
-is kept. Refuses a circle whose s'^2/r needs more tilt than the airframe has. World frame, metres.
+so that after `laps` it stops where the circle began; each lap is told. A negative speed flies
+clockwise. The heading is kept. Refuses a circle whose s'^2/r needs more tilt than the airframe has.
+World frame, metres.
 """
 
 from __future__ import annotations
@@ -17,11 +18,12 @@ from math import atan2, copysign, cos, hypot, inf, pi, sin, tan
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import GRAVITY
-from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick, Told
 from kybflow.core.units import Acceleration, Length, Number, Position, Speed, Vec3
 from kybflow.flight.motion import Coast, Straight
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
+from kybflow.runtime.behaviors._laps import LAP_EVENTS, Laps
 
 _CHORDS = 48
 """Straight lines that stand for the circle in its footprint."""
@@ -43,6 +45,8 @@ class CircleParams:
 
 
 class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    tells = LAP_EVENTS
+
     def __init__(self, params: CircleParams, entry: Entry) -> None:
         super().__init__(params, entry)
         speed = entry.cruise_speed(abs(params.speed))
@@ -63,6 +67,7 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         length = inf if params.laps is None else 2.0 * pi * params.radius * params.laps
         self._arc = Profile.within(length, speed, params.acceleration)
         self._end = self._begin + self._arc.duration
+        self._laps = Laps(2.0 * pi * params.radius)
 
     def _nearest_phase(self, position: Vec3) -> float:
         x, y, _ = self.params.center
@@ -73,19 +78,21 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         (x, y, z), r = self.params.center, self.params.radius
         return (x + r * cos(phase), y + r * sin(phase), z)
 
-    def update(self, tick: Tick) -> Setpoint | Done:
+    def update(self, tick: Tick) -> Setpoint | Done | Told:
         time = tick.elapsed
         if time < self._begin:
             motion = self._lead.at(time)
             if time < self._coast.duration:
                 motion = motion.plus(self._coast.shift(time))
             return motion.setpoint(self._heading)
-        setpoint = self._round(time - self._begin)
-        return Done(setpoint) if time >= self._end else setpoint
+        arc = self._arc.at(time - self._begin)
+        setpoint = self._round(*arc)
+        output = Done(setpoint) if time >= self._end else setpoint
+        return output if arc[0] < self._laps.next else self._laps.told(output)
 
-    def _round(self, time: float) -> Setpoint:
+    def _round(self, gone: float, v: float, a: float, j: float) -> Setpoint:
+        """The setpoint `gone` metres along the circle, and its derivatives."""
         (x, y, z), r, turn = self.params.center, self.params.radius, self._turn
-        gone, v, a, j = self._arc.at(time)
         v, a, j = turn * v, turn * a, turn * j
         phase = self._phase + turn * gone / r
         c, s = cos(phase), sin(phase)

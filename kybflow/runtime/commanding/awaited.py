@@ -29,8 +29,9 @@ def awaited(plan: Plan) -> Iterator[str]:
     own = {name for one in plan.callbacks for action in one.actions for name in _emitted(action)}
     states = (state for vehicle in plan.vehicles for state in vehicle.states.values())
     phases = (phase for flow in plan.flows for phase in flow.phases.values())
-    heard = {name for state in states for name in heard_by(state.transitions)}
-    heard |= {name for phase in phases for name in heard_by(phase.transitions)}
+    transitions = [t for places in (states, phases) for place in places for t in place.transitions]
+    own |= {transition.emit for transition in transitions if transition.emit is not None}
+    heard = set(heard_by(transitions))
     for name in sorted(heard | heard_always(plan)):
         if name in own or name.startswith(PREFIX):
             yield name

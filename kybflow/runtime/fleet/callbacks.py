@@ -1,4 +1,4 @@
-"""Callbacks: a mission's actions on events.
+"""Callbacks: a mission's actions on events, and on conditions that begin to hold.
 
 At the end of each tick, callbacks handle every event since the last one, in order. Vehicles answer
 their requests in the next tick, in which the events that they emit are handled too: one round a
@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from kybflow.core.errors import PartFailed, described
-from kybflow.core.signals import NS, Event
+from kybflow.core.signals import NS, Event, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import (
     ActionPlan,
@@ -31,6 +31,8 @@ from kybflow.runtime.events import Events, Fields
 from kybflow.runtime.fleet.action_context import CallbackContext, RunControls
 
 Do = Callable[[Event], None]
+_NO_EVENT = Event(0, "", "", {})
+"""What the actions of a condition are given."""
 
 
 class Callbacks:
@@ -44,9 +46,12 @@ class Callbacks:
     ) -> None:
         self._events = controls.events
         self._listening: dict[tuple[str, str], list[_Callback]] = {}
+        self.watching: list[_Watch] = []
         for plan in plans:
             when = None if plan.when is None else conditions(plan.when)
             callback = _Callback(plan, when, CallbackContext(controls, plan.at))
+            if not plan.event:
+                self.watching.append(_Watch(callback, round(plan.hold * NS)))
             for vehicle in plan.vehicles:
                 self._listening.setdefault((vehicle, plan.event), []).append(callback)
 
@@ -57,10 +62,35 @@ class Callbacks:
             for callback in self._listening.get((event.vehicle, event.name), ()):
                 callback.answer(event, self._events)
 
+    def watch(self) -> None:
+        """Answer the conditions that have begun to hold."""
+        for watched in self.watching:
+            watched.look(self._events)
+
     @property
     def pending(self) -> bool:
         """Whether a callback listens to an event that the next step will handle."""
         return any((e.vehicle, e.name) in self._listening for e in self._events.unanswered)
+
+
+class _Watch:
+    """A callback on a condition: answered when that has held for `hold`, and again only after it
+    has not held."""
+
+    def __init__(self, callback: _Callback, hold: Time) -> None:
+        self._callback, self._hold = callback, hold
+        self._since: Time | None = None
+        self._answered = False
+
+    def look(self, events: Events) -> None:
+        if not self._callback.matches(_NO_EVENT, events):
+            self._since, self._answered = None, False
+            return
+        if self._since is None:
+            self._since = events.now
+        if not self._answered and events.now - self._since >= self._hold:
+            self._answered = True
+            self._callback.act(_NO_EVENT._replace(time=events.now), events)
 
 
 class _Callback:
@@ -73,12 +103,11 @@ class _Callback:
         self._actions = [(_name(action), _bound(action, context)) for action in plan.actions]
 
     def answer(self, event: Event, events: Events) -> None:
-        try:
-            if not self._matches(event):
-                return
-        except Exception as error:  # a lab's own link may show anything
-            self._actions = []
-            events.tell("action_failed", at=self._plan.at, action="when", reason=described(error))
+        if self.matches(event, events):
+            self.act(event, events)
+
+    def act(self, event: Event, events: Events) -> None:
+        """Do the actions, whatever happened."""
         for name, do in tuple(self._actions):
             try:
                 do(event)
@@ -87,11 +116,18 @@ class _Callback:
                 reason = described(error)
                 events.tell("action_failed", at=self._plan.at, action=name, reason=reason)
 
-    def _matches(self, event: Event) -> bool:
+    def matches(self, event: Event, events: Events) -> bool:
+        """Whether the event's fields are those that are asked for, and the condition holds. A
+        condition that raises is told, and nothing is done any more."""
         fields = event.fields
         if any(shown(fields.get(name)) != value for name, value in self._plan.fields):
             return False
-        return self._when is None or self._when()
+        try:
+            return self._when is None or self._when()
+        except Exception as error:  # a lab's own link may show anything
+            self._actions, self._when = [], None
+            events.tell("action_failed", at=self._plan.at, action="when", reason=described(error))
+            return False
 
 
 def _name(action: ActionPlan) -> str:

@@ -204,7 +204,8 @@ class Flows:
         if phase.transitions:
             elapsed, heard = (now - flow.entered) / NS, self._events.heard("")
             flow.machine.step(elapsed, heard, "running", dt)
-            return
+            if not phase.ends or flow.machine.state != phase.name:
+                return
         asked = {**phase.run, **phase.chains}.items()
         if not any(is_in(self._vehicles[v].state, state) for v, state in asked):
             flow.machine.end("done")
@@ -254,6 +255,8 @@ class Flows:
         name, phase = flow.plan.name, flow.phase.name
         flow.left(reason.how, self._events.now)
         self._events.tell("phase_ended", at=reason.at, flow=name, phase=phase, how=reason.how)
+        if reason.transition is not None and reason.transition.emit is not None:
+            self._events.tell(reason.transition.emit, at=reason.at)
 
     def _end(self, flow: RunningFlow) -> None:
         """The flow is over; vehicles that it was given go back to who gave them."""

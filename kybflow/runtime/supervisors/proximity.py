@@ -1,11 +1,12 @@
 """Report another vehicle that is too close.
 
 Alarm `too_close` in the air while the distance of the estimates of two vehicles' centres is less
-than half of both diameters, `margin` and the way in which they come to rest, c (0.15 s + 15/16 c /
-(2 m/s^2)), c being the speed at which they close in; once raised it stays until they are 5 cm
-further apart. A vehicle without an estimate is not seen. As nothing closes in faster than 20 m/s,
-it looks again when the narrowest gap could be gone, after 0.1 s at the latest; at a vehicle that is
-more than 5 m away, when it could be nearer. World frame, metres.
+than half of both diameters and `margin`, or than `distance` where that is more, and the way in
+which they come to rest, c (0.15 s + 15/16 c / (2 m/s^2)), c being the speed at which they close in;
+once raised it stays until they are 5 cm further apart. A vehicle without an estimate is not seen.
+As nothing closes in faster than 20 m/s, it looks again when the narrowest gap could be gone, after
+0.1 s at the latest; at a vehicle that is more than 5 m away, when it could be nearer. World frame,
+metres.
 
 The default reaction is `brake`: both vehicles see each other, both hold, and each goes on when the
 other is gone; where neither is, they land after the mission's `hover_limit`, each where nobody is
@@ -36,6 +37,10 @@ class ProximityParams:
     margin: Length = param(
         "Distance between two airframes that is left.", default=0.05, at_least=0.0, tightens="up"
     )
+    distance: Length = param(
+        "Distance between two centres that is kept at least, whatever the vehicles' sizes.",
+        default=0.0, at_least=0.0, tightens="up",
+    )  # fmt: skip
     reaction: ReactionName = param("What the failsafe does.", default="brake", tightens="up")
 
 
@@ -76,11 +81,12 @@ class Proximity(Supervisor[ProximityParams]):
         now, far = tick.now, self._far
         if now < self._next:
             return None
+        params = self.params
         here, close, room = tick.estimate.position, [], _CLOSING * _LATEST
         for name, other in tick.fleet.items():
             if other is None or now < far.get(name, 0):
                 continue
-            bound = self._touching.get(name, self._own) + self.params.margin
+            bound = max(self._touching.get(name, self._own) + params.margin, params.distance)
             apart = distance(here, other.position)
             gap = apart - bound
             if gap >= _FAR:

@@ -7,15 +7,26 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from kybflow.core.errors import PartFailed, Refused
+from kybflow.core.errors import PartError, PartFailed, Refused
 from kybflow.core.geometry import LEVEL, ZERO, Vec3, distance, heading_of
-from kybflow.core.signals import NS, Command, Done, Estimate, Failed, Grip, Setpoint, Tick, Time
+from kybflow.core.signals import (
+    NS,
+    Command,
+    Done,
+    Estimate,
+    Failed,
+    Grip,
+    Setpoint,
+    Tick,
+    Time,
+    Told,
+)
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Exit, Outcome, VehicleMachine
 from kybflow.dsl.plan import StatePlan, Values, VehiclePlan
 from kybflow.flight.motion import Motion
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Flight, Leg
-from kybflow.runtime.events import Events
+from kybflow.runtime.events import Events, Fields
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.runtime.safety.hold import Hold, Holder, SetpointBlend
 from kybflow.runtime.safety.land_mode import LandMode
@@ -164,23 +175,38 @@ class Activity:
         if self.behavior.waits_for != self._waits_for:
             self._tell_waiting()
         if not isinstance(output, Setpoint):
+            if isinstance(output, Told):
+                output = self._told(output)
             if isinstance(output, Command):
                 self._given = output
                 return output
-            if isinstance(output, Failed):
-                self.fail(output.reason)
-            elif isinstance(output, Done):
-                if self._is_refused(tick):
-                    return self._going_on(tick.estimate)
-                self._end(tick.estimate)
-            else:
-                self.grip = output
-            output = output.setpoint
+            if isinstance(output, Done) and self._is_refused(tick):
+                return self._going_on(tick.estimate)
+            output = self._noted(output, tick)
         self._wanted = output
         if self._resumes:
             self._resumes = False
             self._blend = SetpointBlend(tick.now, tick.setpoint, output)
         return output if self._blend is None else self._blended(output, tick.now)
+
+    def _told(self, told: Told) -> Setpoint | Done:
+        """Tell an event of the behavior's own. Raises PartError for one that it doesn't declare."""
+        if told.event not in self.behavior.tells:
+            raise PartError(f"`{told.event}` is no event that it `tells`")
+        self._tell(told.event, self.state.at, **told.fields)
+        return told.output
+
+    def _noted(self, output: Setpoint | Failed | Done | Grip, tick: Tick) -> Setpoint:
+        """Note what an update says besides its setpoint, and return that."""
+        if isinstance(output, Setpoint):
+            return output
+        if isinstance(output, Failed):
+            self.fail(output.reason)
+        elif isinstance(output, Done):
+            self._end(tick.estimate)
+        else:
+            self.grip = output
+        return output.setpoint
 
     def _tell_waiting(self) -> None:
         self._waits_for = self.behavior.waits_for
@@ -332,6 +358,8 @@ class Activity:
             self._tell("behavior_failed", reason.at, reason=self._reason)
         self._score.left(reason.how, self._events.now / NS)
         self._tell("behavior_ended", reason.at, how=reason.how)
+        if reason.transition is not None and reason.transition.emit is not None:
+            self._events.tell(reason.transition.emit, at=reason.at)
         if reason.how in ("failed", "refused", "within"):
             self._score_unforeseen(reason)
         if reason.how != "refused":
@@ -407,7 +435,7 @@ class Activity:
             after = taken.after if taken is not None else None
             self._score.failure(self._reason or f"not done within {after:g} s")
 
-    def _tell(self, event: str, at: str, **fields: str) -> None:
+    def _tell(self, event: str, at: str, **fields: Fields) -> None:
         self._events.tell(event, self._name, at, behavior=self.machine.state, **fields)
 
 

@@ -80,3 +80,13 @@ def test_its_footprint_says_where_its_laps_end(speed: float) -> None:
 def test_from_its_centre_it_cannot_tell_where_its_laps_end() -> None:
     params = CircleParams(center=CENTER, radius=0.8, laps=1.0)
     assert Circle.footprint(params, CENTER).exit is None
+
+
+def test_each_lap_is_told_the_last_one_with_the_end() -> None:
+    flown = fly(_circle((1.3, 0.0, 1.2), laps=2.5), ideal(ZERO))
+    assert flown.told == (("lap_completed", 1.0), ("lap_completed", 2.0))
+    whole = fly(_circle((1.3, 0.0, 1.2), laps=3.0), ideal(ZERO))
+    assert [lap for _, lap in whole.told] == [1.0, 2.0, 3.0]
+    assert isinstance(whole.end, Done)
+    endless = fly(_circle((1.3, 0.0, 1.2), speed=-0.8), ideal(ZERO), seconds=20.0)
+    assert [lap for _, lap in endless.told] == [1.0, 2.0, 3.0]

@@ -91,3 +91,10 @@ def test_entered_in_motion_it_has_no_step() -> None:
     flown = fly(behavior, ideal(START))
     assert flown.samples[0].setpoint.velocity == pytest.approx((0.0, 0.5, 0.0))
     assert worst_mismatch(flown.samples, "position", "velocity") < 1e-3
+
+
+@pytest.mark.parametrize(("laps", "told"), [(0.9, []), (1.0, [1.0]), (3.0, [1.0, 2.0, 3.0])])
+def test_each_loop_is_told(laps: float, told: list[float]) -> None:
+    flown = _fly(laps=laps)
+    assert flown.told == tuple(("lap_completed", lap) for lap in told)
+    assert isinstance(flown.end, Done)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import pytest
 from plans import state, then, vehicle
-from short_flights import NoParams, down, hold, named, path, up
+from short_flights import NoParams, Still, down, hold, named, path, up
 
 from kybflow.core.errors import OptionRefused, PartFailed
-from kybflow.core.signals import NS, Event
+from kybflow.core.signals import NS, Event, Setpoint, SetpointKind, Tick, Told
 from kybflow.dsl.expressions import InState
 from kybflow.dsl.plan import (
     Call,
@@ -23,7 +23,7 @@ from kybflow.dsl.plan import (
     Switch,
     TransitionPlan,
 )
-from kybflow.parts import Action, ActionContext
+from kybflow.parts import AIR, Action, ActionContext, Entry
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.action_context import RunControls
 from kybflow.runtime.fleet.callbacks import Callbacks, filled
@@ -68,14 +68,15 @@ class FakeVehicle:
 class Bench:
     """Callbacks on a fake vehicle `a`, without a flight."""
 
-    def __init__(self, *plans: CallbackPlan, refuses: bool = False) -> None:
+    def __init__(self, *plans: CallbackPlan, refuses: bool = False, breaks: bool = False) -> None:
         self.told: list[Event] = []
         self.events = Events((self.told.append,))
         self.vehicle = FakeVehicle()
         self.asked = self.vehicle.asked
         self._refuses = refuses
         controls = RunControls({"a": self.vehicle}, self, self.events, self._phase, self._stop)
-        self.callbacks = Callbacks(plans, controls, lambda _: lambda: self.holds)
+        condition = (lambda: 1 / 0) if breaks else (lambda: self.holds)
+        self.callbacks = Callbacks(plans, controls, lambda _: condition)
         self.holds = True
 
     def set(self, name: str, value: object, by: str, at: str = "") -> None:
@@ -268,3 +269,85 @@ def test_stop_lands_everybody_and_the_run_ended_as_it_should(run):
     assert flown.summary["sim_time_s"] < 30.0
     assert {v["final"] for v in flown.summary["vehicles"].values()} == {"ground"}
     assert flown.exit_code == 0
+
+
+class Humming(Still, flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    """Tells each second, by the second."""
+
+    tells = {"hummed": ("second",)}  # noqa: RUF012
+
+    def __init__(self, params: NoParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self._told = 0
+
+    def update(self, tick: Tick) -> Setpoint | Told:
+        if tick.elapsed < self._told + 1:
+            return self.setpoint
+        self._told += 1
+        return Told(self.setpoint, "hummed", {"second": float(self._told)})
+
+
+class Mumbling(Humming, flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    tells = {}  # noqa: RUF012
+
+
+def test_what_a_behavior_tells_is_answered_by_next_and_by_callbacks(run):
+    callbacks = (on("hummed", LogText("{behavior} {second}")),)
+    heard = TransitionPlan("next", "down", event="hummed")
+    _, told = run(
+        vehicle("a", [up("hum"), state("hum", Humming, heard), down()]), callbacks=callbacks
+    )
+    assert [e.fields["text"] for e in named(told, "logged")] == ["hum 1"]
+    assert path(told, "a") == ["up", "hum", "down", "landed"]
+
+
+def test_a_behavior_that_tells_what_it_does_not_declare_has_failed(run):
+    states = [up("hum"), state("hum", Mumbling, then("down")), down()]
+    _, told = run(vehicle("a", states))
+    [failed] = named(told, "part_failed")
+    assert "`hummed` is no event that it `tells`" in str(failed.fields["reason"])
+
+
+def when(*actions, hold: float = 0.0) -> CallbackPlan:
+    """A callback on the condition of the bench."""
+    return CallbackPlan("", (), actions, when=InState("a", "down"), at="m.yaml:9", hold=hold)
+
+
+def watched(bench: Bench, *holds: bool) -> int:
+    """How often something was logged after ticks of a tenth of a second, each with the condition
+    as `holds` says."""
+    for bench.holds in holds:
+        bench.events.turn(bench.events.now + NS // 10)
+        bench.callbacks.watch()
+    return len(bench.logged())
+
+
+def test_a_condition_is_answered_each_time_that_it_begins_to_hold():
+    bench = Bench(when(LogText("now")))
+    assert watched(bench, False, True, True, True) == 1
+    assert watched(bench, False, True) == 2
+    assert watched(Bench(when(LogText("at once"))), True, True) == 1
+
+
+def test_a_condition_with_for_is_answered_when_it_has_held_that_long():
+    bench = Bench(when(LogText("at {time}"), hold=0.2))
+    assert watched(bench, True, True) == 0
+    assert watched(bench, False, True, True) == 0
+    assert watched(bench, True, True) == 1
+    assert bench.logged() == ["at 0.60 s"]
+
+
+def test_a_condition_that_raises_is_told_once_and_not_answered():
+    bench = Bench(when(LogText("never")), breaks=True)
+    assert watched(bench, True, True) == 0
+    assert len(named(bench.told, "action_failed")) == 1
+
+
+def test_a_condition_switches_a_vehicle_in_flight_without_an_event(run):
+    high = CallbackPlan(
+        "", (), (Switch("a", "down"),), when=InState("a", "hold"), hold=1.0, at="m.yaml:9"
+    )
+    _, told = run(vehicle("a", [up("hold"), hold(60.0, "down"), down()]), callbacks=(high,))
+    [asked] = [e for e in named(told, "behavior_ended") if e.fields["how"] == "asked"]
+    [began] = [e for e in named(told, "behavior_started") if e.fields["behavior"] == "hold"]
+    assert asked.time - began.time == pytest.approx(NS, abs=3 * NS // 250)

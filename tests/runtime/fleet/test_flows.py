@@ -4,20 +4,22 @@ First on vehicles that do at once what they are asked, then in the simulator."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pytest
-from plans import plan, state, then, vehicle
+from plans import part, plan, state, then, vehicle
 from short_flights import Still, down, named, path, up
 
 from kybflow.core.errors import OptionRefused
 from kybflow.core.signals import NS, Event
 from kybflow.dsl.expressions import GroupInState, InState
 from kybflow.dsl.plan import (
+    END,
     CallbackPlan,
     EnterPhase,
     FlowPlan,
+    PartPlan,
     PhasePlan,
     SetOption,
     Switch,
@@ -467,3 +469,54 @@ def test_a_pad_that_is_left_and_come_back_to_is_one_flow_of_two_vehicles(run) ->
         "landed",
     ]
     assert path(told, "b") == ["landed", "up", "hover", "down", "landed"]
+
+
+def last(*ways: TransitionPlan) -> PhasePlan:
+    """A phase that ends by itself, with ways out that its flow has in every phase."""
+    return replace(phase("last", *ways, run={"a": "down"}), ends=True)
+
+
+def test_a_last_phase_with_a_way_out_of_every_phase_ends_by_itself():
+    stage = Stage(flow("team", last(go("other", event="alarm")), phase("other"), vehicles="a"))
+    stage.step(3)
+    assert not stage.flows.ended
+    stage.a.state = "landed"
+    stage.step(2)
+    assert stage.flows.ended
+    assert stage.flows.record()["team"]["phases"][-1]["ended"] == "done"
+
+
+def test_a_last_phase_is_left_by_a_way_out_of_every_phase():
+    other = phase("other", go(END, after=60.0), run={"a": "up"})
+    stage = Stage(flow("team", last(go("other", event="alarm")), other, vehicles="a"))
+    stage.step(2)
+    stage.events.tell("alarm")
+    stage.step(2)
+    assert stage.a.asked == ["down", "up"]
+    assert not stage.flows.ended
+
+
+def test_a_way_out_of_a_phase_tells_its_event():
+    stage = Stage(
+        flow("team", phase("first", go(END, after=0.2, emit="ready", at="m.yaml:7")), vehicles="a")
+    )
+    stage.step(5)
+    [told] = named(stage.told, "ready")
+    assert (told.vehicle, told.at) == ("", "m.yaml:7")
+
+
+def test_a_way_out_of_a_state_tells_its_event_to_everybody(run):
+    tells = state("hold", hover(), TransitionPlan("next", "down", after=1.0, emit="a_is_done"))
+    hears = state("hold", hover(), TransitionPlan("next", "down", event="a_is_done"))
+    a = vehicle("a", [up("hold"), tells, down()], start=(-1.0, 0.0, 0.0))
+    b = vehicle("b", [up("hold", 0.3), hears, down()])
+    _, told = run(a, b)
+    [event] = named(told, "a_is_done")
+    left = [e for e in named(told, "behavior_ended") if e.fields["behavior"] == "hold"]
+    assert [e.vehicle for e in left] == ["a", "b"]
+    assert left[0].time == event.time
+    assert left[1].time - event.time == NS // 250
+
+
+def hover() -> PartPlan:
+    return part("behaviors", "hover", for_time=60.0)

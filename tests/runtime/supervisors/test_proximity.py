@@ -22,6 +22,17 @@ def test_closer_than_half_of_both_diameters_and_the_margin_it_brakes() -> None:
     )
 
 
+def test_a_distance_counts_where_it_is_more_than_the_sizes_ask_for() -> None:
+    one_metre = Proximity(ProximityParams(distance=1.0), TWO)
+    assert one_metre.check(apart(1.01), airborne=True) is None
+    alarm = one_metre.check(apart(0.99, 0.1), airborne=True)
+    assert alarm is not None
+    assert alarm.bound == 1.0
+    little = Proximity(ProximityParams(distance=0.1), TWO).check(apart(0.3), airborne=True)
+    assert little is not None
+    assert little.bound == BOUND
+
+
 def test_an_alarm_lasts_until_they_are_well_apart() -> None:
     supervisor = Proximity(ProximityParams(), TWO)
     ways = enumerate((0.41, 0.38, 0.42, 0.46, 0.41))

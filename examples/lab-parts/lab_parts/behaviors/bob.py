@@ -8,8 +8,8 @@ from __future__ import annotations
 from math import cos, pi, sin
 
 from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
-from kybflow.core.units import Duration, Length
-from kybflow.parts import AIR, Behavior, Entry, param, params
+from kybflow.core.units import Duration, Length, Vec3
+from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 
 @params
@@ -39,3 +39,11 @@ class Bob(Behavior[BobParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
             heading=self._heading,
         )
         return Done(setpoint) if phase >= 2 * pi else setpoint
+
+    @classmethod
+    def footprint(cls, params: BobParams, entry: Vec3 | None) -> Footprint | None:
+        if entry is None:
+            return None
+        x, y, z = entry
+        top = (x, y, z + params.height)
+        return Footprint((entry, top), pi * params.height / params.period, exit=entry)
