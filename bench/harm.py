@@ -27,7 +27,7 @@ from flight_judge import judge  # noqa: E402
 from harms.families import OPERATORS, VALID  # noqa: E402
 from harms.mission_text import Mission  # noqa: E402
 from harms.operator import Operator  # noqa: E402
-from harms.study import JUDGES, Verdict, verdicts  # noqa: E402
+from harms.study import JUDGES, Told, Verdict, verdicts  # noqa: E402
 from mutation_study import MISSIONS, with_library  # noqa: E402
 
 from kybflow.api.flight import RunRequest, fly  # noqa: E402
@@ -37,14 +37,13 @@ from kybflow.parts.catalog import load_catalog  # noqa: E402
 
 GOALS = {"dangerous": (95.0, 99.0), "senseless": (85.0, 90.0)}
 LINE_GOAL = 95.0
-Told = list[tuple[str, Verdict]]
 
 
-def judged(missions: list[Mission], operators: tuple[Operator, ...], folder: Path) -> Told:
+def judged(missions: list[Mission], operators: tuple[Operator, ...], folder: Path) -> list[Told]:
     return [one for mission in missions for one in verdicts(mission, folder, operators)]
 
 
-def totals(told: Told, half: str) -> None:
+def totals(told: list[Told], half: str) -> None:
     own = [(by, v) for by, v in told if half in ("both", v.mutant.operator.half)]
     for label, goals in GOALS.items():
         of = [(by, v) for by, v in own if v.mutant.operator.label == label]
@@ -60,7 +59,7 @@ def share(some: int, of: int) -> str:
     return f"{100.0 * some / of:.1f} %" if of else "-"
 
 
-def table(told: Told) -> None:
+def table(told: list[Told]) -> None:
     """A row an operator of the development half; misses first, the dangerous before the rest."""
     groups: dict[Operator, list[Verdict]] = collections.defaultdict(list)
     for _, verdict in told:
@@ -73,7 +72,7 @@ def table(told: Told) -> None:
         print(f"{operator.name:42}{operator.label:11}{len(own):4}{found:6}{right:9}")
 
 
-def examples(told: Told) -> None:
+def examples(told: list[Told]) -> None:
     """One mutant that is missed, of each operator of the development half, and one that is told at
     another line."""
     seen: set[tuple[Operator, bool]] = set()
@@ -85,12 +84,14 @@ def examples(told: Told) -> None:
         print(f"\n{operator.label}: {operator.name}: {operator.why}")
         lines = mutant.text.split("\n")
         print(f"  {mutant.mission}:")
-        print("\n".join(f"  {n:4}  {lines[n - 1]}" for n in sorted(mutant.lines) if n <= len(lines)))
+        print(
+            "\n".join(f"  {n:4}  {lines[n - 1]}" for n in sorted(mutant.lines) if n <= len(lines))
+        )
         for finding in verdict.findings[:2]:
             print(f"  told: {finding.code} at {sorted(finding.lines)}: {finding.message}")
 
 
-def unmade(told: Told) -> None:
+def unmade(told: list[Told]) -> None:
     made = {verdict.mutant.operator for _, verdict in told}
     for operator in OPERATORS:
         if operator not in made:
@@ -100,13 +101,15 @@ def unmade(told: Told) -> None:
 def false_alarms(missions: list[Mission], folder: Path) -> None:
     told = judged(missions, VALID, folder)
     wrong = [(by, v) for by, v in told if by]
-    print(f"{len(told)} valid variants by {len(VALID)} operators: {len(wrong)} false alarms   goal 0")
+    print(
+        f"{len(told)} valid variants by {len(VALID)} operators: {len(wrong)} false alarms   goal 0"
+    )
     for _, verdict in wrong[:20]:
         mutant = verdict.mutant
         print(f"  {mutant.operator.name} of {mutant.mission}: {verdict.findings[0].message}")
 
 
-def flown(told: Told, count: int, folder: Path, half: str) -> None:
+def flown(told: list[Told], count: int, folder: Path, half: str) -> None:
     """Fly accepted dangerous mutants; those of the half that is held out are counted only."""
     accepted = [v.mutant for by, v in told if not by and v.mutant.operator.label == "dangerous"]
     accepted = [m for m in accepted if m.target is None and half in ("both", m.operator.half)]
@@ -149,7 +152,9 @@ def main() -> None:
         folder = with_library(Path(name))
         missions = [Mission(path) for path in MISSIONS]
         told = judged(missions, operators, folder)
-        print(f"{len(told)} mutants by {len(operators)} operators of {len(missions)} missions", end="")
+        print(
+            f"{len(told)} mutants by {len(operators)} operators of {len(missions)} missions", end=""
+        )
         print(f", {process_time() - began:.0f} s of CPU time")
         for half in ("development", "held-out", "both"):
             if options.half in ("both", half):

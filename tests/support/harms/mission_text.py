@@ -146,11 +146,16 @@ def put(node: Node, text: str) -> Edit:
 
 def add(mapping: Node, entry: str) -> Edit:
     """A mapping has one more entry, the first."""
-    if mapping.flow_style:
-        start = mapping.start_mark.index + 1
-        return Edit(start, start, f"{entry}, " if mapping.value else entry)
-    start = mapping.value[0][0].start_mark.index
-    return Edit(start, start, f"{entry}\n{' ' * mapping.value[0][0].start_mark.column}")
+    first = mapping.value[0][0].start_mark
+    gap = ", " if mapping.flow_style else f"\n{' ' * first.column}"
+    return Edit(first.index, first.index, f"{entry}{gap}")
+
+
+def add_last(mapping: Node, entry: str) -> Edit:
+    """A mapping has one more entry, the last."""
+    end = mapping.value[-1][1].end_mark.index
+    gap = ", " if mapping.flow_style else f"\n{' ' * mapping.value[0][0].start_mark.column}"
+    return Edit(end, end, f"{gap}{entry}")
 
 
 def append(sequence: Node, item: str) -> Edit:
@@ -199,7 +204,9 @@ def own_list(mission: Mission, section: str, item: str) -> Edit:
     return Edit(start, start, f"{section}:\n  - {item}\n\n")
 
 
-def edited(mission: Mission, edits: tuple[Edit, ...], also: tuple[Node, ...]) -> tuple[str, frozenset[int]]:  # fmt: skip
+def edited(
+    mission: Mission, edits: tuple[Edit, ...], also: tuple[Node, ...]
+) -> tuple[str, frozenset[int]]:
     """The text after the edits, and the lines in it of what was edited and of the nodes `also`."""
     text, shift, lines = mission.text, 0, set[int]()
     moved: list[tuple[int, int]] = []

@@ -12,10 +12,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from harms.families import OPERATORS, VALID
 from harms.mission_text import Mission, edited
 from harms.operator import Operator
-
 from kybflow.dsl.compiler import check_mission
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.parts.catalog import load_catalog
@@ -88,7 +86,11 @@ JUDGES: tuple[tuple[str, Judge], ...] = (("validate", validated),)
 """Who judges, in order. A rehearsal that is added here is asked of what nobody before it told."""
 
 
-def verdicts(mission: Mission, folder: Path, operators: Iterable[Operator]) -> Iterator[tuple[str, Verdict]]:  # fmt: skip
+Told = tuple[str, Verdict]
+"""Who told of a mutant, empty where nobody did, and what."""
+
+
+def verdicts(mission: Mission, folder: Path, operators: Iterable[Operator]) -> Iterator[Told]:
     """Each mutant of a mission and who told of it, empty where nobody did. `folder` has the
     library."""
     for mutant in mutants(mission, operators):
@@ -101,11 +103,3 @@ def verdicts(mission: Mission, folder: Path, operators: Iterable[Operator]) -> I
                 break
         else:
             yield "", Verdict(mutant, ())
-
-
-def chosen(half: str) -> tuple[Operator, ...]:
-    """The operators of a half, or all."""
-    return tuple(op for op in OPERATORS if half in ("both", op.half))
-
-
-__all__ = ["OPERATORS", "VALID", "Verdict", "chosen", "validated", "verdicts"]

@@ -79,7 +79,7 @@ def _callback(mission: Mission, text: str) -> Changes:
 
 def _in_the_air(mission: Mission, vehicle: str) -> str:
     """A state of a vehicle in which it stays in the air for a while."""
-    found = [s for s in mission.flying("hover", "circle", "figure_eight", "follow_path")]
+    found = mission.flying("hover", "circle", "figure_eight", "follow_path")
     return next((s.name for s in found if s.vehicle == vehicle), "")
 
 
@@ -123,25 +123,26 @@ def callback_that_calls_itself(mission: Mission) -> Changes:
     yield from _callback(mission, "event: again, do: [{emit: again}]")
 
 
-@dangerous
+@senseless
 def callback_against_the_landing(mission: Mission) -> Changes:
-    """As soon as it begins to land, it is sent back up: it never lands."""
+    """As soon as it begins to land it is sent back to what it flew: always refused, because a hover
+    can't follow a landing that was broken off."""
     yield from _callback(
         mission, "event: V.behavior_started, behavior: DOWN, do: [{switch: {V: AIR}}]"
     )
 
 
-@dangerous
+@senseless
 def callback_that_starts_the_state_anew(mission: Mission) -> Changes:
-    """Whenever a state ends it is entered again: it never lands."""
+    """A state is entered again when it has ended: always refused, because the landing has begun."""
     yield from _callback(
         mission, "event: V.behavior_ended, behavior: AIR, do: [{switch: {V: AIR}}]"
     )
 
 
 @senseless
-def callback_that_takes_off_in_the_air(mission: Mission) -> Changes:
-    """At the end of a hover in the air it is to land in the built-in `landed`: refused."""
+def callback_that_rests_in_the_air(mission: Mission) -> Changes:
+    """In the air it is switched to the built-in `landed`, which begins on the ground: refused."""
     yield from _callback(
         mission, "event: V.behavior_started, behavior: AIR, do: [{switch: {V: landed}}]"
     )
@@ -170,9 +171,9 @@ def callback_that_loosens_a_supervisor(mission: Mission) -> Changes:
 
 
 @senseless
-def stopped_at_the_start(mission: Mission) -> Changes:
-    """`stop` as soon as the run has begun: nothing is flown."""
-    yield from _callback(mission, "event: V.armed, do: [{stop: done}]")
+def stopped_at_its_take_off(mission: Mission) -> Changes:
+    """`stop` as soon as it has taken off: nothing of the mission is flown."""
+    yield from _callback(mission, "event: V.took_off, do: [{stop: done}]")
 
 
 @senseless

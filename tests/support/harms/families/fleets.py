@@ -3,6 +3,8 @@ end."""
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from harms.mission_text import Mission, Node, add, drop, own_section, put
 from harms.operator import Changes, change, dangerous, senseless
 
@@ -24,7 +26,7 @@ def _place(point: tuple[float, ...], up: float = 0.0) -> str:
 def one_start_for_two(mission: Mission) -> Changes:
     """The start was copied: two vehicles stand in each other."""
     starts = _starts(mission)
-    for (_, first), (_, second) in zip(starts, starts[1:], strict=False):
+    for (_, first), (_, second) in pairwise(starts):
         yield change(put(second, _text(mission, first)), also=(first,))
 
 
@@ -32,7 +34,7 @@ def one_start_for_two(mission: Mission) -> Changes:
 def starts_too_near(mission: Mission) -> Changes:
     """Two starts 10 cm apart: their rotors overlap."""
     starts = _starts(mission)
-    for (name, first), (_, second) in zip(starts, starts[1:], strict=False):
+    for (name, first), (_, second) in pairwise(starts):
         x, y, z = mission.planned(name).start
         yield change(put(second, _place((x + 0.1, y, z))), also=(first,))
 
@@ -86,7 +88,7 @@ def head_on(mission: Mission) -> Changes:
 def one_goal_for_two(mission: Mission) -> Changes:
     """Both fly to one point."""
     moves = [s for s in mission.states("fly_to") if mission.at("position", of=s.node)]
-    for first, second in zip(moves, moves[1:], strict=False):
+    for first, second in pairwise(moves):
         own = mission.at("position", of=first.node)
         other = mission.at("position", of=second.node)
         if first.vehicle != second.vehicle and own and other:
@@ -96,18 +98,22 @@ def one_goal_for_two(mission: Mission) -> Changes:
 @dangerous
 def one_corner_for_two(mission: Mission) -> Changes:
     """The slot of a neighbour, copied and not changed: two in one place of the formation."""
-    found = [(v, mission.at("behaviors", "corner", "position", of=v.node)) for v in mission.vehicles()]
+    found = [
+        (v, mission.at("behaviors", "corner", "position", of=v.node)) for v in mission.vehicles()
+    ]
     slots = [node for _, node in found if node is not None]
-    for first, second in zip(slots, slots[1:], strict=False):
+    for first, second in pairwise(slots):
         yield change(put(second, _text(mission, first)), also=(first,))
 
 
 @dangerous
 def one_above_the_other(mission: Mission) -> Changes:
     """A slot 30 cm above the neighbour's: in the air that it blows down, and too close."""
-    found = [(v, mission.at("behaviors", "corner", "position", of=v.node)) for v in mission.vehicles()]
+    found = [
+        (v, mission.at("behaviors", "corner", "position", of=v.node)) for v in mission.vehicles()
+    ]
     slots = [node for _, node in found if node is not None]
-    for first, second in zip(slots, slots[1:], strict=False):
+    for first, second in pairwise(slots):
         x, y, z = (n.value for n in first.value)
         yield change(put(second, f"[{x}, {y}, {float(z) + 0.3:g}]"), also=(first,))
 
@@ -162,7 +168,7 @@ def given_and_never_given_back(mission: Mission) -> Changes:
                 yield change(put(go, "leave"), put(otherwise, "leave"), also=(key,))
 
 
-@dangerous
+@senseless
 def phase_back_to_itself(mission: Mission) -> Changes:
     """`otherwise` leads back to the phase that did not get through: it tries for ever."""
     for _, key, phase in _phases(mission):
@@ -200,7 +206,12 @@ def barrier_for_a_state_that_nobody_enters(mission: Mission) -> Changes:
         run = _run(mission, phase)
         for way in mission.items("next", of=phase):
             when = mission.at("when", of=way)
-            if when is not None and run and "all swarm in hover" in when.value and run[1] == "swarm":
+            if (
+                when is not None
+                and run
+                and "all swarm in hover" in when.value
+                and run[1] == "swarm"
+            ):
                 other = "down" if run[0].value != "down" else "up"
                 yield change(put(when, f"all swarm in {other}"), also=(run[0],))
 
@@ -257,7 +268,8 @@ def abort_without_a_landing(mission: Mission) -> Changes:
     for _, key, phase in _phases(mission):
         run = _run(mission, phase)
         if key.value == "abort" and run is not None:
-            yield change(put(run[0], "turn"), also=(key,))
+            down = next(s.key for s in mission.states("land"))
+            yield change(put(run[0], "turn"), also=(key, down))
 
 
 def _lab(mission: Mission, one: str, two: str) -> Changes:

@@ -53,7 +53,7 @@ def place_beyond_the_fence(mission: Mission) -> Changes:
 def near_a_place_outside(mission: Mission) -> Changes:
     """Near a place 50 m up, over a ceiling of 2.5 m: never true."""
     for state in mission.flying():
-        cause = f"when: distance({state.vehicle} to [0 0 50]) < 1 m"
+        cause = f"when: 'distance({state.vehicle} to [0 0 50]) < 1 m'"
         yield change(way_out(mission, state, cause))
 
 
@@ -121,9 +121,10 @@ def circle_too_fast(mission: Mission) -> Changes:
         yield change(put(speed, "5 m/s") if speed else add(state.node, "speed: 5 m/s"))
 
 
-@dangerous
+@senseless
 def acceleration_beyond_tilt(mission: Mission) -> Changes:
-    """`acceleration: 50 m/s^2`: five times gravity, sideways."""
+    """`acceleration: 50 m/s^2`: five times gravity, sideways; the processors make 3 m/s^2 of
+    it."""
     for state in mission.states("fly_to", "follow_path"):
         yield change(add(state.node, "acceleration: 50 m/s^2"))
 

@@ -3,7 +3,7 @@ this airframe carries."""
 
 from __future__ import annotations
 
-from harms.mission_text import Mission, Vehicle, add, drop, own_section, put
+from harms.mission_text import Mission, Vehicle, add, own_section, put
 from harms.operator import Changes, change, dangerous, senseless
 
 
@@ -43,10 +43,10 @@ def mass_in_grams(mission: Mission) -> Changes:
     yield from _scaled(mission, "mass", 1000.0, "kg")
 
 
-@dangerous
+@senseless
 def mass_a_twentieth(mission: Mission) -> Changes:
-    """A mass that has lost a digit and a half: hover thrust is twenty times what it takes, and it
-    shoots up."""
+    """A mass of a twentieth: it expects to hover on a twentieth of its thrust, and never lifts
+    off."""
     yield from _scaled(mission, "mass", 0.05, "kg")
 
 
@@ -68,7 +68,7 @@ def rotors_of_a_ship(mission: Mission) -> Changes:
     yield from _scaled(mission, "rotor_time", 50.0, "s")
 
 
-@dangerous
+@senseless
 def torque_ratio_in_metres(mission: Mission) -> Changes:
     """`torque_ratio: 1.6 m` for `1.6 cm`: a rotor drags a hundred times too much."""
     yield from _scaled(mission, "torque_ratio", 100.0, "m")
@@ -80,9 +80,10 @@ def thrust_too_small(mission: Mission) -> Changes:
     yield from _scaled(mission, "thrust", 0.2, "N")
 
 
-@dangerous
+@senseless
 def thrust_in_grams(mission: Mission) -> Changes:
-    """`thrust: 130 N`, grams in mind: a hundred times what rotors of this size give."""
+    """`thrust: 130 N`, grams in mind: a hundred times what rotors of this size give, so that what
+    it takes for hovering lifts nothing."""
     yield from _scaled(mission, "thrust", 100.0, "N")
 
 
@@ -92,7 +93,7 @@ def diameter_in_millimetres(mission: Mission) -> Changes:
     yield from _scaled(mission, "diameter", 0.001, "m")
 
 
-@dangerous
+@senseless
 def diameter_of_a_hall(mission: Mission) -> Changes:
     """A diameter of ten times its own: it doesn't fit into the room."""
     yield from _scaled(mission, "diameter", 20.0, "m")
@@ -188,7 +189,10 @@ def payload_too_large(mission: Mission) -> Changes:
 def airframe_without_thrust(mission: Mission) -> Changes:
     """An airframe of the mission's own that has forgotten its rotors' thrust."""
     for vehicle in mission.own():
-        entry = "changed: {mass: 1 kg, diameter: 0.5 m, inertia: [0.01, 0.01, 0.02], rotor_time: 50 ms}"
-        edits = own_section(mission, "airframes", entry), add(vehicle.node, "airframe: changed")
-        if mission.at("like", of=vehicle.node) is not None:
-            yield change(*edits, drop(mission, vehicle.node, "like"))
+        entry = (
+            "changed: {mass: 1 kg, diameter: 0.5 m, inertia: [0.01, 0.01, 0.02], rotor_time: 50 ms}"
+        )
+        for key, value in mission.pairs(of=vehicle.node):
+            if key.value == "like":
+                edit = put(key, "airframe: changed")._replace(end=value.end_mark.index)
+                yield change(own_section(mission, "airframes", entry), edit, also=(vehicle.key,))

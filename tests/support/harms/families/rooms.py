@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 from harms.mission_text import Edit, Mission, Node, add, put
 from harms.operator import Changes, change, dangerous, senseless
@@ -16,9 +17,9 @@ def _legs(mission: Mission) -> Iterator[tuple[Node, Point, Point]]:
         params = mission.planned(state.vehicle).states[state.name].behavior.params
         path = list(getattr(params, "path", ()))
         if state.do == "fly_to" and _hovers_over_its_start(mission, state.vehicle):
-            x, y, z = mission.planned(state.vehicle).start
+            x, y, _ = mission.planned(state.vehicle).start
             path = [(x, y, params.position[2]), params.position]
-        for first, second in zip(path, path[1:], strict=False):
+        for first, second in pairwise(path):
             if sum((a - b) ** 2 for a, b in zip(first, second, strict=True)) > 0.8:
                 yield state.key, first, second
 
@@ -35,9 +36,9 @@ def _obstacle(mission: Mission, shape: str) -> Edit | None:
     if world is None:
         return None
     if world.id == "scalar":
-        return put(world, f"{{like: {world.value}, obstacles: {{crate: {shape}}}}}")
+        return put(world, f"{{like: {world.value}, obstacles: {{thing: {shape}}}}}")
     own = mission.at("obstacles", of=world)
-    return add(own, f"crate: {shape}") if own else add(world, f"obstacles: {{crate: {shape}}}")
+    return add(own, f"thing: {shape}") if own else add(world, f"obstacles: {{thing: {shape}}}")
 
 
 def _box(x: float, y: float, half: float, height: float) -> str:
@@ -101,13 +102,18 @@ def obstacle_over_the_start(mission: Mission) -> Changes:
 
 @dangerous
 def obstacle_on_the_landing_place(mission: Mission) -> Changes:
-    """A crate half a metre high where it comes down at last."""
+    """A pole half a metre high and as thick as an arm where it comes down at last."""
     for state in mission.states("fly_to"):
         place = mission.planned(state.vehicle).states[state.name].behavior.params.position
         landing = [s for s in mission.states("land") if s.vehicle == state.vehicle]
         if _hovers_over_its_start(mission, state.vehicle) and landing:
-            shape = _box(place[0], place[1], 0.15, 0.5)
+            x, y = place[:2]
+            shape = f"{{cylinder: {{at: [{x:g}, {y:g}, 0], radius: 4 cm, height: 50 cm}}}}"
             yield from _placed(mission, shape, landing[-1].key, state.key)
+
+
+def _starts(mission: Mission) -> list[Node]:
+    return [n for v in mission.vehicles() if (n := mission.at("start", of=v.node)) is not None]
 
 
 def _fence(mission: Mission) -> tuple[Node, Node] | None:
@@ -132,7 +138,7 @@ def fence_smaller_than_the_way(mission: Mission) -> Changes:
     if fence and moves:
         edits = put(fence[0], "[-0.3, -0.3, 0]"), put(fence[1], "[0.3, 0.3, 2.5]")
         starts = [v.key for v in mission.vehicles()]
-        yield change(*edits, also=(*(s.key for s in moves), *starts))
+        yield change(*edits, also=(*(s.key for s in moves), *starts, *_starts(mission)))
 
 
 @dangerous
@@ -152,7 +158,7 @@ def fence_above_the_floor(mission: Mission) -> Changes:
     fence = _fence(mission)
     if fence:
         starts = [v.key for v in mission.vehicles()]
-        yield change(put(fence[0].value[2], "0.5"), also=tuple(starts))
+        yield change(put(fence[0].value[2], "0.5"), also=(*starts, *_starts(mission)))
 
 
 @dangerous
@@ -160,11 +166,13 @@ def no_fence(mission: Mission) -> Changes:
     """The fence is gone: nothing keeps it inside the room."""
     world = mission.at("world")
     key = next((k for k, v in mission.root.value if k.value == "world"), None)
-    if world is not None and key is not None and mission.at("fence", of=world) is not None:
-        if not world.flow_style and len(world.value) == 1:
-            fence = world.value[0]
-            start, end = fence[0].start_mark.index, fence[1].end_mark.index
-            yield change(Edit(start, end, "points: {}"), also=(key,))
+    if world is None or key is None or not mission.at("fence", of=world):
+        return
+    if not world.flow_style and len(world.value) == 1:
+        fence = world.value[0]
+        start, end = fence[0].start_mark.index, fence[1].end_mark.index
+        vehicles = (v.key for v in mission.vehicles())
+        yield change(Edit(start, end, "points: {}"), also=(key, *vehicles))
 
 
 @dangerous
@@ -213,9 +221,9 @@ def higher_than_the_ceiling(mission: Mission) -> Changes:
             yield change(put(height, "3.5 m"))
 
 
-@dangerous
+@senseless
 def home_above_the_ceiling(mission: Mission) -> Changes:
-    """`go_home` at a height of 6 m under a ceiling of 2.5 m."""
+    """`go_home` at a height of 6 m under a ceiling of 2.5 m: it never flies there."""
     for state in mission.states("go_home"):
         height = mission.at("height", of=state.node)
         yield change(put(height, "6 m") if height else add(state.node, "height: 6 m"))
@@ -237,9 +245,9 @@ def lands_below_the_floor(mission: Mission) -> Changes:
             yield change(add(state.node, f"position: [{x:g}, {y:g}, -1]"))
 
 
-@dangerous
+@senseless
 def lands_in_the_air(mission: Mission) -> Changes:
-    """It lands on a point 1 m above the floor, where nothing is."""
+    """It lands on a point 1 m above the floor, where nothing is: it comes down to the floor."""
     for state in mission.states("land"):
         if mission.at("position", of=state.node) is None:
             x, y, _ = mission.planned(state.vehicle).start
@@ -269,4 +277,6 @@ def point_that_nothing_uses(mission: Mission) -> Changes:
     world = mission.at("world")
     if world is not None and world.id == "mapping":
         own = mission.at("points", of=world)
-        yield change(add(own, "spare: [0, 0, 1]") if own else add(world, "points: {spare: [0, 0, 1]}"))
+        yield change(
+            add(own, "spare: [0, 0, 1]") if own else add(world, "points: {spare: [0, 0, 1]}")
+        )

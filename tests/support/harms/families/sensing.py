@@ -13,41 +13,44 @@ def _camera(mission: Mission, entry: str) -> Changes:
         like = mission.word("like", of=vehicle.node)
         if mission.planned(vehicle.name).cameras:
             changed = f"changed: {{like: {like}, cameras: {{down: {{{entry}}}}}}}"
-            edits = own_section(mission, "airframes", changed), add(vehicle.node, "airframe: changed")
+            edits = (
+                own_section(mission, "airframes", changed),
+                add(vehicle.node, "airframe: changed"),
+            )
             yield change(*edits, also=(vehicle.key,))
 
 
-@dangerous
+@senseless
 def camera_of_one_hertz(mission: Mission) -> Changes:
     """A frame a second, where an estimate of 250 ms is too old already."""
     yield from _camera(mission, "rate: 1 Hz")
 
 
-@dangerous
+@senseless
 def camera_through_a_straw(mission: Mission) -> Changes:
     """A view of 3 deg: from 1.2 m it sees 6 cm of the floor, and tags of 19.5 cm never whole."""
     yield from _camera(mission, "field_of_view: 3 deg")
 
 
-@dangerous
+@senseless
 def camera_that_looks_up(mission: Mission) -> Changes:
     """`facing: up`: the tags are on the floor."""
     yield from _camera(mission, "facing: up")
 
 
-@dangerous
+@senseless
 def camera_that_looks_forward(mission: Mission) -> Changes:
     """`facing: forward`: on the pad it sees the wall, where no tags are."""
     yield from _camera(mission, "facing: forward")
 
 
-@dangerous
+@senseless
 def camera_metres_away(mission: Mission) -> Changes:
     """`at: [11, 0, 15]` in metres, centimetres in mind: each place is metres off by each degree."""
     yield from _camera(mission, "at: [11, 0, 15]")
 
 
-@dangerous
+@senseless
 def camera_of_few_pixels(mission: Mission) -> Changes:
     """16 by 16 pixels: no tag is read."""
     yield from _camera(mission, "width: 16, height: 16")
@@ -114,9 +117,10 @@ def dead_reckoning_first(mission: Mission) -> Changes:
     yield from _with_mocap(mission, f"[{first}, {{use: mocap, healthy: age < 250 ms}}]")
 
 
-@dangerous
+@senseless
 def dead_reckoning_for_minutes(mission: Mission) -> Changes:
-    """`for_at_most: 10 min` of dead reckoning with any spread: metres off after some seconds."""
+    """`for_at_most: 10 min` of dead reckoning with any spread: metres off after some seconds, which
+    the supervisor of the estimate ends long before."""
     second = "{use: inertial, healthy: spread < 30 m, for_at_most: 10 min}"
     yield from _with_mocap(mission, f"[{{use: mocap, healthy: age < 250 ms}}, {second}]")
 
@@ -133,9 +137,9 @@ def spread_never(mission: Mission) -> Changes:
     yield from _with_mocap(mission, "[{use: mocap, healthy: spread < 0.001 mm}]")
 
 
-@dangerous
+@senseless
 def healthy_always(mission: Mission) -> Changes:
-    """`age < 1 h`-like: a pose of an hour ago counts as healthy, dead reckoning never helps."""
+    """`age < 60 min`: a pose of an hour ago counts as healthy, so dead reckoning never helps."""
     second = "{use: inertial, for_at_most: 3 s}"
     yield from _with_mocap(mission, f"[{{use: mocap, healthy: age < 60 min}}, {second}]")
 
@@ -149,7 +153,9 @@ def never_recovered(mission: Mission) -> Changes:
 
 def _simulated(mission: Mission, entry: str) -> Changes:
     if mission.at("targets") is None and not any(v.cameras for v in mission.plan.vehicles):
-        yield change(own_section(mission, "targets", f"sim: {{all: {{driver: {{use: sim, {entry}}}}}}}"))
+        yield change(
+            own_section(mission, "targets", f"sim: {{all: {{driver: {{use: sim, {entry}}}}}}}")
+        )
 
 
 @dangerous
@@ -164,11 +170,10 @@ def motion_capture_a_second_late(mission: Mission) -> Changes:
     yield from _simulated(mission, "mocap_latency: 1 s")
 
 
-@dangerous
+@senseless
 def motion_capture_of_a_metre(mission: Mission) -> Changes:
-    """Poses with a noise of 1 m in a room of 6 m: it doesn't know where it is."""
+    """Poses with a noise of 1 m in a room of 6 m: never an estimate, so nothing is flown."""
     yield from _simulated(mission, "mocap_position_noise: 1 m")
-
 
 
 @senseless

@@ -38,7 +38,7 @@ def _coordinates(mission: Mission, point: Node) -> list[float]:
     return [q.number for q in values if q is not None]
 
 
-@dangerous
+@senseless
 def decimal_comma(mission: Mission) -> Changes:
     """`1,5 m` for `1.5 m`, as half of the world writes: YAML reads `1` and an odd key, and the
     vehicle flies at another height, width or speed than it says."""
@@ -58,9 +58,9 @@ def decimal_comma_in_a_point(mission: Mission) -> Changes:
             yield change(put(point.value[0], f"{number:g}".replace(".", ",")))
 
 
-@dangerous
+@senseless
 def forgotten_colon_within(mission: Mission) -> Changes:
-    """`within 15 s`: the limit is no limit, and what gets stuck hangs in the air."""
+    """`within 15 s`: the limit that it writes is none."""
     yield from _without_colon(mission, "within")
 
 
@@ -70,9 +70,9 @@ def forgotten_colon_then(mission: Mission) -> Changes:
     yield from _without_colon(mission, "then")
 
 
-@dangerous
+@senseless
 def forgotten_colon_speed(mission: Mission) -> Changes:
-    """`speed 0.5 m/s`: it flies with the default speed, which is twice that."""
+    """`speed 0.5 m/s`: it flies with the default speed, not with what it says."""
     yield from _without_colon(mission, "speed")
 
 
@@ -90,9 +90,9 @@ def _without_colon(mission: Mission, name: str) -> Changes:
                 yield change(edit._replace(end=value.end_mark.index))
 
 
-@dangerous
+@senseless
 def centimetres_for_metres(mission: Mission) -> Changes:
-    """`height: 1 cm` for `1 m`: it scrapes along the floor, in what its rotors blow up there."""
+    """`height: 1 cm` for `1 m`: it has taken off before it has left the ground."""
     for _, value, q in _params(mission, "height"):
         if q.unit == "m":
             yield change(put(value, f"{q.number:g} cm"))
@@ -132,11 +132,16 @@ def milliseconds_for_seconds(mission: Mission) -> Changes:
 
 @dangerous
 def seconds_for_milliseconds(mission: Mission) -> Changes:
-    """`silent_after: 300 s`, `age < 250 s`: it goes on for minutes on what it heard long ago."""
+    """`silent_after: 300 s`: a lost controller steers for minutes with what it said last."""
     for key, node in mission.pairs("inputs"):
         value = mission.at("silent_after", of=node)
         if value is not None and key.value:
             yield change(put(value, value.value.replace("ms", "s")))
+
+
+@senseless
+def healthy_in_seconds(mission: Mission) -> Changes:
+    """`age < 250 s` for `250 ms`: no measurement is ever too old, and no other estimator helps."""
     for vehicle in mission.vehicles():
         for entry in mission.items("estimators", of=vehicle.node):
             healthy = mission.at("healthy", of=entry)
@@ -171,11 +176,13 @@ def heading_in_radians(mission: Mission) -> Changes:
             yield change(add(start, "heading: 90 rad"))
 
 
-@dangerous
+@senseless
 def turn_rate_in_radians(mission: Mission) -> Changes:
     """`turn_rate: 45 rad/s` for `45 deg/s`: seven turns a second, which no airframe follows."""
     for state in mission.states("fly_to", "follow_path", "steer"):
-        turn = "turn_rate: 45 rad/s" if state.do == "steer" else "heading: 90 deg, turn_rate: 45 rad/s"
+        turn = (
+            "turn_rate: 45 rad/s" if state.do == "steer" else "heading: 90 deg, turn_rate: 45 rad/s"
+        )
         if state.node.flow_style:
             yield change(add(state.node, turn))
 
@@ -191,8 +198,8 @@ def heading_without_unit(mission: Mission) -> Changes:
 @dangerous
 def decimal_point_lost(mission: Mission) -> Changes:
     """`12 m` for `1.2 m`: through the ceiling, or out of the room."""
-    for _, value, q in _params(mission, "height", "radius", "width"):
-        if q.unit == "m":
+    for holder, value, q in _params(mission, "height", "radius", "width"):
+        if q.unit == "m" and mission.word("do", of=holder) != "go_home":
             yield change(put(value, f"{10 * q.number:g} m"))
     for point in _points(mission):
         last = mission.written(point.value[2])
@@ -203,8 +210,8 @@ def decimal_point_lost(mission: Mission) -> Changes:
 @dangerous
 def digit_twice(mission: Mission) -> Changes:
     """`11 m` for `1 m`: a key that was pressed twice."""
-    for _, value, q in _params(mission, "height"):
-        if q.unit == "m":
+    for holder, value, q in _params(mission, "height"):
+        if q.unit == "m" and mission.word("do", of=holder) != "go_home":
             yield change(put(value, f"{str(int(q.number)) * 2} m"))
 
 
@@ -229,10 +236,10 @@ def height_below_the_ground(mission: Mission) -> Changes:
 
 @dangerous
 def coordinates_swapped(mission: Mission) -> Changes:
-    """`[x, z, y]` for `[x, y, z]`: what was meant as y is a height below the ground or at it."""
+    """`[x, z, y]` for `[x, y, z]`: what was meant as y is a height below the ground."""
     for point in _points(mission):
         numbers = _coordinates(mission, point)
-        if len(numbers) == 3 and numbers[1] <= 0 < numbers[2]:
+        if len(numbers) == 3 and numbers[1] < 0 < numbers[2]:
             texts = [mission.text[n.start_mark.index : n.end_mark.index] for n in point.value]
             yield change(put(point, f"[{texts[0]}, {texts[2]}, {texts[1]}]"))
 
@@ -271,4 +278,3 @@ def fence_corners_swapped(mission: Mission) -> Changes:
     if low is not None and high is not None:
         texts = [mission.text[n.start_mark.index : n.end_mark.index] for n in (low, high)]
         yield change(put(low, texts[1]), put(high, texts[0]))
-

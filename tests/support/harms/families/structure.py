@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from harms.families.physics import way_out
-from harms.mission_text import Edit, Mission, Node, State, add, drop, put
+from harms.mission_text import Mission, Node, State, add, add_last, drop, put
 from harms.operator import Changes, change, dangerous, senseless
 
 
@@ -59,7 +59,7 @@ def led_to_what_never_ends(mission: Mission) -> Changes:
     for state, target in _linked(mission):
         behaviors = mission.at("vehicles", state.vehicle, "behaviors")
         if behaviors is not None and behaviors.value:
-            edits = put(target, "stay"), add(behaviors, "stay: {do: hover}")
+            edits = put(target, "stay"), add_last(behaviors, "stay: {do: hover}")
             moved = _key(mission, state.vehicle, target.value)
             yield change(*edits, also=(state.key, moved))
 
@@ -91,7 +91,9 @@ def landing_forgotten(mission: Mission) -> Changes:
         if landing is None or len(users) != 1 or landing.vehicle != state.vehicle:
             continue
         behaviors = mission.at("vehicles", state.vehicle, "behaviors")
-        others = mission.text.count(f"go: {landing.name}") + mission.text.count(f"failed: {landing.name}")
+        others = mission.text.count(f"go: {landing.name}") + mission.text.count(
+            f"failed: {landing.name}"
+        )
         if behaviors is not None and not others and mission.at("flows") is None:
             edits = drop(mission, state.node, "then"), drop(mission, behaviors, landing.name)
             yield change(*edits, also=(state.key,))
@@ -207,7 +209,7 @@ def payload_that_it_does_not_carry(mission: Mission) -> Changes:
             behaviors = mission.at("vehicles", state.vehicle, "behaviors")
             drop_it = f"let_go: {{do: release_payload, then: {target.value}}}"
             if behaviors is not None and behaviors.value:
-                yield change(put(target, "let_go"), add(behaviors, drop_it), also=(state.key,))
+                yield change(put(target, "let_go"), add_last(behaviors, drop_it), also=(state.key,))
 
 
 @senseless
@@ -217,8 +219,5 @@ def state_that_nothing_leads_to(mission: Mission) -> Changes:
         behaviors = mission.at("behaviors", of=vehicle.node)
         down = mission.landing(vehicle.name)
         if behaviors is not None and down and behaviors.value:
-            last = behaviors.value[-1][1].end_mark.index
-            entry = f"\n{' ' * behaviors.value[0][0].start_mark.column}"
-            entry = ", " if behaviors.flow_style else entry
-            text = f"{entry}look: {{do: hover, for_time: 2 s, then: {down}}}"
-            yield change(Edit(last, last, text))
+            entry = f"look: {{do: hover, for_time: 2 s, then: {down}}}"
+            yield change(add_last(behaviors, entry))

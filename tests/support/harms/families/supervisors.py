@@ -1,4 +1,8 @@
-"""Supervisors that can never fire, such that fire at once, and reactions that do harm."""
+"""Supervisors that can never fire, such that fire at once, and reactions that do harm.
+
+One that can never fire does harm on the day on which what it watches happens: a flight in which
+nothing breaks shows nothing of it.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +26,8 @@ def _processed(mission: Mission, *entries: str) -> Changes:
     """Each vehicle without a list of processors has this one."""
     for vehicle in mission.own():
         if mission.at("processors", of=vehicle.node) is None:
-            yield change(add(vehicle.node, f"processors: [{', '.join(entries)}]"))
+            edit = add(vehicle.node, f"processors: [{', '.join(entries)}]")
+            yield change(edit, also=(vehicle.key,))
 
 
 @dangerous
@@ -142,7 +147,7 @@ def cut_for_a_lost_link(mission: Mission) -> Changes:
 
 @dangerous
 def cut_for_a_lost_estimate(mission: Mission) -> Changes:
-    """`reaction: cut` when motion capture is lost: it falls, where it could have come down blind."""
+    """`reaction: cut` when motion capture is lost: it falls, where it could come down blind."""
     yield from _supervised(mission, "use: estimate, reaction: cut")
 
 

@@ -64,14 +64,11 @@ def hover_beyond_the_battery(mission: Mission) -> Changes:
             yield change(put(time, "40 min"))
 
 
-@dangerous
-def endurance_of_seconds(mission: Mission) -> Changes:
-    """A fault that leaves the battery 1 % of its charge in the first state in the air, with no
-    word of what is expected then: it lands wherever it is."""
-    for state in mission.flying("hover", "circle", "follow_path", "figure_eight")[:1]:
-        own = mission.at("targets")
-        if own is None:
-            yield change(_top(mission, "targets: {sim: {all: {driver: {use: sim, battery: 1 %}}}}"))
+@senseless
+def battery_empty_at_the_start(mission: Mission) -> Changes:
+    """The simulated battery begins with 1 %, where a vehicle lands below 15 %: nothing is flown."""
+    if mission.at("targets") is None:
+        yield change(_top(mission, "targets: {sim: {all: {driver: {use: sim, battery: 1 %}}}}"))
 
 
 @senseless

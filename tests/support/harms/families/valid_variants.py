@@ -152,7 +152,9 @@ def another_summary(mission: Mission) -> Changes:
     """Another summary, with words of the language in it."""
     summary = mission.at("summary")
     if summary is not None:
-        yield change(put(summary, '"What I fly on Mondays: take off, then land; 1,5 times as far."'))
+        yield change(
+            put(summary, '"What I fly on Mondays: take off, then land; 1,5 times as far."')
+        )
 
 
 @valid
@@ -160,7 +162,7 @@ def a_state_renamed(mission: Mission) -> Changes:
     """A state has another name, everywhere."""
     for state in mission.states():
         pattern = re.compile(rf"(?<![\w$.]){re.escape(state.name)}(?!\w)")
-        places = [m for m in pattern.finditer(mission.text)]
+        places = list(pattern.finditer(mission.text))
         is_plain = len(state.name) > 3 and state.name not in _other_words(mission)
         if is_plain:
             yield change(*(Edit(m.start(), m.end(), f"{state.name}_2") for m in places))
@@ -171,7 +173,9 @@ def _other_words(mission: Mission) -> set[str]:
     words = set(re.findall(r"\w+", f"{mission.word('summary')} {mission.name}"))
     words |= {do for s in mission.states() for do in re.findall(r"\w+", s.do)}
     words |= set(re.findall(r"\w+", "\n".join(re.findall(r"#.*|help: .*", mission.text))))
-    words |= {"hover", "land", "circle", "inputs", "hand", "lap"} | {v.name for v in mission.vehicles()}
+    words |= {"hover", "land", "circle", "inputs", "hand", "lap"} | {
+        v.name for v in mission.vehicles()
+    }
     return words | {key.value for key, _ in mission.root.value}
 
 
@@ -228,7 +232,9 @@ def a_looser_bound(mission: Mission) -> Changes:
     for node in mission.expectations(") < "):
         match = _BOUND.fullmatch(node.value)
         if match and "state" not in match[2]:
-            yield change(put(node, f"{match[1]}({match[2]}) < {1.5 * float(match[3]):.4g} {match[4]}"))
+            yield change(
+                put(node, f"{match[1]}({match[2]}) < {1.5 * float(match[3]):.4g} {match[4]}")
+            )
 
 
 @valid
@@ -252,7 +258,9 @@ def a_later_finish(mission: Mission) -> Changes:
 def a_battery_that_lands_earlier(mission: Mission) -> Changes:
     """It warns below 40 % and lands below 25 %."""
     for vehicle in mission.own():
-        if mission.at("supervisors", of=vehicle.node) is None and not _library(mission, vehicle.node):
+        if mission.at("supervisors", of=vehicle.node) is None and not _library(
+            mission, vehicle.node
+        ):
             entry = "supervisors: [{use: battery, warn_below: 40 %, land_below: 25 %}]"
             yield change(add(vehicle.node, entry))
 
@@ -261,8 +269,12 @@ def a_battery_that_lands_earlier(mission: Mission) -> Changes:
 def sensible_supervisors(mission: Mission) -> Changes:
     """Tighter tilt, spin and link, as somebody careful would have them."""
     for vehicle in mission.own():
-        if mission.at("supervisors", of=vehicle.node) is None and not _library(mission, vehicle.node):
-            entries = "{use: tilt, limit: 45 deg}, {use: spin, limit: 180 deg/s}, {use: link, age: 300 ms}"
+        if mission.at("supervisors", of=vehicle.node) is None and not _library(
+            mission, vehicle.node
+        ):
+            entries = (
+                "{use: tilt, limit: 45 deg}, {use: spin, limit: 180 deg/s}, {use: link, age: 0.3 s}"
+            )
             yield change(add(vehicle.node, f"supervisors: [{entries}]"))
 
 
@@ -270,7 +282,9 @@ def sensible_supervisors(mission: Mission) -> Changes:
 def a_severer_reaction(mission: Mission) -> Changes:
     """It flies home when it leaves the fence; a tilted one cuts its rotors, as the docs advise."""
     for vehicle in mission.own():
-        if mission.at("supervisors", of=vehicle.node) is None and not _library(mission, vehicle.node):
+        if mission.at("supervisors", of=vehicle.node) is None and not _library(
+            mission, vehicle.node
+        ):
             entries = "{use: fence, reaction: go_home}, {use: tilt, limit: 70 deg, reaction: cut}"
             yield change(add(vehicle.node, f"supervisors: [{entries}]"))
 
@@ -283,9 +297,13 @@ def _library(mission: Mission, vehicle: Node) -> bool:
 def dead_reckoning_behind_it(mission: Mission) -> Changes:
     """Dead reckoning as the second choice, as the tutorial does."""
     for vehicle in mission.own():
-        if mission.at("estimators", of=vehicle.node) is None and not _library(mission, vehicle.node):
+        if mission.at("estimators", of=vehicle.node) is None and not _library(
+            mission, vehicle.node
+        ):
             first = "{use: mocap, healthy: age < 250 ms, recover_after: 1 s}"
-            yield change(add(vehicle.node, f"estimators: [{first}, {{use: inertial, for_at_most: 3 s}}]"))
+            yield change(
+                add(vehicle.node, f"estimators: [{first}, {{use: inertial, for_at_most: 3 s}}]")
+            )
 
 
 @valid
@@ -294,7 +312,7 @@ def an_obstacle_in_a_corner(mission: Mission) -> Changes:
     fence, world = mission.plan.fence, mission.at("world")
     if fence is not None and isinstance(world, yaml.MappingNode):
         x, y = fence.high[0] - 0.05, fence.low[1] + 0.05
-        shape = f"crate: {{box: {{from: [{x - 0.2:g}, {y:g}, 0], to: [{x:g}, {y + 0.2:g}, 0.4]}}}}"
+        shape = f"thing: {{box: {{from: [{x - 0.2:g}, {y:g}, 0], to: [{x:g}, {y + 0.2:g}, 0.4]}}}}"
         own = mission.at("obstacles", of=world)
         yield change(add(own, shape) if own else add(world, f"obstacles: {{{shape}}}"))
 
@@ -382,7 +400,9 @@ def a_heavier_battery(mission: Mission) -> Changes:
         frame = mission.planned(vehicle.name).airframe
         values = f"mass: {1.05 * frame.mass:g} kg, endurance: {frame.endurance + 60:g} s"
         entry = f"heavier: {{like: {like}, {values}}}"
-        yield change(own_section(mission, "airframes", entry), add(vehicle.node, "airframe: heavier"))
+        yield change(
+            own_section(mission, "airframes", entry), add(vehicle.node, "airframe: heavier")
+        )
 
 
 @valid
@@ -400,7 +420,9 @@ def gentler_gains(mission: Mission) -> Changes:
 def processors_as_they_come(mission: Mission) -> Changes:
     """The default list, written out, with a larger margin."""
     for vehicle in mission.own():
-        if mission.at("processors", of=vehicle.node) is None and not _library(mission, vehicle.node):
+        if mission.at("processors", of=vehicle.node) is None and not _library(
+            mission, vehicle.node
+        ):
             entries = "limit_speed, limit_acceleration, {use: fence, margin: 25 cm}, position_error"
             yield change(add(vehicle.node, f"processors: [{entries}]"))
 
@@ -409,4 +431,6 @@ def processors_as_they_come(mission: Mission) -> Changes:
 def still_air(mission: Mission) -> Changes:
     """A target without a lab's disturbances."""
     if mission.at("targets") is None:
-        yield change(own_section(mission, "targets", "calm: {all: {driver: {use: sim, calm: true}}}"))
+        yield change(
+            own_section(mission, "targets", "calm: {all: {driver: {use: sim, calm: true}}}")
+        )
