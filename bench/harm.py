@@ -119,8 +119,9 @@ def flown(told: list[Told], count: int, folder: Path, half: str) -> None:
         path = folder / mutant.mission
         path.write_text(mutant.text, encoding="utf-8")
         end = _end(path, folder / f"run{index}")
-        name = mutant.operator.name if mutant.operator.half == "development" else "(held out)"
-        ends[f"{name:42}{end}"] += 1
+        is_held_out = mutant.operator.half == "held-out"
+        name, shown = ("(held out)", end.split()[0]) if is_held_out else (mutant.operator.name, end)
+        ends[f"{name:42}{shown}"] += 1
     print(f"\n{ends.total()} accepted dangerous mutants flown:")
     for end, times in sorted(ends.items()):
         print(f"  {times:3}  {end}")

@@ -154,7 +154,7 @@ def callback_that_disables_the_fence(mission: Mission) -> Changes:
     yield from _callback(mission, "event: V.took_off, do: [{disable: V.processors.fence}]")
 
 
-@dangerous
+@senseless
 def callback_that_sets_a_wild_speed(mission: Mission) -> Changes:
     """`limit_speed` is set to 40 m/s in flight: it limits nothing."""
     yield from _callback(

@@ -246,7 +246,7 @@ def asked_while_another_flow_has_it(mission: Mission) -> Changes:
             yield change(put(run.value[0][0], "swarm"), also=(key,))
 
 
-@dangerous
+@senseless
 def set_beyond_the_airframe(mission: Mission) -> Changes:
     """A phase sets a speed of 50 m/s, cm/s in mind: it limits nothing any more."""
     for _, _, phase in _phases(mission):

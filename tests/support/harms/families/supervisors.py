@@ -56,7 +56,8 @@ def link_silent_for_minutes(mission: Mission) -> Changes:
 
 @senseless
 def link_silent_for_a_moment(mission: Mission) -> Changes:
-    """`link age: 1 ms`: less than from one packet to the next, so it fires at once."""
+    """`link age: 1 ms`: less than from one packet of an autopilot to the next, so it fires at
+    once."""
     yield from _supervised(mission, "use: link, age: 1 ms")
 
 
@@ -207,10 +208,11 @@ def no_processor_keeps_the_fence(mission: Mission) -> Changes:
 def speed_of_a_snail(mission: Mission) -> Changes:
     """`limit_speed: 1 mm/s`: a metre takes a quarter of an hour, and every goal fails."""
     entry = "{use: limit_speed, speed: 1 mm/s}"
-    yield from _processed(mission, entry, "limit_acceleration", "fence", "position_error")
+    if mission.states("fly_to", "follow_path", "circle", "figure_eight"):
+        yield from _processed(mission, entry, "limit_acceleration", "fence", "position_error")
 
 
-@dangerous
+@senseless
 def speed_without_limit(mission: Mission) -> Changes:
     """`limit_speed: 100 m/s` on an airframe for 1 m/s: it limits nothing."""
     entry = "{use: limit_speed, speed: 100 m/s}"

@@ -118,20 +118,6 @@ def patience_of_a_moment(mission: Mission) -> Changes:
 
 
 @dangerous
-def hover_limit_of_hours(mission: Mission) -> Changes:
-    """`hover_limit: 2 h`: who waits for another hovers until the battery ends."""
-    if mission.at("flows") is not None:
-        yield change(_top(mission, "hover_limit: 120 min"))
-
-
-@senseless
-def hover_limit_of_a_second(mission: Mission) -> Changes:
-    """`hover_limit: 1 s` where vehicles wait for each other in `hover`: they land meanwhile."""
-    if mission.at("flows") is not None:
-        yield change(_top(mission, "hover_limit: 1 s"))
-
-
-@dangerous
 def waits_an_hour_in_the_air(mission: Mission) -> Changes:
     """`after: 60 min` for `60 s`: it hovers until the battery ends, when nobody comes."""
     for state in mission.states("hover"):
