@@ -101,7 +101,8 @@ def never_told(case: Case) -> Iterator[Diagnostic]:
         for phase in flow.phases.values():
             yield from _never_told(case, known, phase.transitions, None)
     for callback in case.document.callbacks:
-        yield from _vain(case, known, callback.event, None)
+        if callback.event is not None:
+            yield from _vain(case, known, callback.event, None)
 
 
 def _never_told(
