@@ -198,6 +198,22 @@ def test_it_offers_no_null(server: Server, keys: str) -> None:
     assert "null" not in found
 
 
+@pytest.mark.parametrize(
+    ("key", "unit"),
+    [("mass", "kg"), ("thrust", "N"), ("rate_gain", "1/s"), ("tilt", "deg"), ("rotor_time", "m?s")],
+)
+def test_completing_a_key_of_an_airframe_inserts_its_unit(
+    server: Server, key: str, unit: str
+) -> None:
+    text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
+    text += "kybflow: 1\nmission: draft\nairframes:\n  x:\n    \n"
+    uri = server.open(REPO / "missions" / "airframes.yaml", text)
+    answer = server.at("textDocument/completion", uri, 5, 4)
+    items = answer["items"] if isinstance(answer, dict) else answer
+    (inserted,) = (item["insertText"] for item in items if item["label"] == key)
+    assert re.fullmatch(rf"{key}: [\d.]+ {unit}", inserted)
+
+
 @pytest.mark.parametrize(("key", "expected"), [("like", set()), ("tracker", {"cascade"})])
 def test_it_offers_no_null_for_a_vehicle(server: Server, key: str, expected: set[str]) -> None:
     text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"

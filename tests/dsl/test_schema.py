@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from jsonschema import Draft202012Validator
 
+from kybflow.core.units import DIMENSIONS
+from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import to_json
 from kybflow.dsl.reading.reader import read
 from kybflow.dsl.schema.building import params_schema
@@ -110,3 +112,43 @@ def test_it_refuses_an_unknown_action_and_two_in_one(action: dict[str, str], cou
         "on": [{"event": "a.landed", "behavior": "s", "do": [action]}],
     }  # fmt: skip
     assert len(list(Draft202012Validator(SCHEMA).iter_errors(tree))) == count
+
+
+def schemas_in(schema: object, path: str = "") -> Iterator[tuple[str, dict[str, object]]]:
+    """Every schema inside of a schema, with where it is."""
+    if isinstance(schema, list):
+        for index, item in enumerate(schema):
+            yield from schemas_in(item, f"{path}/{index}")
+    elif isinstance(schema, dict):
+        yield path, schema
+        for key, value in schema.items():
+            yield from schemas_in(value, f"{path}/{key}")
+
+
+def test_what_an_editor_inserts_is_right() -> None:
+    dimensions = set()
+    for path, schema in schemas_in(SCHEMA):
+        judged = schema.get("else")
+        for snippet in schema.get("defaultSnippets", ()) if isinstance(judged, dict) else ():
+            node, findings = compose(snippet["body"], "editor")
+            assert node is not None
+            assert not findings
+            whole = {**judged, "$defs": SCHEMA["$defs"]}
+            assert list(Draft202012Validator(whole).iter_errors(to_json(node))) == [], path
+            name = str(judged.get("$ref")).rpartition("/")[2]
+            dimensions.add(name.removesuffix("_vector").removesuffix("_path"))
+    declared = {name.replace(" ", "_") for name in DIMENSIONS} & SCHEMA["$defs"].keys()
+    assert declared <= dimensions
+    assert {"length", "mass", "inertia", "force", "rate_constant", "angle"} <= dimensions
+
+
+def test_an_editor_shows_no_regular_expression() -> None:
+    words = {"errorMessage", "patternErrorMessage"}
+    shown = ((path, schema) for path, schema in schemas_in(SCHEMA) if _is_shown(path, schema))
+    silent = [path for path, schema in shown if not words & schema.keys()]
+    assert silent == []
+
+
+def _is_shown(path: str, schema: dict[str, object]) -> bool:
+    """Whether a pattern's failure is a report: one of several, as of `chain.NAME`, is not."""
+    return isinstance(schema.get("pattern"), str) and "/anyOf/" not in path

@@ -124,14 +124,14 @@ def _judging(schema: Schema, shared: Shared) -> Schema:
     left_out = (*_SAID, *BOUNDS, "x-dimension", _DEFAULT)
     judged = {key: one for key, one in schema.items() if key not in left_out}
     bounds = {key: schema[key] for key in BOUNDS if key in schema}
+    if "items" in schema:
+        judged["items"] = _judging(schema["items"], shared)
     if dimension is None:
         words = [f"`{choice}`" for choice in _choices(schema) if isinstance(choice, str)]
         needed = "One of " + ", ".join(words) + " is needed." if words else _kinds(_types(schema))
         either = {"anyOf": [{**one, "errorMessage": needed} for one in judged.pop("anyOf", ())]}
         needed = _NAMED if schema.get("pattern") == NAME else needed
         return {**judged, **bounds, **(either if words else {}), "errorMessage": needed}
-    if "items" in schema:
-        judged["items"] = _judging(schema["items"], shared)
     name = dimension.name.replace(" ", "_") + ("", "_vector", "_path")[_depth(schema)]
     judged["errorMessage"] = _needed(dimension, _depth(schema))
     while shared.setdefault(name, judged) != judged:
