@@ -12,6 +12,6 @@ vehicles:
     behaviors:
       idle: {do: wait_on_ground, next: [{event: operator.go, go: up}]}
       up:   {do: take_off, height: 60 cm, then: hold}
-      hold: {do: hover, for_time: 1000 s, then: down}
+      hold: {do: hover, for_time: 400 s, then: down}
       down: {do: land}
 """
