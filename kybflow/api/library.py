@@ -45,11 +45,13 @@ class Shipped:
 
 def libraries() -> list[Shipped]:
     """The libraries of every package."""
-    return [
-        read_file(f"{package}/{path.stem}", path)
-        for package, folder in _homes()
-        for path in sorted(folder.glob("*.yaml"))
-    ]
+    return [read_file(name, path) for name, path in _library_files()]
+
+
+def _library_files() -> Iterator[tuple[str, Path]]:
+    for package, folder in _homes():
+        for path in sorted(folder.glob("*.yaml")):
+            yield f"{package}/{path.stem}", path
 
 
 def missions() -> list[Shipped]:
@@ -101,8 +103,8 @@ def imports_of(one: Shipped) -> Iterator[Import]:
 
 def _library(written: str, place: LibraryPath) -> Shipped:
     """The library at `place`, called as every mission may import it."""
-    shipped = (one for one in libraries() if one.path.samefile(place.path))
-    return next(shipped, None) or read_file(written, place.path)
+    shipped = (name for name, path in _library_files() if path.samefile(place.path))
+    return read_file(next(shipped, written), place.path)
 
 
 def _from(node: Node) -> Scalar | None:

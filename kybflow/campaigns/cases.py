@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from collections.abc import Iterable, Iterator
@@ -65,7 +66,7 @@ def missions_under(paths: Iterable[Path]) -> Iterator[Path]:
     """Each of `paths`; a folder stands for the missions in it and below, without its libraries and
     what runs have left."""
     for path in paths:
-        if path.is_dir():
+        if os.path.isdir(path):
             yield from (p for p in mission_files(path) if p.name != RESOLVED and not _is_library(p))
         else:
             yield path

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import math
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -19,7 +22,38 @@ if TYPE_CHECKING:
     from kybflow.dsl.compiler import Result
     from kybflow.dsl.plan import Plan
 
-PATH = click.Path(path_type=Path)
+_SHOWN = 100
+_NEVER = frozenset({errno.ENAMETOOLONG, errno.ELOOP})
+"""What makes a path that nothing can ever be at."""
+
+
+class _Path(click.Path):
+    """A path; one that is too long, has a NUL or leads in a circle is refused."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            os.stat(value)
+        except ValueError as error:
+            self.fail(f"`{str(value)[:_SHOWN]}` is no path: {error}", param, ctx)
+        except OSError as error:
+            if error.errno in _NEVER:
+                self.fail(f"`{str(value)[:_SHOWN]}` is no path: {error.strerror}", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class FiniteRange(click.FloatRange):
+    """A number in a range, and no infinity or NaN."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value} is not finite", param, ctx)
+        return number
+
+
+PATH = _Path(path_type=Path)
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 

@@ -151,13 +151,13 @@ def write_address(folder: Path, path: Path) -> None:
 def find_run(run: str | None) -> Path:
     """Return the socket of a run: its folder, its name or the beginning of that before a `-`; None
     for the only one that flies. Raises RunNotFound."""
-    if run is not None and (Path(run) / CONTROL).exists():
+    if run is not None and os.path.exists(Path(run) / CONTROL):
         return _address_in(Path(run))
     flying = sorted({path for folder in folders() for path in _served_in(folder)})
     fitting = flying if run is None else _fitting(run, flying)
     if len(fitting) == 1:
         return fitting[0]
-    if run is not None and not fitting and Path(run).is_dir():
+    if run is not None and not fitting and os.path.isdir(run):
         raise RunNotFound(f"no run that takes commands flies in `{run}`")
     names = ", ".join(f"`{_name(path)}`" for path in fitting or flying)
     if fitting:

@@ -44,5 +44,6 @@ def write_whole(path: Path, data: bytes) -> None:
             stream.write(data)
     except BaseException:
         with suppress(OSError):
-            path.unlink()
+            if path.is_file():  # no device, such as /dev/stdout
+                path.unlink()
         raise

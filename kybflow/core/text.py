@@ -16,19 +16,26 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the help line for an unknown name: the nearest known one, or all of them when none is
     near and they are few."""
     names = sorted(dict.fromkeys(known))
-    place = bisect(names, name)
-    near = get_close_matches(name[:_LONGEST], _around(names, place), n=1, cutoff=0.6)
-    if near:
-        return f"did you mean `{near[0]}`?"
+    if near := nearest(name, names):
+        return f"did you mean `{near}`?"
     if not names:
         return ""
     shown = ", ".join(f"`{n}`" for n in names[:12])
     return f"known here: {shown}{', ...' if len(names) > 12 else ''}"
 
 
-def _around(names: list[str], place: int) -> list[str]:
+def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+    """The known name that is most like `name`; empty where none is near. Of long names the
+    beginning is compared, of many those around it."""
+    names = sorted(known)
+    near = get_close_matches(name[:_LONGEST], _around(names, name), n=1, cutoff=cutoff)
+    return near[0] if near else ""
+
+
+def _around(names: list[str], name: str) -> list[str]:
     if len(names) <= _COMPARED:
         return names
+    place = bisect(names, name)
     return names[max(0, place - _COMPARED // 2) : place + _COMPARED // 2]
 
 

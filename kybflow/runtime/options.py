@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Iterator
-from difflib import get_close_matches
 from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, UnitError
 from kybflow.core.params import Field, fields_of, type_of
+from kybflow.core.text import nearest
 from kybflow.core.units import format_quantity, parse_quantity
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.runtime.events import Events
@@ -134,8 +134,8 @@ class Options:
         raise self._unknown(name)
 
     def _unknown(self, name: str) -> OptionRefused:
-        near = get_close_matches(name, list(self.names()), n=1)
-        hint = f"; did you mean `{near[0]}`?" if near else ""
+        near = nearest(name, self.names())
+        hint = f"; did you mean `{near}`?" if near else ""
         return OptionRefused(f"there is no option `{name}`{hint}")
 
 

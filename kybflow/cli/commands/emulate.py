@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 from click.exceptions import Exit
 
-from kybflow.cli.arguments import PATH, Subcommand, examples, seed_option
+from kybflow.cli.arguments import PATH, FiniteRange, Subcommand, examples, seed_option
 from kybflow.cli.output import echo
 from kybflow.core.exit_codes import DRIVER_FAILED, INVALID
 from kybflow.drivers import firmware_names
@@ -114,7 +114,7 @@ def command() -> None:
 )
 @click.option(
     "--speed",
-    type=click.FloatRange(0.01, 100.0),
+    type=FiniteRange(0.01, 100.0),
     default=1.0,
     help="Pace: 2 is twice as fast as real time.",
 )

@@ -13,6 +13,7 @@ from click.exceptions import Exit
 
 from kybflow.cli.arguments import (
     PATH,
+    FiniteRange,
     Subcommand,
     argument,
     compiled,
@@ -58,7 +59,7 @@ EXAMPLES = examples(
 @out_option
 @click.option(
     "--speed",
-    type=click.FloatRange(min=0.01),
+    type=FiniteRange(min=0.01),
     help="Pace of a simulation, 1 is real time; else as fast as it goes.",
 )
 @option_option

@@ -19,9 +19,9 @@ it mean, and whether they fit, says `kybflow.dsl.expressions.semantics`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import cast, get_args
 
+from kybflow.core.text import nearest
 from kybflow.core.units import DURATION, LENGTH, NUMBER, Dimension
 from kybflow.dsl.diagnostics.diagnostic import Collected
 from kybflow.dsl.diagnostics.spans import PREFIX, Text
@@ -89,9 +89,9 @@ class _Parser:
         second = self._tokens.peek(1)
         is_call = first.text in _FUNCTIONS and second.text == "("
         if not is_call and second.kind != "operator" and second.text != "in":
-            near = get_close_matches(first.text, EXPECTATIONS, n=1)
+            near = nearest(first.text, EXPECTATIONS)
             if near:
-                raise errors.misspelt(self._text, first, near[0])
+                raise errors.misspelt(self._text, first, near)
         return self._statistic(first)
 
     def _timed(self, word: Token) -> tree.Expression:

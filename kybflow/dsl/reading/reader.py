@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import os
 import stat
 from pathlib import Path
 from typing import NamedTuple
@@ -81,7 +82,7 @@ def _bytes_of(path: Path, file: str) -> bytes:
 def _near(path: Path) -> str:
     """The file that could be meant: one in the folder that was named, or beside."""
     try:
-        folder = path if path.is_dir() else path.parent
+        folder = path if os.path.isdir(path) else path.parent
         names = [str(folder / f.name) for f in itertools.islice(folder.glob("*.yaml"), MOST_FILES)]
     except (OSError, ValueError):
         return ""

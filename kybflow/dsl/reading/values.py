@@ -280,8 +280,9 @@ def _path_of(node: Scalar) -> Diagnosed[FilePath | None]:
 
 def _unusable(node: Scalar, file: File, error: FileError) -> Diagnostic:
     notes: tuple[str, ...] = ()
-    if error.line:
-        text = file.text.splitlines()[error.line - 1].strip()
+    lines = file.text.splitlines()
+    if 0 < error.line <= len(lines):  # what is missing is behind the last
+        text = lines[error.line - 1].strip()
         shown = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
         notes = (f"{file.name}:{error.line}: {shown}",)
     label = f"line {error.line}" if error.line else ""
@@ -291,8 +292,8 @@ def _unusable(node: Scalar, file: File, error: FileError) -> Diagnostic:
 def _read(name: str, folder: Path) -> File:
     hint = "name a file beside or below the one that names it"
     try:
-        path = (folder / name).resolve()
-        if Path(name).is_absolute() or not path.is_relative_to(folder.resolve()):
+        path = Path(os.path.realpath(folder / name))
+        if Path(name).is_absolute() or not path.is_relative_to(os.path.realpath(folder)):
             raise FileError(f"`{name}` is outside of the mission's folder", hint=hint)
         if not stat.S_ISREG(path.stat().st_mode):
             raise FileError(f"`{name}` is no file", hint=hint)

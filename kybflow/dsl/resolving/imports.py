@@ -7,12 +7,12 @@ import functools
 import importlib.util
 import itertools
 import os
-from difflib import get_close_matches
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import NamedTuple
 
 import kybflow
+from kybflow.core.text import nearest
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
 from kybflow.dsl.reading.nodes import Mapping, Scalar
 from kybflow.dsl.reading.reader import MOST_FILES, ParsedFile, read
@@ -27,7 +27,6 @@ CODES = {
 }
 GROUP = "kybflow.missions"
 _STANDARD = "the standard library is `kybflow/airframes`"
-_LONGEST = 80
 
 
 class LibraryPath(NamedTuple):
@@ -60,7 +59,7 @@ def _search(relative: Path, importer: LibraryPath, root: Path) -> LibraryPath | 
     beside = importer.path.parent / relative
     if not _within(beside, (root, *_home_of(importer.path))):
         return None
-    if beside.is_file():
+    if os.path.isfile(beside):
         folder = os.path.dirname(importer.file)
         return LibraryPath(beside, os.path.normpath(os.path.join(folder, relative)))
     home = installed(relative.parts[0]) if len(relative.parts) > 1 else None
@@ -70,17 +69,17 @@ def _search(relative: Path, importer: LibraryPath, root: Path) -> LibraryPath | 
     path = path if path.suffix else path.with_suffix(".yaml")
     if not _within(path, (home,)):
         return None
-    return LibraryPath(path, shown_path(path) if path.is_file() else "")
+    return LibraryPath(path, shown_path(path) if os.path.isfile(path) else "")
 
 
 def _missing(text: Scalar, importer: LibraryPath) -> Diagnostic:
-    near = get_close_matches(text.text[:_LONGEST], _at_hand(importer, text.text), n=1)
+    near = nearest(text.text, _at_hand(importer, text.text))
     return Diagnostic(
         "KYB120",
         f"`{text.text}` is no file",
         text.span,
         notes=("looked beside the importing file and in the installed libraries",),
-        help=f"did you mean `{near[0]}`?" if near else _STANDARD,
+        help=f"did you mean `{near}`?" if near else _STANDARD,
     )
 
 
@@ -90,7 +89,7 @@ def _at_hand(importer: LibraryPath, name: str) -> list[str]:
     folder = os.path.dirname(name)
     beside = importer.path.parent / folder
     shown: list[str] = []
-    if "\0" not in folder and _within(beside, (importer.path.parent,)) and beside.is_dir():
+    if "\0" not in folder and _within(beside, (importer.path.parent,)) and os.path.isdir(beside):
         files = itertools.islice(beside.glob("*.yaml"), MOST_FILES)
         shown += sorted(os.path.join(folder, f.name) for f in files if f != importer.path)
     packages = {"kybflow", *(entry.name for entry in entry_points(group=GROUP))}

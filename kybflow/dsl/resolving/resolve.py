@@ -3,6 +3,7 @@ every node still knows where it was written."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping as MappingOf
 from typing import NamedTuple
 
@@ -20,16 +21,19 @@ from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
 from kybflow.dsl.resolving.unused import unused_imports
 
 MAX_AFTER_LIKE = 200_000
+_POSITION = re.compile(r"type\W+position")
+"""What declares a parameter whose value is a point."""
 
 
 class Resolved(NamedTuple):
     """A mission after imports, parameters and `like`: its top level, whose `airframes`, `vehicles`
-    and `flows` are whole. `names_points`: a point's name stands somewhere; `chains` are the names
-    of those at hand."""
+    and `flows` are whole. `names_points`: a point's name stands somewhere; `has_positions`: a
+    parameter of the type `position` is declared; `chains` are the names of those at hand."""
 
     root: Mapping
     parameters: dict[str, Parameter]
     names_points: bool
+    has_positions: bool
     chains: tuple[str, ...] = ()
 
 
@@ -39,12 +43,13 @@ def resolve(root: Mapping, files: Files, settings: MappingOf[str, Setting]) -> D
     declared = yield from declare(root.get("parameters"), settings)
     exports, entries = yield from passed(_resolved(root, files, settings, declared))
     parameters = {name: d.parameter for name, d in declared.declared.items()}
-    texts = (source.text for source in files.sources.values())
+    texts = [source.text for source in files.sources.values()]
     names_points = any(PREFIX in text for text in texts) or any(
         isinstance(p.value, str) and p.value.startswith(PREFIX) for p in parameters.values()
     )
     whole, at_hand = Mapping(entries, root.span), tuple(exports.names("chains"))
-    return Resolved(whole, parameters, names_points, at_hand)
+    has_positions = any(map(_POSITION.search, texts))
+    return Resolved(whole, parameters, names_points, has_positions, at_hand)
 
 
 def _resolved(

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 from kybflow.core.errors import UnitError
 from kybflow.core.params import Field
-from kybflow.core.text import did_you_mean
+from kybflow.core.text import did_you_mean, nearest
 from kybflow.core.units import DIMENSIONS, NUMBER, article, parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.reading.nodes import (
@@ -95,7 +94,7 @@ def _explain_missing(fault: SchemaViolation) -> Iterator[Diagnostic]:
     is_closed = fault.schema.get("additionalProperties") is False
     unknown = [k for k in node.entries if is_closed and k not in fault.schema["properties"]]
     for key in fault.wanted:
-        if node.get(key) is not None or get_close_matches(key, unknown, n=1):
+        if node.get(key) is not None or nearest(key, unknown):
             continue  # the misspelt key is reported already
         if fault.part:
             hint = how_to_write(key, fault.schema["properties"][key])
@@ -104,7 +103,7 @@ def _explain_missing(fault: SchemaViolation) -> Iterator[Diagnostic]:
         else:
             what, hint = fault.schema["title"], _MISSING.get(key, "")
             others = [k for k in node.entries if k not in fault.schema["properties"]]
-            near = [k for k in ("use", "stack") if get_close_matches(k, others, n=1)]
+            near = [k for k in ("use", "stack") if nearest(k, others)]
             if key == "use" and near and near[0] in fault.schema["properties"]:
                 hint = f"did you mean `{near[0]}`?"
             message = f"{article(what)} needs `{key}`"
@@ -240,7 +239,8 @@ def meant(part: str, key: str, node: Mapping, known: Schemas, beside: frozenset[
     parameters, the one parameter that fits the value; else every parameter."""
     if not known:
         return f"`{part}` has no parameters"
-    near = get_close_matches(key, known) or get_close_matches(key, beside, cutoff=_SURE)
+    one = nearest(key, known) or nearest(key, beside, _SURE)
+    near = [one] if one else []
     if not near and "for" in beside:  # a fault: what it is to do could be meant as well as when
         return did_you_mean(key, {*known, *beside})
     if not near:

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 from kybflow.core.params import fields_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Stopped
-from kybflow.dsl.reading.nodes import Mapping, Node, Sequence, describe, head_of, to_json
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    describe,
+    entries_of,
+    head_of,
+    to_json,
+)
 from kybflow.dsl.schema.building import Schema, nullable, params_schema
 from kybflow.dsl.schema.explain import SchemaViolation, explain
 from kybflow.dsl.schema.mission import library_schema, skeleton
@@ -25,7 +34,7 @@ class _Schema:
     tree is valid, `jsonschema` what is wrong with one that isn't."""
 
     def __init__(self, schema: Schema) -> None:
-        self._schema = schema
+        self.schema = schema
         self._quick = QuickValidator(schema)
 
     def errors(self, root: Node) -> Iterator[ValidationError]:
@@ -36,7 +45,7 @@ class _Schema:
     def _validator(self) -> Validator:
         from jsonschema import Draft202012Validator  # takes longer to import than all else in `dsl`
 
-        return Draft202012Validator(nullable(self._schema))
+        return Draft202012Validator(nullable(self.schema))
 
 
 @functools.cache
@@ -52,6 +61,35 @@ def _part(params: type) -> _Schema:
 def judge_file(root: Node, kind: str) -> list[Diagnostic]:
     """What is wrong with the shape of a whole file; `kind` is mission or library."""
     return list(_findings(root, _skeleton(kind)))
+
+
+def misplaced(root: Mapping, before: Mapping | None) -> Iterator[Diagnostic]:
+    """KYB103 for each point where the language has a name: a parameter or a point of the world
+    brought it there after the shape of the file was judged. What is the same as in `before` has
+    none."""
+    yield from _misplaced(root, before, _skeleton("mission").schema, "")
+
+
+def _misplaced(
+    node: Mapping | Sequence, before: Node | None, schema: Schema, name: str
+) -> Iterator[Diagnostic]:
+    if isinstance(node, Sequence):
+        if "type" in schema and "array" not in schema["type"]:
+            message = f"`{name}` must be a name, but this is a point"
+            yield Diagnostic("KYB103", message, node.span)
+        elif isinstance(items := schema.get("items"), dict) and "x-dimension" not in items:
+            for item in node.items:
+                if not isinstance(item, Scalar):
+                    yield from _misplaced(item, None, items, name)
+        return
+    known, others = schema.get("properties", {}), schema.get("additionalProperties")
+    same = entries_of(before)
+    for key, entry in node.entries.items():
+        value = entry.value
+        if isinstance(value, Scalar) or (key in same and same[key].value is value):
+            continue
+        if isinstance(inner := known.get(key, others), dict):
+            yield from _misplaced(value, same[key].value if key in same else None, inner, key)
 
 
 def is_library(root: Node) -> bool:

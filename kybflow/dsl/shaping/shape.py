@@ -12,6 +12,7 @@ from kybflow.dsl.document import AirframeEntry, Document, PartUse, VehicleEntry
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of, items_of
 from kybflow.dsl.reading.values import decode, quantity_field
 from kybflow.dsl.resolving.resolve import Resolved
+from kybflow.dsl.schema.judge import misplaced
 from kybflow.dsl.shaping.callbacks import callbacks, faults_of
 from kybflow.dsl.shaping.cameras import cameras_of, without_cameras
 from kybflow.dsl.shaping.flows import flows_of, groups_of, with_requests, with_waiting
@@ -52,6 +53,8 @@ def _document(resolved: Resolved, catalog: Catalog, target: str | None) -> Diagn
     root = resolved.root
     if resolved.names_points:
         root = yield from with_points(root, world.points)
+    if root is not resolved.root or resolved.has_positions:
+        yield from passed(_placed(root, None if resolved.has_positions else resolved.root))
     uses = PartDecoder(catalog, resolved.chains)
     name = yield from target_of(root, target, uses)
     drivers = yield from drivers_of(root, name, uses)
@@ -87,6 +90,10 @@ def _document(resolved: Resolved, catalog: Catalog, target: str | None) -> Diagn
         callbacks=(yield from callbacks(root.get("on"), uses)),
         faults=(yield from faults_of(root.get("faults"), uses)),
     )
+
+
+def _placed(root: Mapping, before: Mapping | None) -> Diagnosed[None]:
+    yield from misplaced(root, before)
 
 
 def _spans(root: Mapping) -> dict[str, Span]:
