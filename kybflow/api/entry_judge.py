@@ -96,7 +96,8 @@ class PlanEntryJudge:
             vehicles={vehicle: beginner},
             expect=(),
             obstacles=tuple(
-                ObstacleEntry(_text(name), shape, _HERE) for name, shape in plan.obstacles.items()
+                ObstacleEntry(_text(name), shape, _HERE, name in plan.touchable)
+                for name, shape in plan.obstacles.items()
             ),
         )
 

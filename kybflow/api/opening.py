@@ -154,6 +154,7 @@ def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
         vehicle.payload,
         vehicle.driver.cls.inner_loop(vehicle.driver.params, vehicle.airframe),
         {other.name: other.start for other in plan.vehicles},
+        plan.touchable,
     )
 
 

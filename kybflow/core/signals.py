@@ -308,9 +308,11 @@ class Grip(NamedTuple):
 
 
 class Told(NamedTuple):
-    """A behavior's update that also tells an event, one of those that its class `tells`.
+    """A behavior's update, or a processor's setpoint, that also tells an event, one of those that
+    its class declares.
 
-    output: the update itself. fields: what the event carries besides the behavior's state.
+    output: the update itself. fields: what the event carries besides the behavior's state or the
+    processor's name.
     """
 
     output: Setpoint | Done

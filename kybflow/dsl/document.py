@@ -181,11 +181,12 @@ class AirframeEntry:
 
 @dataclass(frozen=True, slots=True)
 class ObstacleEntry:
-    """One entry of `world.obstacles`."""
+    """One entry of `world.obstacles`. may_touch: it is there to be touched."""
 
     name: Text
     shape: Shape
     span: Span
+    may_touch: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -304,6 +304,8 @@ class Plan:
     resolved: str
     """The mission after imports, `like`, parameters and defaults, as YAML text."""
     obstacles: dict[str, Shape] = field(default_factory=dict)
+    touchable: frozenset[str] = frozenset()
+    """The obstacles that are there to be touched."""
     points: dict[str, Vec3] = field(default_factory=dict)
     tags: TagMap = NO_TAGS
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)

@@ -65,13 +65,20 @@ class Follower:
 
     def follow(self, asked: Motion, speed: float, acceleration: float, dt: float) -> Motion:
         """Advance by one tick towards the requested motion, within both limits."""
+        wanted = self.pursuit(asked, speed, acceleration, dt)
+        return self.advance(shortened(sub(wanted, self.velocity), acceleration * dt), dt)
+
+    def pursuit(self, asked: Motion, speed: float, acceleration: float, dt: float) -> Vec3:
+        """Return the velocity with which it would catch up."""
         gap = sub(asked.position, add(self.position, scale(self.velocity, dt)))
         length = norm(gap)
         wanted = asked.velocity
         if length > 0.0:
             wanted = add(wanted, scale(gap, _closing_speed(length, acceleration) / length))
-        wanted = shortened(wanted, speed)
-        change = shortened(sub(wanted, self.velocity), acceleration * dt)
+        return shortened(wanted, speed)
+
+    def advance(self, change: Vec3, dt: float) -> Motion:
+        """Advance by one tick in which the velocity changes by `change`."""
         after = add(self.velocity, change)
         self.position = add(self.position, scale(add(self.velocity, after), 0.5 * dt))
         self.velocity = after

@@ -4,7 +4,7 @@ the supervisors that watch it."""
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.core.signals import (
@@ -18,6 +18,7 @@ from kybflow.core.signals import (
     SetpointKind,
     Tick,
     Time,
+    Told,
 )
 from kybflow.parts.base import Objection, P, Part
 from kybflow.world.inner_loop import InnerLoop
@@ -74,13 +75,21 @@ class Processor(Part[P]):
     that raises is not called again, and its vehicle lands. `accepts` maps each kind of setpoint
     that it accepts to the kind that it returns. `clamps`: what it changes is taken away for good,
     as beyond a fence, and does not only come later or around something: it is told as
-    `clamp_started`, and a behavior that is done while its goal is clamped has failed.
+    `clamp_started`, and a behavior that is done while its goal is clamped has failed. idle: it will
+    never change anything, and is not called. tells: the events that it may tell, each with the
+    fields that it carries besides its name.
     """
 
     kind = "processors"
     accepts: ClassVar[dict[SetpointKind, SetpointKind]]
     safety: ClassVar[bool] = False
     clamps: ClassVar[bool] = False
+    idle: bool = False
+    tells: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.events = tuple(dict.fromkeys((*cls.events, *cls.tells)))
 
     def __init__(self, params: P, context: VehicleContext) -> None:
         self.params = params
@@ -102,8 +111,9 @@ class Processor(Part[P]):
         yield from ()
 
     @abstractmethod
-    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm:
-        """Return the changed setpoint, or an Alarm that requests a reaction; called once a tick."""
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm | Told:
+        """Return the changed setpoint, with an event that it `tells` as a Told, or an Alarm that
+        requests a reaction; called once a tick."""
 
 
 class Tracker(Part[P]):

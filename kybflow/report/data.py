@@ -335,14 +335,14 @@ def read_world(path: Path) -> RecordedWorld:
     try:
         world = yaml.safe_load(path.read_text(encoding="utf-8")).get("world") or {}
         points = {name: _vector(at) for name, at in world.get("points", {}).items()}
-        obstacles = {name: _shape(solid) for name, solid in world.get("obstacles", {}).items()}
+        obstacles = {name: _shape(found) for name, found in world.get("obstacles", {}).items()}
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"`{path.name}` has no world that can be read: {error}") from error
     return RecordedWorld(points, obstacles)
 
 
-def _shape(solid: dict[str, dict[str, Any]]) -> Shape:
-    ((kind, of),) = solid.items()
+def _shape(obstacle: dict[str, Any]) -> Shape:
+    ((kind, of),) = ((key, of) for key, of in obstacle.items() if isinstance(of, dict))
     if kind == "box":
         return Box(_vector(of["from"]), _vector(of["to"]))
     at = _vector(of["at"])

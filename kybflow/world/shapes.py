@@ -1,4 +1,8 @@
-"""Solid shapes of the world: the fence's box and the obstacles. Metres, world frame (ENU)."""
+"""Solid shapes of the world: the fence's box and the obstacles. Metres, world frame (ENU).
+
+Each tells its distance from a point, negative inside, and the way out of it there: the unit vector
+along which that distance grows fastest, upwards where all are alike.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,13 @@ from math import hypot, inf, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, add, distance, sub
+
+UP: Vec3 = (0.0, 0.0, 1.0)
+
+
+def _unit(x: float, y: float, z: float) -> Vec3:
+    length = hypot(x, y, z)
+    return (x / length, y / length, z / length) if length > 0.0 else UP
 
 
 class Box(NamedTuple):
@@ -50,6 +61,18 @@ class Box(NamedTuple):
         )
         return sqrt(x * x + y * y + z * z)
 
+    def outward(self, p: Vec3) -> Vec3:
+        """Return the way out of it at `p`."""
+        (x, y, z), (x0, y0, z0), (x1, y1, z1) = p, self.low, self.high
+        if not self.contains(p):
+            return _unit(x - min(max(x, x0), x1), y - min(max(y, y0), y1), z - min(max(z, z0), z1))
+        faces = (
+            (x - x0, (-1.0, 0.0, 0.0)), (x1 - x, (1.0, 0.0, 0.0)),
+            (y - y0, (0.0, -1.0, 0.0)), (y1 - y, (0.0, 1.0, 0.0)),
+            (z - z0, (0.0, 0.0, -1.0)), (z1 - z, UP),
+        )  # fmt: skip
+        return min(faces, key=lambda face: face[0])[1]
+
     def top(self, x: float, y: float, reach: float) -> float:
         """Return the height at which it carries what is at (x, y) and as wide as `reach` on each
         side; -inf beside it."""
@@ -73,6 +96,17 @@ class Cylinder(NamedTuple):
             return max(aside, above)
         return hypot(aside, above)
 
+    def outward(self, p: Vec3) -> Vec3:
+        """Return the way out of it at `p`."""
+        x, y = p[0] - self.at[0], p[1] - self.at[1]
+        aside, middle = hypot(x, y), self.at[2] + 0.5 * self.height
+        out, above = aside - self.radius, abs(p[2] - middle) - 0.5 * self.height
+        up = 1.0 if p[2] >= middle else -1.0
+        if out <= 0.0 and (above > out or aside == 0.0):
+            return (0.0, 0.0, up)
+        level = max(out, 0.0) if above > 0.0 else 1.0
+        return _unit(level * x / aside, level * y / aside, up * max(above, 0.0))
+
     def top(self, x: float, y: float, reach: float) -> float:
         """Return the height at which it carries what is at (x, y), as `Box.top`."""
         aside = hypot(x - self.at[0], y - self.at[1]) - self.radius
@@ -88,6 +122,10 @@ class Sphere(NamedTuple):
     def distance(self, p: Vec3) -> float:
         """Return the distance from the surface to `p`; negative inside."""
         return distance(p, self.at) - self.radius
+
+    def outward(self, p: Vec3) -> Vec3:
+        """Return the way out of it at `p`."""
+        return _unit(*sub(p, self.at))
 
     def top(self, x: float, y: float, reach: float) -> float:
         """Return the height at which it carries what is at (x, y), as `Box.top`."""
@@ -110,6 +148,10 @@ class Plane(NamedTuple):
     def distance(self, p: Vec3) -> float:
         """Return the distance from the wall to `p`; negative behind it."""
         return sum((a - b) * n for a, b, n in zip(p, self.at, self.facing, strict=True))
+
+    def outward(self, p: Vec3) -> Vec3:
+        """Return the way out of it, the same everywhere."""
+        return self.facing
 
     def top(self, x: float, y: float, reach: float) -> float:
         """Return its height at (x, y), -inf where it is no floor but a wall or a ceiling."""

@@ -19,6 +19,11 @@ LEGS = 0.05
 """Height of a standing simulated vehicle's rotor plane above the floor, metres."""
 
 
+def hull_of(diameter: float) -> float:
+    """Return how far the tips of the rotors are from the centre of an airframe of `diameter`."""
+    return 0.75 * diameter
+
+
 @params
 class Airframe:
     """A quadrotor's nominal data; the simulated one may differ from it, as real ones do."""
@@ -68,6 +73,11 @@ class Airframe:
         return self.diameter / 4.0
 
     @property
+    def hull(self) -> float:
+        """The distance from the centre to the tips of the rotors, metres."""
+        return hull_of(self.diameter)
+
+    @property
     def hover_thrust(self) -> float:
         """The thrust that holds the airframe's weight, newtons."""
         return self.mass * GRAVITY
@@ -105,6 +115,7 @@ class VehicleContext(NamedTuple):
     airframe diameter, by vehicle. tags: the world's. cameras: the airframe's, by name. payload:
     what the vehicle carries, None for nothing. loop: what its driver declares of the loop that
     answers commands, None for nothing. starts: every vehicle's declared start, by vehicle.
+    touchable: the obstacles that are there to be touched.
     """
 
     vehicle: str
@@ -121,3 +132,4 @@ class VehicleContext(NamedTuple):
     payload: Parcel | None = None
     loop: InnerLoop | None = None
     starts: Mapping[str, Vec3] = MappingProxyType({})
+    touchable: frozenset[str] = frozenset()

@@ -236,6 +236,9 @@ class KnownEvents:
             for state in vehicle.states.values():
                 if event in state.part.spec.cls.tells:
                     return ("behavior", *state.part.spec.cls.tells[event])
+            for processor in vehicle.processors:
+                if event in processor.spec.cls.tells:
+                    return ("processor", *processor.spec.cls.tells[event])
         return ALARM_FIELDS
 
     def hears(self, event: str, own: str | None) -> bool:

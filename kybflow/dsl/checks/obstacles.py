@@ -75,7 +75,7 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
         case.cached(footprints) if case.document.obstacles else ()
     ):
         path, arm = path_of(footprint), vehicle.airframe.arm - _ROUNDING
-        for obstacle in case.document.obstacles:
+        for obstacle in kept_from(case):
             if entry is not None and obstacle.shape.distance(entry) < arm:
                 continue
             room, point = nearest(path, obstacle.shape, arm)
@@ -93,6 +93,11 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
             break
 
 
+def kept_from(case: Case) -> Iterator[ObstacleEntry]:
+    """The obstacles that nothing may touch."""
+    return (obstacle for obstacle in case.document.obstacles if not obstacle.may_touch)
+
+
 def may_fly_into(case: Case) -> Iterator[Diagnostic]:
     """KYB342: it can't be told whether a behavior stays clear of an obstacle, because only the
     bounds of its path are known and the obstacle stands within."""
@@ -102,7 +107,7 @@ def may_fly_into(case: Case) -> Iterator[Diagnostic]:
         low, high = (tuple(map(end, zip(*footprint.points, strict=True))) for end in (min, max))
         centre: Vec3 = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
         reach = distance(low, high) / 2 + vehicle.airframe.arm
-        near = (o for o in case.document.obstacles if o.shape.distance(centre) < reach)
+        near = (o for o in kept_from(case) if o.shape.distance(centre) < reach)
         obstacle = next(near, None)
         if obstacle is not None:
             yield Diagnostic(

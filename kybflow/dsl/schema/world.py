@@ -104,6 +104,14 @@ class TagParams:
 
 
 @declared
+class ObstacleParams:
+    contact: Literal["forbidden", "allowed"] = param(
+        "`allowed`: it is there to be touched, and nothing keeps away from it.",
+        default="forbidden",
+    )
+
+
+@declared
 class TagFile:
     file: File = param(
         "A table of tags: `family, id, size, x, y, z, heading [deg]`, a row a tag.",
@@ -159,6 +167,7 @@ def _obstacle() -> Schema:
         "obstacle",
         "One solid: a box, a cylinder, a sphere or a plane.",
         {
+            **params_schema(fields_of(ObstacleParams), "obstacle")["properties"],
             "box": _solid("box", "A box along the axes.", {"from": low, "to": high}),
             "cylinder": _solid(
                 "cylinder", "An upright cylinder.", {"at": foot, "radius": radius, "height": height}

@@ -127,8 +127,14 @@ def _obstacles(node: Node | None) -> Diagnosed[tuple[ObstacleEntry, ...]]:
         if isinstance(body, Mapping) and (yield from _is_whole(body, kind, _KEYS[kind])):
             shape = yield from _SOLIDS[kind](body)
             if shape is not None:
-                obstacles.append(ObstacleEntry(entry.key.as_text, shape, entry.key.span))
+                may_touch = _text_of(entry.value, "contact") == "allowed"
+                obstacles.append(ObstacleEntry(entry.key.as_text, shape, entry.key.span, may_touch))
     return tuple(obstacles)
+
+
+def _text_of(node: Node, key: str) -> str | None:
+    entry = entries_of(node).get(key)
+    return entry.value.text if entry is not None and isinstance(entry.value, Scalar) else None
 
 
 def _box(body: Mapping) -> Diagnosed[Shape | None]:

@@ -128,7 +128,8 @@ def world_lines(document: Document) -> Iterator[YamlLine]:
     if document.obstacles:
         yield "  obstacles:", at
         for use in document.obstacles:
-            yield f"    {use.name.text}: {{{_solid(use.shape)}}}", use.span.at
+            contact = ", contact: allowed" if use.may_touch else ""
+            yield f"    {use.name.text}: {{{_solid(use.shape)}{contact}}}", use.span.at
     if document.tags:
         yield "  tags:", at
         for tags in document.tags:

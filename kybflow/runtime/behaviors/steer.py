@@ -16,7 +16,7 @@ It starts at the setpoint's position and velocity. No `next` and no request lead
 sticks are off their centres or the input is lost; where it is entered all the same, it obeys once
 they have been centred. The setpoint stays `margin` inside the fence, `lowest`
 above the ground of the start, and its vehicle's hubs `clearance` away from obstacles and from other
-vehicles: it stops in time, and slides along them (`kybflow.flight.clearance`).
+vehicles: it stops in time, and slides along them (`kybflow.flight.avoidance.clearance`).
 
 A dead-man switch that is released brakes. So does an input that is lost, at once; after `patience`
 it has failed. An input that comes back, or a vehicle that was held, is steered again once the
@@ -33,12 +33,13 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, norm, scale, sub, wrap
 from kybflow.core.signals import NS, Failed, InputReading, Setpoint, SetpointKind, Tick, Time
 from kybflow.core.units import Acceleration, Angle, AngularRate, Duration, Length, Speed
-from kybflow.flight.clearance import Surface, bounded, solids, walls
+from kybflow.flight.avoidance.clearance import Surface, bounded, reach_of, stopping_speed, walls
+from kybflow.flight.avoidance.surroundings import Nearby
 from kybflow.flight.governor import shortened
 from kybflow.flight.motion import Motion
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, param, params
 from kybflow.parts.behavior import SPEED_SHARE
-from kybflow.world.shapes import Box, Shape, Sphere
+from kybflow.world.shapes import Box
 
 _HARD = 2.5
 """The largest acceleration (m/s^2) with which the setpoint is kept away from something."""
@@ -86,7 +87,7 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         reading = entry.inputs.get(params.input)
         if reading is None:
             raise Refused(f"`{params.input}` is lost")
-        self._context = entry.context
+        self._context, self._surroundings = entry.context, Nearby(entry.context)
         self._position, self._velocity = entry.motion.position, entry.motion.velocity
         self._heading, self._rate = entry.heading, 0.0
         self._obeys = reading.is_centred(AXES)
@@ -177,12 +178,10 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
             yield from walls(position, _room(fence, p, context.start[2]))
         keep = context.airframe.arm + p.clearance
         speed = hypot(p.speed, p.climb) + norm(self._velocity)
-        yield from solids(position, (*context.obstacles.values(), *self._others(tick)), keep, speed)
-
-    def _others(self, tick: Tick) -> Iterator[Shape]:
-        for name, other in tick.fleet.items():
-            if other is not None and name != self._context.vehicle:
-                yield Sphere(other.position, 0.5 * self._context.diameters.get(name, 0.0))
+        for hazard in self._surroundings.near(position, speed, tick, lambda v: keep + reach_of(v)):
+            room = hazard.room - keep
+            if stopping_speed(room) < speed:
+                yield Surface(room, hazard.outward)
 
     @classmethod
     def objection(cls, params: SteerParams, entry: Entry) -> str | None:

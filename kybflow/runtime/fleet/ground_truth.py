@@ -6,7 +6,7 @@ Listeners such as a recording receive these events; vehicles, flows and callback
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from functools import partial
 
 from kybflow.core.geometry import Vec3, distance
@@ -29,14 +29,19 @@ class Impacts:
     `first` describes the first of them, None without one; any of them fails the run.
 
     What carries a vehicle that comes down to land is where it touches down. Every other touch is a
-    collision, of the floor too. The speed is that of the tick before the touch.
+    collision, of the floor too, unless the mission allows it (`touchable`). The speed is that of
+    the tick before the touch.
     """
 
     def __init__(
-        self, vehicles: Sequence[Vehicle], links: Mapping[str, Link], events: Events
+        self,
+        vehicles: Sequence[Vehicle],
+        links: Mapping[str, Link],
+        events: Events,
+        touchable: Set[str] = frozenset(),
     ) -> None:
         self.first: str | None = None
-        self._events = events
+        self._events, self._touchable = events, touchable
         for vehicle in vehicles:
             link = links.get(vehicle.name)
             if isinstance(link, ReportsTouches):
@@ -44,6 +49,8 @@ class Impacts:
 
     def _touched(self, vehicle: Vehicle, touch: Touch) -> None:
         name, into = vehicle.name, touch.into
+        if into in self._touchable:
+            return
         if not (touch.carries and vehicle.may_touch_down):
             self.first = self.first or f"`{name}` ran into `{into}`"
             self._events.note("collided", name, into=into)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Set
 from typing import Any
 
-from kybflow.core.errors import PartFailed, Refused
-from kybflow.core.signals import Alarm, Command, Setpoint, SetpointKind, Tick, Time
+from kybflow.core.errors import PartError, PartFailed, Refused
+from kybflow.core.signals import Alarm, Command, Setpoint, SetpointKind, Tick, Time, Told
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import Processor, Tracker
 from kybflow.runtime.events import Events
@@ -25,7 +25,7 @@ from kybflow.world.vehicle_context import VehicleContext
 Commanded = tuple[Command, Setpoint | None]
 """(the command of a tick, the setpoint before processing)."""
 
-_Process = Callable[[Setpoint, Tick], Setpoint | Alarm]
+_Process = Callable[[Setpoint, Tick], Setpoint | Alarm | Told]
 _IDLE = SetpointKind.IDLE
 _LEAST_HOVER, _MOST_HOVER = 0.5, 2.0
 """Plausible range of a tracker's hover thrust, as a fraction of the airframe's weight."""
@@ -52,7 +52,7 @@ class Control:
         self._plan, self._context, self._params = plan, context, params
         self._activity, self._reactions, self._output = activity, reactions, output
         self._events = events
-        parts = {part.label: part for part in plan.processors}
+        self._parts = parts = {part.label: part for part in plan.processors}
         self._clamping = frozenset(label for label, part in parts.items() if part.cls.clamps)
         self._clamps = Clamps(
             plan.name,
@@ -81,7 +81,7 @@ class Control:
         self._active = tuple(
             (label, processor.__call__)  # faster than calling the object
             for label, processor in self._processors.items()
-            if (in_air or processor.safety) and label not in off
+            if (in_air or processor.safety) and label not in off and not processor.idle
         )
 
     def steer(self, tick: Tick) -> Commanded | None:
@@ -137,7 +137,8 @@ class Control:
                     if self._reactions.alarm(processor, output, tick):
                         return None
                 else:
-                    setpoint = self._bent(part, setpoint, checked_setpoint(output), tick.now)
+                    given = self._told(part, output) if isinstance(output, Told) else output
+                    setpoint = self._bent(part, setpoint, checked_setpoint(given), tick.now)
             part = self._tracker_label
             command = checked_command(self._tracker.update(setpoint, tick))
         except Exception:
@@ -153,6 +154,15 @@ class Control:
             if reason is not None:
                 self._activity.keep_from(reason)
         return given
+
+    def _told(self, label: str, told: Told) -> Setpoint:
+        """Tell an event of a processor's own. Raises PartError for one that it doesn't declare."""
+        part = self._parts[label]
+        if told.event not in part.cls.tells or not isinstance(told.output, Setpoint):
+            raise PartError(f"`{told.event}` with {told.output!r} is nothing that it tells")
+        fields = {"processor": part.name, **told.fields}
+        self._events.tell(told.event, self._plan.name, part.at, **fields)
+        return told.output
 
     def _turning(self, command: Command) -> Command:
         if not command.armed and self._activity.off_ground:

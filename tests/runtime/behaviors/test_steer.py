@@ -249,4 +249,4 @@ def test_it_stays_away_from_another_vehicle() -> None:
     site = SITE._replace(diameters={"nano": 0.19, "mk": 0.5})
     flight = Flight(site=site)
     flight.fly(10.0, sticks(x=1.0), mk=(1.5, 0.0, 1.0))
-    assert pytest.approx(1.5 - 0.25 - 0.3 - SITE.airframe.arm, abs=1e-2) == flight.position[0]
+    assert pytest.approx(1.5 - 0.375 - 0.3 - SITE.airframe.arm, abs=1e-2) == flight.position[0]

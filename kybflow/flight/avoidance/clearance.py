@@ -16,13 +16,12 @@ from collections.abc import Iterable, Iterator
 from math import sqrt
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, add, dot, norm, scale
-from kybflow.world.shapes import Box, Shape
+from kybflow.core.geometry import Vec3, add, dot, scale
+from kybflow.world.shapes import Box
 
 _STOPPING, _GAIN = 1.0, 2.0
 _LINEAR = 0.5 * _STOPPING / _GAIN**2
 _ROUNDS = 4
-_STEP = 1e-4
 
 
 class Surface(NamedTuple):
@@ -39,33 +38,17 @@ def stopping_speed(room: float) -> float:
     return sqrt(2.0 * _STOPPING * (room - 0.5 * _LINEAR))
 
 
+def reach_of(speed: float) -> float:
+    """Return from how far away a surface bounds no velocity of `speed`."""
+    return speed * speed / (2.0 * _STOPPING) + _LINEAR
+
+
 def walls(position: Vec3, box: Box) -> Iterator[Surface]:
     """Yield the faces of a box around `position`."""
     for i in range(3):
         for face, inward in ((box.low[i], 1.0), (box.high[i], -1.0)):
             x, y, z = (inward if i == axis else 0.0 for axis in range(3))
             yield Surface(inward * (position[i] - face), (x, y, z))
-
-
-def solids(position: Vec3, shapes: Iterable[Shape], keep: float, speed: float) -> Iterator[Surface]:
-    """Yield the shapes that a vehicle at `position` must slow down for at `speed` (m/s), which it
-    keeps away from."""
-    for shape in shapes:
-        room = shape.distance(position) - keep
-        if stopping_speed(room) < speed:
-            yield Surface(room, _outward(shape, position))
-
-
-def _outward(shape: Shape, p: Vec3) -> Vec3:
-    """The direction in which the distance from `shape` grows fastest."""
-    x, y, z = p
-    slope = (
-        shape.distance((x + _STEP, y, z)) - shape.distance((x - _STEP, y, z)),
-        shape.distance((x, y + _STEP, z)) - shape.distance((x, y - _STEP, z)),
-        shape.distance((x, y, z + _STEP)) - shape.distance((x, y, z - _STEP)),
-    )
-    length = norm(slope)
-    return scale(slope, 1.0 / length) if length > 0.0 else (0.0, 0.0, 1.0)
 
 
 def bounded(velocity: Vec3, surfaces: Iterable[Surface]) -> Vec3:

@@ -1,0 +1,41 @@
+"""The way round what is in the way: to the right."""
+
+from __future__ import annotations
+
+from math import cos, sin
+
+from kybflow.core.geometry import Vec3, dot, norm
+from kybflow.flight.avoidance.barrier import Demand
+
+_TURNING, _RETURNING, _FARTHEST = 1.5, 0.5, 1.9
+"""rad/s, rad/s, rad."""
+_SLOW = 0.05
+_IMMINENT = 1.0
+
+
+class Detour:
+    """Turns the way of a vehicle to the right while it is blocked, so that those who meet head on
+    pass each other, and those who meet in a point go round it one way.
+
+    The angle grows by `_TURNING` while less than half of the wanted speed is made towards the goal
+    and something ahead is what forbids more, and shrinks otherwise.
+    """
+
+    def __init__(self) -> None:
+        self._angle = 0.0
+
+    def turned(self, goal: Vec3, velocity: Vec3, demands: list[Demand], dt: float) -> Vec3:
+        """Return the velocity to pursue in place of `goal`."""
+        length = norm(goal)
+        blocked = (
+            length > _SLOW
+            and dot(goal, velocity) < 0.5 * length * length
+            and any(dot(d.normal, goal) < -0.3 * length and d.least > -_IMMINENT for d in demands)
+        )
+        change = _TURNING * dt if blocked else -_RETURNING * dt
+        self._angle = min(max(self._angle + change, 0.0), _FARTHEST)
+        if self._angle == 0.0:
+            return goal
+        c, s = cos(self._angle), sin(self._angle)
+        x, y, z = goal
+        return (c * x + s * y, c * y - s * x, z)

@@ -1,0 +1,152 @@
+"""Keeps the setpoints of a vehicle away from what is near, by `kybflow.flight.avoidance.barrier`.
+
+Setpoints of position are followed by a reference of its own, a position q and a velocity u that
+pursue what is asked (`kybflow.flight.governor`) with the acceleration that the barriers allow; it
+looks from q, and from where the vehicle is estimated where that is nearer by more than a slack. Of
+a setpoint of velocity the change is bounded, from what the tracker followed, of one of acceleration
+itself; those look from the estimate. What no barrier has to change passes unchanged, bit for bit.
+World frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import NamedTuple
+
+from kybflow.core.geometry import ZERO, Vec3, add, norm, scale, sub
+from kybflow.core.signals import NEVER, NS, Setpoint, SetpointKind, Tick, Time, Told
+from kybflow.flight.avoidance.barrier import Demand, braked, demand, filtered, reach_of, stopped
+from kybflow.flight.avoidance.detour import Detour
+from kybflow.flight.avoidance.surroundings import Nearby, Witness
+from kybflow.flight.governor import Follower, shortened
+from kybflow.flight.motion import motion_of
+
+BLOCKED: Mapping[str, tuple[str, ...]] = {"avoidance_blocked": ("reason",)}
+"""What is told of a vehicle that brakes because what is near leaves no way."""
+_POSITION, _VELOCITY = SetpointKind.POSITION, SetpointKind.VELOCITY
+_STRONGEST = 1.5
+"""The largest acceleration over the one with which it plans to brake."""
+
+
+class Keeping(NamedTuple):
+    """keep: metres between hulls, for the setpoint. slack: how much of that the vehicle may lack.
+    braking: the deceleration that it plans with, m/s^2. speed: the largest with which it catches
+    up, m/s."""
+
+    keep: float
+    slack: float
+    braking: float
+    speed: float
+
+
+class Avoidance:
+    """The barriers of one vehicle, from take-off to touch-down.
+
+    hull: metres from its centre to its rotors' tips. detour: where it goes when its way is blocked,
+    None to stop there.
+    """
+
+    def __init__(self, hull: float, surroundings: Nearby, detour: Detour | None) -> None:
+        self._gets_stuck = False
+        self._stuck: Time = -NEVER
+        self._hull, self._surroundings, self._detour = hull, surroundings, detour
+        self._follower = Follower()
+
+    def told(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint | Told:
+        """Return what is followed of a setpoint; tell it when it begins to brake because what is
+        near leaves no way."""
+        self._gets_stuck = False
+        given = self.keep_off(setpoint, tick, keeping)
+        if not self._gets_stuck:
+            return given
+        reason = "what is near leaves no way: it brakes"
+        return Told(given, "avoidance_blocked", {"reason": reason})
+
+    def keep_off(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint:
+        """Return what is followed of a setpoint."""
+        follower, kind = self._follower, setpoint.kind
+        follower.resume(setpoint, tick)
+        known = tick.known()
+        if kind is _POSITION:
+            place, velocity = follower.position, follower.velocity
+        elif kind is _VELOCITY:
+            place, velocity = known.position, follower.velocity
+        else:
+            place, velocity = known.position, known.velocity
+        keep, strongest = keeping.keep + self._hull, _STRONGEST * keeping.braking
+        reach = partial(_reach, keep, keeping.braking, strongest)
+        witness = Witness(known.position, keeping.slack) if kind is _POSITION else None
+        near = self._surroundings.near(place, norm(velocity), tick, reach, witness)
+        demands = [demand(h, keep, velocity, keeping.braking, strongest) for h in near]
+        if kind is _POSITION:
+            return self._followed(setpoint, demands, keeping, strongest, tick)
+        if kind is _VELOCITY:
+            return self._slewed(setpoint, demands, strongest, tick)
+        wanted = setpoint.acceleration or ZERO
+        given = self._allowed(wanted, known.velocity, demands, strongest, tick)
+        return setpoint if given is wanted else setpoint._replace(acceleration=given, jerk=None)
+
+    def _allowed(
+        self, wanted: Vec3, velocity: Vec3, demands: list[Demand], strongest: float, tick: Tick
+    ) -> Vec3:
+        """The acceleration that what is near leaves of the one that is wanted."""
+        if self._detour is None:
+            given = stopped(wanted, velocity, demands, strongest, tick.dt)
+        else:
+            given = filtered(wanted, demands, strongest)
+        if given is not None:
+            return given
+        self._gets_stuck = tick.now - self._stuck > NS
+        self._stuck = tick.now
+        return braked(velocity, strongest, tick.dt)
+
+    def _followed(
+        self, setpoint: Setpoint, demands: list[Demand], keeping: Keeping, most: float, tick: Tick
+    ) -> Setpoint:
+        follower, asked, dt = self._follower, motion_of(setpoint), tick.dt
+        if not follower.behind and (not demands or self._passes(setpoint, demands, dt)):
+            follower.join(asked.position, asked.velocity)
+            return setpoint
+        goal = follower.pursuit(asked, keeping.speed, keeping.braking, dt)
+        if self._detour is not None:
+            goal = self._detour.turned(goal, follower.velocity, demands, dt)
+        wanted = scale(shortened(sub(goal, follower.velocity), most * dt), 1.0 / dt)
+        given = self._allowed(wanted, follower.velocity, demands, most, tick)
+        if given is wanted and follower.has_caught_up(asked, keeping.braking, dt):
+            follower.join(asked.position, asked.velocity)
+            return setpoint
+        return follower.advance(scale(given, dt), dt).setpoint_like(setpoint)
+
+    def _passes(self, setpoint: Setpoint, demands: list[Demand], dt: float) -> bool:
+        """Whether a setpoint goes on from the last one, and as everything near allows."""
+        before, velocity = self._follower, setpoint.velocity or ZERO
+        mean = scale(add(velocity, before.velocity), 0.5 * dt)
+        jump = norm(sub(sub(setpoint.position or ZERO, before.position), mean))
+        change = scale(sub(velocity, before.velocity), 1.0 / dt)
+        return jump <= _JUMP and all(d.holds(change) for d in demands)
+
+    def _slewed(
+        self, setpoint: Setpoint, demands: list[Demand], most: float, tick: Tick
+    ) -> Setpoint:
+        dt = tick.dt
+        before, asked = self._follower.velocity, setpoint.velocity or ZERO
+        goal = asked
+        if self._detour is not None and demands:
+            goal = self._detour.turned(asked, before, demands, dt)
+        wanted = scale(sub(goal, before), 1.0 / dt)
+        given = self._allowed(wanted, before, demands, most, tick)
+        if goal is asked and given is wanted:
+            self._follower.join(ZERO, asked)
+            return setpoint
+        velocity = add(before, scale(given, dt))
+        self._follower.join(ZERO, velocity)
+        return setpoint._replace(velocity=velocity, acceleration=given, jerk=None)
+
+
+def _reach(keep: float, braking: float, strongest: float, speed: float) -> float:
+    return keep + reach_of(speed, braking, strongest)
+
+
+_JUMP = 1e-3
+"""The largest step in position, beside the velocity, that passes where something is near, m."""

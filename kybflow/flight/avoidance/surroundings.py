@@ -1,0 +1,112 @@
+"""What is near a vehicle: the world's obstacles, moving obstacles and other vehicles, each with its
+distance and the way out of it.
+
+The one place that knows what stands in the way. Whoever keeps away from it (`steer`, the avoiders)
+says how near is near. What is far away is looked at again when it could have come near, nothing
+closing in faster than 20 m/s, and after 0.1 s at the latest. Metres, world frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
+
+from kybflow.core.geometry import ZERO, Vec3, distance, norm, scale, sub
+from kybflow.core.signals import NS, Estimate, Tick, Time
+from kybflow.world.shapes import UP
+from kybflow.world.vehicle_context import VehicleContext, hull_of
+
+_CLOSING, _LATEST = 20.0, 0.1
+
+
+class Witness(NamedTuple):
+    """Another point to look from, and by how much less than from the first may be left from it."""
+
+    point: Vec3
+    slack: float
+
+
+Reach = Callable[[float], float]
+
+
+class Hazard(NamedTuple):
+    """Something near a point. room: from the point to its surface, negative inside. outward: the
+    unit vector out of it. velocity: of its own. curvature: by how much `outward` turns for each
+    metre that is gone across it, 1/m, zero where that is unknown or has no end. is_vehicle: it may
+    give way, too."""
+
+    name: str
+    room: float
+    outward: Vec3
+    velocity: Vec3 = ZERO
+    curvature: float = 0.0
+    is_vehicle: bool = False
+
+
+class Nearby:
+    """What is near one vehicle. others: the other vehicles that count, all without it."""
+
+    def __init__(self, context: VehicleContext, others: Iterable[str] | None = None) -> None:
+        self._solids = tuple(
+            (name, shape)
+            for name, shape in context.obstacles.items()
+            if name not in context.touchable
+        )
+        named = context.diameters if others is None else others
+        self._hulls = {
+            name: hull_of(context.diameters[name])
+            for name in named
+            if name in context.diameters and name != context.vehicle
+        }
+        self._later: dict[str, Time] = {}
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing can ever be near."""
+        return not (self._solids or self._hulls)
+
+    def near(
+        self, point: Vec3, speed: float, tick: Tick, reach_of: Reach, also: Witness | None = None
+    ) -> Iterator[Hazard]:
+        """Yield what is within reach of a point that moves at `speed`, as seen from `also` where
+        that is nearer by more than its slack. reach_of: how far that is at a closing speed."""
+        now, later = tick.now, self._later
+        reach = reach_of(speed)
+        known, slack = also or Witness(point, 0.0)
+        for name, shape in self._solids:
+            if now < later.get(name, 0):
+                continue
+            room = shape.distance(point)
+            if room > reach:
+                later[name] = now + _until(room - reach)
+                continue
+            there = shape.distance(known) + slack
+            worse = known if there < room else point
+            yield Hazard(name, min(room, there), shape.outward(worse))
+        for name, hull in self._hulls.items():
+            other = tick.fleet.get(name)
+            if other is None or now < later.get(name, 0):
+                continue
+            apart = distance(point, other.position)
+            beyond = apart - hull - reach_of(speed + norm(other.velocity))
+            if beyond > 0.0:
+                later[name] = now + _until(beyond)
+                continue
+            if distance(known, other.position) + slack < apart:
+                yield _vehicle(name, known, other, hull - slack)
+            else:
+                yield _vehicle(name, point, other, hull)
+
+
+def _vehicle(name: str, point: Vec3, other: Estimate, hull: float) -> Hazard:
+    away = sub(point, other.position)
+    apart = norm(away)
+    if apart <= 0.0:
+        return Hazard(name, -hull, UP, other.velocity, is_vehicle=True)
+    outward, curvature = scale(away, 1.0 / apart), 1.0 / apart
+    return Hazard(name, apart - hull, outward, other.velocity, curvature, is_vehicle=True)
+
+
+def _until(gap: float) -> Time:
+    """How long nothing can cross `gap`, ns."""
+    return round(min(gap / _CLOSING, _LATEST) * NS)

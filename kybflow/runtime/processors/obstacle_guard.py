@@ -1,0 +1,57 @@
+"""Stop before the world's obstacles, whatever the behavior wants.
+
+Every vehicle has it unless its mission lists its own processors: `library/defaults.yaml`. The
+setpoint brakes by `braking` so that the rotors stay `keep` away from each obstacle: along its way
+where it heads for one, and past one it slides along. From where it is too close it is led back, at
+up to 0.3 m/s. The rules: `kybflow.flight.avoidance`, `barrier` and `following`. What keeps clear by
+itself passes unchanged, bit for bit. Where obstacles contradict each other it brakes and tells
+`avoidance_blocked`.
+
+It does not go round anything, and other vehicles are none of its business: that is
+`avoid_obstacles`. It acts in behaviors that stay in the air, not in take-off and landing, which
+come close to what they leave or land on. An obstacle that is meant to be touched says
+`contact: allowed` in the world. Metres, world frame.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from kybflow.core.signals import Setpoint, SetpointKind, Tick, Told
+from kybflow.core.units import Acceleration, Length, Speed
+from kybflow.flight.avoidance.following import BLOCKED, Avoidance, Keeping
+from kybflow.flight.avoidance.surroundings import Nearby
+from kybflow.parts import Processor, param, params
+from kybflow.world.vehicle_context import VehicleContext
+
+
+@params
+class ObstacleGuardParams:
+    keep: Length = param(
+        "Kept between the rotors and obstacles.", default=0.1, at_least=0.0, tightens="up"
+    )
+    braking: Acceleration = param(
+        "Deceleration with which it stops.", default=2.0, at_least=0.2, at_most=5.0
+    )
+    speed: Speed = param(
+        "Largest speed with which it catches up with what it kept from.", default=1.0, above=0.0
+    )
+
+
+class ObstacleGuard(Processor[ObstacleGuardParams]):
+    accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
+        kind: kind
+        for kind in (SetpointKind.POSITION, SetpointKind.VELOCITY, SetpointKind.ACCELERATION)
+    }
+    clamps = True
+    tells = BLOCKED
+
+    def __init__(self, params: ObstacleGuardParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        surroundings = Nearby(context, others=())
+        self.idle = surroundings.is_empty
+        self._avoidance = Avoidance(context.airframe.hull, surroundings, None)
+
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Told:
+        p = self.params
+        return self._avoidance.told(setpoint, tick, Keeping(p.keep, p.keep, p.braking, p.speed))

@@ -1,0 +1,111 @@
+"""obstacle_guard: what keeps clear passes bit for bit; a pillar and a wall are stopped at."""
+
+import pytest
+from part_bench import DT, SITE, at_rest, estimate, tick
+
+from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale
+from kybflow.core.signals import Setpoint, SetpointKind, Told
+from kybflow.runtime.processors.obstacle_guard import ObstacleGuard, ObstacleGuardParams
+from kybflow.world.shapes import Box, Cylinder, Plane
+
+PILLAR = Cylinder((1.0, 0.0, 0.0), 0.2, 2.5)
+PLACE = SITE._replace(obstacles={"pillar": PILLAR})
+KEPT = SITE.airframe.hull + 0.1
+EAST = (0.8, 0.0, 0.0)
+
+
+def moving(velocity: Vec3, position: Vec3 | None = None) -> Setpoint:
+    kind = SetpointKind.VELOCITY if position is None else SetpointKind.POSITION
+    return Setpoint(kind, position, velocity, ZERO, ZERO, 0.0)
+
+
+def pushed(context, kind: SetpointKind, velocity: Vec3, seconds: float = 6.0) -> list[Vec3]:
+    """Where a vehicle goes that follows at once."""
+    guard, place, way = ObstacleGuard(ObstacleGuardParams(), context), (0.0, 0.0, 1.0), []
+    asked, last, speed = place, None, ZERO
+    for i in range(round(seconds / DT)):
+        asked = add(asked, scale(velocity, DT))
+        setpoint = moving(velocity, asked if kind is SetpointKind.POSITION else None)
+        if kind is SetpointKind.ACCELERATION:
+            setpoint = Setpoint(kind, acceleration=velocity, heading=0.0)
+        given = guard(setpoint, tick(i * DT, estimate(place, speed), last))
+        last = given.output if isinstance(given, Told) else given
+        if kind is SetpointKind.ACCELERATION:
+            speed = add(speed, scale(last.acceleration or ZERO, DT))
+        else:
+            speed = last.velocity or ZERO
+        place = last.position or add(place, scale(speed, DT))
+        way.append(place)
+    return way
+
+
+KINDS = (SetpointKind.POSITION, SetpointKind.VELOCITY, SetpointKind.ACCELERATION)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_stops_before_a_pillar(kind: SetpointKind) -> None:
+    way = pushed(PLACE, kind, EAST)
+    assert min(PILLAR.distance(p) for p in way) > KEPT - 5e-3
+    assert PILLAR.distance(way[-1]) < KEPT + 0.05
+    assert abs(way[-1][1]) < 0.01
+    assert norm(scale(add(way[-1], scale(way[-2], -1.0)), 1.0 / DT)) < 0.05
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_slides_along_a_wall(kind: SetpointKind) -> None:
+    wall = Plane((0.0, 0.5, 0.0), (0.0, -1.0, 0.0))
+    way = pushed(SITE._replace(obstacles={"wall": wall}), kind, (0.4, 0.15, 0.0), 4.0)
+    assert min(wall.distance(p) for p in way) > KEPT - 5e-3
+    assert way[-1][0] > 1.4
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_gets_stuck_in_no_corner(kind: SetpointKind) -> None:
+    corner = {
+        "east": Box((0.8, -3.0, 0.0), (1.0, 3.0, 2.5)),
+        "north": Box((-3.0, 0.6, 0.0), (3.0, 1.0, 2.5)),
+    }
+    way = pushed(SITE._replace(obstacles=corner), kind, (0.5, 0.5, 0.0))
+    for shape in corner.values():
+        assert min(shape.distance(p) for p in way) > KEPT - 5e-3
+
+
+def test_what_keeps_clear_passes_bit_for_bit() -> None:
+    guard = ObstacleGuard(ObstacleGuardParams(), PLACE)
+    for i in range(1000):
+        place = (0.0, -2.0 + 4.0 * i / 1000, 1.0)
+        setpoint = moving((0.0, 1.0, 0.0), place)
+        assert guard(setpoint, tick(i * DT, estimate(place))) is setpoint
+
+
+def test_what_goes_back_is_caught_up_with() -> None:
+    guard, far, last = ObstacleGuard(ObstacleGuardParams(), PLACE), at_rest((0.0, 0.0, 1.0)), None
+    asked = [moving(EAST, (0.8 * i * DT, 0.0, 1.0)) for i in range(300)] + [far] * 1500
+    for i, setpoint in enumerate(asked):
+        known = estimate((last or far).position or ZERO)
+        last = guard(setpoint, tick(i * DT, known, last))
+    assert last is far
+
+
+def test_where_there_is_nothing_it_is_not_called() -> None:
+    assert ObstacleGuard(ObstacleGuardParams(), SITE).idle
+    assert not ObstacleGuard(ObstacleGuardParams(), PLACE).idle
+    touchable = PLACE._replace(touchable=frozenset({"pillar"}))
+    assert ObstacleGuard(ObstacleGuardParams(), touchable).idle
+
+
+def test_between_what_closes_in_it_brakes_and_says_so_once() -> None:
+    both = {
+        "west": Box((-1.0, -1.0, 0.0), (-0.05, 1.0, 2.0)),
+        "east": Box((0.05, -1.0, 0.0), (1.0, 1.0, 2.0)),
+    }
+    guard, place = (
+        ObstacleGuard(ObstacleGuardParams(), SITE._replace(obstacles=both)),
+        (0.0, 0.0, 1.0),
+    )
+    answers = [guard(at_rest(place), tick(i * DT, estimate(place))) for i in range(100)]
+    told = [a for a in answers if isinstance(a, Told)]
+    assert [t.event for t in told] == ["avoidance_blocked"]
+    assert all(
+        distance(a.position or ZERO, place) < 1e-9 for a in answers if isinstance(a, Setpoint)
+    )
