@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import (
     Annotated,
@@ -105,8 +105,8 @@ def declared(cls: type[T]) -> type[T]:
 class Field:
     """One parameter, as the compiler, the schema and the options see it.
 
-    shape: scalar, vector, path (of vectors), integer, integers (a list), boolean, text, file, file
-    path or choice. dimension: set for the first three. choices: set for the last.
+    shape: scalar, vector, path (of vectors), integer, integers (a list), boolean, text, names (a
+    list), file, file path or choice. dimension: set for the first three. choices: set for the last.
     """
 
     name: str
@@ -136,6 +136,12 @@ class Field:
         pairs = zip(before, after, strict=True) if self.shape == "vector" else ((before, after),)
         return any(b > a if self.tightens == "up" else b < a for b, a in pairs)
 
+    def named(self, value: Any, what: Named) -> tuple[str, ...]:
+        """Return the names of `what` that a value of this parameter has."""
+        if self.names != what or value is None:
+            return ()
+        return (value,) if isinstance(value, str) else tuple(value)
+
     def outside(self, value: float) -> str | None:
         """Return which bound `value` (SI) violates, in words, or None."""
         if self.above is not None and not value > self.above:
@@ -154,7 +160,9 @@ def type_of(field: Field) -> str:
     if field.choices:
         return " | ".join(field.choices)
     if field.dimension is None:
-        return "list of integers" if field.shape == "integers" else field.shape
+        return {"integers": "list of integers", "names": "list of names"}.get(
+            field.shape, field.shape
+        )
     name = field.dimension.name
     kind = f"{field.shape} of {name}" if field.shape in ("vector", "path") else name
     return f"{kind} [{field.dimension.si}]" if field.dimension.si else kind
@@ -169,8 +177,14 @@ def fields_of(cls: Any) -> tuple[Field, ...]:
 
 def named_in(parameters: Any, what: Named) -> dict[str, str]:
     """Return what of `what` these parameters name, by the parameter's name."""
-    found = ((f.name, getattr(parameters, f.name)) for f in _naming(parameters.__class__, what))
-    return {parameter: name for parameter, name in found if name is not None}
+    return dict(names_in(parameters, what))
+
+
+def names_in(parameters: Any, what: Named) -> Iterator[tuple[str, str]]:
+    """Yield each name of `what` in these parameters, behind the parameter that has it."""
+    for field in _naming(parameters.__class__, what):
+        for name in field.named(getattr(parameters, field.name), what):
+            yield field.name, name
 
 
 @functools.cache
@@ -213,6 +227,7 @@ def _strip_optional(hint: Any) -> tuple[Any, bool]:
 def _shape(where: str, hint: Any) -> tuple[str, Dimension | None, tuple[str, ...]]:
     simple = {
         int: "integer", tuple[int, ...]: "integers", bool: "boolean", str: "text", File: "file",
+        tuple[str, ...]: "names",
         FilePath: "file path",
     }  # fmt: skip
     if hint in simple:

@@ -97,7 +97,7 @@ def left_the_fence(own: Doing, why: str, by: str, *, is_vertical: bool, texts: T
         span_at(own.at, texts),
         label=why,
         notes=(f"the bound: {by}",) if by else (),
-        help="keep its way inside, or make the fence larger",
+        help="keep its way inside the fence and clear of obstacles",
         severity=Severity.WARNING if is_vertical else Severity.ERROR,
     )
 

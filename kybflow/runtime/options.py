@@ -81,6 +81,7 @@ class Options:
             if field.read_only:
                 raise OptionRefused(f"`{name}` is read-only")
             value = _decoded(name, value, field)
+            self._check_vehicles(field, value)
             reason = self._loosened(holder, label, field.name, value)
             if reason is not None:
                 raise OptionRefused(reason)
@@ -91,6 +92,12 @@ class Options:
             self._events.tell("option_refused", whose, at, option=name, by=by, reason=reason)
             raise
         self._waiting.append(_Change(holder, label, field.name, value, by, at, answered))
+
+    def _check_vehicles(self, field: Field, value: Any) -> None:
+        """Raises OptionRefused for a name of a vehicle that isn't there."""
+        for vehicle in field.named(value, "vehicle"):
+            if vehicle not in self._holders:
+                raise OptionRefused(f"there is no vehicle `{vehicle}`")
 
     def apply(self) -> None:
         """Apply the requested changes. The engine calls it at the start of a tick."""
@@ -184,10 +191,8 @@ def _decoded(name: str, value: Any, field: Field) -> Any:
         value = numbers = tuple(_number(name, part, field) for part in parts)
     elif field.shape == "choice" and value not in field.choices:
         raise OptionRefused(f"`{name}` is one of {', '.join(field.choices)}, not `{value}`")
-    elif field.shape == "boolean":
-        if str(value).lower() not in ("true", "false"):
-            raise OptionRefused(f"`{name}` is true or false, not `{value}`")
-        value, numbers = str(value).lower() == "true", ()
+    elif field.shape in ("boolean", "names"):
+        value, numbers = _truth(name, value) if field.shape == "boolean" else _names(value), ()
     elif field.shape in ("path", "file", "file path", "integers"):
         raise OptionRefused(f"`{name}` is a {type_of(field)} and can't be changed in flight")
     else:
@@ -204,6 +209,17 @@ def _number(name: str, value: Any, field: Field) -> float:
         return parse_quantity(value, field.dimension)
     except UnitError as error:
         raise OptionRefused(f"`{name}`: {error}; {error.hint}") from None
+
+
+def _truth(name: str, value: Any) -> bool:
+    if str(value).lower() not in ("true", "false"):
+        raise OptionRefused(f"`{name}` is true or false, not `{value}`")
+    return str(value).lower() == "true"
+
+
+def _names(value: str | Iterable[str]) -> tuple[str, ...]:
+    parts = value.strip("[] ").split(",") if isinstance(value, str) else value
+    return tuple(part.strip() for part in parts if part.strip())
 
 
 def _check_bounds(name: str, numbers: tuple[float, ...], field: Field) -> None:

@@ -227,11 +227,17 @@ def test_a_path_through_an_obstacle_from_a_place_known_only_in_flight(tmp_path: 
     head = f"{HEAD}  obstacles: {{{pillar}}}\n"
     plan, texts = planned(ALONE, tmp_path, head)
 
-    [one] = [
-        d for d in rehearse(drifting(plan, "own"), texts=texts).diagnostics if d.code == "KYB471"
+    [vehicle] = plan.vehicles
+    unheld = dataclasses.replace(plan, vehicles=(dataclasses.replace(vehicle, processors=()),))
+
+    [held] = rehearse(drifting(plan, "own"), texts=texts).diagnostics
+    [hit] = [
+        d for d in rehearse(drifting(unheld, "own"), texts=texts).diagnostics if d.code == "KYB471"
     ]
 
-    assert one.message.startswith("`a` runs into `pillar` at ")
+    assert held.code == "KYB473"
+    assert "`obstacle_guard` keeps the setpoint" in held.label
+    assert hit.message.startswith("`a` runs into `pillar` at ")
 
 
 STALL = """\

@@ -1,4 +1,5 @@
-"""Obstacles and where the vehicles stand, fly and return to: KYB340 to KYB343 and KYB345."""
+"""Obstacles and where the vehicles stand, fly and return to, and what they keep away from: KYB340
+to KYB343, KYB345 and KYB510."""
 
 from __future__ import annotations
 
@@ -7,6 +8,8 @@ from itertools import pairwise
 from math import hypot, inf
 
 from kybflow.core.geometry import Vec3, distance
+from kybflow.core.params import names_in
+from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, the_fence, values_of
@@ -91,6 +94,19 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
                 related=values_of(state.part),
             )
             break
+
+
+def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
+    """KYB510: a processor keeps its vehicle away from one that isn't there."""
+    vehicles = case.document.vehicles
+    for vehicle in case.vehicles():
+        for use in vehicle.processors:
+            for parameter, name in names_in(use.params, "vehicle"):
+                if name not in vehicles:
+                    message = f"there is no vehicle `{name}`"
+                    span = use.spans.get(parameter, use.name.span)
+                    hint = did_you_mean(name, vehicles)
+                    yield Diagnostic("KYB510", message, span, label="unknown", help=hint)
 
 
 def kept_from(case: Case) -> Iterator[ObstacleEntry]:

@@ -66,6 +66,7 @@ _FAMILIES = {
     "KYB461": "Callbacks",
     "KYB462": "Groups and flows",
     "KYB470": "Rehearsals",
+    "KYB510": "Where it goes and how fast",
 }
 """The families of codes, each from its first code on."""
 

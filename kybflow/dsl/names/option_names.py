@@ -3,6 +3,7 @@ what a mission asks for: who is meant, and which parameter."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.params import Field
@@ -57,8 +58,21 @@ def option_values(
     options = yield from options_named(action.target, document, catalog)
     decoded = every(decode(action.value, option.field) for option in options)
     values, findings = collect(decoded)
+    for option, value in zip(options, values, strict=False):
+        findings.extend(_unknown_vehicles(option, value, action, document))
     yield from dict.fromkeys(findings)
     return () if findings else tuple(zip(options, values, strict=True))
+
+
+def _unknown_vehicles(
+    option: Option, value: Any, action: ActionEntry, document: Document
+) -> Iterator[Diagnostic]:
+    """KYB510 of each vehicle that a value names and that isn't there."""
+    for name in option.field.named(value, "vehicle"):
+        if name not in document.vehicles:
+            hint = did_you_mean(name, document.vehicles)
+            message = f"there is no vehicle `{name}`"
+            yield Diagnostic("KYB510", message, action.value.span, label="unknown", help=hint)
 
 
 def options_named(

@@ -35,12 +35,15 @@ _SHOWN = 60
 _POINT = re.compile(r"(?:world\.)?points?\.([A-Za-z_]\w*)\Z", re.ASCII)
 _BARE = re.compile(r"[-+.\deE]+\Z", re.ASCII)
 _INTEGER = re.compile(r"[+-]?\d+\Z", re.ASCII)
+_LISTS = {"integers": "integer", "names": "text"}
+"""The shapes that are lists, each with that of its items."""
 _TRUTHS = {"true": True, "True": True, "false": False, "False": False}
 _SHAPES = {
     "vector": "three numbers in a list, `[x, y, z]`",
     "path": "a list of points, `[[x, y, z], ...]`",
     "integer": "a whole number",
     "integers": "a list of whole numbers, `[1, 2]`",
+    "names": "a list of names, `[a, b]`",
     "boolean": "`true` or `false`",
     "file": "the name of a file",
     "file path": "the name of a file",
@@ -69,8 +72,8 @@ def decode(node: Node, field: Field) -> Diagnosed[Any]:
         return (yield from _vector(node, field))
     if field.shape == "path":
         return (yield from _path(node, field))
-    if field.shape == "integers":
-        return (yield from _integers(node, field))
+    if field.shape in _LISTS:
+        return (yield from _items(node, field))
     if not isinstance(node, Scalar):
         yield _wrong(node, field)
         return None
@@ -164,13 +167,13 @@ def _path(node: Node, field: Field) -> Diagnosed[Any]:
     return None if None in points else tuple(points)
 
 
-def _integers(node: Node, field: Field) -> Diagnosed[Any]:
+def _items(node: Node, field: Field) -> Diagnosed[Any]:
     if not isinstance(node, Sequence):
         yield _wrong(node, field)
         return None
-    one = replace(field, shape="integer")
-    numbers = yield from every(decode(item, one) for item in node.items)
-    return None if None in numbers else tuple(numbers)
+    one = replace(field, shape=_LISTS[field.shape])
+    items = yield from every(decode(item, one) for item in node.items)
+    return None if None in items else tuple(items)
 
 
 def _plain(node: Scalar, field: Field) -> Diagnosed[Any]:

@@ -100,8 +100,9 @@ def field_schema(field: Field) -> Schema:
         return {"description": text, "type": "string", "anyOf": choices}
     if field.shape in ("text", "file", "file path"):
         return {"description": text, "type": "string"}
-    if field.shape == "integers":
-        one = replace(field, shape="integer", help="One of them.", required=True)
+    if field.shape in ("integers", "names"):
+        shape = "integer" if field.shape == "integers" else "text"
+        one = replace(field, shape=shape, help="One of them.", required=True)
         return {"description": text, "type": "array", "items": field_schema(one)}
     return {
         "description": text,

@@ -93,6 +93,8 @@ def value(what: Any, field: Field) -> str:
         return "true" if what else "false"
     if field.shape == "integers":
         return f"[{', '.join(map(str, what))}]"
+    if field.shape == "names":
+        return f"[{', '.join(quoted(name) for name in what)}]"
     return str(what) if field.shape == "integer" else quoted(str(what))
 
 

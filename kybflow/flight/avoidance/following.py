@@ -12,21 +12,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from math import tan
 from typing import NamedTuple
 
-from kybflow.core.geometry import ZERO, Vec3, add, norm, scale, sub
+from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, norm, scale, sub
 from kybflow.core.signals import NEVER, NS, Setpoint, SetpointKind, Tick, Time, Told
 from kybflow.flight.avoidance.barrier import Demand, braked, demand, filtered, reach_of, stopped
 from kybflow.flight.avoidance.detour import Detour
 from kybflow.flight.avoidance.surroundings import Nearby, Witness
 from kybflow.flight.governor import Follower, shortened
 from kybflow.flight.motion import motion_of
+from kybflow.world.vehicle_context import Airframe
 
 BLOCKED: Mapping[str, tuple[str, ...]] = {"avoidance_blocked": ("reason",)}
 """What is told of a vehicle that brakes because what is near leaves no way."""
 _POSITION, _VELOCITY = SetpointKind.POSITION, SetpointKind.VELOCITY
-_STRONGEST = 1.5
-"""The largest acceleration over the one with which it plans to brake."""
+_STRONGEST, _TILT_SHARE, _PLANNED = 3.0, 0.8, 0.8
+"""The largest acceleration, m/s^2, and of what the airframe's tilt gives; of that, the most with
+which it plans to brake."""
 
 
 class Keeping(NamedTuple):
@@ -41,16 +44,18 @@ class Keeping(NamedTuple):
 
 
 class Avoidance:
-    """The barriers of one vehicle, from take-off to touch-down.
+    """The barriers of one vehicle.
 
-    hull: metres from its centre to its rotors' tips. detour: where it goes when its way is blocked,
-    None to stop there.
+    nearby: what it keeps away from. detour: where it goes when its way is blocked, None to stop
+    there.
     """
 
-    def __init__(self, hull: float, surroundings: Nearby, detour: Detour | None) -> None:
+    def __init__(self, airframe: Airframe, nearby: Nearby, detour: Detour | None = None) -> None:
         self._gets_stuck = False
         self._stuck: Time = -NEVER
-        self._hull, self._surroundings, self._detour = hull, surroundings, detour
+        self.nearby = nearby
+        self._hull, self._detour = airframe.hull, detour
+        self._strongest = min(_STRONGEST, _TILT_SHARE * GRAVITY * tan(airframe.tilt))
         self._follower = Follower()
 
     def told(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint | Told:
@@ -74,11 +79,12 @@ class Avoidance:
             place, velocity = known.position, follower.velocity
         else:
             place, velocity = known.position, known.velocity
-        keep, strongest = keeping.keep + self._hull, _STRONGEST * keeping.braking
-        reach = partial(_reach, keep, keeping.braking, strongest)
+        keep, strongest = keeping.keep + self._hull, self._strongest
+        braking = min(keeping.braking, _PLANNED * strongest)
+        reach = partial(_reach, keep, braking, strongest)
         witness = Witness(known.position, keeping.slack) if kind is _POSITION else None
-        near = self._surroundings.near(place, norm(velocity), tick, reach, witness)
-        demands = [demand(h, keep, velocity, keeping.braking, strongest) for h in near]
+        near = self.nearby.near(place, norm(velocity), tick, reach, witness)
+        demands = [demand(h, keep, velocity, braking, strongest) for h in near]
         if kind is _POSITION:
             return self._followed(setpoint, demands, keeping, strongest, tick)
         if kind is _VELOCITY:

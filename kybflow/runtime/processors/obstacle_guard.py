@@ -31,7 +31,7 @@ class ObstacleGuardParams:
         "Kept between the rotors and obstacles.", default=0.1, at_least=0.0, tightens="up"
     )
     braking: Acceleration = param(
-        "Deceleration with which it stops.", default=2.0, at_least=0.2, at_most=5.0
+        "Deceleration with which it plans to stop.", default=2.0, at_least=0.2, at_most=2.0
     )
     speed: Speed = param(
         "Largest speed with which it catches up with what it kept from.", default=1.0, above=0.0
@@ -48,9 +48,9 @@ class ObstacleGuard(Processor[ObstacleGuardParams]):
 
     def __init__(self, params: ObstacleGuardParams, context: VehicleContext) -> None:
         super().__init__(params, context)
-        surroundings = Nearby(context, others=())
-        self.idle = surroundings.is_empty
-        self._avoidance = Avoidance(context.airframe.hull, surroundings, None)
+        nearby = Nearby(context, others=())
+        self.idle = nearby.is_empty
+        self._avoidance = Avoidance(context.airframe, nearby, None)
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Told:
         p = self.params

@@ -1,0 +1,66 @@
+"""Keep away from obstacles and from other vehicles, and go round what is in the way.
+
+A control-barrier filter (Wang, Ames, Egerstedt: Safety Barrier Certificates for Collisions-Free
+Multirobot Systems, T-RO 2017) changes the acceleration of the setpoint as little as keeps `keep`
+between the hulls, with a deceleration of `braking`; solved exactly, as a small quadratic program.
+The rules: `kybflow.flight.avoidance`, `barrier` and `following`. What needs no change passes bit
+for bit; what was kept back catches up at up to `speed`. A vehicle whose way is blocked turns to the
+right until it goes on: two that meet head on pass each other, and those who meet in a point go
+round it one way, so that none waits for long. Put it behind `limit_speed` and `limit_acceleration`,
+which would hold back its evasions.
+
+All other vehicles are kept away from, by their estimates, or those in `treat_as_obstacles` alone:
+in a formation, the one that has left it. Nobody is relied on to give way. Where what is near leaves
+no way it brakes and tells `avoidance_blocked`. It acts in behaviors that stay in the air. Metres,
+world frame.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from kybflow.core.signals import Setpoint, SetpointKind, Tick, Told
+from kybflow.core.units import Acceleration, Length, Speed
+from kybflow.flight.avoidance.detour import Detour
+from kybflow.flight.avoidance.following import BLOCKED, Avoidance, Keeping
+from kybflow.flight.avoidance.surroundings import Nearby
+from kybflow.parts import Processor, param, params
+from kybflow.world.vehicle_context import VehicleContext
+
+_SLACK = 0.5
+"""The share of `keep` that the vehicle itself may lack."""
+
+
+@params
+class AvoidObstaclesParams:
+    keep: Length = param("Kept between the rotors' tips and anything else.", default=0.2, above=0.0)
+    treat_as_obstacles: tuple[str, ...] | None = param(
+        "The vehicles that it keeps away from; all others without it.",
+        default=None,
+        names="vehicle",
+    )
+    braking: Acceleration = param(
+        "Deceleration with which it plans to stop.", default=1.0, at_least=0.2, at_most=2.0
+    )
+    speed: Speed = param("Largest speed with which it catches up.", default=0.8, above=0.0)
+
+
+class AvoidObstacles(Processor[AvoidObstaclesParams]):
+    accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
+        kind: kind
+        for kind in (SetpointKind.POSITION, SetpointKind.VELOCITY, SetpointKind.ACCELERATION)
+    }
+    tells = BLOCKED
+
+    def __init__(self, params: AvoidObstaclesParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._context, self._others = context, params.treat_as_obstacles
+        self._avoidance = Avoidance(context.airframe, Nearby(context, self._others), Detour())
+
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Told:
+        p = self.params
+        if p.treat_as_obstacles is not self._others:
+            self._others = p.treat_as_obstacles
+            self._avoidance.nearby = Nearby(self._context, self._others)
+        keeping = Keeping(p.keep, _SLACK * p.keep, p.braking, p.speed)
+        return self._avoidance.told(setpoint, tick, keeping)
