@@ -155,6 +155,7 @@ def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
         vehicle.driver.cls.inner_loop(vehicle.driver.params, vehicle.airframe),
         {other.name: other.start for other in plan.vehicles},
         plan.touchable,
+        plan.moving,
     )
 
 

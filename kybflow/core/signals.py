@@ -354,6 +354,22 @@ InputReadings = Mapping[str, InputReading | None]
 NO_INPUTS: InputReadings = MappingProxyType({})
 
 
+class SeenObstacle(NamedTuple):
+    """A moving obstacle when it was seen last: a ball in the world frame, SI. speed: the fastest
+    that it goes."""
+
+    time: Time
+    position: Vec3
+    velocity: Vec3
+    radius: float
+    speed: float
+
+
+SeenObstacles = Mapping[str, SeenObstacle]
+"""The moving obstacles that were ever seen, by name."""
+NO_OBSTACLES: SeenObstacles = MappingProxyType({})
+
+
 class Tick(NamedTuple):
     """What a vehicle's parts see in one tick.
 
@@ -363,7 +379,7 @@ class Tick(NamedTuple):
     imu: the newest, if the vehicle subscribes to it. link_age: seconds since the link last
     delivered anything. link_delay: seconds of a round trip to the vehicle, zero while unknown.
     payload: where the payload is, None while unknown. inputs: what the
-    mission's inputs say.
+    mission's inputs say. moving: the moving obstacles.
     """
 
     now: Time
@@ -378,6 +394,7 @@ class Tick(NamedTuple):
     link_delay: float = 0.0
     payload: PayloadState | None = None
     inputs: InputReadings = NO_INPUTS
+    moving: SeenObstacles = NO_OBSTACLES
 
     def known(self) -> Estimate:
         """Return the estimate. Raises EstimateMissing if there is none."""

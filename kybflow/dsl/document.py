@@ -14,7 +14,7 @@ from kybflow.dsl.reading.nodes import Mapping
 from kybflow.parts import Footprint
 from kybflow.parts.observables import chains_of
 from kybflow.world.cameras import Camera
-from kybflow.world.shapes import Box, Shape
+from kybflow.world.shapes import Box, MovingSphere, Shape
 from kybflow.world.tags import Tag
 from kybflow.world.vehicle_context import Airframe, Parcel
 
@@ -190,6 +190,15 @@ class ObstacleEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class MovingEntry:
+    """One entry of `world.obstacles` that moves."""
+
+    name: Text
+    sphere: MovingSphere
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
 class TagsEntry:
     """One entry of `world.tags`: its parameters as declared, and the tags that they mean. `lines`
     are those of a file, where the tags stand in one."""
@@ -325,6 +334,7 @@ class Document:
     points: dict[str, Vec3] = field(default_factory=dict)
     point_spans: dict[str, Span] = field(default_factory=dict)
     obstacles: tuple[ObstacleEntry, ...] = ()
+    moving: tuple[MovingEntry, ...] = ()
     tags: tuple[TagsEntry, ...] = ()
     groups: dict[str, tuple[Text, ...]] = field(default_factory=dict)
     group_spans: dict[str, Span] = field(default_factory=dict)

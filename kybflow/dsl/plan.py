@@ -15,7 +15,7 @@ from kybflow.core.geometry import Vec3
 from kybflow.dsl.expressions import Expression
 from kybflow.parts import Leg
 from kybflow.world.cameras import Camera
-from kybflow.world.shapes import Box, Shape
+from kybflow.world.shapes import Box, MovingSphere, Shape
 from kybflow.world.tags import TagMap
 from kybflow.world.vehicle_context import NO_TAGS, Airframe, Parcel
 
@@ -304,6 +304,7 @@ class Plan:
     resolved: str
     """The mission after imports, `like`, parameters and defaults, as YAML text."""
     obstacles: dict[str, Shape] = field(default_factory=dict)
+    moving: dict[str, MovingSphere] = field(default_factory=dict)
     touchable: frozenset[str] = frozenset()
     """The obstacles that are there to be touched."""
     points: dict[str, Vec3] = field(default_factory=dict)

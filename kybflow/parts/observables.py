@@ -290,6 +290,8 @@ EVENTS: dict[str, str] = {
     "foreign_command": "Somebody else commands the vehicle, beside this program.",
     "input_lost": "An input is unplugged, silent or stuck, or says what is no number.",
     "input_recovered": "An input that was lost is well again.",
+    "obstacle_lost": "A moving obstacle is not seen any more.",
+    "obstacle_found": "A moving obstacle that was lost is seen again.",
     "control_taken": "Somebody else has the vehicle, and it is left alone.",
     "control_refused": "The vehicle was asked for back, and does not come: it is asked no more.",
     "control_lost": "The vehicle's own failsafe took over, or it disarmed in the air.",
@@ -324,6 +326,7 @@ OF_THE_RUN = frozenset(
     {
         "run_started", "run_ended", "run_stopped", "observer_failed", "recording_stopped", "logged",
         "action_failed", "commands_failed", "clients_refused", "input_lost", "input_recovered",
+        "obstacle_lost", "obstacle_found",
         "phase_started", "phase_ended", "phase_refused", "flow_ended",
         "flow_failed", "rehearsal_skipped",
     }
@@ -407,6 +410,8 @@ EVENT_FIELDS: dict[str, tuple[str, ...]] = {
     "foreign_command": ("reason",),
     "input_lost": ("input", "reason", "value", "bound"),
     "input_recovered": ("input",),
+    "obstacle_lost": ("obstacle", "reason"),
+    "obstacle_found": ("obstacle",),
     "control_taken": ("reason",),
     "control_refused": ("reason",),
     "control_lost": ("reason",),

@@ -335,7 +335,11 @@ def read_world(path: Path) -> RecordedWorld:
     try:
         world = yaml.safe_load(path.read_text(encoding="utf-8")).get("world") or {}
         points = {name: _vector(at) for name, at in world.get("points", {}).items()}
-        obstacles = {name: _shape(found) for name, found in world.get("obstacles", {}).items()}
+        obstacles = {
+            name: _shape(found)
+            for name, found in world.get("obstacles", {}).items()
+            if "moving_sphere" not in found
+        }
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"`{path.name}` has no world that can be read: {error}") from error
     return RecordedWorld(points, obstacles)

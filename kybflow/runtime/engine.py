@@ -27,6 +27,7 @@ from kybflow.runtime.fleet.flows import Flows
 from kybflow.runtime.fleet.ground_truth import Impacts, PayloadDrops
 from kybflow.runtime.fleet.injection import Injection
 from kybflow.runtime.fleet.inputs import Inputs
+from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
 from kybflow.runtime.options import Options
 from kybflow.runtime.preflight import PreflightResult, PreflightTimeout, input_lines, preflight
 from kybflow.runtime.vehicle.vehicle import Vehicle
@@ -76,6 +77,9 @@ class Engine:
         links = {name: link for session in sessions for name, link in session.links.items()}
         rigs = {name: link.rig for name, link in links.items() if link.rig is not None}
         self.injection = Injection(plan.faults, rigs, self._condition, events, seed)
+        self._moving = MovingObstacles(plan.moving, events)
+        for vehicle in vehicles:
+            vehicle.moving = self._moving.seen
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
         self.drops = PayloadDrops(self.vehicles, events)
         self._next_look: Time = 0
@@ -139,6 +143,8 @@ class Engine:
         self.options.apply()
         if self.plan.faults:
             self.injection.step(now)
+        if self.plan.moving:
+            self._moving.step(now)
         fleet = {vehicle.name: vehicle.sense(now) for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)

@@ -6,10 +6,11 @@ along which that distance grows fastest, upwards where all are alike.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import hypot, inf, sqrt
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, add, distance, sub
+from kybflow.core.geometry import Vec3, add, distance, scale, sub
 
 UP: Vec3 = (0.0, 0.0, 1.0)
 
@@ -160,3 +161,25 @@ class Plane(NamedTuple):
 
 
 Shape = Box | Cylinder | Sphere | Plane
+
+
+class MovingSphere(NamedTuple):
+    """A ball that goes along straight lines through `along`, there and back, at `speed` (m/s)."""
+
+    along: tuple[Vec3, ...]
+    radius: float
+    speed: float
+
+    def at(self, seconds: float) -> Vec3:
+        """Return where its centre is so long after the start."""
+        lengths = [distance(a, b) for a, b in pairwise(self.along)]
+        whole = sum(lengths)
+        if whole == 0.0:
+            return self.along[0]
+        gone = self.speed * seconds % (2.0 * whole)
+        left = gone if gone <= whole else 2.0 * whole - gone
+        for (a, b), length in zip(pairwise(self.along), lengths, strict=True):
+            if left <= length and length > 0.0:
+                return add(a, scale(sub(b, a), left / length))
+            left -= length
+        return self.along[-1]

@@ -11,7 +11,7 @@ from kybflow.core.params import declared, param, params
 from kybflow.core.units import Angle, Damping, Duration, Force, Inertias, Length, Mass, Ratio, Speed
 from kybflow.world.cameras import Camera
 from kybflow.world.inner_loop import AttitudeLoop, InnerLoop, attitude_loop
-from kybflow.world.shapes import Box, Shape
+from kybflow.world.shapes import Box, MovingSphere, Shape
 from kybflow.world.tags import TagMap
 
 NO_TAGS = TagMap(())
@@ -115,7 +115,7 @@ class VehicleContext(NamedTuple):
     airframe diameter, by vehicle. tags: the world's. cameras: the airframe's, by name. payload:
     what the vehicle carries, None for nothing. loop: what its driver declares of the loop that
     answers commands, None for nothing. starts: every vehicle's declared start, by vehicle.
-    touchable: the obstacles that are there to be touched.
+    touchable: the obstacles that are there to be touched. moving: those that move.
     """
 
     vehicle: str
@@ -133,3 +133,4 @@ class VehicleContext(NamedTuple):
     loop: InnerLoop | None = None
     starts: Mapping[str, Vec3] = MappingProxyType({})
     touchable: frozenset[str] = frozenset()
+    moving: Mapping[str, MovingSphere] = MappingProxyType({})

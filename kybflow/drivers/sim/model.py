@@ -19,7 +19,7 @@ from math import cos, sin, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3
-from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
+from kybflow.world.shapes import Box, Cylinder, MovingSphere, Plane, Shape, Sphere
 from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
 FIRST_BODY = 1
@@ -56,6 +56,7 @@ def world_text(
     vehicles = "".join(_vehicle(index, context, body) for index, (context, body) in every)
     fences = {context.fence: None for context in contexts if context.fence is not None}
     obstacles = {name: shape for context in contexts for name, shape in context.obstacles.items()}
+    moving = {name: ball for context in contexts for name, ball in context.moving.items()}
     carrying = [context for context in contexts if context.payload is not None]
     return f"""<mujoco model="kybflow">
 <option timestep="{timestep!r}" gravity="0 0 -9.81" integrator="Euler"/>
@@ -71,6 +72,7 @@ def world_text(
 {"".join(_fence(box) for box in fences)}
 {"".join(_obstacle(name, shape) for name, shape in obstacles.items())}
 {vehicles}{"".join(parcel_text(context) for context in carrying)}
+{"".join(_moving(name, ball) for name, ball in moving.items())}
 </worldbody>
 </mujoco>"""
 
@@ -96,6 +98,16 @@ def _obstacle(name: str, shape: Shape) -> str:
         case Plane(at, facing):
             place = f'{_geom("plane", at, (0.0, 0.0, 1.0))} zaxis="{_numbers(facing)}"'
     return f'<geom name="{escape(OBSTACLE + name)}" {place} rgba="0.6 0.45 0.35 0.8"/>\n'
+
+
+def _moving(name: str, ball: MovingSphere) -> str:
+    """A ball that is moved by hand, so to say: nothing pushes it off its way."""
+    called = escape(OBSTACLE + name)
+    return (
+        f'<body name="{called}" mocap="true" pos="{_numbers(ball.at(0.0))}">'
+        f'<geom name="{called}" type="sphere" size="{ball.radius!r}" rgba="0.8 0.2 0.2 0.9"/>'
+        "</body>\n"
+    )
 
 
 def _geom(kind: str, at: Iterable[float], size: Iterable[float]) -> str:

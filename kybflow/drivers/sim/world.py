@@ -50,6 +50,8 @@ class SimulatedWorld(Session):
         self.model = _compile(seats, [vehicle.body for vehicle in self._vehicles], self._rate)
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
+        balls = {name: b for seat in seats for name, b in seat.context.moving.items()}
+        self._moving = tuple(enumerate(balls.values()))
         self._parcels = _parcels(self.model, self.data, seats)
         sources = [vehicle.imu_source for vehicle in self._vehicles]
         self._stepper = stepper(self.model, self.data, self.aboard, sources)
@@ -78,6 +80,8 @@ class SimulatedWorld(Session):
         last = ((now + 1) * self._rate - 1) // NS
         if self.aboard.steps >= last:
             return
+        for place, ball in self._moving:
+            self.data.mocap_pos[place] = ball.at(now / NS)
         while self.aboard.steps < last:
             self._step(last)
         if self._parcels:

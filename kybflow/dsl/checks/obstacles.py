@@ -1,5 +1,5 @@
 """Obstacles and where the vehicles stand, fly and return to, and what they keep away from: KYB340
-to KYB343, KYB345 and KYB510."""
+to KYB343, KYB345, KYB510 and KYB511."""
 
 from __future__ import annotations
 
@@ -107,6 +107,21 @@ def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
                     span = use.spans.get(parameter, use.name.span)
                     hint = did_you_mean(name, vehicles)
                     yield Diagnostic("KYB510", message, span, label="unknown", help=hint)
+
+
+def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
+    """KYB511: an obstacle moves, and the target's vehicles are real: the simulator alone moves it
+    and sees it."""
+    if all(vehicle.driver.spec.cls.simulated for vehicle in case.vehicles()):
+        return
+    for moving in case.document.moving:
+        yield Diagnostic(
+            "KYB511",
+            f"nothing sees where `{moving.name.text}` is",
+            moving.span,
+            label="it moves in the simulator only",
+            help="fly it on a simulated target, or remove it",
+        )
 
 
 def kept_from(case: Case) -> Iterator[ObstacleEntry]:

@@ -74,6 +74,7 @@ def lower(
         sources=(*sources, *attachments_of(document)),
         resolved=resolved,
         obstacles={use.name.text: use.shape for use in document.obstacles},
+        moving={use.name.text: use.sphere for use in document.moving},
         touchable=frozenset(use.name.text for use in document.obstacles if use.may_touch),
         points=document.points,
         tags=TagMap(tag for use in document.tags for tag in use.tags),

@@ -17,7 +17,17 @@ from kybflow.core.geometry import (
     ZERO,
 )
 from kybflow.core.params import declared, fields_of, param
-from kybflow.core.units import LENGTH, NUMBER, Angle, Duration, Frequency, Length, Position
+from kybflow.core.units import (
+    LENGTH,
+    NUMBER,
+    Angle,
+    Duration,
+    Frequency,
+    Length,
+    Path,
+    Position,
+    Speed,
+)
 from kybflow.dsl.reading.calibration import read_calibration
 from kybflow.dsl.reading.tag_table import LARGEST, read_tags
 from kybflow.dsl.schema.building import (
@@ -112,6 +122,13 @@ class ObstacleParams:
 
 
 @declared
+class MovingSphereParams:
+    along: Path = param("The points through which its centre goes.")
+    radius: Length = param("Its radius.", above=0.0)
+    speed: Speed = param("How fast it goes.", above=0.0, at_most=2.0)
+
+
+@declared
 class TagFile:
     file: File = param(
         "A table of tags: `family, id, size, x, y, z, heading [deg]`, a row a tag.",
@@ -165,7 +182,7 @@ def _obstacle() -> Schema:
     facing = vector(NUMBER, "Its direction, of any length; what is behind it is solid.")
     return mapping(
         "obstacle",
-        "One solid: a box, a cylinder, a sphere or a plane.",
+        "One solid: a box, a cylinder, a sphere, a plane or a moving sphere.",
         {
             **params_schema(fields_of(ObstacleParams), "obstacle")["properties"],
             "box": _solid("box", "A box along the axes.", {"from": low, "to": high}),
@@ -174,6 +191,11 @@ def _obstacle() -> Schema:
             ),
             "sphere": _solid("sphere", "A ball.", {"at": at, "radius": radius}),
             "plane": _solid("plane", "A wall without end.", {"at": point, "facing": facing}),
+            "moving_sphere": _solid(
+                "moving_sphere",
+                "A ball that goes along lines, there and back.",
+                params_schema(fields_of(MovingSphereParams), "moving_sphere")["properties"],
+            ),
         },
     )
 

@@ -82,6 +82,7 @@ def _document(resolved: Resolved, catalog: Catalog, target: str | None) -> Diagn
         points=world.points,
         point_spans=world.point_spans,
         obstacles=world.obstacles,
+        moving=world.moving,
         tags=world.tags,
         groups=groups_of(root.get("groups")),
         group_spans={n: e.key.span for n, e in entries_of(root.get("groups")).items()},

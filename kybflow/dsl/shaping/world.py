@@ -15,7 +15,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, NUMBER
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
 from kybflow.dsl.diagnostics.spans import PREFIX, Span
-from kybflow.dsl.document import ObstacleEntry, Parameter, TagsEntry
+from kybflow.dsl.document import MovingEntry, ObstacleEntry, Parameter, TagsEntry
 from kybflow.dsl.reading.nodes import (
     Mapping,
     MappingEntry,
@@ -26,8 +26,10 @@ from kybflow.dsl.reading.nodes import (
     head_of,
 )
 from kybflow.dsl.reading.values import decode, origin, quantity_field
+from kybflow.dsl.schema.world import MovingSphereParams
+from kybflow.dsl.shaping.parts import params_of
 from kybflow.dsl.shaping.tags import tags_in
-from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
+from kybflow.world.shapes import Box, Cylinder, MovingSphere, Plane, Shape, Sphere
 
 CODES = {
     "KYB153": "A fence whose corners are in the wrong order.",
@@ -45,6 +47,7 @@ class WorldEntry(NamedTuple):
     points: dict[str, Vec3]
     point_spans: dict[str, Span]
     obstacles: tuple[ObstacleEntry, ...]
+    moving: tuple[MovingEntry, ...]
     tags: tuple[TagsEntry, ...]
 
 
@@ -60,6 +63,7 @@ def world_of(node: Node | None) -> Diagnosed[WorldEntry]:
         points=places,
         point_spans={name: entry.key.span for name, entry in points.items()},
         obstacles=(yield from _obstacles(_value(entries.get("obstacles")))),
+        moving=(yield from _moving(_value(entries.get("obstacles")))),
         tags=(yield from tags_in(_value(entries.get("tags")))),
     )
 
@@ -115,21 +119,36 @@ _ORDER = "each number of `from` must be below that of `to`"
 def _obstacles(node: Node | None) -> Diagnosed[tuple[ObstacleEntry, ...]]:
     obstacles: list[ObstacleEntry] = []
     for name, entry in entries_of(node).items():
-        solids = {kind: e for kind, e in entries_of(entry.value).items() if kind in _SOLIDS}
+        solids = {kind: e for kind, e in entries_of(entry.value).items() if kind in _KINDS}
         if len(solids) != 1:
             what = " and ".join(f"a {kind}" for kind in solids) or "nothing solid"
             message = f"the obstacle `{name}` is {what}"
-            hint = "write one of `box`, `cylinder`, `sphere` and `plane`"
+            hint = "write one of `box`, `cylinder`, `sphere`, `plane` and `moving_sphere`"
             yield Diagnostic("KYB155", message, entry.key.span, help=hint)
             continue
         ((kind, solid),) = solids.items()
         body = solid.value
+        if kind == _MOVING:
+            continue
         if isinstance(body, Mapping) and (yield from _is_whole(body, kind, _KEYS[kind])):
             shape = yield from _SOLIDS[kind](body)
             if shape is not None:
                 may_touch = _text_of(entry.value, "contact") == "allowed"
                 obstacles.append(ObstacleEntry(entry.key.as_text, shape, entry.key.span, may_touch))
     return tuple(obstacles)
+
+
+def _moving(node: Node | None) -> Diagnosed[tuple[MovingEntry, ...]]:
+    found: list[MovingEntry] = []
+    for entry in entries_of(node).values():
+        own = entries_of(entry.value).get(_MOVING)
+        if own is None or not isinstance(own.value, Mapping):
+            continue
+        of = yield from params_of(MovingSphereParams, own.value, _MOVING, own.key.span)
+        if of is not None:
+            sphere = MovingSphere(of.along, of.radius, of.speed)
+            found.append(MovingEntry(entry.key.as_text, sphere, entry.key.span))
+    return tuple(found)
 
 
 def _text_of(node: Node, key: str) -> str | None:
@@ -182,12 +201,14 @@ _KEYS = {
     "sphere": ("at", "radius"),
     "plane": ("at", "facing"),
 }
+_MOVING = "moving_sphere"
 _SOLIDS: dict[str, Callable[[Mapping], Diagnosed[Shape | None]]] = {
     "box": _box,
     "cylinder": _cylinder,
     "sphere": _sphere,
     "plane": _plane,
 }
+_KINDS = (*_SOLIDS, _MOVING)
 
 
 _NAMED = re.compile(r"world\.points\.(\w+)\Z", re.ASCII)

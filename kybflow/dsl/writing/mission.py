@@ -8,7 +8,7 @@ from collections.abc import Mapping as MappingOf
 from typing import Any
 
 from kybflow.core.params import fields_of
-from kybflow.core.units import DURATION, FREQUENCY, LENGTH, NUMBER
+from kybflow.core.units import DURATION, FREQUENCY, LENGTH, NUMBER, SPEED
 from kybflow.dsl.diagnostics.spans import PREFIX, Text
 from kybflow.dsl.document import (
     ActionEntry,
@@ -113,7 +113,7 @@ def _sensors(uses: list[SensorEntry]) -> Iterator[YamlLine]:
 def world_lines(document: Document) -> Iterator[YamlLine]:
     """The fence, the points, the obstacles and the tags; nothing where there are none."""
     at = place(document.spans.get("world"))
-    parts = (document.fence, document.points, document.obstacles, document.tags)
+    parts = (document.fence, document.points, document.obstacles, document.moving, document.tags)
     if not any(parts):
         return
     yield "world:", at
@@ -125,11 +125,17 @@ def world_lines(document: Document) -> Iterator[YamlLine]:
             # wherever it was named stand its coordinates now: the name is kept, as its use
             called = f"{document.point_spans[name].at}, {PREFIX}{name}"
             yield f"    {name}: {vector(point, LENGTH)}", called
-    if document.obstacles:
+    if document.obstacles or document.moving:
         yield "  obstacles:", at
         for use in document.obstacles:
             contact = ", contact: allowed" if use.may_touch else ""
             yield f"    {use.name.text}: {{{_solid(use.shape)}{contact}}}", use.span.at
+    for moving in document.moving:
+        along, radius, speed = moving.sphere
+        points = ", ".join(vector(point, LENGTH) for point in along)
+        size = f"radius: {quantity(radius, LENGTH)}, speed: {quantity(speed, SPEED)}"
+        text = f"{{moving_sphere: {{along: [{points}], {size}}}}}"
+        yield f"    {moving.name.text}: {text}", moving.span.at
     if document.tags:
         yield "  tags:", at
         for tags in document.tags:

@@ -3,7 +3,9 @@ distance and the way out of it.
 
 The one place that knows what stands in the way. Whoever keeps away from it (`steer`, the avoiders)
 says how near is near. What is far away is looked at again when it could have come near, nothing
-closing in faster than 20 m/s, and after 0.1 s at the latest. Metres, world frame.
+closing in faster than 20 m/s, and after 0.1 s at the latest. A moving obstacle that is not seen
+grows by how far it can have gone, for a second; then it counts as lost, and stays as large.
+Metres, world frame.
 """
 
 from __future__ import annotations
@@ -12,11 +14,13 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 from kybflow.core.geometry import ZERO, Vec3, distance, norm, scale, sub
-from kybflow.core.signals import NS, Estimate, Tick, Time
+from kybflow.core.signals import NS, Tick, Time
 from kybflow.world.shapes import UP
 from kybflow.world.vehicle_context import VehicleContext, hull_of
 
 _CLOSING, _LATEST = 20.0, 0.1
+_LOST = 1.0
+"""Seconds after which what is not seen grows no more."""
 
 
 class Witness(NamedTuple):
@@ -58,12 +62,13 @@ class Nearby:
             for name in named
             if name in context.diameters and name != context.vehicle
         }
+        self._moves = bool(context.moving)
         self._later: dict[str, Time] = {}
 
     @property
     def is_empty(self) -> bool:
         """Whether nothing can ever be near."""
-        return not (self._solids or self._hulls)
+        return not (self._solids or self._hulls or self._moves)
 
     def near(
         self, point: Vec3, speed: float, tick: Tick, reach_of: Reach, also: Witness | None = None
@@ -83,6 +88,13 @@ class Nearby:
             there = shape.distance(known) + slack
             worse = known if there < room else point
             yield Hazard(name, min(room, there), shape.outward(worse))
+        for name, seen in tick.moving.items() if self._moves else ():
+            unseen = min((now - seen.time) / NS, _LOST)
+            radius = seen.radius + seen.speed * unseen
+            if distance(point, seen.position) - radius <= reach_of(speed + seen.speed):
+                there = distance(known, seen.position) + slack < distance(point, seen.position)
+                place, less = (known, slack) if there else (point, 0.0)
+                yield _ball(name, place, seen.position, seen.velocity, radius - less)
         for name, hull in self._hulls.items():
             other = tick.fleet.get(name)
             if other is None or now < later.get(name, 0):
@@ -93,18 +105,18 @@ class Nearby:
                 later[name] = now + _until(beyond)
                 continue
             if distance(known, other.position) + slack < apart:
-                yield _vehicle(name, known, other, hull - slack)
+                found = _ball(name, known, other.position, other.velocity, hull - slack)
             else:
-                yield _vehicle(name, point, other, hull)
+                found = _ball(name, point, other.position, other.velocity, hull)
+            yield found._replace(is_vehicle=True)
 
 
-def _vehicle(name: str, point: Vec3, other: Estimate, hull: float) -> Hazard:
-    away = sub(point, other.position)
+def _ball(name: str, point: Vec3, at: Vec3, velocity: Vec3, radius: float) -> Hazard:
+    away = sub(point, at)
     apart = norm(away)
     if apart <= 0.0:
-        return Hazard(name, -hull, UP, other.velocity, is_vehicle=True)
-    outward, curvature = scale(away, 1.0 / apart), 1.0 / apart
-    return Hazard(name, apart - hull, outward, other.velocity, curvature, is_vehicle=True)
+        return Hazard(name, -radius, UP, velocity)
+    return Hazard(name, apart - radius, scale(away, 1.0 / apart), velocity, 1.0 / apart)
 
 
 def _until(gap: float) -> Time:

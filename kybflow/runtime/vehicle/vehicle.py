@@ -13,6 +13,7 @@ from kybflow.core.geometry import Vec3, distance
 from kybflow.core.params import named_in
 from kybflow.core.signals import (
     NO_INPUTS,
+    NO_OBSTACLES,
     NS,
     Alarm,
     Battery,
@@ -20,6 +21,7 @@ from kybflow.core.signals import (
     Estimate,
     InputReadings,
     Reaction,
+    SeenObstacles,
     Setpoint,
     Tick,
     Time,
@@ -63,7 +65,7 @@ class Vehicle:
     """In each tick the engine calls `sense` of every vehicle, then `act` of every vehicle.
 
     wanted: the setpoint that its behavior asked for in the last tick, before processors; None
-    without one, and while the ground carries the vehicle.
+    without one, and while the ground carries the vehicle. moving: the moving obstacles.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class Vehicle:
     ) -> None:
         self.plan, self.name, self.context = plan, plan.name, context
         self.now: Time = 0
+        self.moving: SeenObstacles = NO_OBSTACLES
         self.wanted: Setpoint | None = None
         self._contact: GroundContact | None = None
         self._flies = False
@@ -304,7 +307,7 @@ class Vehicle:
             Tick,
             (
                 now, dt, elapsed, estimate, battery, followed, fleet, imu, health.age, health.delay,
-                payload, self._inputs,
+                payload, self._inputs, self.moving,
             ),
         )  # fmt: skip
 
