@@ -1,0 +1,60 @@
+"""The repulsion of TeleKyb's obstacle potential.
+
+Of what is d away from an ellipsoid round the vehicle, along the line to it, the speed away is
+
+    s(d) = g (pi/2) / (d0 - dm) (cot z + z - pi/2),    z = (pi/2) (d - dm) / (d0 - dm),
+
+zero from d0 on, and the saturation from dm down, inside too. Contributions are added and the sum is
+capped, so that their order doesn't count; TeleKyb's running average forgot what came before
+something out of reach. World frame, metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import pi, sqrt, tan
+from typing import NamedTuple
+
+from kybflow.core.geometry import ZERO, Vec3, add, scale
+from kybflow.flight.avoidance.surroundings import Hazard
+from kybflow.flight.governor import shortened
+
+
+class Potential(NamedTuple):
+    """level, above: semi-axes of the ellipsoid. nearest, farthest: dm and d0. saturation: the
+    largest speed away."""
+
+    level: float
+    above: float
+    nearest: float
+    farthest: float
+    gain: float
+    saturation: float
+
+    @property
+    def reach(self) -> float:
+        """From which distance on nothing repels, whatever its direction."""
+        return self.farthest + max(self.level, self.above)
+
+
+def repulsion(distance: float, potential: Potential) -> float:
+    """Return the speed away from what is so far from the ellipsoid."""
+    if distance >= potential.farthest:
+        return 0.0
+    if distance <= potential.nearest:
+        return potential.saturation
+    steepness = 0.5 * pi / (potential.farthest - potential.nearest)
+    z = steepness * (distance - potential.nearest)
+    return min(potential.gain * steepness * (1.0 / tan(z) + z - 0.5 * pi), potential.saturation)
+
+
+def push(hazards: Iterable[Hazard], potential: Potential) -> Vec3:
+    """Return the velocity away from everything near; ZERO itself where nothing is."""
+    whole = ZERO
+    for hazard in hazards:
+        x, y, z = hazard.outward
+        radius = 1.0 / sqrt((x * x + y * y) / potential.level**2 + z * z / potential.above**2)
+        speed = repulsion(hazard.room - radius, potential)
+        if speed > 0.0:
+            whole = add(whole, scale(hazard.outward, speed))
+    return whole if whole is ZERO else shortened(whole, potential.saturation)

@@ -1,0 +1,101 @@
+"""Push the setpoint away from obstacles and other vehicles by TeleKyb's cotangent potential.
+
+As PMObsAvoid and VMObsAvoid did, with their defaults: a velocity gets the repulsion added, at most
+`speed`; a position is shifted, by a reference that moves with at most `velocity` and `acceleration`
+and comes back when nothing repels any more. The formula, and what is different:
+`kybflow.flight.avoidance.potential`; outside of a fence nothing fails open, because the fence is
+none of its business. With nothing in reach setpoints pass bit for bit.
+
+It guarantees nothing: it knows no speed of anybody's and no way to stop in, and what pushes from
+both sides cancels out. It is here to compare with; `avoid_obstacles` keeps a distance. It acts in
+behaviors that stay in the air. World frame, metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+from kybflow.core.geometry import ZERO, Vec3, add, sub
+from kybflow.core.signals import Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration, Length, Number, Speed
+from kybflow.flight.avoidance.potential import Potential, push
+from kybflow.flight.avoidance.surroundings import Nearby
+from kybflow.flight.governor import Follower, shortened
+from kybflow.flight.motion import motion_of
+from kybflow.parts import Objection, Processor, param, params
+from kybflow.world.vehicle_context import VehicleContext
+
+
+@params
+class PotentialFieldParams:
+    level: Length = param("Semi-axis of the ellipsoid round it, level.", default=0.4, above=0.0)
+    above: Length = param("Semi-axis of that, upward.", default=0.15, above=0.0)
+    nearest: Length = param(
+        "Distance from the ellipsoid at which the repulsion is largest.", default=0.2, at_least=0.0
+    )
+    farthest: Length = param("Distance from which nothing repels.", default=0.5, above=0.0)
+    gain: Number = param("Gain of the potential.", default=100.0, above=0.0)
+    saturation: Speed = param("Largest repulsion.", default=4.0, above=0.0)
+    treat_as_obstacles: tuple[str, ...] | None = param(
+        "The vehicles that it keeps away from; all others without it.",
+        default=None,
+        names="vehicle",
+    )
+    speed: Speed = param("Largest repulsion of a setpoint of velocity.", default=0.5, above=0.0)
+    velocity: Speed = param("Largest speed of a shifted position.", default=1.0, above=0.0)
+    acceleration: Acceleration = param("Largest acceleration of that.", default=2.0, above=0.0)
+
+
+class PotentialField(Processor[PotentialFieldParams]):
+    accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
+        SetpointKind.POSITION: SetpointKind.POSITION,
+        SetpointKind.VELOCITY: SetpointKind.VELOCITY,
+    }
+
+    @classmethod
+    def objections(
+        cls, params: PotentialFieldParams, context: VehicleContext
+    ) -> Iterator[Objection]:
+        if params.farthest <= params.nearest:
+            reason = f"not beyond `nearest`, {params.nearest:g} m: nothing is repelled before it"
+            yield Objection("farthest", reason, "write `farthest: 50 cm`")
+
+    def __init__(self, params: PotentialFieldParams, context: VehicleContext) -> None:
+        super().__init__(params, context)
+        self._context, self._others = context, params.treat_as_obstacles
+        self._nearby, self._follower = Nearby(context, self._others), Follower()
+
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
+        p, follower = self.params, self._follower
+        if p.treat_as_obstacles is not self._others:
+            self._others = p.treat_as_obstacles
+            self._nearby = Nearby(self._context, self._others)
+        follower.resume(setpoint, tick)
+        repelled = self._repulsion(tick)
+        if setpoint.kind is SetpointKind.POSITION:
+            return self._shifted(setpoint, repelled, tick.dt)
+        if repelled is ZERO:
+            return setpoint
+        velocity = add(setpoint.velocity or ZERO, shortened(repelled, p.speed))
+        return setpoint._replace(velocity=velocity, acceleration=ZERO, jerk=None)
+
+    def _repulsion(self, tick: Tick) -> Vec3:
+        p = self.params
+        farthest = max(p.farthest, p.nearest + 1e-3)
+        potential = Potential(p.level, p.above, p.nearest, farthest, p.gain, p.saturation)
+        near = self._nearby.near(tick.known().position, 0.0, tick, lambda _: potential.reach)
+        return push(near, potential)
+
+    def _shifted(self, setpoint: Setpoint, repelled: Vec3, dt: float) -> Setpoint:
+        p, follower, asked = self.params, self._follower, motion_of(setpoint)
+        if repelled is ZERO and not follower.behind:
+            follower.join(asked.position, asked.velocity)
+            return setpoint
+        goal = follower.pursuit(asked, p.velocity, p.acceleration, dt)
+        goal = shortened(add(goal, repelled), p.velocity)
+        change = shortened(sub(goal, follower.velocity), p.acceleration * dt)
+        if repelled is ZERO and follower.has_caught_up(asked, p.acceleration, dt):
+            follower.join(asked.position, asked.velocity)
+            return setpoint
+        return follower.advance(change, dt).setpoint_like(setpoint)
