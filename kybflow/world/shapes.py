@@ -163,8 +163,12 @@ class Plane(NamedTuple):
 Shape = Box | Cylinder | Sphere | Plane
 
 
+_TURNING = 1.5
+
+
 class MovingSphere(NamedTuple):
-    """A ball that goes along straight lines through `along`, there and back, at `speed` (m/s)."""
+    """A ball that goes along straight lines through `along`, there and back, at up to `speed`
+    (m/s); it starts and stops with 1.5 m/s^2 at each point."""
 
     along: tuple[Vec3, ...]
     radius: float
@@ -172,14 +176,44 @@ class MovingSphere(NamedTuple):
 
     def at(self, seconds: float) -> Vec3:
         """Return where its centre is so long after the start."""
-        lengths = [distance(a, b) for a, b in pairwise(self.along)]
-        whole = sum(lengths)
-        if whole == 0.0:
-            return self.along[0]
-        gone = self.speed * seconds % (2.0 * whole)
-        left = gone if gone <= whole else 2.0 * whole - gone
-        for (a, b), length in zip(pairwise(self.along), lengths, strict=True):
-            if left <= length and length > 0.0:
-                return add(a, scale(sub(b, a), left / length))
-            left -= length
-        return self.along[-1]
+        there = [_Leg.between(a, b, self.speed) for a, b in pairwise(self.along)]
+        legs = [*there, *(leg.turned() for leg in reversed(there))]
+        whole = sum(leg.duration for leg in legs)
+        left = seconds % whole if whole > 0.0 else 0.0
+        for leg in legs:
+            if left < leg.duration:
+                return leg.at(left)
+            left -= leg.duration
+        return self.along[0]
+
+
+class _Leg(NamedTuple):
+    """A line from rest to rest: its speed rises for `ramp` seconds to `speed`, and falls so."""
+
+    start: Vec3
+    end: Vec3
+    speed: float
+    ramp: float
+    duration: float
+
+    @classmethod
+    def between(cls, start: Vec3, end: Vec3, speed: float) -> _Leg:
+        length = distance(start, end)
+        speed = min(speed, sqrt(_TURNING * length))
+        ramp = speed / _TURNING
+        return cls(start, end, speed, ramp, length / speed + ramp if speed > 0.0 else 0.0)
+
+    def turned(self) -> _Leg:
+        return self._replace(start=self.end, end=self.start)
+
+    def at(self, time: float) -> Vec3:
+        left = self.duration - time
+        if time < self.ramp:
+            gone = 0.5 * _TURNING * time * time
+        elif left < self.ramp:
+            gone = self.speed * (self.duration - self.ramp) - 0.5 * _TURNING * left * left
+        else:
+            gone = self.speed * (time - 0.5 * self.ramp)
+        return add(
+            self.start, scale(sub(self.end, self.start), gone / distance(self.start, self.end))
+        )

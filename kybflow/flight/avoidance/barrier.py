@@ -13,7 +13,7 @@ Egerstedt (T-RO 2017), whose a is that of both together. It stays so where
 u being the acceleration; the last term, for what is round, is how fast n turns. Below d = 0 it
 leads out of it again, with at most 0.3 m/s. Of all u that hold for everything near and are within
 `strongest` along each axis, the one nearest to what is wanted is found, exactly, as a quadratic
-program (DAQP). Where there is none, the vehicle can only brake.
+program (DAQP). Where there is none, the largest demand that is missed is made as small as possible.
 
 Two vehicles share what r allows, as in the paper by their a, half each. What it demands (r < 0) the
 paper shares too, and here each does the whole of it: who lands, waits or is flown by a person does
@@ -35,6 +35,7 @@ _BACK = 0.3
 _SHARE = 0.9
 """Of `strongest`, the most that is demanded, so that no demand alone is beyond it."""
 _EXACT = 1e-9
+_MISSED, _UNBOUNDED = 1e3, 1e30
 _STEEP = 0.7
 """The least part of a heading along -n that is one for it."""
 
@@ -94,23 +95,40 @@ def filtered(wanted: Vec3, demands: Sequence[Demand], strongest: float) -> Vec3 
 
 
 def _solved(wanted: Vec3, demands: Iterable[Demand], strongest: float) -> Vec3 | None:
+    x = _minimised(wanted, [(*normal, least) for normal, least in demands], strongest)
+    return None if x is None else (x[0], x[1], x[2])
+
+
+def _minimised(
+    wanted: Sequence[float], rows: Sequence[Sequence[float]], strongest: float
+) -> list[float] | None:
+    """Return the x nearest to `wanted` with row . x >= the row's last number and three components
+    within `strongest`; a fourth, how much is missed, costs a thousand times as much."""
     import daqp
     import numpy as np
 
-    rows = [(*normal, least) for normal, least in demands]
-    matrix = np.array(rows)
-    if not (np.isfinite(matrix).all() and np.isfinite(wanted).all()):
+    matrix, target = np.array(rows), np.array(wanted, dtype=float)
+    if not (np.isfinite(matrix).all() and np.isfinite(target).all()):
         raise ValueError(f"what is near is not finite: {rows}, {wanted}")
-    free = np.full(len(rows), 1e30)
-    bound = np.full(3, strongest)
+    cost = np.ones(len(target))
+    cost[3:] = _MISSED
+    bound = np.full(len(target), strongest)
+    bound[3:] = _UNBOUNDED
     x, _, flag, _ = daqp.solve(
-        np.eye(3),
-        -np.array(wanted, dtype=float),
-        np.ascontiguousarray(matrix[:, :3]),
-        np.concatenate((bound, free)),
-        np.concatenate((-bound, matrix[:, 3])),
+        np.diag(cost),
+        -target,
+        np.ascontiguousarray(matrix[:, :-1]),
+        np.concatenate((bound, np.full(len(rows), _UNBOUNDED))),
+        np.concatenate((-bound, matrix[:, -1])),
     )
-    return (float(x[0]), float(x[1]), float(x[2])) if flag >= 1 else None
+    return [float(number) for number in x] if flag >= 1 else None
+
+
+def least_bad(wanted: Vec3, demands: Sequence[Demand], strongest: float) -> Vec3 | None:
+    """Return the acceleration within `strongest` that misses the demands by as little as possible;
+    None if there is no telling."""
+    x = _minimised((*wanted, 0.0), [(*normal, 1.0, least) for normal, least in demands], strongest)
+    return None if x is None else (x[0], x[1], x[2])
 
 
 def stopped(

@@ -17,7 +17,15 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, norm, scale, sub
 from kybflow.core.signals import NEVER, NS, Setpoint, SetpointKind, Tick, Time, Told
-from kybflow.flight.avoidance.barrier import Demand, braked, demand, filtered, reach_of, stopped
+from kybflow.flight.avoidance.barrier import (
+    Demand,
+    braked,
+    demand,
+    filtered,
+    least_bad,
+    reach_of,
+    stopped,
+)
 from kybflow.flight.avoidance.detour import Detour
 from kybflow.flight.avoidance.surroundings import Nearby, Witness
 from kybflow.flight.governor import Follower, shortened
@@ -25,7 +33,7 @@ from kybflow.flight.motion import motion_of
 from kybflow.world.vehicle_context import Airframe
 
 BLOCKED: Mapping[str, tuple[str, ...]] = {"avoidance_blocked": ("reason",)}
-"""What is told of a vehicle that brakes because what is near leaves no way."""
+"""What is told of a vehicle to which what is near leaves no way."""
 _POSITION, _VELOCITY = SetpointKind.POSITION, SetpointKind.VELOCITY
 _STRONGEST, _TILT_SHARE, _PLANNED = 3.0, 0.8, 0.8
 """The largest acceleration, m/s^2, and of what the airframe's tilt gives; of that, the most with
@@ -65,7 +73,7 @@ class Avoidance:
         given = self.keep_off(setpoint, tick, keeping)
         if not self._gets_stuck:
             return given
-        reason = "what is near leaves no way: it brakes"
+        reason = "what is near leaves no way: it brakes, and gives way"
         return Told(given, "avoidance_blocked", {"reason": reason})
 
     def keep_off(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint:
@@ -105,7 +113,9 @@ class Avoidance:
             return given
         self._gets_stuck = tick.now - self._stuck > NS
         self._stuck = tick.now
-        return braked(velocity, strongest, tick.dt)
+        slowing = braked(velocity, strongest, tick.dt)
+        least = least_bad(slowing, demands, strongest)
+        return slowing if least is None else least
 
     def _followed(
         self, setpoint: Setpoint, demands: list[Demand], keeping: Keeping, most: float, tick: Tick

@@ -1,8 +1,8 @@
 """Where the moving obstacles are, looked at once a tick, for everybody.
 
-The velocity of one is that of its last tenth of a second. One that is not seen for half a second is
-told as `obstacle_lost`, and as `obstacle_found` when it is seen again; whoever keeps away from it
-takes it to be larger meanwhile, by how far it can have gone. World frame, SI.
+The velocity of one is that of its last twentieth of a second. One that is not seen for half a
+second is told as `obstacle_lost`, and as `obstacle_found` when it is seen again; whoever keeps away
+from it takes it to be larger meanwhile, by how far it can have gone. World frame, SI.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from kybflow.world.shapes import MovingSphere
 
 LOST: Time = NS // 2
 """How long one may not be seen until that is told."""
-_OVER: Time = NS // 10
+_OVER: Time = NS // 20
 
 Look = Callable[[str, Time], Vec3 | None]
 """Returns where an obstacle is seen at a time, None where it isn't."""

@@ -11,8 +11,8 @@ which would hold back its evasions.
 
 All other vehicles are kept away from, by their estimates, or those in `treat_as_obstacles` alone:
 in a formation, the one that has left it. Nobody is relied on to give way. Where what is near leaves
-no way it brakes and tells `avoidance_blocked`. It acts in behaviors that stay in the air. Metres,
-world frame.
+no way it brakes, gives way to what presses hardest, and tells `avoidance_blocked`. It acts in
+behaviors that stay in the air. Metres, world frame.
 """
 
 from __future__ import annotations

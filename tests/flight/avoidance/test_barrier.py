@@ -13,6 +13,7 @@ from kybflow.flight.avoidance.barrier import (
     braked,
     demand,
     filtered,
+    least_bad,
     reach_of,
     stoppable,
     stopped,
@@ -118,3 +119,9 @@ def test_vehicles_share_what_is_allowed_and_each_does_what_is_demanded() -> None
     asked = demand(near, 0.0, fast, BRAKING, STRONGEST)
     assert asked.least > 0.0
     assert asked == demand(lone, 0.0, fast, BRAKING, STRONGEST)
+
+
+def test_where_there_is_no_way_what_is_missed_is_shared() -> None:
+    asked = [Demand((1.0, 0.0, 0.0), 1.0), Demand((-1.0, 0.0, 0.0), 0.5)]
+    found = least_bad((0.0, 1.0, 0.0), asked, STRONGEST)
+    assert found == pytest.approx((0.25, 1.0, 0.0), abs=1e-2)

@@ -1,9 +1,11 @@
 """Moving obstacles: where they are, how fast they go, and that nobody sees them any more."""
 
+from itertools import pairwise
+
 import pytest
 from part_bench import SITE
 
-from kybflow.core.geometry import ZERO
+from kybflow.core.geometry import ZERO, norm, scale, sub
 from kybflow.core.signals import NS, Event, SeenObstacle, Tick
 from kybflow.flight.avoidance.surroundings import Nearby
 from kybflow.runtime.events import Events
@@ -15,12 +17,23 @@ BALL = MovingSphere(((0.0, 0.0, 1.0), (1.0, 0.0, 1.0), (1.0, 1.0, 1.0)), 0.1, 0.
 STEP = NS // 100
 
 
-def test_it_goes_there_and_back() -> None:
+def test_it_goes_there_and_back_and_stops_at_each_point() -> None:
+    ramp = 0.5 / 1.5
+    leg = 1.0 / 0.5 + ramp
     assert BALL.at(0.0) == (0.0, 0.0, 1.0)
-    assert BALL.at(3.0) == pytest.approx((1.0, 0.5, 1.0))
-    assert BALL.at(5.0) == pytest.approx((1.0, 0.5, 1.0))
-    assert BALL.at(8.0) == pytest.approx((0.0, 0.0, 1.0))
+    assert BALL.at(0.5 * leg) == pytest.approx((0.5, 0.0, 1.0))
+    assert BALL.at(leg) == pytest.approx((1.0, 0.0, 1.0))
+    assert BALL.at(1.5 * leg) == pytest.approx((1.0, 0.5, 1.0))
+    assert BALL.at(2.5 * leg) == pytest.approx((1.0, 0.5, 1.0))
+    assert BALL.at(4.0 * leg) == pytest.approx((0.0, 0.0, 1.0), abs=1e-9)
     assert MovingSphere(((1.0, 2.0, 3.0),), 0.1, 0.5).at(7.0) == (1.0, 2.0, 3.0)
+
+
+def test_it_is_no_faster_than_told_and_never_jolts() -> None:
+    places = [BALL.at(0.01 * i) for i in range(2000)]
+    speeds = [scale(sub(b, a), 100.0) for a, b in pairwise(places)]
+    assert max(norm(v) for v in speeds) == pytest.approx(0.5, abs=1e-6)
+    assert max(norm(sub(b, a)) for a, b in pairwise(speeds)) < 0.0151
 
 
 def test_its_velocity_is_that_of_late() -> None:
@@ -28,7 +41,7 @@ def test_its_velocity_is_that_of_late() -> None:
     for i in range(100):
         moving.step(i * STEP)
     seen = moving.seen["ball"]
-    assert seen.position == pytest.approx((0.495, 0.0, 1.0))
+    assert seen.position == pytest.approx(BALL.at(0.99))
     assert seen.velocity == pytest.approx((0.5, 0.0, 0.0))
 
 
