@@ -36,7 +36,7 @@ _SHARE = 0.9
 """Of `strongest`, the most that is demanded, so that no demand alone is beyond it."""
 _EXACT = 1e-9
 _MISSED, _UNBOUNDED = 1e3, 1e30
-_STEEP = 0.7
+_STEEP = 0.3
 """The least part of a heading along -n that is one for it."""
 
 
@@ -146,6 +146,7 @@ def stopped(
         given = add(wanted, scale(change, max(shares)))
         if max(shares) <= 1.0 and all(d.holds(given) for d in demands):
             return given
+        return filtered(brake, demands, strongest)
     return filtered(wanted, demands, strongest)
 
 

@@ -54,7 +54,7 @@ def test_it_stops_before_a_pillar(kind: SetpointKind) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_slides_along_a_wall(kind: SetpointKind) -> None:
     wall = Plane((0.0, 0.5, 0.0), (0.0, -1.0, 0.0))
-    way = pushed(SITE._replace(obstacles={"wall": wall}), kind, (0.4, 0.15, 0.0), 4.0)
+    way = pushed(SITE._replace(obstacles={"wall": wall}), kind, (0.4, 0.1, 0.0), 6.0)
     assert min(wall.distance(p) for p in way) > KEPT - 5e-3
     assert way[-1][0] > 1.4
 
