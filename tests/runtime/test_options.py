@@ -24,6 +24,9 @@ class Holder:
         self.params: dict[str, Any] = {
             "processors.limit_speed": spec.params(),
             "driver": sim.params(),
+            "processors.avoid_obstacles": load_catalog()
+            .get("processors", "avoid_obstacles")
+            .params(),
         }
 
     def parameters(self) -> dict[str, Any]:
@@ -71,3 +74,18 @@ def test_a_refused_change_says_why_and_changes_nothing(options, told, name, valu
     assert options.get(NAME) == 1.0
     assert [e.name for e in told] == ["option_refused"]
     assert reason in str(told[0].fields["reason"])
+
+
+@pytest.mark.parametrize(("value", "names"), [("[mk]", ("mk",)), ("[]", ()), (("mk",), ("mk",))])
+def test_names_of_vehicles_are_a_list(options, value, names):
+    name = "mk.processors.avoid_obstacles.treat_as_obstacles"
+    options.set(name, value, by="test")
+    options.apply()
+    assert options.get(name) == names
+
+
+def test_a_vehicle_that_is_not_there_is_refused(options, told):
+    name = "mk.processors.avoid_obstacles.treat_as_obstacles"
+    with pytest.raises(OptionRefused, match="there is no vehicle `nobody`"):
+        options.set(name, "[mk, nobody]", by="test")
+    assert told[-1].name == "option_refused"
