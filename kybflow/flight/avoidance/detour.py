@@ -6,10 +6,13 @@ from math import cos, sin
 
 from kybflow.core.geometry import Vec3, dot, norm
 from kybflow.flight.avoidance.barrier import Demand
+from kybflow.flight.avoidance.clearance import bounded, walls
+from kybflow.world.shapes import Box
 
 _TURNING, _RETURNING, _FARTHEST = 1.5, 0.5, 1.9
 """rad/s, rad/s, rad."""
 _SLOW = 0.05
+_INSIDE = 0.3
 _IMMINENT = 1.0
 
 
@@ -18,14 +21,18 @@ class Detour:
     pass each other, and those who meet in a point go round it one way.
 
     The angle grows by `_TURNING` while less than half of the wanted speed is made towards the goal
-    and something ahead is what forbids more, and shrinks otherwise.
+    and something ahead is what forbids more, and shrinks otherwise. It does not lead out of the
+    fence, nor nearer to it than 30 cm.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, fence: Box | None) -> None:
         self._angle = 0.0
+        self._room = None if fence is None else fence.grown((-_INSIDE, -_INSIDE, 0.0))
 
-    def turned(self, goal: Vec3, velocity: Vec3, demands: list[Demand], dt: float) -> Vec3:
-        """Return the velocity to pursue in place of `goal`."""
+    def turned(
+        self, goal: Vec3, place: Vec3, velocity: Vec3, demands: list[Demand], dt: float
+    ) -> Vec3:
+        """Return the velocity to pursue in place of `goal` from `place`."""
         length = norm(goal)
         blocked = (
             length > _SLOW
@@ -38,4 +45,5 @@ class Detour:
             return goal
         c, s = cos(self._angle), sin(self._angle)
         x, y, z = goal
-        return (c * x + s * y, c * y - s * x, z)
+        turned = (c * x + s * y, c * y - s * x, z)
+        return turned if self._room is None else bounded(turned, walls(place, self._room))

@@ -126,7 +126,7 @@ class Avoidance:
             return setpoint
         goal = follower.pursuit(asked, keeping.speed, keeping.braking, dt)
         if self._detour is not None:
-            goal = self._detour.turned(goal, follower.velocity, demands, dt)
+            goal = self._detour.turned(goal, follower.position, follower.velocity, demands, dt)
         wanted = scale(shortened(sub(goal, follower.velocity), most * dt), 1.0 / dt)
         given = self._allowed(wanted, follower.velocity, demands, most, tick)
         if given is wanted and follower.has_caught_up(asked, keeping.braking, dt):
@@ -149,7 +149,7 @@ class Avoidance:
         before, asked = self._follower.velocity, setpoint.velocity or ZERO
         goal = asked
         if self._detour is not None and demands:
-            goal = self._detour.turned(asked, before, demands, dt)
+            goal = self._detour.turned(asked, tick.known().position, before, demands, dt)
         wanted = scale(sub(goal, before), 1.0 / dt)
         given = self._allowed(wanted, before, demands, most, tick)
         if goal is asked and given is wanted:

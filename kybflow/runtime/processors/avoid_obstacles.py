@@ -55,7 +55,9 @@ class AvoidObstacles(Processor[AvoidObstaclesParams]):
     def __init__(self, params: AvoidObstaclesParams, context: VehicleContext) -> None:
         super().__init__(params, context)
         self._context, self._others = context, params.treat_as_obstacles
-        self._avoidance = Avoidance(context.airframe, Nearby(context, self._others), Detour())
+        self._avoidance = Avoidance(
+            context.airframe, Nearby(context, self._others), Detour(context.fence)
+        )
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Told:
         p = self.params
