@@ -121,7 +121,7 @@ class Avoidance:
         self, setpoint: Setpoint, demands: list[Demand], keeping: Keeping, most: float, tick: Tick
     ) -> Setpoint:
         follower, asked, dt = self._follower, motion_of(setpoint), tick.dt
-        if not follower.behind and (not demands or self._passes(setpoint, demands, dt)):
+        if not follower.behind and self._passes(setpoint, demands, dt):
             follower.join(asked.position, asked.velocity)
             return setpoint
         goal = follower.pursuit(asked, keeping.speed, keeping.braking, dt)
@@ -140,7 +140,7 @@ class Avoidance:
         mean = scale(add(velocity, before.velocity), 0.5 * dt)
         jump = norm(sub(sub(setpoint.position or ZERO, before.position), mean))
         change = scale(sub(velocity, before.velocity), 1.0 / dt)
-        return jump <= _JUMP and all(d.holds(change) for d in demands)
+        return jump <= (_JUMP if demands else _LEAP) and all(d.holds(change) for d in demands)
 
     def _slewed(
         self, setpoint: Setpoint, demands: list[Demand], most: float, tick: Tick
@@ -164,5 +164,6 @@ def _reach(keep: float, braking: float, strongest: float, speed: float) -> float
     return keep + reach_of(speed, braking, strongest)
 
 
-_JUMP = 1e-3
-"""The largest step in position, beside the velocity, that passes where something is near, m."""
+_JUMP, _LEAP = 1e-3, 0.05
+"""The largest step in position, beside the velocity, that passes where something is near, and where
+nothing is, m."""

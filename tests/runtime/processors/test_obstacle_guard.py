@@ -109,3 +109,12 @@ def test_between_what_closes_in_it_brakes_and_says_so_once() -> None:
     assert all(
         distance(a.position or ZERO, place) < 1e-9 for a in answers if isinstance(a, Setpoint)
     )
+
+
+def test_a_setpoint_that_jumps_into_a_pillar_stops_before_it() -> None:
+    guard, last = ObstacleGuard(ObstacleGuardParams(), PLACE), at_rest((-1.5, 0.0, 1.0))
+    inside = at_rest((1.0, 0.0, 1.0))
+    for i in range(1500):
+        last = guard(inside if i else last, tick(i * DT, estimate(last.position), last))
+        assert PILLAR.distance(last.position) > KEPT - 5e-3
+    assert PILLAR.distance(last.position) < KEPT + 0.05
