@@ -46,6 +46,7 @@ KEYS = {
     "{height: 1,5 m}": "`height: 1.5 m`",
     "{height: 1 ,5 m}": "`height: 1.5 m`",
     "{at: 1, 2, 3}": "`at: [1, 2, 3]`",
+    "{at: (1, 2, 3)}": "`at: [1, 2, 3]`",
     "{mass: 1,000 g}": "`mass: 1000 g` where thousands are meant",
     "{when: x > 1,5 m, go: b}": "`when: x > 1.5 m`",
     "{within 2 s}": "`within: 2 s`",
