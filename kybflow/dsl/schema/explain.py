@@ -239,6 +239,8 @@ def meant(part: str, key: str, node: Mapping, known: Schemas, beside: frozenset[
     parameters, the one parameter that fits the value; else every parameter."""
     if not known:
         return f"`{part}` has no parameters"
+    if key.lower() in known and key.lower() in node.entries:
+        return f"`{key.lower()}` is written, too: remove one of them"
     one = nearest(key, known) or nearest(key, beside, _SURE)
     near = [one] if one else []
     if not near and "for" in beside:  # a fault: what it is to do could be meant as well as when
