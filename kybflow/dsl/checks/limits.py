@@ -131,7 +131,7 @@ def implausible(case: Case) -> Iterator[Diagnostic]:
     diameter in millimetres or rotors that take seconds.
 
     Judged are disc loading, radius of gyration, torque ratio and rotor time, and of a payload its
-    size under the airframe and its density, by what was ever built (`kybflow.world.plausible`).
+    size under the airframe and its density (`kybflow.world.plausible`).
     """
     for doubt in case.cached(_implausible):
         if doubt.found.is_certain:
