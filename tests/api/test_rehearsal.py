@@ -349,5 +349,24 @@ def test_what_an_input_at_rest_steers_goes_on(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+def test_one_that_starts_on_an_obstacle_lands_there(tmp_path: Path) -> None:
+    head = f"{HEAD}  obstacles: {{table: {{box: {{from: [-1, -1, 0], to: [1, 1, 0.5]}}}}}}\n"
+    plan, texts = planned(ALONE.replace("at: [0, 0, 0]", "at: [0, 0, 0.5]"), tmp_path, head)
+
+    assert found(rehearse(plan, texts=texts)) == []
+
+
+def test_a_watch_that_fails_is_no_clean_rehearsal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def raises(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("kybflow.api.rehearsal.watch.Watch.look", raises)
+
+    with pytest.raises(RuntimeError, match="could not be watched: ZeroDivisionError"):
+        rehearsed(ALONE, tmp_path)
+
+
 def test_it_repeats_exactly(tmp_path: Path) -> None:
     assert rehearsed(SWAP, tmp_path) == rehearsed(SWAP, tmp_path)

@@ -120,7 +120,7 @@ class IdealVehicle(Link):
         before = self.state
         self.state = state = moved(before, command, self.context.airframe, self._mass, dt)
         x, y, z = state.position
-        ground = self._ground(state.position, dt)
+        ground = self._ground(state.position, before.position[2])
         self.is_down = z <= ground
         self._has_lifted = self._has_lifted or z > ground + LIFTED
         if not self.is_down:
@@ -130,11 +130,11 @@ class IdealVehicle(Link):
             self.tell_touch(Touch("the floor", carries=True))
         self.state = stopped(before, (x, y, ground), dt)
 
-    def _ground(self, place: Vec3, dt: float) -> float:
-        """Return the height of what would carry the vehicle at `place`, where it has sunk to in the
-        last `dt` seconds."""
+    def _ground(self, place: Vec3, height: float) -> float:
+        """Return the height of what would carry the vehicle at `place`, where it came to from
+        `height`."""
         x, y, z = place
-        from_above = z - min(self.state.velocity[2], 0.0) * dt + LEGS
+        from_above = max(z, height) + LEGS
         context = self.context
         arm, (sx, sy, start) = context.airframe.arm, context.start
         highest = min(FLOOR, start)
@@ -156,7 +156,7 @@ class IdealVehicle(Link):
         """Return where a payload that is let go at `place` comes to rest, its centre."""
         assert self.context.payload is not None
         (x, y, z), (vx, vy, _) = place, self.state.velocity
-        ground = self._ground(place, 0.0)
+        ground = self._ground(place, z)
         falls = sqrt(2.0 * max(0.0, z - ground) / GRAVITY)
         return (x + vx * falls, y + vy * falls, ground - LEGS + 0.5 * self.context.payload.size)
 
