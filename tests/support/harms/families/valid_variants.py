@@ -219,11 +219,12 @@ def the_other_airframe(mission: Mission) -> Changes:
 
 @valid
 def the_other_fitting_tracker(mission: Mission) -> Changes:
-    """The tracker `velocity` or `geometric`, as they come."""
+    """The tracker `geometric`, as it comes, or `velocity` where it leaves enough of a margin."""
     for vehicle in mission.own():
         if mission.at("tracker", of=vehicle.node) is None:
             yield change(add(vehicle.node, "tracker: {use: geometric}"))
-            yield change(add(vehicle.node, "tracker: velocity"))
+            if not _library(mission, vehicle.node):
+                yield change(add(vehicle.node, "tracker: velocity"))
 
 
 @valid
@@ -280,12 +281,12 @@ def sensible_supervisors(mission: Mission) -> Changes:
 
 @valid
 def a_severer_reaction(mission: Mission) -> Changes:
-    """It flies home when it leaves the fence; a tilted one cuts its rotors, as the docs advise."""
+    """It flies home when it leaves the fence, and lands when its estimate jumps."""
     for vehicle in mission.own():
         if mission.at("supervisors", of=vehicle.node) is None and not _library(
             mission, vehicle.node
         ):
-            entries = "{use: fence, reaction: go_home}, {use: tilt, limit: 70 deg, reaction: cut}"
+            entries = "{use: fence, reaction: go_home}, {use: jump, reaction: land}"
             yield change(add(vehicle.node, f"supervisors: [{entries}]"))
 
 
