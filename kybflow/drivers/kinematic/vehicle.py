@@ -33,7 +33,7 @@ REPORTED: Time = NS // 10
 LIFTED = 0.01
 """Metres above the ground from which a touch of it is a new one."""
 NOISE = 1e-6
-"""A specific force, m/s^2: an IMU that says the same twice counts as stuck."""
+"""m/s^2, m: an IMU or a body that is twice the same counts as stuck."""
 
 
 class IdealVehicle(Link):
@@ -71,7 +71,7 @@ class IdealVehicle(Link):
         if Odometry in self._kinds:
             arrived.append(Odometry(now, place, velocity, attitude, rates, 0.0))
         if Pose in self._kinds:
-            arrived.append(Pose(now, place, attitude))
+            arrived.append(Pose(now, add(place, (0.0, 0.0, self._noise)), attitude))
         if Position in self._kinds:
             arrived.append(Position(now, place, ZERO))
         if now >= self._due:
@@ -107,7 +107,7 @@ class IdealVehicle(Link):
 
     def move(self, now: Time, dt: float) -> None:
         """Do for `dt` seconds, which end at `now`, what was commanded last."""
-        command, before = self._command, self.state
+        command, before, self._noise = self._command, self.state, -self._noise
         if command is None or (self.is_down and not command.armed):
             self.state = stopped(before, before.position, dt)
         else:
@@ -148,7 +148,6 @@ class IdealVehicle(Link):
 
     def _felt(self, now: Time, dt: float) -> Imu:
         ax, ay, az = self.state.acceleration
-        self._noise = -self._noise
         force = rotate_back(self.state.attitude, (ax, ay, az + GRAVITY + self._noise))
         return Imu(now, dt, force, self.state.rates)
 
