@@ -12,7 +12,7 @@ from kybflow.api.rehearsal.ideal import at_rest, ideal
 from kybflow.api.rehearsal.person import Assumed, Person
 from kybflow.api.rehearsal.watch import LeastCharge, LeastSeparation, Watch
 from kybflow.core.errors import PartFailed
-from kybflow.core.signals import NS, Event
+from kybflow.core.signals import Event
 from kybflow.dsl import rehearsed
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, has_errors, in_order
 from kybflow.dsl.plan import Plan
@@ -21,6 +21,7 @@ from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.events import Events
+from kybflow.runtime.expectations import Verdict
 from kybflow.runtime.fleet.inputs import Inputs
 from kybflow.runtime.making import parts_of
 from kybflow.runtime.observer import VehicleObserver
@@ -61,10 +62,12 @@ def rehearse(
     check_emitted(plan, (name for _, name in emitted))
     watch, commands = Watch(plan, texts), CommandQueue(emitted)
     person = Person(plan, commands, (name for _, name in emitted))
-    duration = 0.0
+    duration, verdicts = 0.0, tuple[Verdict, ...]()
     try:
-        duration = _flown(plan, watch, person, commands, options)
+        duration, verdicts = _flown(plan, watch, person, commands, options)
         found = watch.diagnostics
+        if not (found or person.assumed or at_rest(plan)):
+            found = tuple(rehearsed.unmet(v.text, v.at, texts) for v in verdicts if not v.held)
     except PartFailed as failure:
         found = (_not_made(plan, failure, texts),)
     return Rehearsal(
@@ -79,8 +82,9 @@ def _flown(
     person: Person,
     commands: CommandQueue,
     options: Sequence[tuple[str, str]],
-) -> float:
-    """Fly the ideal plan to its end; return how long it took, seconds."""
+) -> tuple[float, tuple[Verdict, ...]]:
+    """Fly the ideal plan to its end; return how long it took, seconds, and what became of its
+    expectations."""
     flown, blind = ideal(plan), _Blind()
     events = Events((watch.hear, blind.hear))
     clock, score = SimulatedClock(flown.control_rate), Score(flown)
@@ -100,12 +104,13 @@ def _flown(
         for name, value in options:
             engine.options.set(name, value, "command line")
         watch.begin(engine)
-        engine.run()
+        unfinished = engine.run()
         watch.end(engine)
         blind.judge()
     finally:
         devices.close()
-    return clock.now / NS
+    seconds = engine.seconds()
+    return seconds, engine.judge.verdicts(None if unfinished else seconds)
 
 
 class _Blind:

@@ -1,7 +1,7 @@
 """Makes the mutants of the operators and judges them: whether each is told of, and at its line.
 
-A judge is `(path, mutant) -> findings`: `validated` asks the compiler, `rehearsed` flies the mission
-on ideal vehicles.
+A judge is `(path, mutant) -> findings`: `validated` asks the compiler, `rehearsed` flies the
+mission on ideal vehicles.
 """
 
 from __future__ import annotations
