@@ -100,13 +100,18 @@ Told = tuple[str, Verdict]
 """Who told of a mutant, empty where nobody did, and what."""
 
 
-def verdicts(mission: Mission, folder: Path, operators: Iterable[Operator]) -> Iterator[Told]:
+def verdicts(
+    mission: Mission,
+    folder: Path,
+    operators: Iterable[Operator],
+    judges: tuple[tuple[str, Judge], ...] = JUDGES,
+) -> Iterator[Told]:
     """Each mutant of a mission and who told of it, empty where nobody did. `folder` has the
     library."""
     for mutant in mutants(mission, operators):
         path = folder / mutant.mission
         path.write_text(mutant.text, encoding="utf-8")
-        for name, judge in JUDGES:
+        for name, judge in judges:
             findings = judge(path, mutant)
             if findings:
                 yield name, Verdict(mutant, findings)

@@ -46,8 +46,8 @@ def a_little_lower(mission: Mission) -> Changes:
 
 @valid
 def a_fifth_slower(mission: Mission) -> Changes:
-    """It flies a fifth slower than before."""
-    yield from _scaled(mission, "speed", 0.8, "circle", "fly_to", "follow_path", "steer")
+    """It flies a fifth slower than before; where hands lead it then, is another matter."""
+    yield from _scaled(mission, "speed", 0.8, "circle", "fly_to", "follow_path")
 
 
 @valid
@@ -320,9 +320,9 @@ def an_obstacle_in_a_corner(mission: Mission) -> Changes:
 
 @valid
 def a_larger_room(mission: Mission) -> Changes:
-    """A fence half a metre wider and higher."""
+    """A fence half a metre wider and higher, in which nobody steers against it."""
     corner = mission.at("world", "fence", "to")
-    if corner is not None:
+    if corner is not None and "do: steer" not in mission.text:
         texts = ", ".join(f"{float(n.value) + 0.5:g}" for n in corner.value)
         yield change(put(corner, f"[{texts}]"))
 
