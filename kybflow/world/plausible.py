@@ -9,6 +9,7 @@ in hardware as RotorPy has it:
     radius of gyration   sqrt(I / m) over the diameter: 0.20 to 0.47 about x and y, 0.27 to 0.51
                          about z; with all of the mass at the hubs 0.35 and 0.5
     torque ratio         over the rotor's radius, C_Q / C_T: 0.12 to 1.6
+    drag                 0.12 to 0.45 1/s
     rotor time           5 to 72 ms; 107 ms without a speed loop (hector_quadrotor)
 
 The bounds of what is usual and of what can't be are chosen, with room around these. SI; r is a
@@ -21,7 +22,7 @@ from collections.abc import Iterator
 from math import cos, pi, sqrt
 from typing import NamedTuple
 
-from kybflow.core.units import DURATION, LENGTH, Dimension, format_quantity
+from kybflow.core.units import DAMPING, DURATION, LENGTH, Dimension, format_quantity
 from kybflow.world.vehicle_context import Airframe, Parcel
 
 
@@ -52,6 +53,7 @@ _LOADING = Range(1.0, 10.0, 600.0, 4000.0)
 _GYRATION = Range(0.04, 0.1, 0.55, 0.75)
 _TORQUE = Range(0.005, 0.03, 2.0, 10.0)
 _ROTOR_TIME = Range(0.0005, 0.004, 0.15, 0.4)
+_DRAG = Range(0.0, 0.0, 2.0, 10.0)
 _POWERFUL = 15.0
 """Half as much again as any of these has."""
 _ENDURANCE = Range(0.0, 30.0, 7200.0, 86400.0)
@@ -93,6 +95,7 @@ def _rotors(airframe: Airframe) -> Iterator[Implausible]:
         usual = f"{low * 100:.2g} to {high * 100:.2g} cm for its rotors"
         is_certain = not _TORQUE.has(ratio / radius, True)
         yield Implausible(("torque_ratio",), found, usual, is_certain)
+    yield from _unusual("drag", airframe.drag, _DRAG, DAMPING)
     yield from _unusual("rotor_time", airframe.rotor_time, _ROTOR_TIME, DURATION)
 
 

@@ -53,6 +53,8 @@ def test_airframes_of_others_are_plausible(name: str) -> None:
         (replace(MK, rotor_time=0.2), "rotor_time", False),
         (replace(MK, thrust=60.0), "mass", False),
         (replace(MK, endurance=10.0), "endurance", False),
+        (replace(MK, drag=60.0), "drag", True),
+        (replace(MK, drag=4.0), "drag", False),
     ],
 )
 def test_another_unit_is_told(changed: Airframe, parameter: str, is_certain: bool) -> None:
