@@ -24,6 +24,14 @@ class Seat(NamedTuple):
     params: Any
 
 
+class Charge(NamedTuple):
+    """The charge with which a battery begins: the driver's parameter that says it, and its share of
+    a full one."""
+
+    parameter: str
+    share: float
+
+
 class Session(ABC):
     """An open driver: the links of its vehicles, by name, and the world's time."""
 
@@ -115,6 +123,11 @@ class Driver(Part[P]):
     def inner_loop(cls, params: P, airframe: Airframe) -> InnerLoop | None:
         """Return what answers a tracker's commands on `airframe`, by which gains are designed; None
         where nothing is known of it."""
+        return None
+
+    @classmethod
+    def charge(cls, params: P) -> Charge | None:
+        """Return the charge with which a vehicle's battery begins; None where it isn't known."""
         return None
 
     @classmethod

@@ -6,9 +6,10 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import hypot, prod
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from kybflow.core.geometry import ZERO, Vec3, add
+from kybflow.core.params import fields_of
 from kybflow.core.signals import NS, Measurement, MeasurementKind, Time
 from kybflow.parts.base import P, Part
 from kybflow.vision.optics import SOUND, Weakness
@@ -200,6 +201,14 @@ class Fault(Part[P]):
     def __init__(self, params: P, generator: random.Random) -> None:
         self.params = params
         self.generator = generator
+
+    @classmethod
+    def is_nothing(cls, params: P) -> bool:
+        """Return whether it changes nothing with these parameters, as one whose vectors are all
+        zero."""
+        declared: Any = type(params)
+        vectors = [f.name for f in fields_of(declared) if f.shape == "vector"]
+        return bool(vectors) and all(not any(getattr(params, name)) for name in vectors)
 
     @abstractmethod
     def effects(self, vehicle: str) -> Mapping[str, Effect]:

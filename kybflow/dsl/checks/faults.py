@@ -1,4 +1,4 @@
-"""Faults: whom they break, when, and where that can be done: KYB330 to KYB336."""
+"""Faults: whom they break, when, and where that can be done: KYB330 to KYB336 and KYB438."""
 
 from __future__ import annotations
 
@@ -123,6 +123,22 @@ def of_no_effect(case: Case) -> Iterator[Diagnostic]:
             label=f"it flies on {known}",
             help="break another vehicle, or remove the fault",
         )
+
+
+def of_no_size(case: Case) -> Iterator[Diagnostic]:
+    """KYB438: a fault whose parameters leave nothing of it, such as a gust of `[0, 0, 0]` (a
+    warning). Each fault says so of itself."""
+    for fault in case.document.faults:
+        part = fault.part
+        if part.spec.cls.is_nothing(part.params):
+            yield Diagnostic(
+                "KYB438",
+                f"`{part.name.text}` changes nothing",
+                next(iter(part.spans.values()), part.name.span),
+                label="leaves everything as it is",
+                help="give it a size, or remove the fault",
+                severity=Severity.WARNING,
+            )
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:

@@ -66,12 +66,18 @@ class SteerParams:
     tilt: Angle = param(
         "Tilt of a full stick.", default=6 * pi / 180, above=0.0, below=0.6, read_only=True
     )
-    margin: Length = param("Kept from the fence.", default=0.3, at_least=0.0, tightens="up")
+    margin: Length = param(
+        "Kept from the fence.", default=0.3, at_least=0.0, tightens="up", room="across"
+    )
     clearance: Length = param(
-        "Kept between hubs and obstacles.", default=0.3, above=0.0, tightens="up"
+        "Kept between hubs and obstacles.", default=0.3, above=0.0, tightens="up", room="across"
     )
     lowest: Length = param(
-        "Least height above the ground of the start.", default=0.4, above=0.0, tightens="up"
+        "Least height above the ground of the start.",
+        default=0.4,
+        above=0.0,
+        tightens="up",
+        room="up",
     )
     patience: Duration = param(
         "How long it brakes for a lost input until it fails.", default=2.0, at_least=0.0
