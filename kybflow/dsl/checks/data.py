@@ -45,6 +45,8 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
         for name in (*vehicle.states, *BUILT_IN):
             behavior = case.behavior(vehicle, name)
             kind = behavior.emits if behavior is not None else SetpointKind.IDLE
+            if isinstance(kind, CommandKind) and name in BUILT_IN and driver.spec.cls.lands_blind:
+                continue
             key = kind, any(leg.start is leg.end for leg in case.legs(vehicle, name))
             if key not in walked:
                 walked[key] = _refusal(vehicle, *key)
