@@ -45,7 +45,7 @@ EXAMPLES = examples(
     "--latency", type=click.FloatRange(0.0, 1.0), default=0.0, help="Of a datagram, seconds."
 )
 @click.option(
-    "--jitter", type=click.FloatRange(0.0, 1.0), default=0.0, help="Its standard deviation."
+    "--jitter", type=click.FloatRange(0.0, 1.0), default=0.0, help="By how much it differs at most."
 )
 @click.option(
     "--loss", type=click.FloatRange(0.0, 0.9), default=0.0, help="The share that is lost."

@@ -32,11 +32,15 @@ if TYPE_CHECKING:
 @params
 class EmulatedArDroneParams(ArDroneLinkParams, SimParams):
     wifi_latency: Duration = param(
-        "How late what is sent arrives, each way, and as much is computed aboard.",
+        "How late what is sent arrives, each way.",
         default=0.015, at_least=0.0, at_most=0.5, read_only=True,
     )  # fmt: skip
     wifi_jitter: Duration = param(
-        "Standard deviation of that.", default=0.005, at_least=0.0, at_most=0.2, read_only=True
+        "By how much it is later or earlier at most, uniformly.",
+        default=0.01,
+        at_least=0.0,
+        at_most=0.2,
+        read_only=True,
     )
     wifi_loss: Ratio = param(
         "Datagrams that never arrive.", default=0.01, at_least=0.0, at_most=0.9, read_only=True

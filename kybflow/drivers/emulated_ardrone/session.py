@@ -83,6 +83,7 @@ class EmulatedSession(Session):
         ]
         self._fleet = open_fleet(seats, radios, generator)
         self._links: list[EmulatedLink] = []
+        self._now: Time = -PERIOD
         self._ports: list[Ports] = []
         try:
             for number, (seat, emulated) in enumerate(zip(seats, self._fleet.members, strict=True)):
@@ -99,7 +100,12 @@ class EmulatedSession(Session):
         }
 
     def advance(self, now: Time) -> None:
-        self._fleet.advance(now)
+        """However long a tick is, the drones step and the wires send at their own rates."""
+        while self._now < now:
+            self._now = min(now, self._now + PERIOD)
+            self._fleet.advance(self._now)
+            for link in self._links:
+                link.wire.poll(self._now)
         for link in self._links:
             link.update(now)
 

@@ -52,8 +52,9 @@ class DroneFailures(Failures):
 
 
 class OnboardDrone:
-    """The computer of one drone. `ignored`: what was not obeyed, by reason. `on_configuration`:
-    called with the values when they are asked for."""
+    """The computer of one drone. `ignored`: what was not obeyed, by reason. `is_lost`: nobody has
+    it; `times_lost`: how often somebody had it and was silent for too long. `on_configuration`:
+    called when the configuration is asked for."""
 
     def __init__(
         self, context: VehicleContext, body: SimulatedBody, generator: random.Random
@@ -65,7 +66,7 @@ class OnboardDrone:
         self.flight = DroneFlight(context.airframe, self.estimator, body)
         self.ignored: Counter[str] = Counter()
         self.on_configuration: Callable[[], None] = lambda: None
-        self.is_lost = True
+        self.is_lost, self.times_lost = True, 0
         self._body = body
         self._owner: Hashable = None
         self._sequence = -1
@@ -235,6 +236,7 @@ class OnboardDrone:
             self.flight.moves = None
         if silence > self.configuration.number("general:com_watchdog") * NS and not self.is_lost:
             self.is_lost, self._owner, self._sequence = True, None, -1
+            self.times_lost += 1
             self.flight.land(now)
 
     def _guard(self, now: Time) -> None:

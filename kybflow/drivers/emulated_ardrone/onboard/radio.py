@@ -16,8 +16,8 @@ T = TypeVar("T")
 
 
 class Radio(NamedTuple):
-    """latency: of a datagram, s. jitter: its standard deviation, s. loss: the share that never
-    arrives."""
+    """latency: of a datagram, s. jitter: by how much it is longer or shorter at most, s, uniformly.
+    loss: the share that never arrives."""
 
     latency: float = 0.0
     jitter: float = 0.0
@@ -39,7 +39,7 @@ class DelayLine(Generic[T]):
         latency, jitter, loss = self._radio
         if loss > 0.0 and self._generator.random() < loss:
             return
-        late = self._generator.gauss(latency, jitter) if jitter > 0.0 else latency
+        late = latency + jitter * (2.0 * self._generator.random() - 1.0)
         self._last = max(self._last, now + self.more + round(max(0.0, late) * NS))
         self._on_the_way.append((self._last, message))
 
