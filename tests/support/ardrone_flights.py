@@ -8,7 +8,7 @@ from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS
 from kybflow.drivers.ardrone.protocol.at import read_commands
 from kybflow.drivers.ardrone.transport.stream import CommandStream
-from kybflow.drivers.emulated_ardrone import EmulatedArDrone
+from kybflow.drivers.emulated_ardrone import EmulatedArdrone
 from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
@@ -24,7 +24,8 @@ VEHICLE = """  {name}:
     start: {{at: [{x}, 0, 0]}}
     behaviors:
       up: {{do: take_off, height: 1 m, then: turn, within: 20 s}}
-      turn: {{do: circle, center: [{x}, 0.5, 1], radius: 50 cm, speed: 40 cm/s, laps: {laps}, then: down}}
+      turn: {{do: circle, center: [{x}, 0.5, 1], radius: 50 cm, speed: 40 cm/s, laps: {laps},
+             then: down}}
       down: {{do: land}}
 """
 
@@ -47,10 +48,10 @@ def flown(text, out, *, ages=None, request=None, seed=0, **params):
     assert result.plan is not None, result.diagnostics
     sessions = []
 
-    class Kept(EmulatedArDrone):
+    class Kept(EmulatedArdrone):
         @classmethod
         def open(cls, seats, generator):
-            sessions.append(EmulatedArDrone.open(seats, generator))
+            sessions.append(EmulatedArdrone.open(seats, generator))
             return sessions[-1]
 
     def on(vehicle):

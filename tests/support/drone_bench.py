@@ -11,7 +11,7 @@ from kybflow.core.signals import NS
 from kybflow.drivers.ardrone.protocol import at
 from kybflow.drivers.ardrone.protocol.navdata.options import demo
 from kybflow.drivers.ardrone.protocol.navdata.packet import read_packet
-from kybflow.drivers.ardrone.protocol.navdata.state import Phase, State
+from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, Phase
 from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
 from kybflow.drivers.emulated_ardrone.ports.memory import MemoryPorts
 from kybflow.drivers.emulated_ardrone.session import PERIOD, open_fleet
@@ -22,8 +22,8 @@ PLAIN = replace(QUIET, physics=250.0)
 class DroneBench:
     """One drone. `fly`: what is sent every 20 ms from now on. `packets`: all that came."""
 
-    def __init__(self, radio=Radio(), seed=1, params=PLAIN):
-        self.fleet = open_fleet([seat(params=params)], [radio], random.Random(seed))
+    def __init__(self, radio=None, seed=1, params=PLAIN):
+        self.fleet = open_fleet([seat(params=params)], [radio or Radio()], random.Random(seed))
         self.endpoint = self.fleet.members[0].onboard
         self.drone, self.ports = self.endpoint.drone, MemoryPorts()
         self.endpoint.connect(self.ports)
@@ -84,4 +84,4 @@ class DroneBench:
         return self
 
 
-__all__ = ["DroneBench", "Phase", "Radio", "State", "at"]
+__all__ = ["DroneBench", "DroneState", "Phase", "Radio", "at"]

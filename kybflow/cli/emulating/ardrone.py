@@ -106,11 +106,11 @@ def _opened(
     """All drones, each at its ports. Raises DriverError."""
     import random
 
-    from kybflow.drivers.emulated_ardrone import EmulatedArDrone
+    from kybflow.drivers.emulated_ardrone import EmulatedArdrone
     from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
 
     hosts = [host_of(number, host) for number in range(len(seats))]
-    fleet = EmulatedArDrone.fleet(seats, radio, random.Random(seed))
+    fleet = EmulatedArdrone.fleet(seats, radio, random.Random(seed))
     stack.callback(fleet.close)
     for seat, where, member in zip(seats, hosts, fleet.members, strict=True):
         ports = SocketPorts(where)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Battery, CommandKind, Imu, Odometry
-from kybflow.drivers.ardrone.params import ArDroneLinkParams, ArDroneParams
+from kybflow.drivers.ardrone.params import ArdroneLinkParams, ArdroneParams
 from kybflow.parts import Driver, Objection, Seat, Session
 from kybflow.world.inner_loop import InnerLoop
 from kybflow.world.vehicle_context import Airframe, Parcel
@@ -28,7 +28,7 @@ CLIMB_TIME = 1.0 / 1.4
 DEAD_TIME = 0.005
 
 
-class ArDrone(Driver[ArDroneParams]):
+class Ardrone(Driver[ArdroneParams]):
     """Sockets are opened when it is."""
 
     accepts = frozenset({CommandKind.TILT_CLIMB})
@@ -44,15 +44,15 @@ class ArDrone(Driver[ArDroneParams]):
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {"ardrone": {}}
 
     @classmethod
-    def tracker(cls, params: ArDroneLinkParams) -> Mapping[str, str]:
+    def tracker(cls, params: ArdroneLinkParams) -> Mapping[str, str]:
         return TRACKER
 
     @classmethod
-    def control_rate(cls, params: ArDroneLinkParams) -> int:
+    def control_rate(cls, params: ArdroneLinkParams) -> int:
         return 100
 
     @classmethod
-    def inner_loop(cls, params: ArDroneLinkParams, airframe: Airframe) -> InnerLoop:
+    def inner_loop(cls, params: ArdroneLinkParams, airframe: Airframe) -> InnerLoop:
         """The airframe's loop behind a radio link; a command waits for half a period on average."""
         late = params.latency + 0.5 / params.rate
         loop, lag = airframe.attitude_loop, airframe.rotor_time
@@ -60,7 +60,7 @@ class ArDrone(Driver[ArDroneParams]):
 
     @classmethod
     def objection(
-        cls, params: ArDroneParams, start: Vec3, payload: Parcel | None
+        cls, params: ArdroneParams, start: Vec3, payload: Parcel | None
     ) -> Objection | None:
         from kybflow.drivers.ardrone.transport.udp import is_address
 

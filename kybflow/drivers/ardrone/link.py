@@ -17,10 +17,10 @@ from kybflow.drivers.ardrone.preflight import checks
 from kybflow.drivers.ardrone.protocol.at import Ids, comwdg
 from kybflow.drivers.ardrone.protocol.configuration import identity
 from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
-from kybflow.drivers.ardrone.protocol.navdata.state import State
+from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
 from kybflow.drivers.ardrone.telemetry.measurements import Measurements
 from kybflow.drivers.ardrone.telemetry.status import DroneStatus
-from kybflow.drivers.ardrone.transport.wire import Wire
+from kybflow.drivers.ardrone.transport.wire import DroneWire
 from kybflow.parts import Check, Link, Seat, StatusText
 
 ASKS_AGAIN: Time = NS // 5
@@ -33,11 +33,11 @@ ANSWERS: Time = NS // 20
 """How often the watchdog's bit is answered."""
 
 
-class ArDroneLink(Link):
+class ArdroneLink(Link):
     """The link to one drone; the session calls `update` once a tick. session: the id of this run,
     8 hexadecimal digits."""
 
-    def __init__(self, seat: Seat, wire: Wire, session: str) -> None:
+    def __init__(self, seat: Seat, wire: DroneWire, session: str) -> None:
         context, params = seat.context, seat.params
         self.wire = wire
         self._airframe = context.airframe
@@ -113,11 +113,11 @@ class ArDroneLink(Link):
     def _hear(self, packet: Packet, at: Time) -> None:
         self.status.hear(packet, at)
         self._measurements.hear(packet, at)
-        is_warned = State.COMMUNICATION_WATCHDOG in packet.state
+        is_warned = DroneState.COMMUNICATION_WATCHDOG in packet.state
         if is_warned and (self._answered is None or at - self._answered >= ANSWERS):
             self._answered = at
             self.wire.gate.begin_anew()
-            if State.BOOTSTRAP not in packet.state:
+            if DroneState.BOOTSTRAP not in packet.state:
                 self.wire.stream.post(comwdg())
 
     def _reconnect(self, now: Time) -> None:
@@ -137,7 +137,7 @@ class ArDroneLink(Link):
             self.configuring.read(data)
         if status.heard is None:
             return
-        in_bootstrap = State.BOOTSTRAP in status.state
+        in_bootstrap = DroneState.BOOTSTRAP in status.state
         if in_bootstrap and self._is_configured:
             self.configuring.begin_anew()
         self._is_configured = not self.configuring.waits_for and not in_bootstrap

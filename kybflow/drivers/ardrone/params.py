@@ -9,7 +9,7 @@ from kybflow.core.units import DEG, Angle, AngularRate, Duration, Frequency, Len
 
 
 @params
-class ArDroneLinkParams:
+class ArdroneLinkParams:
     """What is asked of every drone, also of an emulated one."""
 
     rate: Frequency = param(
@@ -57,7 +57,7 @@ class ArDroneLinkParams:
 
 
 @params
-class ArDroneParams(ArDroneLinkParams):
+class ArdroneParams(ArdroneLinkParams):
     host: str = param(
         "Its IPv4 address: 192.168.1.1 in its own network, in a lab's network one of its own.",
         default="192.168.1.1", read_only=True,

@@ -13,7 +13,7 @@ from kybflow.drivers.ardrone.control.configuring import (
     Configuring,
 )
 from kybflow.drivers.ardrone.control.moves import Limits
-from kybflow.drivers.ardrone.protocol.navdata.state import State, in_words
+from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, in_words
 from kybflow.drivers.ardrone.telemetry.status import DroneStatus
 from kybflow.parts import Check
 from kybflow.world.vehicle_context import Airframe
@@ -39,7 +39,7 @@ def checks(
     yield Check("navdata", age < FRESH, f"{age / NS:.1f} s old")
     emergency = "; ".join(in_words(status.state)) if status.is_in_emergency else ""
     yield Check("emergency", not emergency, emergency or "none")
-    low = State.BATTERY_LOW in status.state
+    low = DroneState.BATTERY_LOW in status.state
     charge = "unknown" if status.demo is None else f"{status.demo.battery} %"
     yield Check("own battery", not low, f"{charge}{', which it reports as low' if low else ''}")
     waits = configuring.waits_for

@@ -8,21 +8,21 @@ from typing import Any
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import Time
-from kybflow.drivers.ardrone.link import ArDroneLink
+from kybflow.drivers.ardrone.link import ArdroneLink
 from kybflow.drivers.ardrone.transport.udp import UdpWire
-from kybflow.drivers.ardrone.transport.wire import Wire
+from kybflow.drivers.ardrone.transport.wire import DroneWire
 from kybflow.parts import Link, Seat, Session
 
 
-def _over_wifi(params: Any) -> Wire:
+def _over_wifi(params: Any) -> DroneWire:
     return UdpWire(params.host, params.rate)
 
 
 def open_session(
     seats: Sequence[Seat],
     generator: random.Random,
-    opener: Callable[[Any], Wire] = _over_wifi,
-) -> ArDroneSession:
+    opener: Callable[[Any], DroneWire] = _over_wifi,
+) -> ArdroneSession:
     """Open the links of these seats. opener: makes a wire of a seat's parameters. Raises
     DriverError, and nothing stays open then."""
     hosts: dict[str, str] = {}
@@ -33,7 +33,7 @@ def open_session(
                 f"`{hosts[host]}` and `{name}` have one `host`, {host}: each drone needs its own"
             )
         hosts[host] = name
-    session = ArDroneSession()
+    session = ArdroneSession()
     try:
         for seat in seats:
             wire = opener(seat.params)
@@ -44,16 +44,16 @@ def open_session(
     return session
 
 
-class ArDroneSession(Session):
+class ArdroneSession(Session):
     """Lets every link handle what has arrived, once a tick."""
 
     def __init__(self) -> None:
         self.links: dict[str, Link] = {}
-        self._drones: list[ArDroneLink] = []
+        self._drones: list[ArdroneLink] = []
 
-    def add(self, seat: Seat, wire: Wire, session: str) -> None:
+    def add(self, seat: Seat, wire: DroneWire, session: str) -> None:
         """One more drone."""
-        link = ArDroneLink(seat, wire, session)
+        link = ArdroneLink(seat, wire, session)
         self._drones.append(link)
         self.links[seat.context.vehicle] = link
 

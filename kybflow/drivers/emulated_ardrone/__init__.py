@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.core.signals import Pose
 from kybflow.core.units import Duration, Ratio
-from kybflow.drivers.ardrone import CLIMB_TIME, ArDrone
-from kybflow.drivers.ardrone.params import ArDroneLinkParams
+from kybflow.drivers.ardrone import CLIMB_TIME, Ardrone
+from kybflow.drivers.ardrone.params import ArdroneLinkParams
 from kybflow.drivers.sim import Sim, SimParams
 from kybflow.parts import Driver, Seat, Session, param, params
 from kybflow.world.inner_loop import InnerLoop
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @params
-class EmulatedArDroneParams(ArDroneLinkParams, SimParams):
+class EmulatedArdroneParams(ArdroneLinkParams, SimParams):
     wifi_latency: Duration = param(
         "How late what is sent arrives, each way.",
         default=0.015, at_least=0.0, at_most=0.5, read_only=True,
@@ -51,46 +51,46 @@ class EmulatedArDroneParams(ArDroneLinkParams, SimParams):
     )  # fmt: skip
 
 
-class EmulatedArDrone(Driver[EmulatedArDroneParams]):
+class EmulatedArdrone(Driver[EmulatedArdroneParams]):
     """MuJoCo is imported when it is opened."""
 
-    accepts = ArDrone.accepts
-    provides = ArDrone.provides | {Pose}
+    accepts = Ardrone.accepts
+    provides = Ardrone.provides | {Pose}
     simulated: ClassVar[bool] = True
     lands: ClassVar[bool] = True
     lands_blind: ClassVar[bool] = True
     brings = ("simulated_camera",)
-    preflight_timeout = ArDrone.preflight_timeout
+    preflight_timeout = Ardrone.preflight_timeout
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {"emulated_ardrone": {}}
 
     @classmethod
-    def tracker(cls, params: EmulatedArDroneParams) -> Mapping[str, str]:
-        return ArDrone.tracker(params)
+    def tracker(cls, params: EmulatedArdroneParams) -> Mapping[str, str]:
+        return Ardrone.tracker(params)
 
     @classmethod
-    def control_rate(cls, params: EmulatedArDroneParams) -> int:
-        return ArDrone.control_rate(params)
+    def control_rate(cls, params: EmulatedArdroneParams) -> int:
+        return Ardrone.control_rate(params)
 
     @classmethod
-    def world(cls, params: EmulatedArDroneParams) -> str:
+    def world(cls, params: EmulatedArdroneParams) -> str:
         return f"{Sim.world(params)}, as emulated AR.Drones"
 
     @classmethod
-    def inner_loop(cls, params: EmulatedArDroneParams, airframe: Airframe) -> InnerLoop:
+    def inner_loop(cls, params: EmulatedArdroneParams, airframe: Airframe) -> InnerLoop:
         """The simulator's loop behind the radio link."""
-        own, radio = Sim.inner_loop(params, airframe), ArDrone.inner_loop(params, airframe)
+        own, radio = Sim.inner_loop(params, airframe), Ardrone.inner_loop(params, airframe)
         late = own.command_latency + radio.command_latency
         return own._replace(command_latency=late, climb_time=CLIMB_TIME)
 
     @classmethod
-    def step_rate(cls, params: EmulatedArDroneParams) -> float | None:
+    def step_rate(cls, params: EmulatedArdroneParams) -> float | None:
         return params.physics
 
     @classmethod
     def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
-        from kybflow.drivers.emulated_ardrone.session import EmulatedSession
+        from kybflow.drivers.emulated_ardrone.session import EmulatedDroneSession
 
-        return EmulatedSession(seats, generator)
+        return EmulatedDroneSession(seats, generator)
 
     @classmethod
     def fleet(

@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 from operator import attrgetter
 
 from kybflow.core.signals import NS, Measurement, Time, Truth
-from kybflow.drivers.ardrone.link import ArDroneLink
+from kybflow.drivers.ardrone.link import ArdroneLink
 from kybflow.drivers.ardrone.transport.udp import UdpWire
-from kybflow.drivers.ardrone.transport.wire import Wire
+from kybflow.drivers.ardrone.transport.wire import DroneWire
 from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint
 from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
 from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
-from kybflow.drivers.emulated_ardrone.ports.memory import MemoryPorts, MemoryWire
+from kybflow.drivers.emulated_ardrone.ports.memory import DroneMemoryWire, MemoryPorts
 from kybflow.drivers.emulated_ardrone.ports.ports import Ports
 from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
 from kybflow.drivers.emulation.body import SimulatedBody
@@ -39,12 +39,12 @@ def open_fleet(
     return Fleet(seats, generator, build, PERIOD)
 
 
-class EmulatedLink(ArDroneLink):
+class EmulatedDroneLink(ArdroneLink):
     """A link as to a real drone, with the poses of simulated motion capture beside it. `drone`:
     what is at the other end."""
 
     def __init__(
-        self, seat: Seat, wire: Wire, session: str, emulated: EmulatedVehicle[DroneEndpoint]
+        self, seat: Seat, wire: DroneWire, session: str, emulated: EmulatedVehicle[DroneEndpoint]
     ) -> None:
         super().__init__(seat, wire, session)
         self._emulated = emulated
@@ -74,7 +74,7 @@ class EmulatedLink(ArDroneLink):
         self._emulated.vehicle.report_touches(tell)
 
 
-class EmulatedSession(Session):
+class EmulatedDroneSession(Session):
     """The session of a run. Raises DriverError as the simulator does."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
@@ -82,7 +82,7 @@ class EmulatedSession(Session):
             Radio(s.params.wifi_latency, s.params.wifi_jitter, s.params.wifi_loss) for s in seats
         ]
         self._fleet = open_fleet(seats, radios, generator)
-        self._links: list[EmulatedLink] = []
+        self._links: list[EmulatedDroneLink] = []
         self._now: Time = -PERIOD
         self._ports: list[Ports] = []
         try:
@@ -91,7 +91,7 @@ class EmulatedSession(Session):
                 self._ports.append(ports)
                 emulated.onboard.connect(ports)
                 session = f"{generator.getrandbits(32):08x}"
-                self._links.append(EmulatedLink(seat, wire, session, emulated))
+                self._links.append(EmulatedDroneLink(seat, wire, session, emulated))
         except BaseException:
             self.close()
             raise
@@ -117,11 +117,11 @@ class EmulatedSession(Session):
         self._fleet.close()
 
 
-def _connected(seat: Seat, number: int) -> tuple[Ports, Wire]:
+def _connected(seat: Seat, number: int) -> tuple[Ports, DroneWire]:
     """The drone's ports and the driver's wire to them. Raises DriverError."""
     if not seat.params.network:
         memory = MemoryPorts()
-        return memory, MemoryWire(memory, seat.params.rate)
+        return memory, DroneMemoryWire(memory, seat.params.rate)
     ports = SocketPorts(host_of(number))
     try:
         return ports, UdpWire(ports.host, seat.params.rate)

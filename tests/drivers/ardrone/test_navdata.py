@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kybflow.drivers.ardrone.protocol.navdata import options as opt
-from kybflow.drivers.ardrone.protocol.navdata.layouts import LAYOUTS, Tag, decoded
+from kybflow.drivers.ardrone.protocol.navdata.layouts import LAYOUTS, OptionTag, decoded
 from kybflow.drivers.ardrone.protocol.navdata.packet import Malformed, read_packet, write_packet
-from kybflow.drivers.ardrone.protocol.navdata.state import Phase, State, in_words, phase_of
+from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, Phase, in_words, phase_of
 
 BOOTSTRAP = bytes.fromhex("88776655100c804f0100000000000000ffff0800a6020000")
 """As a real drone's, captured and published."""
@@ -27,7 +27,7 @@ DEMO = opt.Demo(Phase.FLYING, 87, 1500.0, -2500.0, 90000.0, 950, (120.0, -40.0, 
 
 def test_the_bootstrap_packet_of_a_real_drone():
     packet = read_packet(BOOTSTRAP)
-    assert State.BOOTSTRAP in packet.state
+    assert DroneState.BOOTSTRAP in packet.state
     assert packet.sequence == 1
     assert not packet.options
     assert write_packet(packet.state, 1) == BOOTSTRAP
@@ -52,7 +52,10 @@ def test_time_and_sensors_come_back():
     )
     assert opt.drone_time(options) == pytest.approx(3.000001)
     assert opt.phys_measures(options) == felt
-    assert decoded(Tag.RAW_MEASURES, options[Tag.RAW_MEASURES])["battery_millivolts"] == 11_686
+    assert (
+        decoded(OptionTag.RAW_MEASURES, options[OptionTag.RAW_MEASURES])["battery_millivolts"]
+        == 11_686
+    )
 
 
 @pytest.mark.parametrize(
@@ -79,7 +82,7 @@ def test_no_bytes_raise_anything_else(data):
 
 @given(st.dictionaries(st.integers(0, 40), st.binary(max_size=200), max_size=8), st.data())
 def test_options_of_any_size_are_read_as_far_as_they_go(contents, draw):
-    state = State(draw.draw(st.integers(0, 2**32 - 1)))
+    state = DroneState(draw.draw(st.integers(0, 2**32 - 1)))
     packet = read_packet(write_packet(state, 9, contents.items()))
     assert packet.options == contents
     assert packet.state == state
@@ -91,7 +94,7 @@ def test_options_of_any_size_are_read_as_far_as_they_go(contents, draw):
 
 
 def test_states_in_words():
-    assert in_words(State.EMERGENCY | State.CUT_OUT) == [
+    assert in_words(DroneState.EMERGENCY | DroneState.CUT_OUT) == [
         "a motor was stopped by force", "it is in emergency, its rotors stopped"
     ]  # fmt: skip
     assert phase_of(6 << 16 | 3) is Phase.TAKING_OFF
@@ -104,7 +107,7 @@ def test_every_option_of_a_real_recording():
     assert int(packet.state) == 0x4F8000D0
     assert sorted(packet.options) == list(range(28))
     for tag, data in packet.options.items():
-        assert len(decoded(tag, data)) == len(LAYOUTS[tag]), Tag(tag).name
+        assert len(decoded(tag, data)) == len(LAYOUTS[tag]), OptionTag(tag).name
     found = opt.demo(packet.options)
     assert found is not None
     assert found.phase is Phase.LANDED
@@ -118,12 +121,14 @@ def test_a_real_recording_is_read_as_by_npm(tmp_path):
     theirs, options = parsed_by_npm(path), read_packet(data).options
     ours = {tag: decoded(tag, content) for tag, content in options.items()}
     demo = theirs["demo"]
-    assert demo["batteryPercentage"] == ours[Tag.DEMO]["battery_percent"]
-    assert demo["rotation"]["yaw"] == pytest.approx(ours[Tag.DEMO]["psi"] / 1000)
+    assert demo["batteryPercentage"] == ours[OptionTag.DEMO]["battery_percent"]
+    assert demo["rotation"]["yaw"] == pytest.approx(ours[OptionTag.DEMO]["psi"] / 1000)
     felt = theirs["physMeasures"]["accelerometers"]
-    assert list(felt.values()) == pytest.approx(list(ours[Tag.PHYS_MEASURES]["accelerometers"]))
-    assert theirs["pressureRaw"]["pressure"] == ours[Tag.PRESSURE_RAW]["pressure"]
-    assert theirs["magneto"]["radius"] == pytest.approx(ours[Tag.MAGNETO]["radius"])
-    assert theirs["videoStream"]["fifoQueueLevel"] == ours[Tag.VIDEO_STREAM]["fifo_queue"]
-    assert theirs["gps"]["latitude"] == pytest.approx(ours[Tag.GPS]["latitude"])
-    assert theirs["visionDetect"]["nbDetected"] == ours[Tag.VISION_DETECT]["detected"]
+    assert list(felt.values()) == pytest.approx(
+        list(ours[OptionTag.PHYS_MEASURES]["accelerometers"])
+    )
+    assert theirs["pressureRaw"]["pressure"] == ours[OptionTag.PRESSURE_RAW]["pressure"]
+    assert theirs["magneto"]["radius"] == pytest.approx(ours[OptionTag.MAGNETO]["radius"])
+    assert theirs["videoStream"]["fifoQueueLevel"] == ours[OptionTag.VIDEO_STREAM]["fifo_queue"]
+    assert theirs["gps"]["latitude"] == pytest.approx(ours[OptionTag.GPS]["latitude"])
+    assert theirs["visionDetect"]["nbDetected"] == ours[OptionTag.VISION_DETECT]["detected"]

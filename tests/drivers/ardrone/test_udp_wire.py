@@ -12,7 +12,7 @@ from waiting import until
 from kybflow.core.errors import DriverError
 from kybflow.drivers.ardrone.protocol.at import HOVER, Move, read_commands
 from kybflow.drivers.ardrone.protocol.navdata.packet import write_packet
-from kybflow.drivers.ardrone.protocol.navdata.state import State
+from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
 from kybflow.drivers.ardrone.transport.udp import UdpWire, is_address
 from kybflow.drivers.ardrone.transport.wire import ASKS
 from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
@@ -51,7 +51,7 @@ def test_navigation_data_and_configurations_arrive(played):
     ports, wire = played
     wire.ask()
     until(lambda: [ports.answer(who) for data, who in ports.requests() if data == ASKS], "to ask")
-    ports.send(write_packet(State.DEMO, 1))
+    ports.send(write_packet(DroneState.DEMO, 1))
     until(lambda: wire.take(0), "a packet")
     wire.listen_for_configuration()
     until(lambda: ports.requests() is not None and ports._clients, "a connection")
@@ -65,27 +65,27 @@ def test_a_flood_from_elsewhere_is_counted_and_the_drone_is_still_heard(played):
     ports, wire = played
     wire.ask()
     until(lambda: [ports.answer(who) for _, who in ports.requests()], "to ask")
-    ports.send(write_packet(State.DEMO, 5))
+    ports.send(write_packet(DroneState.DEMO, 5))
     until(lambda: wire.take(0), "a packet")
     chance, target = random.Random(0), ports._listener
-    good = write_packet(State.DEMO | State.EMERGENCY, 99)
+    good = write_packet(DroneState.DEMO | DroneState.EMERGENCY, 99)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         stranger.bind((host_of(1, ports.host), 0))
         for number in range(10_000):
             data = good if number % 3 else chance.randbytes(chance.randrange(200))
             stranger.sendto(data, target)
-    ports.send(write_packet(State.DEMO, 4))  # from the drone, and replayed
+    ports.send(write_packet(DroneState.DEMO, 4))  # from the drone, and replayed
     sent = 5
 
     def drone_is_heard():
         nonlocal sent
         sent += 1
-        ports.send(write_packet(State.DEMO, sent))
+        ports.send(write_packet(DroneState.DEMO, sent))
         return wire.take(0)
 
     arrived = []
     until(lambda: arrived.extend(drone_is_heard()) or arrived, "the drone, after the flood")
-    assert all(packet.state == State.DEMO for _, packet in arrived)
+    assert all(packet.state == DroneState.DEMO for _, packet in arrived)
     assert wire.gate.refused["from elsewhere"] > 0
     assert wire._thread.is_alive()
 
@@ -96,7 +96,7 @@ def test_deaf_and_mute_it_hears_and_says_nothing(played):
     wire.stream.hold(False)
     wire.ask()
     ports.answer(wire._data.getsockname())
-    ports.send(write_packet(State.DEMO, 1))
+    ports.send(write_packet(DroneState.DEMO, 1))
     until(lambda: wire.stream.ended, "the stream to end")
     assert (heard(ports), wire.take(0), ports.requests()) == ([], [], [])
 

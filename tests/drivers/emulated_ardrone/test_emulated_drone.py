@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 
 import pytest
-from drone_bench import DroneBench, Phase, Radio, State, at
+from drone_bench import DroneBench, DroneState, Phase, Radio, at
 
 from kybflow.core.signals import NS
 from kybflow.drivers.ardrone.protocol.at import Ids
@@ -17,16 +17,16 @@ def test_it_is_in_bootstrap_until_it_is_configured():
     assert not bench.packets  # nobody has asked
     bench.ask()
     bench.run(0.2)
-    assert State.BOOTSTRAP in bench.state
+    assert DroneState.BOOTSTRAP in bench.state
     assert not bench.packets[-1].options
     bench.say(at.config("general:navdata_demo", "TRUE"))
     bench.run(0.2)
-    assert State.BOOTSTRAP not in bench.state
-    assert State.COMMAND_ACKNOWLEDGED in bench.state
+    assert DroneState.BOOTSTRAP not in bench.state
+    assert DroneState.COMMAND_ACKNOWLEDGED in bench.state
     assert sorted(bench.packets[-1].options) == [0, 16]
     bench.say(at.ctrl(at.RESET_ACKNOWLEDGE))
     bench.run(0.2)
-    assert State.COMMAND_ACKNOWLEDGED not in bench.state
+    assert DroneState.COMMAND_ACKNOWLEDGED not in bench.state
 
 
 @pytest.mark.parametrize(("value", "rate"), [("TRUE", 15), ("FALSE", 200)])
@@ -81,12 +81,12 @@ def test_it_hovers_after_50_ms_and_lands_after_two_seconds_of_silence():
     bench.run(0.5)
     bench.fly()
     silent = bench.now
-    assert bench.run(0.2, lambda: State.COMMUNICATION_WATCHDOG in bench.state)
+    assert bench.run(0.2, lambda: DroneState.COMMUNICATION_WATCHDOG in bench.state)
     assert (bench.now - silent) / NS == pytest.approx(0.05, abs=0.025)
     assert bench.drone.flight.moves is None
     assert bench.run(3.0, bench.is_in(Phase.LANDING))
     assert (bench.now - silent) / NS == pytest.approx(2.0, abs=0.03)
-    assert State.COMMUNICATION_LOST in bench.state
+    assert DroneState.COMMUNICATION_LOST in bench.state
     told = len(bench.packets)
     assert bench.run(8.0, bench.is_in(Phase.LANDED))
     assert len(bench.packets) == told  # everybody must begin anew
@@ -95,13 +95,13 @@ def test_it_hovers_after_50_ms_and_lands_after_two_seconds_of_silence():
 def test_the_watchdogs_bit_stays_until_it_is_answered():
     bench = DroneBench().configured()
     bench.run(0.2)
-    assert State.COMMUNICATION_WATCHDOG in bench.state
+    assert DroneState.COMMUNICATION_WATCHDOG in bench.state
     bench.fly(at.ref(False))
     bench.run(0.2)
-    assert State.COMMUNICATION_WATCHDOG in bench.state
+    assert DroneState.COMMUNICATION_WATCHDOG in bench.state
     bench.say(at.comwdg())
     bench.run(0.1)
-    assert State.COMMUNICATION_WATCHDOG not in bench.state
+    assert DroneState.COMMUNICATION_WATCHDOG not in bench.state
 
 
 def test_what_is_old_or_somebody_elses_is_counted_and_not_obeyed():
@@ -146,14 +146,14 @@ def test_an_emergency_stops_the_rotors_and_is_reset_by_the_same_switch():
     bench.run(3.0, lambda: bench.height > 0.1)
     bench.fly(at.ref(False, emergency=True))
     bench.run(0.5)
-    assert State.EMERGENCY | State.USER_EMERGENCY in bench.state
+    assert DroneState.EMERGENCY | DroneState.USER_EMERGENCY in bench.state
     assert bench.run(2.0, lambda: bench.height < 0.05)
     bench.fly(at.ref(True))
     bench.run(1.0)
     assert bench.drone.flight.phase is Phase.LANDED  # not in emergency
     bench.fly(at.ref(False, emergency=True))
     bench.run(0.1)
-    assert State.EMERGENCY not in bench.state
+    assert DroneState.EMERGENCY not in bench.state
     bench.hovering()
 
 
@@ -162,7 +162,7 @@ def test_with_a_low_battery_it_won_t_take_off_and_lands_with_an_empty_one():
     bench.drone.failures.battery = 0.15
     bench.fly(at.ref(True))
     bench.run(1.0)
-    assert State.BATTERY_LOW in bench.state
+    assert DroneState.BATTERY_LOW in bench.state
     assert bench.drone.flight.phase is Phase.LANDED
     bench.drone.failures.battery = 0.5
     bench.hovering()
@@ -174,10 +174,10 @@ def test_a_stopped_rotor_is_an_emergency_that_lasts():
     bench = DroneBench().configured()
     bench.drone.failures.cutout = True
     bench.run(0.1)
-    assert State.EMERGENCY | State.CUT_OUT in bench.state
+    assert DroneState.EMERGENCY | DroneState.CUT_OUT in bench.state
     bench.fly(at.ref(False, emergency=True))
     bench.run(0.1)
-    assert State.EMERGENCY in bench.state
+    assert DroneState.EMERGENCY in bench.state
 
 
 def test_a_radio_is_late_loses_and_never_reorders():

@@ -52,7 +52,7 @@ def test_wifi_that_is_lost_for_a_second_is_flown_on_where_the_mission_allows_tha
 
 def test_wifi_that_is_lost_for_good_lands_that_drone_and_the_other_finishes(tmp_path):
     text = mission(["a", "b"], 15.0) + FAULT.format(at="12 s", lasts="100 s")
-    flight, told, session = flown(text, tmp_path)
+    _, told, session = flown(text, tmp_path)
     a, b = session.links["a"], session.links["b"]
     assert a.drone.times_lost == 1
     assert not b.drone.times_lost

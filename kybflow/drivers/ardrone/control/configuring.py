@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.ardrone.control.moves import Limits
-from kybflow.drivers.ardrone.params import ArDroneLinkParams
+from kybflow.drivers.ardrone.params import ArdroneLinkParams
 from kybflow.drivers.ardrone.protocol.at import (
     RESET_ACKNOWLEDGE,
     SEND_CONFIGURATION,
@@ -23,7 +23,7 @@ from kybflow.drivers.ardrone.protocol.at import (
     ctrl,
 )
 from kybflow.drivers.ardrone.protocol.configuration import agrees, read_configuration
-from kybflow.drivers.ardrone.protocol.navdata.layouts import Tag
+from kybflow.drivers.ardrone.protocol.navdata.layouts import OptionTag
 
 RESENDS: Time = NS // 4
 """How often a value is sent again until it is acknowledged."""
@@ -31,7 +31,14 @@ READS: Time = NS
 """How often the configuration is asked for until it comes."""
 OPTIONS = sum(
     1 << tag
-    for tag in (Tag.DEMO, Tag.TIME, Tag.RAW_MEASURES, Tag.PHYS_MEASURES, Tag.MAGNETO, Tag.WIFI)
+    for tag in (
+        OptionTag.DEMO,
+        OptionTag.TIME,
+        OptionTag.RAW_MEASURES,
+        OptionTag.PHYS_MEASURES,
+        OptionTag.MAGNETO,
+        OptionTag.WIFI,
+    )
 )
 FIRST = "general:navdata_demo"
 VERSION = "general:num_version_soft"
@@ -42,7 +49,7 @@ LONGEST_WATCHDOG = 2.0
 Values = tuple[tuple[str, str], ...]
 
 
-def values_of(params: ArDroneLinkParams, limits: Limits, ids: Ids) -> Values:
+def values_of(params: ArdroneLinkParams, limits: Limits, ids: Ids) -> Values:
     """What is written, in this order."""
     p = params
     return (

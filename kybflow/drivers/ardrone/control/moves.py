@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import ZERO, body_z, from_heading, heading_of, rotate_back
 from kybflow.core.signals import Command
-from kybflow.drivers.ardrone.params import ArDroneLinkParams
+from kybflow.drivers.ardrone.params import ArdroneLinkParams
 from kybflow.drivers.ardrone.protocol.at import Move
 from kybflow.world.vehicle_context import Airframe
 
@@ -24,7 +24,7 @@ class Limits(NamedTuple):
     turn: float
 
 
-def limits_of(params: ArDroneLinkParams, airframe: Airframe) -> Limits:
+def limits_of(params: ArdroneLinkParams, airframe: Airframe) -> Limits:
     """The limits that are configured."""
     p = params
     tilt = airframe.tilt if p.euler_angle_max is None else p.euler_angle_max

@@ -13,7 +13,7 @@ from math import hypot, isfinite, radians
 
 from kybflow.core.geometry import GRAVITY, Vec3, from_euler, from_heading, rotate, wrap
 from kybflow.core.signals import NS, Battery, BatteryWarning, Imu, Measurement, Odometry, Time
-from kybflow.drivers.ardrone.protocol.navdata.layouts import Tag, decoded
+from kybflow.drivers.ardrone.protocol.navdata.layouts import OptionTag, decoded
 from kybflow.drivers.ardrone.protocol.navdata.options import (
     WRAPS,
     Demo,
@@ -23,7 +23,7 @@ from kybflow.drivers.ardrone.protocol.navdata.options import (
     phys_measures,
 )
 from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
-from kybflow.drivers.ardrone.protocol.navdata.state import State
+from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
 from kybflow.world.vehicle_context import VehicleContext
 
 FIRST, DRIFT = 0.05, 0.1
@@ -59,7 +59,7 @@ class Measurements:
             self._feel(felt, dt, now)
         known = demo(packet.options)
         if known is not None:
-            self._move(known, State.FLYING in packet.state, dt, now)
+            self._move(known, DroneState.FLYING in packet.state, dt, now)
             self._charge(known, packet, now)
 
     def take(self) -> list[Measurement]:
@@ -112,11 +112,11 @@ class Measurements:
         return measured - self._floor
 
     def _charge(self, known: Demo, packet: Packet, now: Time) -> None:
-        share, is_low = known.battery / 100.0, State.BATTERY_LOW in packet.state
+        share, is_low = known.battery / 100.0, DroneState.BATTERY_LOW in packet.state
         if (share, is_low) == self._said and now - self._reported < BATTERY_PERIOD:
             return
         self._said, self._reported = (share, is_low), now
-        raw = decoded(Tag.RAW_MEASURES, packet.options.get(Tag.RAW_MEASURES, b""))
+        raw = decoded(OptionTag.RAW_MEASURES, packet.options.get(OptionTag.RAW_MEASURES, b""))
         measured = raw.get("battery_millivolts")
         voltage = LOWEST + SPAN * share
         if isinstance(measured, int):

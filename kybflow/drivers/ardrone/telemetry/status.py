@@ -8,13 +8,13 @@ from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
 from kybflow.drivers.ardrone.protocol.navdata.state import (
     ALARMS,
     FOLLOWING,
+    DroneState,
     Phase,
-    State,
     in_words,
 )
 from kybflow.parts import StatusText
 
-QUIET = frozenset({State.BATTERY_LOW, State.USER_EMERGENCY})
+QUIET = frozenset({DroneState.BATTERY_LOW, DroneState.USER_EMERGENCY})
 """What is no more than a warning."""
 KNOWN = 100
 """How many texts wait to be read."""
@@ -28,7 +28,7 @@ class DroneStatus:
     """
 
     def __init__(self) -> None:
-        self.state = State(0)
+        self.state = DroneState(0)
         self.demo: Demo | None = None
         self.heard: Time | None = None
         self._texts: list[StatusText] = []
@@ -56,7 +56,7 @@ class DroneStatus:
     @property
     def flies(self) -> bool:
         """Whether it is in the air, or on its way up or down."""
-        return State.FLYING in self.state
+        return DroneState.FLYING in self.state
 
     @property
     def follows(self) -> bool:
@@ -70,9 +70,9 @@ class DroneStatus:
 
     @property
     def is_in_emergency(self) -> bool:
-        return State.EMERGENCY in self.state
+        return DroneState.EMERGENCY in self.state
 
     @property
     def acknowledges(self) -> bool:
         """Whether it has taken a configuration and waits for the bit to be reset."""
-        return State.COMMAND_ACKNOWLEDGED in self.state
+        return DroneState.COMMAND_ACKNOWLEDGED in self.state

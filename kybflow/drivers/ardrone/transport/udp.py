@@ -20,7 +20,7 @@ from ipaddress import AddressValueError, IPv4Address
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.ardrone.protocol.configuration import END, MOST
-from kybflow.drivers.ardrone.transport.wire import ASKS, AT, CONTROL, NAVDATA, Arrived, Wire
+from kybflow.drivers.ardrone.transport.wire import ASKS, AT, CONTROL, NAVDATA, Arrived, DroneWire
 
 LONGEST = 8192
 MOST_A_PERIOD = 64
@@ -41,7 +41,7 @@ def is_address(text: str) -> bool:
     return True
 
 
-class UdpWire(Wire):
+class UdpWire(DroneWire):
     """A thread of its own serves it from the start until `close`. rate: of the commands, Hz.
     clock: the time by which commands age, ns."""
 

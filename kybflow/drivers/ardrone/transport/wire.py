@@ -17,7 +17,7 @@ ASKS = b"\x01\x00\x00\x00"
 Arrived = tuple[Time, Packet]
 
 
-class Wire(ABC):
+class DroneWire(ABC):
     """The connection to one drone. `stream`: what is sent. `gate`: what is admitted. Faults set
     `deaf` and `mute`."""
 

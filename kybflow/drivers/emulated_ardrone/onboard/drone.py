@@ -20,7 +20,7 @@ from kybflow.core.signals import NS, Battery, Imu, Measurement, Time
 from kybflow.drivers.ardrone.protocol import at
 from kybflow.drivers.ardrone.protocol.at import AtCommand, Ids, Move
 from kybflow.drivers.ardrone.protocol.navdata.options import Demo
-from kybflow.drivers.ardrone.protocol.navdata.state import Phase, State
+from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, Phase
 from kybflow.drivers.emulated_ardrone.onboard.configuration import EmulatedConfiguration
 from kybflow.drivers.emulated_ardrone.onboard.estimator import DroneEstimator
 from kybflow.drivers.emulated_ardrone.onboard.flight import (
@@ -39,8 +39,8 @@ BEGINS = frozenset({0, 1})
 LOW, EMPTY = 0.2, 0.05
 """The charges at which it won't take off, and at which it lands."""
 HEALTHY = (
-    State.VIDEO_THREAD | State.NAVDATA_THREAD | State.AT_THREAD | State.ACQUISITION_THREAD
-    | State.PIC_VERSION_OK | State.ALTITUDE_CONTROL
+    DroneState.VIDEO_THREAD | DroneState.NAVDATA_THREAD | DroneState.AT_THREAD | DroneState.ACQUISITION_THREAD
+    | DroneState.PIC_VERSION_OK | DroneState.ALTITUDE_CONTROL
 )  # fmt: skip
 
 
@@ -74,7 +74,7 @@ class OnboardDrone:
         self._warned = self._acknowledges = False
         self._in_bootstrap = True
         self._emergency = self._toggle = False
-        self._causes = State(0)
+        self._causes = DroneState(0)
         self._ids: Ids | None = None
         self._now: Time = 0
         self._stepped: Time = 0
@@ -120,22 +120,22 @@ class OnboardDrone:
         else:
             self._body.drive(REST, now)
 
-    def state(self) -> State:
+    def state(self) -> DroneState:
         """Its state mask."""
         bits = {
-            State.FLYING: self.flight.flies,
-            State.ANGULAR_SPEED_CONTROL: self.flight.flies,
-            State.COMMAND_ACKNOWLEDGED: self._acknowledges,
-            State.DEMO: self.configuration.truth("general:navdata_demo"),
-            State.BOOTSTRAP: self._in_bootstrap,
-            State.COMMUNICATION_LOST: self.is_lost and not self._in_bootstrap,
-            State.BATTERY_LOW: self.battery.remaining < LOW,
-            State.COMMUNICATION_WATCHDOG: self._warned,
-            State.EMERGENCY: self._emergency,
+            DroneState.FLYING: self.flight.flies,
+            DroneState.ANGULAR_SPEED_CONTROL: self.flight.flies,
+            DroneState.COMMAND_ACKNOWLEDGED: self._acknowledges,
+            DroneState.DEMO: self.configuration.truth("general:navdata_demo"),
+            DroneState.BOOTSTRAP: self._in_bootstrap,
+            DroneState.COMMUNICATION_LOST: self.is_lost and not self._in_bootstrap,
+            DroneState.BATTERY_LOW: self.battery.remaining < LOW,
+            DroneState.COMMUNICATION_WATCHDOG: self._warned,
+            DroneState.EMERGENCY: self._emergency,
         }
         state = HEALTHY | self._causes
         for bit, is_set in bits.items():
-            state |= bit if is_set else State(0)
+            state |= bit if is_set else DroneState(0)
         return state
 
     def demo(self) -> Demo:
@@ -218,11 +218,11 @@ class OnboardDrone:
 
     def _switch_emergency(self) -> None:
         if not self._emergency:
-            self._stop(State.USER_EMERGENCY)
+            self._stop(DroneState.USER_EMERGENCY)
         elif tilt_of_drone(self.estimator) < LEVEL_ENOUGH and not self.failures.cutout:
-            self._emergency, self._causes = False, State(0)
+            self._emergency, self._causes = False, DroneState(0)
 
-    def _stop(self, cause: State) -> None:
+    def _stop(self, cause: DroneState) -> None:
         self._emergency, self._causes = True, self._causes | cause
         self.flight.stop(self._now)
 
@@ -242,9 +242,9 @@ class OnboardDrone:
     def _guard(self, now: Time) -> None:
         """Emergencies of its own, and the battery."""
         if self.failures.cutout and not self._emergency:
-            self._stop(State.CUT_OUT)
+            self._stop(DroneState.CUT_OUT)
         if self.flight.flies and tilt_of_drone(self.estimator) > LEVEL_ENOUGH:
-            self._stop(State.ANGLES_OUT_OF_RANGE)
+            self._stop(DroneState.ANGLES_OUT_OF_RANGE)
         if self.battery.remaining < EMPTY:
             self.flight.land(now)
 

@@ -12,7 +12,7 @@ from math import degrees
 
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.ardrone.protocol.navdata.layouts import LAYOUTS, Tag
+from kybflow.drivers.ardrone.protocol.navdata.layouts import LAYOUTS, OptionTag
 from kybflow.drivers.ardrone.protocol.navdata.options import (
     PhysMeasures,
     write_demo,
@@ -24,14 +24,14 @@ from kybflow.drivers.ardrone.protocol.navdata.packet import write_packet
 from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
 
 DEMO, FULL = 15, 200
-SMALL = 1 << Tag.DEMO | 1 << Tag.VISION_DETECT
+SMALL = 1 << OptionTag.DEMO | 1 << OptionTag.VISION_DETECT
 """The options as a drone comes; with 200 Hz they stand for all."""
 SIZES = {
-    Tag(tag): fields[-1].at + fields[-1].layout.size
+    OptionTag(tag): fields[-1].at + fields[-1].layout.size
     for tag, fields in LAYOUTS.items()
-    if tag != Tag.GPS
+    if tag != OptionTag.GPS
 }
-SIZES[Tag.DEMO], SIZES[Tag.REFERENCES] = 144, 84
+SIZES[OptionTag.DEMO], SIZES[OptionTag.REFERENCES] = 144, 84
 
 
 class Telling:
@@ -77,16 +77,16 @@ class Telling:
             if asked & 1 << tag:
                 yield self._option(tag, now) or (tag, bytes(size))
 
-    def _option(self, tag: Tag, now: Time) -> tuple[int, bytes] | None:
+    def _option(self, tag: OptionTag, now: Time) -> tuple[int, bytes] | None:
         drone = self._drone
-        if tag is Tag.DEMO:
+        if tag is OptionTag.DEMO:
             return write_demo(drone.demo(), frame=self._sequence)
-        if tag is Tag.TIME:
+        if tag is OptionTag.TIME:
             return write_time(now // 1000)
-        if tag is Tag.RAW_MEASURES:
+        if tag is OptionTag.RAW_MEASURES:
             return write_raw_measures(round(1000.0 * drone.battery.voltage))
         felt = drone.estimator.felt
-        if tag is Tag.PHYS_MEASURES and felt is not None:
+        if tag is OptionTag.PHYS_MEASURES and felt is not None:
             unit, (x, y, z) = 1000.0 / GRAVITY, felt.specific_force
             gx, gy, gz = map(degrees, felt.angular_velocity)
             return write_phys_measures(

@@ -7,7 +7,7 @@ from collections.abc import Hashable, Sequence
 
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.ardrone.protocol.configuration import END
-from kybflow.drivers.ardrone.transport.wire import ASKS, Arrived, Wire
+from kybflow.drivers.ardrone.transport.wire import ASKS, Arrived, DroneWire
 from kybflow.drivers.emulated_ardrone.ports.ports import Ports
 
 MOST_HELD = 4096
@@ -42,7 +42,7 @@ class MemoryPorts(Ports):
         """There is nothing to close."""
 
 
-class MemoryWire(Wire):
+class DroneMemoryWire(DroneWire):
     """The driver's end, in lockstep: `poll` sends what is due. rate: of the commands, Hz."""
 
     def __init__(self, ports: MemoryPorts, rate: float) -> None:

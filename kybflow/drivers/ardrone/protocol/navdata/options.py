@@ -10,7 +10,7 @@ import struct
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from kybflow.drivers.ardrone.protocol.navdata.layouts import Tag
+from kybflow.drivers.ardrone.protocol.navdata.layouts import OptionTag
 from kybflow.drivers.ardrone.protocol.navdata.state import Phase, phase_of
 
 
@@ -44,7 +44,7 @@ WRAPS = 2048.0
 
 def demo(options: Mapping[int, bytes]) -> Demo | None:
     """The demo option; None where there is none."""
-    data = options.get(Tag.DEMO, b"")
+    data = options.get(OptionTag.DEMO, b"")
     if len(data) < _DEMO.size:
         return None
     state, battery, theta, phi, psi, altitude, vx, vy, vz = _DEMO.unpack_from(data)
@@ -58,13 +58,13 @@ def write_demo(values: Demo, minor: int = 0, frame: int = 0) -> tuple[int, bytes
         state, values.battery, values.pitch, values.roll, values.heading, values.altitude,
         *values.velocity,
     )  # fmt: skip
-    return Tag.DEMO, (data + _U32.pack(frame & 0xFFFF_FFFF)).ljust(_DEMO_SIZE, b"\0")
+    return OptionTag.DEMO, (data + _U32.pack(frame & 0xFFFF_FFFF)).ljust(_DEMO_SIZE, b"\0")
 
 
 def drone_time(options: Mapping[int, bytes]) -> float | None:
     """The drone's time, seconds; it begins anew after `WRAPS`. 11 bits of seconds, 21 of
     microseconds."""
-    data = options.get(Tag.TIME, b"")
+    data = options.get(OptionTag.TIME, b"")
     if len(data) < _U32.size:
         return None
     packed = _U32.unpack_from(data)[0]
@@ -74,12 +74,12 @@ def drone_time(options: Mapping[int, bytes]) -> float | None:
 def write_time(microseconds: int) -> tuple[int, bytes]:
     """The time option."""
     seconds, rest = divmod(microseconds, 1_000_000)
-    return Tag.TIME, _U32.pack((seconds & 0x7FF) << 21 | rest)
+    return OptionTag.TIME, _U32.pack((seconds & 0x7FF) << 21 | rest)
 
 
 def phys_measures(options: Mapping[int, bytes]) -> PhysMeasures | None:
     """The inertial sensors; None where they are not sent."""
-    data = options.get(Tag.PHYS_MEASURES, b"")
+    data = options.get(OptionTag.PHYS_MEASURES, b"")
     if len(data) < _PHYS.size:
         return None
     _, _, ax, ay, az, gx, gy, gz = _PHYS.unpack_from(data)
@@ -89,10 +89,10 @@ def phys_measures(options: Mapping[int, bytes]) -> PhysMeasures | None:
 def write_phys_measures(values: PhysMeasures) -> tuple[int, bytes]:
     """The inertial sensors as a drone sends them."""
     data = _PHYS.pack(40.0, 0, *values.acceleration, *values.rates)
-    return Tag.PHYS_MEASURES, data.ljust(_PHYS_SIZE, b"\0")
+    return OptionTag.PHYS_MEASURES, data.ljust(_PHYS_SIZE, b"\0")
 
 
 def write_raw_measures(millivolts: int) -> tuple[int, bytes]:
     """The raw measures as a drone sends them, but for the battery's voltage all zero."""
     data = b"\0" * _RAW_BATTERY_AT + _U32.pack(millivolts)
-    return Tag.RAW_MEASURES, data.ljust(_RAW_SIZE, b"\0")
+    return OptionTag.RAW_MEASURES, data.ljust(_RAW_SIZE, b"\0")

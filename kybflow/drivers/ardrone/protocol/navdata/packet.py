@@ -11,7 +11,7 @@ import struct
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from kybflow.drivers.ardrone.protocol.navdata.state import State
+from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
 
 HEADER = 0x55667788
 CHECKSUM = 0xFFFF
@@ -22,7 +22,7 @@ SHORTEST = _HEAD.size + _OPTION.size + _SUM.size
 class Packet(NamedTuple):
     """One datagram: the state mask, its number, and the data of each option by its tag."""
 
-    state: State
+    state: DroneState
     sequence: int
     vision: int
     options: Mapping[int, bytes]
@@ -50,14 +50,14 @@ def read_packet(data: bytes) -> Packet:
                 raise Malformed("a checksum of another size")
             if _SUM.unpack_from(data, at + _OPTION.size)[0] != sum(data[:at]):
                 raise Malformed("a wrong checksum")
-            return Packet(State(state), sequence, vision, options)
+            return Packet(DroneState(state), sequence, vision, options)
         options[tag] = data[at + _OPTION.size : at + size]
         at += size
     raise Malformed("no checksum")
 
 
 def write_packet(
-    state: State, sequence: int, options: Iterable[tuple[int, bytes]] = (), vision: int = 0
+    state: DroneState, sequence: int, options: Iterable[tuple[int, bytes]] = (), vision: int = 0
 ) -> bytes:
     """A datagram as a drone sends it."""
     data = _HEAD.pack(HEADER, int(state), sequence & 0xFFFF_FFFF, vision)

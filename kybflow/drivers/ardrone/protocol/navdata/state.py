@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum, IntFlag
 
 
-class State(IntFlag):
+class DroneState(IntFlag):
     """The bits of the state mask (SDK 2.0, `config.h`)."""
 
     FLYING = 1 << 0
@@ -60,17 +60,17 @@ class Phase(IntEnum):
 FOLLOWING = frozenset({Phase.FLYING, Phase.HOVERING, Phase.GOING})
 """Where a drone follows PCMD."""
 ALARMS = {
-    State.MOTORS_PROBLEM: "its motors have a problem",
-    State.SOFTWARE_FAULT: "its software has a fault",
-    State.BATTERY_LOW: "its battery is low",
-    State.USER_EMERGENCY: "an emergency was asked for",
-    State.TIMER_ELAPSED: "its timer has elapsed",
-    State.ANGLES_OUT_OF_RANGE: "it has tilted too far",
-    State.WIND: "the wind is too strong",
-    State.ULTRASOUND_DEAF: "its ultrasound hears nothing",
-    State.CUT_OUT: "a motor was stopped by force",
-    State.COMMUNICATION_LOST: "it has lost the communication",
-    State.EMERGENCY: "it is in emergency, its rotors stopped",
+    DroneState.MOTORS_PROBLEM: "its motors have a problem",
+    DroneState.SOFTWARE_FAULT: "its software has a fault",
+    DroneState.BATTERY_LOW: "its battery is low",
+    DroneState.USER_EMERGENCY: "an emergency was asked for",
+    DroneState.TIMER_ELAPSED: "its timer has elapsed",
+    DroneState.ANGLES_OUT_OF_RANGE: "it has tilted too far",
+    DroneState.WIND: "the wind is too strong",
+    DroneState.ULTRASOUND_DEAF: "its ultrasound hears nothing",
+    DroneState.CUT_OUT: "a motor was stopped by force",
+    DroneState.COMMUNICATION_LOST: "it has lost the communication",
+    DroneState.EMERGENCY: "it is in emergency, its rotors stopped",
 }
 """The bits that are reported as they are set, in words."""
 
@@ -81,6 +81,6 @@ def phase_of(control_state: int) -> Phase:
     return Phase(major) if major in Phase.__members__.values() else Phase.DEFAULT
 
 
-def in_words(state: State) -> list[str]:
+def in_words(state: DroneState) -> list[str]:
     """What is wrong, in words."""
     return [words for bit, words in ALARMS.items() if state & bit]
