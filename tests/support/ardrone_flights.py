@@ -40,8 +40,8 @@ def mission(names, seconds):
     return HEAD + "".join(vehicles)
 
 
-def flown(text, out, *, ages=None, request=None, seed=0, **params):
-    """The flight, its events, and the session."""
+def flown(text, out, *, ages=None, request=None, seed=0, breaks=(), **params):
+    """The flight, its events, and the session. breaks: (seconds, failures of the drone `a`)."""
     path = out / "drones.yaml"
     path.write_text(text, encoding="utf-8")
     result = compile_mission(path, catalog=load_catalog(), target="emulated_ardrone", sets=())
@@ -51,7 +51,7 @@ def flown(text, out, *, ages=None, request=None, seed=0, **params):
     class Kept(EmulatedArdrone):
         @classmethod
         def open(cls, seats, generator):
-            sessions.append(EmulatedArdrone.open(seats, generator))
+            sessions.append(broken(EmulatedArdrone.open(seats, generator), breaks))
             return sessions[-1]
 
     def on(vehicle):
@@ -63,6 +63,20 @@ def flown(text, out, *, ages=None, request=None, seed=0, **params):
     request = request or RunRequest(out=out / "run", seed=seed)
     flight = fly(plan, request, (told.append,))
     return flight, told, sessions[0]
+
+
+def broken(session, breaks):
+    """The session, whose drone `a` fails at these times."""
+    advance, waiting = session.advance, sorted(breaks, key=lambda one: one[0])
+
+    def breaking(now):
+        while waiting and waiting[0][0] * NS <= now:
+            for name, value in waiting.pop(0)[1].items():
+                setattr(session.links["a"].drone.failures, name, value)
+        advance(now)
+
+    session.advance = breaking
+    return session
 
 
 class AgesOnReceipt:

@@ -98,12 +98,12 @@ class FlightControl:
         self._switch(now)
 
     def watch(self, now: Time) -> None:
-        """Notice that it doesn't follow any more."""
+        """Notice that it doesn't follow any more; it is not flown again before it has landed."""
         if self._goal is not Goal.FOLLOW:
             self.override = None
             return
         status = self._status
-        if status.follows or status.phase is Phase.TAKING_OFF:
+        if self.override is not None or status.follows or status.phase is Phase.TAKING_OFF:
             return
         words = "; ".join(in_words(status.state)) or "by itself"
         landing = status.phase is Phase.LANDING or not status.is_in_emergency

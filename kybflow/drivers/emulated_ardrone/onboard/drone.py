@@ -39,8 +39,8 @@ BEGINS = frozenset({0, 1})
 LOW, EMPTY = 0.2, 0.05
 """The charges at which it won't take off, and at which it lands."""
 HEALTHY = (
-    DroneState.VIDEO_THREAD | DroneState.NAVDATA_THREAD | DroneState.AT_THREAD | DroneState.ACQUISITION_THREAD
-    | DroneState.PIC_VERSION_OK | DroneState.ALTITUDE_CONTROL
+    DroneState.VIDEO_THREAD | DroneState.NAVDATA_THREAD | DroneState.AT_THREAD
+    | DroneState.ACQUISITION_THREAD | DroneState.PIC_VERSION_OK | DroneState.ALTITUDE_CONTROL
 )  # fmt: skip
 
 

@@ -116,7 +116,9 @@ _FIELDS: Mapping[OptionTag, str] = {
         "field:3h raw:3f rectified:3f offset:3f heading:f gyro_heading:f fused_heading:f"
         " calibrated:B state:I radius:f error_mean:f error_variance:f"
     ),
-    OptionTag.WIND_SPEED: "speed:f angle:f compensation_theta:f compensation_phi:f state:6f debug:3f",
+    OptionTag.WIND_SPEED: (
+        "speed:f angle:f compensation_theta:f compensation_phi:f state:6f debug:3f"
+    ),
     OptionTag.KALMAN_PRESSURE: (
         "offset:f altitude:f velocity:f angle_pwm:f angle_pressure:f ultrasound_offset:f"
         " ultrasound_prediction:f covariance_altitude:f covariance_pwm:f covariance_velocity:f"
