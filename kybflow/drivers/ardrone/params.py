@@ -41,6 +41,10 @@ class ArdroneLinkParams:
         "Rate of the ultrasound; drones that fly beside each other need different ones.",
         default="25 Hz", read_only=True,
     )  # fmt: skip
+    video: Literal["front", "down"] = param(
+        "Which of its cameras it sends; the sensor `ardrone_camera` takes the video.",
+        default="front", read_only=True,
+    )  # fmt: skip
     profile: str = param(
         "The user's name, by which the drone keeps a configuration of its own.",
         default="kybflow", read_only=True,

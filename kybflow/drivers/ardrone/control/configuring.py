@@ -46,6 +46,9 @@ WATCHDOG = "general:com_watchdog"
 LONGEST_WATCHDOG = 2.0
 """Seconds without a command after which the drone must land; as it comes."""
 
+H264_360P = "129"
+"""The codec of the video: H.264 at 640 x 360."""
+
 Values = tuple[tuple[str, str], ...]
 
 
@@ -65,6 +68,8 @@ def values_of(params: ArdroneLinkParams, limits: Limits, ids: Ids) -> Values:
         ("control:euler_angle_max", f"{limits.tilt:.6f}"),
         ("control:control_vz_max", str(round(limits.climb * 1000.0))),
         ("control:control_yaw", f"{limits.turn:.6f}"),
+        ("video:video_codec", H264_360P),
+        ("video:video_channel", "1" if p.video == "down" else "0"),
         ("pic:ultrasound_freq", "7" if p.ultrasound == "22 Hz" else "8"),
     )
 

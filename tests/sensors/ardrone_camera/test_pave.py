@@ -1,4 +1,4 @@
-"""Video frames out of a stream, and the configuration as text."""
+"""Video frames out of a stream."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from ardrone_recordings import recording
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.drivers.ardrone.protocol import configuration as conf
-from kybflow.drivers.ardrone.protocol.pave import FrameCutter, VideoFrame, write_frame
+from kybflow.sensors.ardrone_camera.pave import FrameCutter, VideoFrame, write_frame
 
 FRAMES = [VideoFrame(4, 640, 360, n, 33 * n, 1 if n == 0 else 3, bytes([n]) * 50) for n in range(5)]
 
@@ -48,24 +47,3 @@ def test_frames_of_a_real_drone(name, count):
     assert count in (None, len(frames))
     assert {(frame.codec, frame.width, frame.height) for frame in frames} == {(4, 640, 360)}
     assert all(frame.payload.startswith(b"\0\0\0\1") for frame in frames)
-
-
-def test_a_configuration_comes_back():
-    values = {"general:num_version_soft": "2.4.8", "control:euler_angle_max": "2.0943952e-01"}
-    assert conf.read_configuration(conf.write_configuration(values)) == values
-
-
-@pytest.mark.parametrize(
-    ("asked", "found", "same"),
-    [
-        ("TRUE", "TRUE", True), ("TRUE", "true", True), ("TRUE", "FALSE", False),
-        ("3000", "3000", True), ("0.21", "2.1000001e-01", True), ("0.21", "2.2e-01", False),
-        ("x", "3", False),
-    ],
-)  # fmt: skip
-def test_a_value_that_is_read_back(asked, found, same):
-    assert conf.agrees(asked, found) is same
-
-
-def test_an_identity_is_eight_digits():
-    assert len(conf.identity("kybflow")) == 8
