@@ -45,6 +45,7 @@ COMMANDS = (
     "calibrate",
     "mavlink",
     "emulate",
+    "ardrone",
 )
 """In the order of the help. Each is the `command` of the module of its name."""
 

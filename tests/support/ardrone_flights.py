@@ -40,8 +40,9 @@ def mission(names, seconds):
     return HEAD + "".join(vehicles)
 
 
-def flown(text, out, *, ages=None, request=None, seed=0, breaks=(), **params):
-    """The flight, its events, and the session. breaks: (seconds, failures of the drone `a`)."""
+def flown(text, out, *, ages=None, request=None, seed=0, breaks=(), watch=None, **params):
+    """The flight, its events, and the session. breaks: (seconds, failures of the drone `a`).
+    watch: takes (seconds, truth) of the drone `a`, once a tick."""
     path = out / "drones.yaml"
     path.write_text(text, encoding="utf-8")
     result = compile_mission(path, catalog=load_catalog(), target="emulated_ardrone", sets=())
@@ -51,7 +52,7 @@ def flown(text, out, *, ages=None, request=None, seed=0, breaks=(), **params):
     class Kept(EmulatedArdrone):
         @classmethod
         def open(cls, seats, generator):
-            sessions.append(broken(EmulatedArdrone.open(seats, generator), breaks))
+            sessions.append(broken(EmulatedArdrone.open(seats, generator), breaks, watch))
             return sessions[-1]
 
     def on(vehicle):
@@ -65,7 +66,7 @@ def flown(text, out, *, ages=None, request=None, seed=0, breaks=(), **params):
     return flight, told, sessions[0]
 
 
-def broken(session, breaks):
+def broken(session, breaks, watch):
     """The session, whose drone `a` fails at these times."""
     advance, waiting = session.advance, sorted(breaks, key=lambda one: one[0])
 
@@ -74,6 +75,8 @@ def broken(session, breaks):
             for name, value in waiting.pop(0)[1].items():
                 setattr(session.links["a"].drone.failures, name, value)
         advance(now)
+        if watch is not None:
+            watch.append((now / NS, session.links["a"].truth()))
 
     session.advance = breaking
     return session
