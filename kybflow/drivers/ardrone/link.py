@@ -68,7 +68,7 @@ class ArdroneLink(Link):
         self.is_heard = bool(arrived)
         self._reconnect(now)
         if not self._is_flown:
-            self.flight.rest(now)
+            self.flight.wait(now)
         self._configure(now)
         self.flight.watch(now)
         self.override = self.flight.override

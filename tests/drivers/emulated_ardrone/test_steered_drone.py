@@ -17,8 +17,12 @@ vehicles:
     start: {at: [0, 0, 0], heading: 90 deg}
     behaviors:
       up:   {do: take_off, height: 1 m, then: wait, within: 20 s}
-      wait: {do: hover, next: [{event: stick.take, go: hand}, {event: stick.land, go: down}, {after: 40 s, go: down}]}
-      hand: {do: steer, input: stick, by: signals, failed: down, within: 2 min, next: [{event: stick.give, go: wait}]}
+      wait:
+        do: hover
+        next:
+          [{event: stick.take, go: hand}, {event: stick.land, go: down}, {after: 1 min, go: down}]
+      hand:
+        {do: steer, input: stick, by: signals, failed: down, next: [{event: stick.give, go: wait}]}
       down: {do: land}
 """
 OPERATOR = """t, x, y, z, turn, buttons, lost
@@ -36,7 +40,7 @@ OPERATOR = """t, x, y, z, turn, buttons, lost
 def test_an_operator_takes_a_drone_and_gives_it_back(tmp_path):
     (tmp_path / "operator.csv").write_text(OPERATOR, encoding="utf-8")
     seen = []
-    flight, told, session = flown(MISSION, tmp_path, watch=seen)
+    flight, told, _ = flown(MISSION, tmp_path, watch=seen)
     assert flight.summary["outcome"] == "succeeded", told
     way = [e.fields["behavior"] for e in told if e.name == "behavior_started"]
     assert way == ["up", "wait", "hand", "wait", "down", "landed"]

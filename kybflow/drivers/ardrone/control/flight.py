@@ -31,6 +31,7 @@ class Goal(Enum):
     FOLLOW = "follow"
     LAND = "land"
     STOP = "stop"
+    RESET = "reset"
 
 
 class FlightControl:
@@ -94,8 +95,15 @@ class FlightControl:
         self._switch(now)
 
     def reset_emergency(self, now: Time) -> None:
-        """End the emergency of a drone on the ground; called once a tick until it has ended."""
+        """End the emergency of a drone on the ground; called once a tick until it has ended. Until
+        then `wait` does not take the switch back, which would toggle it again."""
+        self._change(Goal.RESET, now)
         self._switch(now)
+
+    def wait(self, now: Time) -> None:
+        """Stay on the ground before a flight; called once a tick."""
+        if self._goal is not Goal.RESET or not self._status.is_in_emergency:
+            self.rest(now)
 
     def watch(self, now: Time) -> None:
         """Notice that it doesn't follow any more; it is not flown again before it has landed."""

@@ -17,7 +17,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from ipaddress import AddressValueError, IPv4Address
 
-from kybflow.core.errors import DriverError
+from kybflow.core.errors import DriverError, described
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.ardrone.protocol.configuration import END, MOST
 from kybflow.drivers.ardrone.transport.wire import ASKS, AT, CONTROL, NAVDATA, Arrived, DroneWire
@@ -54,16 +54,19 @@ class UdpWire(DroneWire):
         self._arrived: deque[Arrived] = deque(maxlen=MOST_HELD)
         self._file: bytes | None = None
         self._trouble = ""
+        self._failure: str | None = None
         self._over = False
         self._commands, self._data = _socket(host), _socket(host)
         self._control = _ControlChannel(host)
-        self._thread = threading.Thread(target=self._serve, name=f"ardrone {host}", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f"ardrone {host}", daemon=True)
         self._thread.start()
 
     def poll(self, now: Time) -> None:
         """The thread does everything."""
 
     def take(self, now: Time) -> Sequence[Arrived]:
+        if self._failure is not None:
+            raise DriverError(f"the connection to {self._host} has ended: {self._failure}")
         offset, taken = now - self._clock(), []
         while self._arrived:
             at, packet = self._arrived.popleft()
@@ -92,8 +95,15 @@ class UdpWire(DroneWire):
         self._commands.close()
         self._data.close()
 
+    def _run(self) -> None:
+        """The thread; the tick hears of what ends it."""
+        try:
+            self._serve()
+        except Exception as error:
+            self._failure = described(error)
+
     def _serve(self) -> None:
-        """The thread: what is due, what arrives, until it is over."""
+        """What is due, what arrives, until it is over."""
         due = self._clock()
         while not self._over:
             now = self._clock()

@@ -32,7 +32,7 @@ class DroneWire(ABC):
     @abstractmethod
     def take(self, now: Time) -> Sequence[Arrived]:
         """The packets since the last call, oldest first, each with the run's time at which it
-        arrived."""
+        arrived. Raises DriverError."""
 
     @abstractmethod
     def ask(self) -> None:
