@@ -9,10 +9,10 @@ and of the way there. P, D and I follow from that loop where they are not given,
 `geometric` do (`kybflow.flight.loops.design`); the integral stands still on the ground, at its
 limit and where the tilt is limited. Vertically and about the vertical
 
-    climb = v_des + T a_des + `climb` e,    turn = heading rate + `turn` (heading_des - heading)
+    climb = v_des + T a_des + `height` e,    turn = heading rate + `heading` (heading_des - heading)
 
 where T is the time constant with which the vehicle follows climb rates. Where a setpoint has no
-heading, it turns at the heading rate alone. A VELOCITY setpoint has no P, I and `climb` term.
+heading, it turns at the heading rate alone. A VELOCITY setpoint has no P, I and `height` term.
 """
 
 from __future__ import annotations
@@ -50,12 +50,13 @@ class TiltClimbParams:
     integral_limit: Acceleration = param(
         "Limit of the integral term along each axis.", default=1.0, at_least=0
     )
-    climb: Damping = param("Climb rate per metre of height error.", default=1.0, above=0)
-    turn: Damping = param("Heading rate per radian of heading error.", default=1.5, above=0)
-    turning: AngularRate = param("Largest heading rate.", default=60.0 * DEG, above=0)
-    tilt: Angle = param(
-        "Largest tilt, within the airframe's own limit.", default=0.349, above=0, below=1.3
-    )
+    height: Damping = param("Climb rate per metre of height error.", default=1.0, above=0)
+    heading: Damping = param("Heading rate per radian of heading error.", default=1.5, above=0)
+    turn_rate: AngularRate = param("Largest heading rate.", default=60.0 * DEG, above=0)
+    tilt: Angle | None = param(
+        "Largest tilt; the airframe's own by default, and never more.",
+        default=None, above=0, below=1.3,
+    )  # fmt: skip
     lift_off: Length = param(
         "Height above the ground from which it flies.", default=0.05, at_least=0
     )
@@ -81,7 +82,7 @@ class TiltClimb(Tracker[TiltClimbParams]):
     ) -> OuterLoop:
         p = params
         found = OuterLoop(
-            *FASTEST, trim=0.0, drag=airframe.drag, period=period, turning=0.0, climb=p.climb
+            *FASTEST, trim=0.0, drag=airframe.drag, period=period, turning=0.0, climb=p.height
         )
         given = (p.proportional, p.derivative, p.integral)
         own = found[:3] if inner is None or None not in given else designed(found, inner)
@@ -101,8 +102,8 @@ class TiltClimb(Tracker[TiltClimbParams]):
         attitude = from_thrust_direction((ax, ay, GRAVITY), heading)
         turn = setpoint.heading_rate
         if setpoint.heading is not None:
-            turn += p.turn * wrap(setpoint.heading - heading)
-        turn = max(-p.turning, min(p.turning, turn))
+            turn += p.heading * wrap(setpoint.heading - heading)
+        turn = max(-p.turn_rate, min(p.turn_rate, turn))
         sent = Setpoint(SetpointKind.VELOCITY, velocity=(0.0, 0.0, self._climb(setpoint, estimate)))
         return Command(
             attitude, self.hover_thrust, (0.0, 0.0, turn), heading,
@@ -111,6 +112,8 @@ class TiltClimb(Tracker[TiltClimbParams]):
 
     def _tune(self, params: TiltClimbParams) -> None:
         loop = self.outer_loop(params, self._airframe, self._inner, self._period)
+        most = self._airframe.tilt
+        self._tilt = most if params.tilt is None else min(params.tilt, most)
         self._tuned, self._gains = params, (loop.proportional, loop.derivative, loop.integral)
 
     def _level(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> tuple[float, float]:
@@ -131,7 +134,7 @@ class TiltClimb(Tracker[TiltClimbParams]):
                 iy = max(-most, min(most, iy + i * dt * ey))
                 self._integral = (ix, iy)
         ax, ay = ax + ix, ay + iy
-        size, widest = hypot(ax, ay), GRAVITY * tan(min(p.tilt, self._airframe.tilt))
+        size, widest = hypot(ax, ay), GRAVITY * tan(self._tilt)
         self._limited = size > widest
         return (ax * widest / size, ay * widest / size) if self._limited else (ax, ay)
 
@@ -140,7 +143,7 @@ class TiltClimb(Tracker[TiltClimbParams]):
         speed = (setpoint.velocity or ZERO)[2]
         speed += self._climb_time * (setpoint.acceleration or ZERO)[2]
         if setpoint.position is not None:
-            speed += self.params.climb * (setpoint.position[2] - estimate.position[2])
+            speed += self.params.height * (setpoint.position[2] - estimate.position[2])
         return max(-self._airframe.climb, min(self._airframe.climb, speed))
 
     def _flies(self, height: float) -> bool:

@@ -80,7 +80,7 @@ def test_the_tilt_points_where_it_should_whatever_the_heading(heading, x, y) -> 
 
 @given(metres, metres, metres, st.floats(-pi, pi))
 def test_nothing_is_beyond_its_limit(x, y, z, heading) -> None:
-    command = tracker(turning=1.0).update(position((x, y, z), heading=heading), tick())
+    command = tracker(turn_rate=1.0).update(position((x, y, z), heading=heading), tick())
     assert abs(climb(command)) <= FRAME.climb
     assert abs(command.rates[2]) <= 1.0
     assert hypot(*asked(command)) <= GRAVITY * 0.203
