@@ -7,6 +7,7 @@ import json
 import shutil
 import subprocess
 import tempfile
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -24,11 +25,20 @@ def package() -> Path:
     if npm is None or shutil.which("node") is None:
         pytest.skip("npm is not installed")
     if not (found / "package.json").exists():
-        asked = [npm, "install", "--silent", "--no-audit", "--no-fund", "--prefix", str(HOME)]
-        done = subprocess.run([*asked, PACKAGE], capture_output=True, text=True, check=False)
-        if done.returncode or not (found / "package.json").exists():
-            pytest.skip(f"npm can't install {PACKAGE}: {done.stderr.strip()[:200]}")
+        _install(npm)
     return found
+
+
+def _install(npm: str) -> None:
+    """Install it aside and move it into place whole, for several processes may do so."""
+    with tempfile.TemporaryDirectory(dir=HOME.parent) as name:
+        aside = Path(name) / "package"
+        asked = [npm, "install", "--silent", "--no-audit", "--no-fund", "--prefix", str(aside)]
+        done = subprocess.run([*asked, PACKAGE], capture_output=True, text=True, check=False)
+        if done.returncode or not (aside / "node_modules" / "ar-drone").exists():
+            pytest.skip(f"npm can't install {PACKAGE}: {done.stderr.strip()[:200]}")
+        with suppress(OSError):  # another process was sooner
+            aside.rename(HOME)
 
 
 def recording(name: str) -> bytes:

@@ -50,6 +50,13 @@ def test_wifi_that_is_lost_for_a_second_is_flown_on_where_the_mission_allows_tha
     assert flight.summary["vehicles"]["a"]["final"] == "ground"
 
 
+def test_a_drone_that_lost_everybody_on_the_ground_is_connected_again(tmp_path):
+    breaks = [(0.3, {"deaf": True, "silent": True}), (3.3, {"deaf": False, "silent": False})]
+    flight, told, session = flown(mission(["a"], 3.0), tmp_path, breaks=breaks)
+    assert session.links["a"].drone.times_lost == 1
+    assert flight.summary["outcome"] == "succeeded", told
+
+
 def test_wifi_that_is_lost_for_good_lands_that_drone_and_the_other_finishes(tmp_path):
     text = mission(["a", "b"], 15.0) + FAULT.format(at="12 s", lasts="100 s")
     _, told, session = flown(text, tmp_path)
