@@ -7,8 +7,11 @@ stream that is lost is opened again every second.
 
 from __future__ import annotations
 
+import os
+import socket
+from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from kybflow.core.errors import DriverError
 from kybflow.core.files import File
@@ -18,13 +21,20 @@ from kybflow.core.units import Duration
 from kybflow.dsl.reading.calibration import read_calibration
 from kybflow.parts import Link, Objection, Sensor
 from kybflow.sensors.camera import CameraSensor, CameraSensorParams, Device, Grabber
+from kybflow.vision.video import PYAV, WAY_OUT
+from kybflow.vision.video.pave import FrameCutter
 from kybflow.world.cameras import Camera
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     import random
 
-WAY_OUT = "install it: pip install 'kybflow[video]'"
+    from kybflow.vision.video.codec import FrameDecoder
+
+PORT = 5555
+PATIENCE = 2.0
+"""Seconds without a byte after which the stream is lost."""
+CHUNK = 1 << 16
 
 
 @params
@@ -47,7 +57,7 @@ class ArdroneCamera(Sensor[ArdroneCameraParams]):
     """Which camera it is, is told as of a camera on this computer."""
 
     provides = frozenset({Frame})
-    packages = ("av",)
+    packages = PYAV
 
     @classmethod
     def seen_by(
@@ -78,7 +88,7 @@ class ArdroneCamera(Sensor[ArdroneCameraParams]):
         generator: random.Random,
     ) -> Device:
         try:
-            from kybflow.sensors.ardrone_camera.capture import VideoCapture
+            from kybflow.vision.video.codec import FrameDecoder
         except ImportError as error:
             raise DriverError(f"an AR.Drone's video needs PyAV ({error}); {WAY_OUT}") from None
         objection = cls.objection(params, context.cameras)
@@ -88,8 +98,37 @@ class ArdroneCamera(Sensor[ArdroneCameraParams]):
             raise DriverError(f"the vehicle `{context.vehicle}` has no camera")
         camera = context.cameras[params.camera or next(iter(context.cameras))]
         host, latency = params.host, round(params.latency * NS)
-        return Device(Grabber(lambda: VideoCapture(host)), camera, latency)
+        return Device(Grabber(lambda: VideoCapture(host, FrameDecoder())), camera, latency)
 
 
 def _as_device(params: ArdroneCameraParams) -> CameraSensorParams:
     return CameraSensorParams(camera=params.camera, calibration=params.calibration)
+
+
+class VideoCapture:
+    """What `Grabber` reads. Raises DriverError where nobody answers."""
+
+    def __init__(self, host: str, decoder: FrameDecoder) -> None:
+        try:
+            self._socket = socket.create_connection((host, PORT), PATIENCE)
+        except OSError as error:
+            words = os.strerror(error.errno).lower() if error.errno else str(error)
+            raise DriverError(f"no video from the drone at {host}: {words}") from None
+        self._cutter, self._decoder = FrameCutter(), decoder
+        self._images: deque[Any] = deque()
+
+    def read(self) -> tuple[bool, Any]:
+        """The next image; false where the stream has ended."""
+        while not self._images:
+            try:
+                data = self._socket.recv(CHUNK)
+            except OSError:
+                return False, None
+            if not data:
+                return False, None
+            for frame in self._cutter.take(data):
+                self._images.extend(self._decoder.decode(frame))
+        return True, self._images.popleft()
+
+    def release(self) -> None:
+        self._socket.close()

@@ -7,7 +7,7 @@ from ardrone_recordings import recording
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.sensors.ardrone_camera.pave import FrameCutter, VideoFrame, write_frame
+from kybflow.vision.video.pave import FrameCutter, VideoFrame, write_frame
 
 FRAMES = [VideoFrame(4, 640, 360, n, 33 * n, 1 if n == 0 else 3, bytes([n]) * 50) for n in range(5)]
 

@@ -6,14 +6,12 @@ from __future__ import annotations
 import random
 import socket
 import threading
-from fractions import Fraction
 
 import pytest
 
 pytest.importorskip("av", reason="PyAV is not installed")
 pytest.importorskip("cv2")
 
-import av
 import cv2
 import numpy
 from ardrone_recordings import recording
@@ -22,34 +20,19 @@ from served_drones import free_host
 from waiting import until
 
 from kybflow.core.errors import DriverError
-from kybflow.sensors.ardrone_camera import ArdroneCamera, ArdroneCameraParams
-from kybflow.sensors.ardrone_camera.capture import PORT, FrameDecoder
-from kybflow.sensors.ardrone_camera.pave import FrameCutter, FrameType, VideoFrame, write_frame
+from kybflow.sensors.ardrone_camera import PORT, ArdroneCamera, ArdroneCameraParams
+from kybflow.vision.video.codec import FrameDecoder, FrameEncoder
+from kybflow.vision.video.pave import FrameCutter, write_frame
 from kybflow.world.cameras import Camera, Lens
 
 CAMERA = Camera("front", Lens(640, 360, 560.0, 560.0, 319.5, 179.5), (0.0, 0.0, 0.0))
 TAG = 7
 
 
-def encoded(images):
-    """H.264 as a drone codes it: baseline, one packet a frame."""
-    codec = av.CodecContext.create("libx264", "w")
-    codec.width, codec.height, codec.pix_fmt = 640, 360, "yuv420p"
-    codec.time_base, codec.options = Fraction(1, 30), {"tune": "zerolatency", "profile": "baseline"}
-    packets = []
-    for image in images:
-        packets += codec.encode(
-            av.VideoFrame.from_ndarray(image, format="gray").reformat(format="yuv420p")
-        )
-    return [bytes(packet) for packet in packets]
-
-
 def stream_of(images):
-    kinds = [FrameType.IDR, *[FrameType.P] * (len(images) - 1)]
-    return b"".join(
-        write_frame(VideoFrame(4, 640, 360, n, 33 * n, kind, data))
-        for n, (kind, data) in enumerate(zip(kinds, encoded(images), strict=True))
-    )
+    encoder = FrameEncoder(640, 360, 30)
+    frames = [f for n, image in enumerate(images) for f in encoder.encode(image, 33 * n)]
+    return b"".join(map(write_frame, frames))
 
 
 def pictures(count):
@@ -78,7 +61,7 @@ def test_the_recorded_video_of_a_real_drone_is_decoded():
 def test_nothing_is_decoded_before_a_key_frame_and_garbage_is_counted():
     decoder = FrameDecoder()
     first, second = FrameCutter().take(stream_of(list(pictures(2))))
-    assert decoder.decode(second) == []
+    assert decoder.decode(second._replace(kind=3)) == []
     assert decoder.decode(first._replace(payload=b"\0\0\1garbage")) == []
     assert len(decoder.decode(first)) == 1
     assert decoder.decode(second._replace(codec=2)) == []
