@@ -51,6 +51,11 @@ EXAMPLES = examples(
     "--loss", type=click.FloatRange(0.0, 0.9), default=0.0, help="The share that is lost."
 )
 @click.option(
+    "--video",
+    is_flag=True,
+    help="Send what the airframe's camera `front` or `down` sees, to who connects for it.",
+)
+@click.option(
     "--fail",
     multiple=True,
     metavar="NAME[=VALUE][@SECONDS]",
@@ -70,14 +75,16 @@ def ardrone(
     latency: float,
     jitter: float,
     loss: float,
+    video: bool,
     fail: tuple[str, ...],
     speed: float,
     seed: int,
 ) -> None:
     """Emulate AR.Drones 2.0 on simulated vehicles until Ctrl-C.
 
-    Commands at UDP 5556, navigation data at UDP 5554, the configuration at TCP 5559, each drone on
-    a loopback address of its own: any client flies them that can be given an address.
+    Commands at UDP 5556, navigation data at UDP 5554, the configuration at TCP 5559, video at TCP
+    5555, each drone on a loopback address of its own: any client flies them that can be given an
+    address.
     """
     from kybflow.core.errors import DriverError
     from kybflow.drivers.emulated_ardrone.onboard.drone import DroneFailures
@@ -90,7 +97,7 @@ def ardrone(
     seats = seats_of(mission, "ardrone", count, driver)
     try:
         with ExitStack() as stack:
-            fleet = _opened(stack, seats, Radio(latency, jitter, loss), host, seed)
+            fleet = _opened(stack, seats, Radio(latency, jitter, loss), host, video, seed)
             sys.stdout.flush()
             serve(fleet, breaks, speed)
             for seat, member in zip(seats, fleet.members, strict=True):
@@ -101,12 +108,13 @@ def ardrone(
 
 
 def _opened(
-    stack: ExitStack, seats: Sequence[Seat], radio: Radio, host: str, seed: int
+    stack: ExitStack, seats: Sequence[Seat], radio: Radio, host: str, video: bool, seed: int
 ) -> Fleet[DroneEndpoint]:
     """All drones, each at its ports. Raises DriverError."""
     import random
 
     from kybflow.drivers.emulated_ardrone import EmulatedArdrone
+    from kybflow.drivers.emulated_ardrone.onboard.video import DroneVideo
     from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
 
     hosts = [host_of(number, host) for number in range(len(seats))]
@@ -116,6 +124,10 @@ def _opened(
         ports = SocketPorts(where)
         stack.callback(ports.close)
         member.onboard.connect(ports)
+        if video:
+            endpoint, look = member.onboard, member.vehicle.truth
+            configuration = endpoint.drone.configuration
+            endpoint.video = DroneVideo(seat.context, look, configuration, seed)
         member.onboard.on_phase = partial(_tell_phase, seat.context.vehicle)
         echo(f"{seat.context.vehicle} (AR.Drone) speaks at {where}; Ctrl-C ends it")
     return fleet

@@ -10,6 +10,7 @@ from kybflow.drivers.ardrone.protocol.configuration import write_configuration
 from kybflow.drivers.emulated_ardrone.onboard.drone import DroneFailures, OnboardDrone
 from kybflow.drivers.emulated_ardrone.onboard.radio import DelayLine, Radio
 from kybflow.drivers.emulated_ardrone.onboard.telling import Telling
+from kybflow.drivers.emulated_ardrone.onboard.video import DroneVideo
 from kybflow.drivers.emulated_ardrone.ports.ports import Ports
 from kybflow.drivers.emulation.breaking import BreakableLink
 
@@ -17,10 +18,12 @@ Heard = tuple[bytes, Hashable]
 
 
 class DroneEndpoint:
-    """One drone and its ports. generator: the chance of its radio. `on_phase`: called with the
-    time, s, and the state of flight in words as it changes."""
+    """One drone and its ports. generator: the chance of its radio. `video`: what it sends to who
+    watches, None for nothing. `on_phase`: called with the time, s, and the state of flight in words
+    as it changes."""
 
     on_phase: Callable[[float, str], None] | None = None
+    video: DroneVideo | None = None
 
     def __init__(self, drone: OnboardDrone, radio: Radio, generator: random.Random) -> None:
         self.drone = drone
@@ -75,6 +78,8 @@ class DroneEndpoint:
         self._data.send_all((data for data in packets if self._link.sends()), now)
         for data in self._data.arrived(now):
             self._ports.send(data)
+        if self.video is not None and self._ports.is_watched:
+            self._ports.send_video(self.video.due(now))
 
     def _send_configuration(self) -> None:
         if self._ports is not None:

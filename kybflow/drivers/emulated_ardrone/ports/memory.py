@@ -38,6 +38,13 @@ class MemoryPorts(Ports):
     def send_configuration(self, data: bytes) -> None:
         self.configuration = data
 
+    @property
+    def is_watched(self) -> bool:
+        return False
+
+    def send_video(self, data: bytes) -> None:
+        """Nobody watches."""
+
     def close(self) -> None:
         """There is nothing to close."""
 

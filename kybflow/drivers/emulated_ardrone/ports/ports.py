@@ -29,5 +29,14 @@ class Ports(ABC):
     def send_configuration(self, data: bytes) -> None:
         """Send the configuration to who is connected for it."""
 
+    @property
+    @abstractmethod
+    def is_watched(self) -> bool:
+        """Whether somebody is connected for video."""
+
+    @abstractmethod
+    def send_video(self, data: bytes) -> None:
+        """Send a picture to who watches; one who is behind gets none of it."""
+
     @abstractmethod
     def close(self) -> None: ...

@@ -1,7 +1,7 @@
 """A drone's ports on a loopback address of its own, with the numbers of a real one.
 
 UDP 5556 for commands, UDP 5554 for navigation data, TCP 5559 for the configuration, TCP 5555 for
-video, where who connects gets none. What a poll takes is bounded, so that a flood can't
+video. What a poll takes is bounded, so that a flood can't
 hold up a step. Navigation data goes to
 who asked last.
 """
@@ -44,7 +44,7 @@ class SocketPorts(Ports):
         self.host = host
         self._opened: list[socket.socket] = []
         self._clients: list[socket.socket] = []
-        self._viewers: list[socket.socket] = []
+        self._viewers: dict[socket.socket, bytes] = {}
         self._listener: Any = None
         try:
             self._at = self._open(socket.SOCK_DGRAM, AT)
@@ -82,6 +82,21 @@ class SocketPorts(Ports):
                 self._clients.remove(client)
                 client.close()
 
+    @property
+    def is_watched(self) -> bool:
+        return bool(self._viewers)
+
+    def send_video(self, data: bytes) -> None:
+        for viewer, left in [*self._viewers.items()]:
+            try:
+                rest = left or data  # who has not had the last picture whole misses this one
+                self._viewers[viewer] = rest[viewer.send(rest) :] if rest else b""
+            except BlockingIOError:
+                continue
+            except OSError:
+                del self._viewers[viewer]
+                viewer.close()
+
     def close(self) -> None:
         for opened in (*self._clients, *self._viewers, *self._opened):
             opened.close()
@@ -99,15 +114,27 @@ class SocketPorts(Ports):
         return opened
 
     def _accept(self) -> None:
-        for listening, clients in ((self._control, self._clients), (self._video, self._viewers)):
-            try:
-                client, _ = listening.accept()
-            except OSError:
-                continue
-            client.setblocking(False)
-            clients.append(client)
-            if len(clients) > MOST_CLIENTS:
-                clients.pop(0).close()
+        client = _accepted(self._control)
+        if client is not None:
+            self._clients.append(client)
+            if len(self._clients) > MOST_CLIENTS:
+                self._clients.pop(0).close()
+        viewer = _accepted(self._video)
+        if viewer is not None:
+            self._viewers[viewer] = b""
+            if len(self._viewers) > MOST_CLIENTS:
+                oldest = next(iter(self._viewers))
+                del self._viewers[oldest]
+                oldest.close()
+
+
+def _accepted(listening: socket.socket) -> socket.socket | None:
+    try:
+        client, _ = listening.accept()
+    except OSError:
+        return None
+    client.setblocking(False)
+    return client
 
 
 def _received(opened: socket.socket) -> list[tuple[bytes, Hashable]]:
