@@ -14,7 +14,7 @@ from kybflow.drivers.ardrone.control.configuring import Configuring, values_of
 from kybflow.drivers.ardrone.control.flight import FlightControl
 from kybflow.drivers.ardrone.control.moves import limits_of
 from kybflow.drivers.ardrone.preflight import checks
-from kybflow.drivers.ardrone.protocol.at import Ids, comwdg
+from kybflow.drivers.ardrone.protocol.at import Ids, comwdg, ftrim
 from kybflow.drivers.ardrone.protocol.configuration import identity
 from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
@@ -56,6 +56,7 @@ class ArdroneLink(Link):
         self._asked: Time | None = None
         self._answered: Time | None = None
         self._is_flown = self._is_configured = False
+        self._trims = params.flat_trim
         self.armed = None
 
     def update(self, now: Time) -> None:
@@ -142,3 +143,6 @@ class ArdroneLink(Link):
             self.configuring.begin_anew()
         self._is_configured = not self.configuring.waits_for and not in_bootstrap
         self.configuring.update(status.acknowledges, now)
+        if self._trims and self._is_configured and status.stands:
+            self._trims = False
+            self.wire.stream.post(ftrim())

@@ -41,6 +41,10 @@ class ArdroneLinkParams:
         "Rate of the ultrasound; drones that fly beside each other need different ones.",
         default="25 Hz", read_only=True,
     )  # fmt: skip
+    flat_trim: bool = param(
+        "Take how it stands before the first take-off for level: on flat ground only.",
+        default=False, read_only=True,
+    )  # fmt: skip
     video: Literal["front", "down"] = param(
         "Which of its cameras it sends; the sensor `ardrone_camera` takes the video.",
         default="front", read_only=True,

@@ -70,6 +70,19 @@ def test_killed_in_flight_the_drone_lands_itself_and_nobody_sends(tmp_path):
             flight.stdout.close()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [30, 100, 200])
+def test_three_drones_for_a_minute_over_sockets(rate, tmp_path):
+    bad = {"wifi_latency": 0.02, "wifi_jitter": 0.02, "wifi_loss": 0.05}
+    request = RunRequest(out=tmp_path / "run", speed=1.0)
+    text = mission(["a", "b", "c"], 60.0)
+    flight, told, session = flown(text, tmp_path, request=request, rate=rate, network=True, **bad)
+    assert flight.summary["outcome"] == "succeeded", told
+    for link in session.links.values():
+        assert not link.drone.times_lost
+        assert not link.wire.stream.ended
+
+
 def test_over_sockets_it_flies_as_in_memory(tmp_path):
     errors = []
     for network in (False, True):

@@ -50,6 +50,11 @@ def test_a_drone_that_is_not_well_does_not_take_off(breaks, check, tmp_path):
     assert not session.links["a"].drone.flight.flies
 
 
+def test_how_it_stands_is_taken_for_level_once_where_that_is_asked_for(tmp_path):
+    _, _, session = flown(mission(["a"], 3.0), tmp_path, flat_trim=True, wifi_loss=0.0)
+    assert session.links["a"].drone.accepted == {"FTRIM": 1}
+
+
 def test_a_tilt_that_the_drone_is_not_given_fails_the_preflight(tmp_path):
     flight, told, _ = flown(mission(["a"], 3.0), tmp_path, euler_angle_max=0.1)
     (failed,) = named(told, "preflight_failed")

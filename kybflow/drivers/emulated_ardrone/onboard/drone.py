@@ -52,9 +52,10 @@ class DroneFailures(Failures):
 
 
 class OnboardDrone:
-    """The computer of one drone. `ignored`: what was not obeyed, by reason. `is_lost`: nobody has
-    it; `times_lost`: how often somebody had it and was silent for too long. `on_configuration`:
-    called when the configuration is asked for."""
+    """The computer of one drone. `accepted`: commands that have no effect here, by name. `ignored`:
+    what was not obeyed, by reason. `is_lost`: nobody has it; `times_lost`: how often somebody had
+    it and was silent for too long. `on_configuration`: called when the configuration is asked for.
+    """
 
     def __init__(
         self, context: VehicleContext, body: SimulatedBody, generator: random.Random
@@ -64,6 +65,7 @@ class OnboardDrone:
         self.battery = BatteryMonitor(self.failures)
         self.estimator = DroneEstimator(body.look, generator)
         self.flight = DroneFlight(context.airframe, self.estimator, body)
+        self.accepted: Counter[str] = Counter()
         self.ignored: Counter[str] = Counter()
         self.on_configuration: Callable[[], None] = lambda: None
         self.is_lost, self.times_lost = True, 0
@@ -214,7 +216,7 @@ class OnboardDrone:
         self._warned = False
 
     def _accept(self, command: AtCommand) -> None:
-        """It has no effect here."""
+        self.accepted[command.name] += 1
 
     def _switch_emergency(self) -> None:
         if not self._emergency:
