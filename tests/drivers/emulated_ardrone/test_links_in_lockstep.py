@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from ardrone_flights import AgesOnReceipt, flown, mission
 
+from kybflow.api.flight import RunRequest
+
 FAULT = "faults:\n  - {{at: {at}, on: a, inject: link_cut, for: {lasts}}}\n"
 
 
@@ -68,3 +70,12 @@ def test_wifi_that_is_lost_for_good_lands_that_drone_and_the_other_finishes(tmp_
     assert [e.name for e in told if e.vehicle == "a" and e.name == "link_lost"] == ["link_lost"]
     ways = [e.fields["behavior"] for e in told if e.vehicle == "b" and e.name == "behavior_started"]
     assert ways == ["up", "turn", "down", "landed"]
+
+
+def test_the_same_seed_flies_the_same_flight(tmp_path):
+    logs = []
+    for name in ("one", "other"):
+        request = RunRequest(seed=3, out=tmp_path / name)
+        flown(mission(["a"], 3.0), tmp_path, request=request)
+        logs.append((tmp_path / name / "log.mcap").read_bytes())
+    assert logs[0] == logs[1]

@@ -24,7 +24,7 @@ class DroneStatus:
     """The status of one drone.
 
     `state`: the newest mask. `demo`: the newest demo option, None before one came. `heard`: when
-    something last arrived. `warned`: since when its watchdog's bit is set.
+    something last arrived.
     """
 
     def __init__(self) -> None:

@@ -8,7 +8,6 @@ flow and holds its height. Radians, metres, body FLU.
 
 from __future__ import annotations
 
-from enum import Enum
 from math import hypot
 
 from kybflow.core.geometry import ZERO, conjugate, from_euler, multiply, to_euler, wrap
@@ -37,13 +36,6 @@ TURN_LEASH = 0.5
 """How far the heading that is held may be from the one that it has, rad."""
 
 
-class Told(Enum):
-    """What it is told by REF."""
-
-    LAND = "land"
-    FLY = "fly"
-
-
 class DroneFlight:
     """The flight of one drone. `phase`: its state of flight. `moves`: what it follows; None to
     hover."""
@@ -61,11 +53,6 @@ class DroneFlight:
     @property
     def flies(self) -> bool:
         return self.phase is not Phase.LANDED
-
-    @property
-    def hover_share(self) -> float:
-        """The thrust over that which holds it."""
-        return self._control.thrust / self._control.hover if self.flies else 0.0
 
     def take_off(self, now: Time) -> None:
         """Begin to fly."""
