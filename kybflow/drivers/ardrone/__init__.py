@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Battery, CommandKind, Imu, Odometry
 from kybflow.drivers.ardrone.params import ArdroneLinkParams, ArdroneParams
-from kybflow.parts import Driver, Objection, Seat, Session
-from kybflow.parts.base import Claim
+from kybflow.parts import Claim, Driver, Objection, Seat, Session
 from kybflow.world.inner_loop import InnerLoop
 from kybflow.world.vehicle_context import Airframe, Parcel
 
