@@ -236,6 +236,7 @@ class CommandKind(Enum):
     ACCELERATION = "acceleration"
     ATTITUDE_THRUST = "attitude_thrust"
     RATES_THRUST = "rates_thrust"
+    TILT_CLIMB = "tilt_climb"
 
 
 class Command(NamedTuple):
@@ -243,7 +244,9 @@ class Command(NamedTuple):
 
     ATTITUDE_THRUST: `attitude` (body to world), `thrust` (newtons along body z) and `rates` (body,
     rad/s), fed forward. RATES_THRUST: `rates` and `thrust`. POSITION, VELOCITY and ACCELERATION:
-    `setpoint`, which has at least that field; its other fields are fed forward. `armed` false stops
+    `setpoint`, which has at least that field; its other fields are fed forward. TILT_CLIMB: the
+    tilt of `attitude`, the heading rate about body z of `rates`, and the climb rate, the velocity
+    of `setpoint` along z. `armed` false stops
     the rotors. heading: the estimated heading, for an on-board filter that can't observe it, as an
     autopilot takes it from external vision; if None, it is unknown, the heading in `attitude` is
     meaningless, and the on-board controller holds its own.

@@ -39,7 +39,7 @@ DEAD_TIME, LINK = 0.005, 0.01
 class Mavlink(Driver[MavlinkParams]):
     """pymavlink is imported when it is opened."""
 
-    accepts = frozenset(CommandKind)
+    accepts = frozenset(CommandKind) - {CommandKind.TILT_CLIMB}
     provides = frozenset(
         {
             Battery, Imu, Odometry,

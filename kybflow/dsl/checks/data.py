@@ -48,9 +48,15 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
             key = kind, any(leg.start is leg.end for leg in case.legs(vehicle, name))
             if key not in walked:
                 walked[key] = _refusal(vehicle, *key)
-            if (refusal := walked[key]) is not None:
+            if (refusal := walked[key]) is not None and not _lands_itself(vehicle, name, kind):
                 origin = f"{name}` ({part_of(vehicle, name)})"
                 yield _gap(refusal.part, refusal.what, origin, refusal.takes)
+
+
+def _lands_itself(vehicle: VehicleEntry, name: str, kind: SetpointKind | CommandKind) -> bool:
+    """Whether the vehicle lands blind by its own mode in place of the built-in state."""
+    is_command = isinstance(kind, CommandKind)
+    return is_command and name in BUILT_IN and vehicle.driver.spec.cls.lands_blind
 
 
 class _Refusal(NamedTuple):

@@ -223,7 +223,7 @@ def the_other_fitting_tracker(mission: Mission) -> Changes:
     for vehicle in mission.own():
         if mission.at("tracker", of=vehicle.node) is None:
             yield change(add(vehicle.node, "tracker: {use: geometric}"))
-            if not _library(mission, vehicle.node):
+            if mission.word("like", of=vehicle.node) in {"std.mk_quadro", "std.nano_plus"}:
                 yield change(add(vehicle.node, "tracker: velocity"))
 
 
