@@ -116,7 +116,7 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
                 aim_of(state, footprint),
                 label=f"at {shown_point(point)}, {_near(vehicle, room)}",
                 notes=(_stands(obstacle), *footprint.line_of(point)),
-                help="lead it round with `follow_path`, or further away",
+                help=f"lead it round by points beside `{obstacle.name.text}`, or further away",
                 related=values_of(state.part),
             )
             break
