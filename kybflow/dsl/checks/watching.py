@@ -6,9 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from math import sqrt
+from typing import Any
 
 from kybflow.core.geometry import GRAVITY
-from kybflow.core.signals import Battery
+from kybflow.core.signals import Reaction
 from kybflow.core.units import LENGTH, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.contexts import contexts
@@ -56,36 +57,34 @@ def _finding(code: str, part: PartUse, objection: Objection, severity: Severity)
 
 
 def nobody_lands_it(case: Case) -> Iterator[Diagnostic]:
-    """KYB446: a supervisor that would land a vehicle before its battery is empty only warns, and
-    nothing in the mission answers it: no event of its own is heard, and no condition asks for the
-    battery (a warning)."""
+    """KYB446: a supervisor that would bring a vehicle down only warns, and nothing in the mission
+    answers it: no event of its own is heard, and of a battery no condition asks (a warning)."""
     for vehicle in case.vehicles():
         for part in vehicle.supervisors:
-            if not _spares_nothing(part) or Battery not in vehicle.driver.spec.cls.provides:
+            if not _only_warns(part):
                 continue
             if any(event in part.spec.cls.events for event in case.cached(_answered)):
                 continue
             yield Diagnostic(
                 "KYB446",
-                f"nothing lands `{vehicle.name.text}` before its battery is empty",
-                part.spans.get("reaction", part.name.span),
-                label=f"`{part.label}` only warns",
-                help="write `reaction: land`, or let a transition answer its event",
+                f"nothing brings `{vehicle.name.text}` down when `{part.label}` tells",
+                part.spans["reaction"],
+                label="only warns",
+                help="leave `reaction` out, or let a transition answer its event",
                 severity=Severity.WARNING,
             )
 
 
-def _spares_nothing(part: PartUse) -> bool:
-    """Whether it keeps no reserve because of its reaction alone."""
-    if "reaction" not in part.spans or part.spec.cls.reserve(part.params) > 0.0:
+def _only_warns(part: PartUse) -> bool:
+    """Whether it would land by default and is told to warn."""
+    if "reaction" not in part.spans or part.params.reaction != "warn":
         return False
-    usual = next(f.default for f in part.spec.fields if f.name == "reaction")
-    return bool(part.spec.cls.reserve(replace(part.params, reaction=usual)) > 0.0)
+    return Reaction[_usual(part).reaction.upper()] >= Reaction.LAND
 
 
 def _answered(case: Case) -> Iterator[str]:
     """The bare name of each event that something answers; a condition on the battery answers
-    all of it."""
+    all that a supervisor tells of it."""
     document = case.document
     ways = [state.transitions for _, state in case.states()]
     ways += [phase.transitions for _, phase in phases(document)]
@@ -93,11 +92,21 @@ def _answered(case: Case) -> Iterator[str]:
     asked = [t.when for t in transitions] + [callback.when for callback in document.callbacks]
     if any(text is not None and "battery." in text.text for text in asked):
         yield from (
-            event for v in case.vehicles() for p in v.supervisors for event in p.spec.cls.events
+            event
+            for v in case.vehicles()
+            for p in v.supervisors
+            if p.spec.cls.reserve(_usual(p)) > 0.0
+            for event in p.spec.cls.events
         )
     heard = [t.event for t in transitions]
     heard += [c.event for c in document.callbacks if any(a.name.text != "log" for a in c.actions)]
     yield from (event.text.rpartition(".")[2] for event in heard if event is not None)
+
+
+def _usual(part: PartUse) -> Any:
+    """Its parameters with the reaction that it has by default."""
+    usual = next(f.default for f in part.spec.fields if f.name == "reaction")
+    return replace(part.params, reaction=usual)
 
 
 def falls(case: Case) -> Iterator[Diagnostic]:
