@@ -57,11 +57,13 @@ def _finding(code: str, part: PartUse, objection: Objection, severity: Severity)
 
 
 def nobody_lands_it(case: Case) -> Iterator[Diagnostic]:
-    """KYB446: a supervisor that would bring a vehicle down only warns, and nothing in the mission
-    answers it: no event of its own is heard, and of a battery no condition asks (a warning)."""
+    """KYB446: a supervisor that would bring a vehicle down only warns, no second one of its kind
+    lands, and nothing in the mission answers it: no event of its own is heard, and of a battery no
+    condition asks (a warning)."""
     for vehicle in case.vehicles():
         for part in vehicle.supervisors:
-            if not _only_warns(part):
+            alike = (other for other in vehicle.supervisors if other.spec is part.spec)
+            if not all(map(_only_warns, alike)):
                 continue
             if any(event in part.spec.cls.events for event in case.cached(_answered)):
                 continue
