@@ -106,7 +106,7 @@ class Members:
         the formation was complete, so that who is in place now has joined it."""
         troubled = {m.name: m.trouble for m in members if m.trouble}
         placed = {m.name for m in members if m.said.place != WAITING}
-        for name in sorted(self._placed - placed):
+        for name in sorted(self._placed - {m.name for m in members}):
             yield "neighbour_left", name, ""
         for name in sorted(placed - self._placed) if whole else ():
             yield "neighbour_joined", name, ""

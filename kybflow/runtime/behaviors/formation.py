@@ -70,6 +70,8 @@ _NOTICE: Time = NS // 10
 """How long a member has waited, beyond the delay, until all have surely heard of it."""
 _UNHURRIED = 0.25
 """The share of `doubt` that a member may lag without slowing the others down."""
+_IN_PLACE = 0.01
+"""Metres from its place, one tick ahead, at which a point is there."""
 _RETRACTED = 2.0
 """How many tolerances a formation may be off that was settled."""
 
@@ -225,13 +227,13 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def _go_on(self, tick: Tick) -> None:
         """Keep the place that the vehicle had in this formation until a moment ago."""
         before = self._members.own_news(tick)
-        if before is None or before.said.place == WAITING or not before.said.settled:
+        if before is None or before.said.place == WAITING:
             return
         self._frame, self._turned = before.frame, before.said.turned
-        place = self._turned_shape()[before.said.place]
-        there, turn = Shift(Motion(place), place, 0.0), wrap(self._heading - self._frame.heading)
-        self._placed = _Placed(before.said.place, tick.now, there, turn)
-        self._settled = True
+        place, here = self._turned_shape()[before.said.place], self._coast.at(0.0)
+        way = distance(place, self._frame.place(here).position)
+        self._placed = self._set_out(before.said.place, way if way > _IN_PLACE else 0.0, tick)
+        self._settled = before.said.settled
 
     def _met(self, members: list[Member], ahead: Frame | None, tick: Tick) -> _Placed | None:
         """Lay the formation, or join it; None while not all have come whom that needs."""
