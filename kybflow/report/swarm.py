@@ -109,24 +109,26 @@ def _from_above(run: Run) -> Figure:
         "height": 560,
         "hovermode": "closest",
     }
-    note = f"Who flies at {_MOMENTS} moments, from above, joined by lines; the number is the time."
+    note = f"Who flies at {_MOMENTS} moments, from above; lines join who is in one state."
     return Figure("from_above", "The swarm from above", note, traces, layout, over_time=False)
 
 
 def _moment(run: Run, moment: float) -> list[dict[str, Any]]:
-    """The vehicles that fly at a moment: a dot each, and lines between all."""
+    """The vehicles that fly at a moment: a dot each, and lines between those in one state."""
     places = {}
     for track, colour in coloured(run):
         here = _at(track, np.array([moment]))[0] if len(track.time) else np.full(3, np.nan)
         if not np.isnan(here[0]):
-            places[track.name] = (float(here[0]), float(here[1]), float(here[2]), colour)
+            state = next((v.name for v in track.visits if v.start <= moment < v.end), "")
+            places[track.name] = (float(here[0]), float(here[1]), float(here[2]), colour, state)
     if not places:
         return []
     edges: list[float] = []
     sides: list[float] = []
     for a, b in combinations(places.values(), 2) if len(places) <= len(VEHICLES) else ():
-        edges += [a[0], b[0], np.nan]
-        sides += [a[1], b[1], np.nan]
+        if a[4] == b[4]:
+            edges += [a[0], b[0], np.nan]
+            sides += [a[1], b[1], np.nan]
     joined = line("", np.array(edges), np.array(sides), "soft", 0.7)
     dots = {
         "type": "scatter",

@@ -16,7 +16,7 @@ TIME = np.linspace(0.0, 10.0, 101)
 
 
 def track(name: str, x: float, flies_until: float = 10.0) -> Track:
-    flies = np.where(TIME <= flies_until, 0.01, np.nan)
+    flies = np.where(flies_until >= TIME, 0.01, np.nan)
     place = np.stack([np.full(101, x), 0.1 * TIME, np.ones(101)], axis=1)
     return Track(name, [x, 0, 0], TIME, place, place, flies, flies, flies, TIME, flies, ())
 
