@@ -11,6 +11,7 @@ radians.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from math import atan2, cos, pi, sin
 from typing import NamedTuple
 
@@ -48,16 +49,17 @@ def assigned(here: Sequence[Vec3], places: Sequence[Vec3]) -> tuple[int, ...]:
     return tuple(int(column) for column in columns)
 
 
+@lru_cache(maxsize=4)
 def laid(
-    here: Sequence[Vec3],
+    here: tuple[Vec3, ...],
     places: tuple[Vec3, ...],
     heading: float,
     centre: Vec3 | None = None,
     turned: float | None = None,
 ) -> Laid:
     """Lay a formation whose frame has this heading where the vehicles are, at `centre` and `turned`
-    where those are given."""
-    middle, origin = centroid(tuple(here)), centroid(places)
+    where those are given. All members ask in one tick, and only the first has to work it out."""
+    middle, origin = centroid(here), centroid(places)
     starts = (heading,) if turned is not None else _angles(heading)
     best, least = None, 0.0
     for start in starts:
@@ -70,9 +72,9 @@ def laid(
             found = Laid(at, angle - heading, taken)
             if best is None or cost < least - _BETTER:
                 best, least = found, cost
-            if turned is not None:
+            before, angle = angle, _best_angle(here, [places[i] for i in taken], centre, angle)
+            if turned is not None or abs(angle - before) < _BETTER:
                 break
-            angle = _best_angle(here, [places[i] for i in taken], centre, angle)
     assert best is not None
     return best
 

@@ -84,7 +84,7 @@ class Room:
         box, keep = self.box(p), self._context.airframe.arm + p.clearance
         for offset in offsets:
             place = add(centre, offset)
-            near = list(solids(place, obstacles, keep, speed))
-            if box is not None:
+            near = list(solids(place, obstacles, keep, speed)) if obstacles else []
+            if box is not None and stopping_speed(-box.outside_by(place)) < speed:
                 near += (wall for wall in walls(place, box) if stopping_speed(wall.room) < speed)
             yield offset, tuple(near)

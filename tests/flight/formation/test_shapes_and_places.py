@@ -61,7 +61,7 @@ def test_no_other_assignment_has_shorter_squared_ways(here: list[Vec3]) -> None:
 def test_a_formation_in_place_is_laid_where_it_is(centre: Vec3, angle: float, head: float) -> None:
     places = places_of("triangle", 1.2, 3)
     here = [add(centre, turned_by(angle, place)) for place in places]
-    found = laid(here, places, head)
+    found = laid(tuple(here), places, head)
     goals = [add(found.centre, turned_by(head + found.turned, places[i])) for i in found.taken]
     assert all(dist(a, b) < 1e-3 for a, b in zip(here, goals, strict=True))
 
@@ -70,7 +70,7 @@ def test_a_formation_in_place_is_laid_where_it_is(centre: Vec3, angle: float, he
 @given(st.lists(points, min_size=3, max_size=3, unique=True), points, angles)
 def test_what_is_given_is_kept(here: list[Vec3], centre: Vec3, turned: float) -> None:
     places = places_of("triangle", 1.2, 3)
-    found = laid(here, places, 0.3, centre, turned)
+    found = laid(tuple(here), places, 0.3, centre, turned)
     assert found.centre == centre
     assert wrap(found.turned - turned) == pytest.approx(0.0, abs=1e-9)
 
@@ -81,7 +81,7 @@ def test_on_ways_of_one_duration_no_two_meet(here: list[Vec3]) -> None:
     places = places_of("square", 1.5, 4)
     apart = min(dist(a, b) for a, b in permutations(here, 2))
     assume(apart > 0.5)
-    found = laid(here, places, 0.0)
+    found = laid(tuple(here), places, 0.0)
     goals = [add(found.centre, turned_by(found.turned, places[i])) for i in found.taken]
     for share in (0.25, 0.5, 0.75):
         now = [
