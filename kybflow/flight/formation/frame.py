@@ -49,14 +49,20 @@ class Frame(NamedTuple):
 
     def after(self, dt: float) -> Frame:
         """Return the frame `dt` seconds later, if it goes on as it does."""
-        turned = wrap(self.heading + self.rate * dt)
-        return self._replace(centre=add(self.centre, scale(self.velocity, dt)), heading=turned)
+        (x, y, z), (vx, vy, vz), acceleration, heading, rate, drift = self
+        ahead = (x + vx * dt, y + vy * dt, z + vz * dt)
+        return Frame(ahead, self.velocity, acceleration, heading + rate * dt, rate, drift)
 
     def turned(self, vector: Vec3) -> Vec3:
         """Return a vector of the frame in the world."""
         c, s = cos(self.heading), sin(self.heading)
         x, y, z = vector
         return (c * x - s * y, s * x + c * y, z)
+
+    def all_turned(self, vectors: Iterable[Vec3]) -> list[Vec3]:
+        """Return vectors of the frame in the world."""
+        c, s = cos(self.heading), sin(self.heading)
+        return [(c * x - s * y, s * x + c * y, z) for x, y, z in vectors]
 
     def motion(self, place: Motion) -> Motion:
         """Return the motion in the world of a place that may move in the frame."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 
-from kybflow.core.geometry import Vec3, add
+from kybflow.core.geometry import Vec3, add, norm
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Tick, Time
 from kybflow.core.units import Length
@@ -82,9 +82,18 @@ class Room:
     ) -> Iterator[tuple[Vec3, tuple[Surface, ...]]]:
         """Yield each offset with what a place there must slow down for at `speed` (m/s)."""
         box, keep = self.box(p), self._context.airframe.arm + p.clearance
+        if not obstacles and (box is None or _is_far(centre, offsets, box, speed)):
+            yield from ((offset, ()) for offset in offsets)
+            return
         for offset in offsets:
             place = add(centre, offset)
             near = list(solids(place, obstacles, keep, speed)) if obstacles else []
             if box is not None and stopping_speed(-box.outside_by(place)) < speed:
                 near += (wall for wall in walls(place, box) if stopping_speed(wall.room) < speed)
             yield offset, tuple(near)
+
+
+def _is_far(centre: Vec3, offsets: Sequence[Vec3], box: Box, speed: float) -> bool:
+    """Whether no place has to slow down for a wall at `speed`."""
+    room = -box.outside_by(centre) - max(norm(offset) for offset in offsets)
+    return stopping_speed(room) >= speed

@@ -179,6 +179,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._untold: deque[tuple[str, dict[str, str | float | bool | None]]] = deque()
         self._last, self._is_new = entry.now, True
         self._frame, self._turned = Frame(entry.position), 0.0
+        self._laid_out = (0.0, self._shape)
         self._wait(entry.motion, entry.heading, entry.now)
 
     def _wait(self, motion: Motion, heading: float, now: Time) -> None:
@@ -295,7 +296,10 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
 
     def _turned_shape(self) -> tuple[Vec3, ...]:
         """The places in the frame."""
-        return tuple(places.turned_by(self._turned, place) for place in self._shape)
+        if self._laid_out[0] != self._turned:
+            turned = tuple(places.turned_by(self._turned, place) for place in self._shape)
+            self._laid_out = (self._turned, turned)
+        return self._laid_out[1]
 
     def _waiting(self, members: list[Member], tick: Tick) -> Setpoint | Failed:
         """Rest, and say so."""
@@ -350,7 +354,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             asked = Asked(scale(asked.velocity, share), share * asked.rate)
         shape, placed = self._turned_shape(), {m.name: m.said.place for m in formed}
         taken = sorted({own.place, *placed.values()})
-        offsets = [frame.turned(shape[i]) for i in taken if i < len(shape)]
+        offsets = frame.all_turned(shape[i] for i in taken if i < len(shape))
         left = [name for name in self._members.others if name not in placed]
         obstacles = self._room.obstacles(tick, self._delay, left)
         fastest = 2.0 * max(limits.speed, limits.climb)
