@@ -318,6 +318,17 @@ class Told(NamedTuple):
     fields: dict[str, str | float | bool | None]
 
 
+class PlannedPoint(NamedTuple):
+    """Where a vehicle should be at `time`, as an external planner says it: seconds of the run;
+    position, velocity and acceleration in the world; heading in radians, None to keep it."""
+
+    time: float
+    position: Vec3
+    velocity: Vec3 = (0.0, 0.0, 0.0)
+    acceleration: Vec3 = (0.0, 0.0, 0.0)
+    heading: float | None = None
+
+
 class Event(NamedTuple):
     """Something that happened. at: the mission line that caused it, or empty."""
 

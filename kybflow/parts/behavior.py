@@ -19,6 +19,7 @@ from kybflow.core.signals import (
     InputReadings,
     Measurement,
     MeasurementKind,
+    PlannedPoint,
     Setpoint,
     SetpointKind,
     Tick,
@@ -207,6 +208,11 @@ class Behavior(Part[P]):
         """Return the setpoint at `tick.now`, or Done or Failed with the last one; called once a
         tick. A behavior that `emits` commands returns a Command, which bypasses the tracker; one
         that `grips` may return a Grip, one that `tells` events a Told."""
+
+    def take(self, point: PlannedPoint, now: Time) -> str | None:
+        """Take a point of an external planner's trajectory before the update of a tick; return why
+        it is refused, None where it is not."""
+        return "its behavior takes no trajectory"
 
     @classmethod
     def prepare(cls) -> None:

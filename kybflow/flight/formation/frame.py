@@ -36,7 +36,7 @@ _SHARPEST = 10.0 / sqrt(3.0)
 """The largest second derivative of the smoothstep."""
 
 
-class Frame(NamedTuple):
+class MovingFrame(NamedTuple):
     """Where a formation is and how it moves. drift: the part of its motion that only brings it to
     where the others have theirs."""
 
@@ -47,11 +47,11 @@ class Frame(NamedTuple):
     rate: float = 0.0
     drift: Vec3 = ZERO
 
-    def after(self, dt: float) -> Frame:
+    def after(self, dt: float) -> MovingFrame:
         """Return the frame `dt` seconds later, if it goes on as it does."""
         (x, y, z), (vx, vy, vz), acceleration, heading, rate, drift = self
         ahead = (x + vx * dt, y + vy * dt, z + vz * dt)
-        return Frame(ahead, self.velocity, acceleration, heading + rate * dt, rate, drift)
+        return MovingFrame(ahead, self.velocity, acceleration, heading + rate * dt, rate, drift)
 
     def turned(self, vector: Vec3) -> Vec3:
         """Return a vector of the frame in the world."""
@@ -134,13 +134,13 @@ class Asked(NamedTuple):
 
 
 def moved(
-    frame: Frame,
+    frame: MovingFrame,
     asked: Asked,
     limits: Limits,
     dt: float,
-    others: Sequence[Frame] = (),
+    others: Sequence[MovingFrame] = (),
     offsets: Iterable[tuple[Vec3, Sequence[Surface]]] = (),
-) -> Frame:
+) -> MovingFrame:
     """Return the frame a tick later. others: the neighbours' frames, as they are now. offsets: of
     each place where it is from the centre, in the world's axes, and what is near it."""
     offsets = tuple(offsets)
@@ -158,7 +158,7 @@ def moved(
     if surfaces:
         drift = bounded(drift, surfaces)
     step = add(scale(add(frame.velocity, velocity), 0.5 * dt), scale(drift, dt))
-    return Frame(
+    return MovingFrame(
         add(frame.centre, step),
         velocity,
         scale(change, 1.0 / dt) if dt > 0.0 else ZERO,
@@ -169,7 +169,7 @@ def moved(
 
 
 def _turning(
-    frame: Frame,
+    frame: MovingFrame,
     asked: float,
     limits: Limits,
     offsets: tuple[tuple[Vec3, Sequence[Surface]], ...],
@@ -192,7 +192,7 @@ def _turning(
     return rate * share
 
 
-def _drift(frame: Frame, others: Sequence[Frame]) -> tuple[Vec3, float]:
+def _drift(frame: MovingFrame, others: Sequence[MovingFrame]) -> tuple[Vec3, float]:
     """The velocity and the rate at which a frame comes to where the others are."""
     if not others:
         return ZERO, 0.0
@@ -205,7 +205,7 @@ def _drift(frame: Frame, others: Sequence[Frame]) -> tuple[Vec3, float]:
     return shortened((gain * x, gain * y, gain * z), _FASTEST), gain * turn
 
 
-def mean_frame(frames: Sequence[Frame]) -> Frame:
+def mean_frame(frames: Sequence[MovingFrame]) -> MovingFrame:
     """Return what at least one frame has in common."""
     n = float(len(frames))
     c = s = rate = 0.0
@@ -213,7 +213,7 @@ def mean_frame(frames: Sequence[Frame]) -> Frame:
     for frame in frames:
         centre, velocity = add(centre, frame.centre), add(velocity, frame.velocity)
         c, s, rate = c + cos(frame.heading), s + sin(frame.heading), rate + frame.rate
-    return Frame(
+    return MovingFrame(
         scale(centre, 1.0 / n), scale(velocity, 1.0 / n), ZERO, mean_heading(c, s), rate / n
     )
 

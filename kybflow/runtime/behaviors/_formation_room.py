@@ -15,7 +15,7 @@ from kybflow.world.vehicle_context import VehicleContext
 
 
 @params
-class RoomParams:
+class FormationRoomParams:
     """The distances that are kept."""
 
     margin: Length = param(
@@ -30,14 +30,14 @@ class RoomParams:
     )
 
 
-class Room:
+class FormationRoom:
     """Where a formation may be, as one of its members sees it."""
 
     def __init__(self, context: VehicleContext, team: tuple[str, ...]) -> None:
         self._context = context
         self._others = tuple(name for name in context.diameters if name not in team)
 
-    def box(self, p: RoomParams) -> Box | None:
+    def box(self, p: FormationRoomParams) -> Box | None:
         """Return where places may be in the fence; None without one."""
         fence, ground = self._context.fence, self._context.start[2]
         if fence is None:
@@ -45,7 +45,7 @@ class Room:
         (x0, y0, z0), (x1, y1, z1), m = fence.low, fence.high, p.margin
         return Box((x0 + m, y0 + m, max(z0, ground + p.lowest)), (x1 - m, y1 - m, z1 - m))
 
-    def centred(self, centre: Vec3, offsets: Sequence[Vec3], p: RoomParams) -> Vec3:
+    def centred(self, centre: Vec3, offsets: Sequence[Vec3], p: FormationRoomParams) -> Vec3:
         """Return the centre nearest to `centre` from which every offset is in the room, or is as
         little outside as it can be."""
         box = self.box(p)
@@ -78,7 +78,7 @@ class Room:
         offsets: Sequence[Vec3],
         obstacles: tuple[Shape, ...],
         speed: float,
-        p: RoomParams,
+        p: FormationRoomParams,
     ) -> Iterator[tuple[Vec3, tuple[Surface, ...]]]:
         """Yield each offset with what a place there must slow down for at `speed` (m/s)."""
         box, keep = self.box(p), self._context.airframe.arm + p.clearance

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, add, distance, scale
 from kybflow.core.signals import NS, Estimate, Stamp, Tick, Time
-from kybflow.flight.formation.frame import Frame
+from kybflow.flight.formation.frame import MovingFrame
 
 WAITING = -1
 """The place of a member that has none yet."""
@@ -49,10 +49,10 @@ class Member(NamedTuple):
     trouble: str
 
     @property
-    def frame(self) -> Frame:
+    def frame(self) -> MovingFrame:
         """The frame that it has now, if it has gone on as it said."""
         said = self.said
-        frame = Frame(said.centre, said.velocity, heading=said.heading, rate=said.rate)
+        frame = MovingFrame(said.centre, said.velocity, heading=said.heading, rate=said.rate)
         return frame.after(self.age)
 
     @property

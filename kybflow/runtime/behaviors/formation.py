@@ -41,8 +41,8 @@ from kybflow.core.units import (
 from kybflow.flight.formation import places, shapes
 from kybflow.flight.formation.frame import (
     Asked,
-    Frame,
     Limits,
+    MovingFrame,
     Shift,
     distance_error,
     longest,
@@ -61,7 +61,7 @@ from kybflow.runtime.behaviors._formation_drives import (
     Drive,
     Still,
 )
-from kybflow.runtime.behaviors._formation_room import Room, RoomParams
+from kybflow.runtime.behaviors._formation_room import FormationRoom, FormationRoomParams
 from kybflow.runtime.behaviors._hand import was_held
 from kybflow.runtime.behaviors._members import WAITING, InFormation, Member, Members
 from kybflow.world.vehicle_context import VehicleContext
@@ -77,7 +77,7 @@ _RETRACTED = 2.0
 
 
 @params
-class FormationParams(RoomParams):
+class FormationParams(FormationRoomParams):
     members: str = param("The group that flies it.", names="group", read_only=True)
     shape: Literal["line", "square", "triangle", "tetrahedron"] = param(
         "Where its places lie.", default="line", read_only=True
@@ -174,11 +174,11 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             raise Refused(f"it has {len(self._shape)} places for {len(team)} members")
         self._context, self._team = context, team
         self._members = Members(team, context.vehicle, _key(params))
-        self._room = Room(context, team)
+        self._room = FormationRoom(context, team)
         self._drive = _drive(params, entry)
         self._untold: deque[tuple[str, dict[str, str | float | bool | None]]] = deque()
         self._last, self._is_new = entry.now, True
-        self._frame, self._turned = Frame(entry.position), 0.0
+        self._frame, self._turned = MovingFrame(entry.position), 0.0
         self._laid_out = (0.0, self._shape)
         self._wait(entry.motion, entry.heading, entry.now)
 
@@ -236,7 +236,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._placed = self._set_out(before.said.place, way if way > _IN_PLACE else 0.0, tick)
         self._settled = before.said.settled
 
-    def _met(self, members: list[Member], ahead: Frame | None, tick: Tick) -> _Placed | None:
+    def _met(self, members: list[Member], ahead: MovingFrame | None, tick: Tick) -> _Placed | None:
         """Lay the formation, or join it; None while not all have come whom that needs."""
         formed = [m for m in members if m.said.place != WAITING and not m.trouble]
         waiting = [m for m in members if m.said.place == WAITING and not m.trouble]
@@ -252,9 +252,11 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             return self._joined(formed, here, tick)
         heads = [self._heading, *(m.said.heading for m in waiting)]
         heading = mean_heading(sum(map(cos, heads)), sum(map(sin, heads)))
-        return self._laid(here, ahead or Frame(ZERO, heading=heading), ahead is not None, tick)
+        return self._laid(
+            here, ahead or MovingFrame(ZERO, heading=heading), ahead is not None, tick
+        )
 
-    def _laid(self, here: dict[str, Vec3], frame: Frame, is_led: bool, tick: Tick) -> _Placed:
+    def _laid(self, here: dict[str, Vec3], frame: MovingFrame, is_led: bool, tick: Tick) -> _Placed:
         """Take a place in a formation that all members lay together now."""
         p = self.params
         centre = frame.centre if is_led else p.center
@@ -304,7 +306,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def _waiting(self, members: list[Member], tick: Tick) -> Setpoint | Failed:
         """Rest, and say so."""
         elapsed = (tick.now - self._entered) / NS
-        self._say(tick, WAITING, self._coast.end, Frame(ZERO, heading=self._heading))
+        self._say(tick, WAITING, self._coast.end, MovingFrame(ZERO, heading=self._heading))
         setpoint = self._coast.at(elapsed).setpoint(self._heading)
         come = {m.name for m in members if not m.trouble}
         missing = [name for name in self._members.others if name not in come]
@@ -401,7 +403,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             velocity = shapes.centroid(tuple(one.velocity for one in known))
             self.push = self._drive.felt(velocity, self._frame, limits)
 
-    def _say(self, tick: Tick, place: int, point: Vec3, frame: Frame) -> None:
+    def _say(self, tick: Tick, place: int, point: Vec3, frame: MovingFrame) -> None:
         self.says = InFormation(
             tick.now, self._members.key, self._since, place, self._settled, frame.heading,
             frame.rate, self._turned, point, frame.centre, frame.velocity,

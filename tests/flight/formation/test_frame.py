@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kybflow.core.geometry import ZERO, Vec3, norm, sub
 from kybflow.flight.clearance import walls
-from kybflow.flight.formation.frame import Asked, Frame, Limits, Shift, mean_frame, moved
+from kybflow.flight.formation.frame import Asked, Limits, MovingFrame, Shift, mean_frame, moved
 from kybflow.flight.motion import Motion
 from kybflow.world.shapes import Box
 
@@ -20,12 +20,12 @@ LIMITS = Limits(0.5, 0.3, 0.8, 0.7)
 numbers = st.floats(-2.0, 2.0)
 vectors = st.tuples(numbers, numbers, numbers)
 frames = st.builds(
-    Frame, vectors, vectors, vectors, st.floats(-pi, pi), st.floats(-1.0, 1.0), st.just(ZERO)
+    MovingFrame, vectors, vectors, vectors, st.floats(-pi, pi), st.floats(-1.0, 1.0), st.just(ZERO)
 )
 
 
 @given(frames, vectors, vectors)
-def test_a_place_is_found_again(frame: Frame, position: Vec3, velocity: Vec3) -> None:
+def test_a_place_is_found_again(frame: MovingFrame, position: Vec3, velocity: Vec3) -> None:
     world = frame.motion(Motion(position, velocity))
     place = frame.place(world)
     assert place.position == pytest.approx(position, abs=1e-9)
@@ -33,7 +33,7 @@ def test_a_place_is_found_again(frame: Frame, position: Vec3, velocity: Vec3) ->
 
 
 @given(frames, vectors)
-def test_velocity_is_the_change_of_position(frame: Frame, place: Vec3) -> None:
+def test_velocity_is_the_change_of_position(frame: MovingFrame, place: Vec3) -> None:
     step = 1e-6
     before, after = frame.motion(Motion(place)), frame.after(step).motion(Motion(place))
     change = tuple(x / step for x in sub(after.position, before.position))
@@ -54,7 +54,7 @@ def test_a_shift_starts_as_the_vehicle_moves_and_ends_in_place(
 @settings(max_examples=8, deadline=None, phases=(Phase.explicit, Phase.generate))
 @given(st.lists(vectors, min_size=2, max_size=5))
 def test_copies_of_a_frame_come_together(centres: list[Vec3]) -> None:
-    copies = [Frame(centre) for centre in centres]
+    copies = [MovingFrame(centre) for centre in centres]
     for _ in range(2000):
         copies = [
             moved(own, Asked(), LIMITS, DT, [o for o in copies if o is not own]) for own in copies
@@ -68,7 +68,7 @@ def test_copies_of_a_frame_come_together(centres: list[Vec3]) -> None:
 def test_no_place_leaves_the_room_however_it_is_pushed(asked: Vec3, rate: float) -> None:
     room = Box((-2.0, -2.0, 0.5), (2.0, 2.0, 2.0))
     places = ((0.8, 0.0, 0.0), (-0.4, 0.7, 0.0), (-0.4, -0.7, 0.3))
-    frame, limits = Frame((0.0, 0.0, 1.0)), LIMITS._replace(speed=1.0)
+    frame, limits = MovingFrame((0.0, 0.0, 1.0)), LIMITS._replace(speed=1.0)
     for _ in range(600):
         offsets = [frame.turned(place) for place in places]
         near = [
