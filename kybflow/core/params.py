@@ -38,9 +38,9 @@ RESERVED = frozenset(
 )  # fmt: skip
 Tightens = Literal["up", "down"]
 """The direction in which a safety parameter becomes stricter; for a choice, along its list."""
-Named = Literal["vehicle", "estimator", "input"]
-"""What in the mission a text may name: another vehicle, one of the vehicle's estimators, or an
-input."""
+Named = Literal["vehicle", "estimator", "input", "group"]
+"""What in the mission a text may name: another vehicle, one of the vehicle's estimators, an input,
+or the group with which the vehicle does this together."""
 Room = Literal["across", "up"]
 """The extent of the fence that a length is held against: its longest side, or its height."""
 Reads = Callable[[File], object]

@@ -321,6 +321,17 @@ class Told(NamedTuple):
     fields: dict[str, str | float | bool | None]
 
 
+class PlannedPoint(NamedTuple):
+    """Where a vehicle should be at `time`, as an external planner says it: seconds of the run;
+    position, velocity and acceleration in the world; heading in radians, None to keep it."""
+
+    time: float
+    position: Vec3
+    velocity: Vec3 = (0.0, 0.0, 0.0)
+    acceleration: Vec3 = (0.0, 0.0, 0.0)
+    heading: float | None = None
+
+
 class Event(NamedTuple):
     """Something that happened. at: the mission line that caused it, or empty."""
 
@@ -355,6 +366,32 @@ InputReadings = Mapping[str, InputReading | None]
 NO_INPUTS: InputReadings = MappingProxyType({})
 
 
+class Heard(NamedTuple):
+    """What a vehicle published to its neighbours at the end of the tick at `time`: its estimate,
+    the setpoint that it followed, and what its behavior `says`; None where there is none."""
+
+    time: Time
+    estimate: Estimate | None
+    setpoint: Setpoint | None
+    said: Measurement | None
+
+
+class Neighbours(Protocol):
+    """What vehicles publish to each other, kept for half a second."""
+
+    def heard(self, vehicle: str, by: Time) -> Heard | None:
+        """Return the newest that the vehicle published at `by` or before; None where it published
+        nothing yet."""
+
+
+class _Nobody:
+    def heard(self, vehicle: str, by: Time) -> Heard | None:
+        return None
+
+
+NOBODY: Neighbours = _Nobody()
+
+
 class Tick(NamedTuple):
     """What a vehicle's parts see in one tick.
 
@@ -364,7 +401,7 @@ class Tick(NamedTuple):
     imu: the newest, if the vehicle subscribes to it. link_age: seconds since the link last
     delivered anything. link_delay: seconds of a round trip to the vehicle, zero while unknown.
     payload: where the payload is, None while unknown. inputs: what the
-    mission's inputs say.
+    mission's inputs say. neighbours: what the vehicles have published in earlier ticks.
     """
 
     now: Time
@@ -379,6 +416,7 @@ class Tick(NamedTuple):
     link_delay: float = 0.0
     payload: PayloadState | None = None
     inputs: InputReadings = NO_INPUTS
+    neighbours: Neighbours = NOBODY
 
     def known(self) -> Estimate:
         """Return the estimate. Raises EstimateMissing if there is none."""

@@ -38,7 +38,8 @@ class Effect:
     commands, seconds. body: the vehicle whose poses motion capture reports as this one's. camera:
     the degradation of its simulated cameras. view: the vehicle from whose place its cameras see.
     estimator: the name of the estimator that fails. deaf: nothing from the vehicle arrives over its
-    link. mute: nothing sent over its link reaches the vehicle.
+    link. mute: nothing sent over its link reaches the vehicle. silent: what it publishes to other
+    vehicles is lost.
     """
 
     filter: Filter | None = None
@@ -58,6 +59,7 @@ class Effect:
     estimator: str = ""
     deaf: bool = False
     mute: bool = False
+    silent: bool = False
 
 
 class Rig:
@@ -170,6 +172,11 @@ class Rig:
     def deaf(self) -> bool:
         """Whether any effect cuts the link from the vehicle."""
         return any(e.deaf for e, _ in self._effects)
+
+    @property
+    def silent(self) -> bool:
+        """Whether any effect keeps other vehicles from hearing it."""
+        return any(e.silent for e, _ in self._effects)
 
     @property
     def mute(self) -> bool:

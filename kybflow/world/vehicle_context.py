@@ -104,7 +104,8 @@ class VehicleContext(NamedTuple):
     `go_home` flies, None for the start. obstacles: the world's, by name. diameters: every vehicle's
     airframe diameter, by vehicle. tags: the world's. cameras: the airframe's, by name. payload:
     what the vehicle carries, None for nothing. loop: what its driver declares of the loop that
-    answers commands, None for nothing. starts: every vehicle's declared start, by vehicle.
+    answers commands, None for nothing. starts: every vehicle's declared start, by vehicle. groups:
+    the mission's, each with its vehicles.
     """
 
     vehicle: str
@@ -121,3 +122,4 @@ class VehicleContext(NamedTuple):
     payload: Parcel | None = None
     loop: InnerLoop | None = None
     starts: Mapping[str, Vec3] = MappingProxyType({})
+    groups: Mapping[str, tuple[str, ...]] = MappingProxyType({})

@@ -85,6 +85,7 @@ _FAMILIES = {
     "KYB461": "Callbacks",
     "KYB462": "Groups and flows",
     "KYB470": "Rehearsals",
+    "KYB520": "Groups and flows",
 }
 """The families of codes, each from its first code on."""
 
