@@ -26,7 +26,7 @@ PASSES = (
 )
 BUDGET = {
     "figure_eight": {
-        "check": 80717,
+        "check": 83343,
         "shape": 42634,
         "expressions": 36672,
         "resolve": 32407,

@@ -117,7 +117,7 @@ class Shift:
         return motion.plus(self._coast.shift(time)) if time < self._coast.duration else motion
 
 
-class Limits(NamedTuple):
+class FrameLimits(NamedTuple):
     """How fast a frame may move and turn: m/s level and vertical, rad/s, m/s^2."""
 
     speed: float
@@ -136,7 +136,7 @@ class Asked(NamedTuple):
 def moved(
     frame: MovingFrame,
     asked: Asked,
-    limits: Limits,
+    limits: FrameLimits,
     dt: float,
     others: Sequence[MovingFrame] = (),
     offsets: Iterable[tuple[Vec3, Sequence[Surface]]] = (),
@@ -171,7 +171,7 @@ def moved(
 def _turning(
     frame: MovingFrame,
     asked: float,
-    limits: Limits,
+    limits: FrameLimits,
     offsets: tuple[tuple[Vec3, Sequence[Surface]], ...],
     dt: float,
 ) -> float:

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from kybflow.core.geometry import Vec3, add, norm, scale, sub, wrap
 from kybflow.core.signals import Tick
-from kybflow.flight.formation.frame import Asked, Limits, MovingFrame, approach_speed
+from kybflow.flight.formation.frame import Asked, FrameLimits, MovingFrame, approach_speed
 from kybflow.parts import Entry
 from kybflow.runtime.behaviors._hand import Hand
 from kybflow.runtime.behaviors._leader import Leader, Leading
@@ -25,7 +25,7 @@ class Drive(Protocol):
     lost: float
     ended: bool
 
-    def asked(self, tick: Tick, frame: MovingFrame, limits: Limits) -> Asked:
+    def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
         """Return what the frame is asked to do. Called once a tick."""
 
 
@@ -34,7 +34,7 @@ class Still:
 
     waits_for, trouble, lost, ended = "", "", 0.0, False
 
-    def asked(self, tick: Tick, frame: MovingFrame, limits: Limits) -> Asked:
+    def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
         return Asked()
 
 
@@ -48,7 +48,7 @@ class ByHand:
         self.axes: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
         self._hand, self._in_world, self._name = Hand(name, entry), in_world, name
 
-    def asked(self, tick: Tick, frame: MovingFrame, limits: Limits) -> Asked:
+    def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
         axes = self._hand.axes(tick)
         self.waits_for, self.lost = self._hand.waits_for, self._hand.lost
         self.trouble = f"`{self._name}` is lost" if self.lost else ""
@@ -59,7 +59,7 @@ class ByHand:
             level = frame.turned(level)
         return Asked((level[0], level[1], z * limits.climb), turn * limits.turn_rate)
 
-    def felt(self, velocity: Vec3, frame: MovingFrame, limits: Limits) -> Vec3:
+    def felt(self, velocity: Vec3, frame: MovingFrame, limits: FrameLimits) -> Vec3:
         """Return what the hand should feel: how the swarm's velocity differs from the one that is
         asked, as a share of the largest, along the axes."""
         turned = 0.0 if self._in_world else frame.heading
@@ -80,7 +80,7 @@ class AlongPath:
         self._path, self._heading, self._corner = path, heading, 0
         self.ended = False
 
-    def asked(self, tick: Tick, frame: MovingFrame, limits: Limits) -> Asked:
+    def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
         gap = sub(self._path[self._corner], frame.centre)
         length = norm(gap)
         off = 0.0 if self._heading is None else wrap(self._heading - frame.heading)
@@ -118,7 +118,7 @@ class BehindLeader:
             centre=add(leading.position, frame.turned(self._offset)), rate=leading.rate
         )
 
-    def asked(self, tick: Tick, frame: MovingFrame, limits: Limits) -> Asked:
+    def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
         leading = self.leading
         if leading is None:
             return Asked()

@@ -41,7 +41,7 @@ from kybflow.core.units import (
 from kybflow.flight.formation import places, shapes
 from kybflow.flight.formation.frame import (
     Asked,
-    Limits,
+    FrameLimits,
     MovingFrame,
     Shift,
     distance_error,
@@ -326,7 +326,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         if self._is_taken(own.place, formed):
             self._wait(self._frame.motion(motion), self._heading, tick.now)
             return self._waiting(members, tick)
-        limits = Limits(self._most_speed, p.climb, p.turn_rate, p.acceleration)
+        limits = FrameLimits(self._most_speed, p.climb, p.turn_rate, p.acceleration)
         self._move(own, formed, limits, tick)
         motion = own.shift.at((tick.now - own.began) / NS)
         wanted = self._frame.motion(motion)
@@ -347,7 +347,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         same = (m for m in formed if m.said.place == place and not m.trouble)
         return any(self._team.index(m.name) < own for m in same)
 
-    def _move(self, own: _Placed, formed: list[Member], limits: Limits, tick: Tick) -> None:
+    def _move(self, own: _Placed, formed: list[Member], limits: FrameLimits, tick: Tick) -> None:
         """Move the frame by a tick: as slowly as the one that lags most needs it."""
         p, frame, share = self.params, self._frame, self._share(formed, tick)
         asked = Asked()
@@ -396,7 +396,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             self._untold.append(("formation_settled", {"error": round(error, 4)}))
         self._is_complete = complete
 
-    def _let_feel(self, formed: list[Member], limits: Limits, tick: Tick) -> None:
+    def _let_feel(self, formed: list[Member], limits: FrameLimits, tick: Tick) -> None:
         """Let the hand feel how the swarm moves, and not as it asked."""
         if isinstance(self._drive, ByHand):
             known = [tick.known(), *(m.estimate for m in formed if m.estimate is not None)]

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from kybflow.core.geometry import ZERO, Vec3, norm, sub
 from kybflow.flight.clearance import walls
-from kybflow.flight.formation.frame import Asked, Limits, MovingFrame, Shift, mean_frame, moved
+from kybflow.flight.formation.frame import Asked, FrameLimits, MovingFrame, Shift, mean_frame, moved
 from kybflow.flight.motion import Motion
 from kybflow.world.shapes import Box
 
 DT = 0.01
-LIMITS = Limits(0.5, 0.3, 0.8, 0.7)
+LIMITS = FrameLimits(0.5, 0.3, 0.8, 0.7)
 numbers = st.floats(-2.0, 2.0)
 vectors = st.tuples(numbers, numbers, numbers)
 frames = st.builds(
