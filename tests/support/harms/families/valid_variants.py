@@ -329,12 +329,13 @@ def a_larger_room(mission: Mission) -> Changes:
 
 @valid
 def a_start_a_little_aside(mission: Mission) -> Changes:
-    """A start 5 cm aside, and turned to the north."""
+    """A start 5 cm aside, and turned to the north where nobody follows a heading."""
+    turned = "" if "leader: " in mission.text else ", heading: 90 deg"
     for vehicle in mission.own():
         start, at = (mission.at(*k, of=vehicle.node) for k in (("start",), ("start", "at")))
         if start is not None and at is not None and at.id == "sequence":
             x, y, z = mission.planned(vehicle.name).start
-            place = f"{{at: [{x + 0.05:g}, {y:g}, {z:g}], heading: 90 deg}}"
+            place = f"{{at: [{x + 0.05:g}, {y:g}, {z:g}]{turned}}}"
             yield change(put(start, place))
 
 
