@@ -48,7 +48,9 @@ def test_every_operator_has_a_place_in_a_mission(missions: list[Mission]) -> Non
 def test_nothing_is_said_of_sensible_variants(
     missions: list[Mission], tmp_path: Path, judges: int
 ) -> None:
-    told = [v for v in judged(missions, VALID, tmp_path, judges) if v.told]
+    """The rehearsal is asked of up to eight vehicles: of sixteen it takes seconds."""
+    own = [m for m in missions if judges == 1 or len(m.plan.vehicles) <= 8]
+    told = [v for v in judged(own, VALID, tmp_path, judges) if v.told]
     assert [(v.mutant.operator.name, v.mutant.mission, v.findings[0].message) for v in told] == []
 
 
