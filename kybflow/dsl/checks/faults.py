@@ -19,7 +19,7 @@ from kybflow.dsl.document import FaultEntry
 from kybflow.dsl.expressions import parse
 from kybflow.parts.fault import Rig
 
-LATE: Time = 1000 * NS
+_LATE: Time = 1000 * NS
 """When whatever rises has risen."""
 
 
@@ -160,11 +160,8 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
         vehicle = case.document.vehicles.get(fault.vehicle.text)
         if vehicle is None:
             continue
-        frame, rig = vehicle.airframe, Rig(vehicle.name.text)
-        effects = fault.part.spec.cls(fault.part.params, Random(0)).effects(vehicle.name.text)
-        if (effect := effects.get(vehicle.name.text)) is not None:
-            rig.begin(effect, 0)
-        (wx, wy, _), (px, py, up) = rig.wind(LATE), rig.push
+        frame, rig = vehicle.airframe, _rig_under(fault)
+        (wx, wy, _), (px, py, up) = rig.wind(_LATE), rig.push
         heavy = (rig.mass * frame.mass * (1.0 - up / GRAVITY) + rig.payload) * GRAVITY
         across = hypot(frame.drag * wx + px, frame.drag * wy + py)
         able = GRAVITY * tan(frame.tilt)
@@ -182,6 +179,18 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
             help="make the fault smaller, unless that is what the mission is to show",
             severity=Severity.WARNING,
         )
+
+
+def _rig_under(fault: FaultEntry) -> Rig:
+    """The vehicle's rig with the fault's effects."""
+    rig = Rig(fault.vehicle.text)
+    try:
+        effects = fault.part.spec.cls(fault.part.params, Random(0)).effects(rig.vehicle)
+    except Exception:  # a part may raise anything: `fault_failed` tells it when it is injected
+        return rig
+    if rig.vehicle in effects:
+        rig.begin(effects[rig.vehicle], 0)
+    return rig
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:

@@ -1,5 +1,5 @@
-"""What watches a vehicle: bounds that are crossed at once or never (KYB416 and KYB417), batteries
-for which nobody lands (KYB446), and rotors that stop in the air (KYB418)."""
+"""What watches a vehicle: bounds that are crossed at once or never (KYB416 and KYB417), alarms for
+which nobody lands (KYB446), and rotors that stop in the air (KYB418)."""
 
 from __future__ import annotations
 
@@ -106,9 +106,9 @@ def _answered(case: Case) -> Iterator[str]:
 
 
 def _usual(part: PartUse) -> Any:
-    """Its parameters with the reaction that it has by default."""
-    usual = next(f.default for f in part.spec.fields if f.name == "reaction")
-    return replace(part.params, reaction=usual)
+    """Its parameters with the reaction that it has by default, if it has one."""
+    usual = {f.name: f.default for f in part.spec.fields if f.name == "reaction"}
+    return replace(part.params, **usual)
 
 
 def falls(case: Case) -> Iterator[Diagnostic]:
