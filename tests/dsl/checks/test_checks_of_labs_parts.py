@@ -21,7 +21,7 @@ vehicles:
   a:
     like: std.nano_plus
     start: {at: [0, 0, 0]}
-    supervisors: [lonely]
+    supervisors: [lonely, {use: battery, reaction: warn}]
     behaviors:
       up:   {do: take_off, height: 1 m, then: hold, within: 15 s}
       hold: {do: hover, for_time: 3 s, next: [{when: battery.remaining < 50 %, go: down}], then: down}
