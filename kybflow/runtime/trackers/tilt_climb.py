@@ -21,8 +21,8 @@ from math import hypot, tan
 
 from kybflow.core.geometry import GRAVITY, ZERO, from_thrust_direction, heading_of, wrap
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.core.units import DEG, Acceleration, Angle, AngularRate, Damping, Length, Number
-from kybflow.flight.loops.design import FASTEST, designed
+from kybflow.core.units import DEG, Acceleration, Angle, AngularRate, Damping, Length
+from kybflow.flight.loops.design import FASTEST, DesignedGains, completed
 from kybflow.flight.loops.response import OuterLoop
 from kybflow.parts import Tracker, param, params
 from kybflow.world.inner_loop import InnerLoop
@@ -33,20 +33,7 @@ LONGEST_STEP = 0.04
 
 
 @params
-class TiltClimbParams:
-    proportional: Number | None = param(
-        "Acceleration per metre of position error; by default as the loop on board allows, 16 at"
-        " most.",
-        default=None, above=0,
-    )  # fmt: skip
-    derivative: Number | None = param(
-        "Acceleration per m/s of velocity error; by default likewise, 9 at most.",
-        default=None, above=0,
-    )  # fmt: skip
-    integral: Number | None = param(
-        "Acceleration per metre and second of position error; by default likewise, 8 at most.",
-        default=None, at_least=0,
-    )  # fmt: skip
+class TiltClimbParams(DesignedGains):
     integral_limit: Acceleration = param(
         "Limit of the integral term along each axis.", default=1.0, at_least=0
     )
@@ -80,14 +67,10 @@ class TiltClimb(Tracker[TiltClimbParams]):
     def outer_loop(
         cls, params: TiltClimbParams, airframe: Airframe, inner: InnerLoop | None, period: float
     ) -> OuterLoop:
-        p = params
-        found = OuterLoop(
-            *FASTEST, trim=0.0, drag=airframe.drag, period=period, turning=0.0, climb=p.height
+        law = OuterLoop(
+            *FASTEST, trim=0.0, drag=airframe.drag, period=period, turning=0.0, climb=params.height
         )
-        given = (p.proportional, p.derivative, p.integral)
-        own = found[:3] if inner is None or None not in given else designed(found, inner)
-        k, d, i = (a if b is None else b for a, b in zip(own, given, strict=True))
-        return found._replace(proportional=k, derivative=d, integral=i)
+        return completed(law, params, inner)
 
     @property
     def hover_thrust(self) -> float:
