@@ -14,13 +14,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.errors import DriverError
-from kybflow.core.files import File
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Frame
 from kybflow.core.units import Duration
-from kybflow.dsl.reading.calibration import read_calibration
 from kybflow.parts import Link, Objection, Sensor
-from kybflow.sensors.camera import CameraSensor, CameraSensorParams, Device, Grabber
+from kybflow.sensors.camera import CameraSensor, Device, Grabber, WhichCamera
 from kybflow.vision.video import PYAV, WAY_OUT
 from kybflow.vision.video.pave import FrameCutter
 from kybflow.world.cameras import Camera
@@ -38,15 +36,8 @@ CHUNK = 1 << 16
 
 
 @params
-class ArdroneCameraParams:
+class ArdroneCameraParams(WhichCamera):
     host: str = param("The drone's IPv4 address.", default="192.168.1.1")
-    camera: str | None = param(
-        "Which of the airframe's cameras it is; needed where that has several.", default=None
-    )
-    calibration: File | None = param(
-        "Calibration file of this very camera, in place of the lens that the airframe says.",
-        default=None, reads=read_calibration,
-    )  # fmt: skip
     latency: Duration = param(
         "From the middle of a frame's exposure to its arrival.",
         default=0.1, at_least=0.0, at_most=1.0,
@@ -63,17 +54,17 @@ class ArdroneCamera(Sensor[ArdroneCameraParams]):
     def seen_by(
         cls, params: ArdroneCameraParams, cameras: Mapping[str, Camera]
     ) -> Mapping[str, Camera]:
-        return CameraSensor.seen_by(_as_device(params), cameras)
+        return CameraSensor.seen_by(params, cameras)
 
     @classmethod
     def objection(
         cls, params: ArdroneCameraParams, cameras: Mapping[str, Camera]
     ) -> Objection | None:
-        return CameraSensor.objection(_as_device(params), cameras)
+        return CameraSensor.objection(params, cameras)
 
     @classmethod
     def claims(cls, params: ArdroneCameraParams, cameras: Mapping[str, Camera]) -> Sequence[str]:
-        return CameraSensor.claims(_as_device(params), cameras)
+        return CameraSensor.claims(params, cameras)
 
     @classmethod
     def real_time(cls, params: ArdroneCameraParams) -> bool:
@@ -91,18 +82,9 @@ class ArdroneCamera(Sensor[ArdroneCameraParams]):
             from kybflow.vision.video.codec import FrameDecoder
         except ImportError as error:
             raise DriverError(f"an AR.Drone's video needs PyAV ({error}); {WAY_OUT}") from None
-        objection = cls.objection(params, context.cameras)
-        if objection is not None:
-            raise DriverError(objection.reason)
-        if not context.cameras:
-            raise DriverError(f"the vehicle `{context.vehicle}` has no camera")
-        camera = context.cameras[params.camera or next(iter(context.cameras))]
+        camera = CameraSensor.camera_of(params, context)
         host, latency = params.host, round(params.latency * NS)
         return Device(Grabber(lambda: VideoCapture(host, FrameDecoder())), camera, latency)
-
-
-def _as_device(params: ArdroneCameraParams) -> CameraSensorParams:
-    return CameraSensorParams(camera=params.camera, calibration=params.calibration)
 
 
 class VideoCapture:
