@@ -20,6 +20,9 @@ _OPEN = {
     "while parsing a flow mapping": ("{", "}"),
     "while parsing a flow sequence": ("[", "]"),
 }
+_TOO_DEEP = "exceeded maximum nesting depth"
+"""The parser's own limit, which reading ahead reaches first in a long line of brackets."""
+CLOSE = "close the brackets that were opened before"
 _DASHES = re.compile(r"(?:- +)*")
 _KEY = re.compile(r"\s*(?:- +)*([^\s:]+):\s")
 _APART = re.compile(r"- +(?=[\d.])")
@@ -73,6 +76,8 @@ def not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
     start = None if began is None else (began.line, began.column)
     stop = _Stop(file, text.splitlines(), mark.line, mark.column, start)
     at_fault = stop.line[: _indent(stop.line)] + stop.character
+    if problem == _TOO_DEEP:
+        return replace(stop.finding("nested deeper than a mission needs", CLOSE), code="KYB011")
     if "\t" in at_fault:  # elsewhere it is a space like any other
         return stop.finding("a tab can't indent YAML", "indent with spaces")
     if context in _OPEN and start is not None:
