@@ -55,7 +55,7 @@ def measured(path: Path) -> tuple[float, float, float, float, int]:
     """Mission time flown and rehearsed, CPU time of the rehearsal and of the flight, findings."""
     result = compile_mission(path, catalog=load_catalog())
     assert result.plan is not None, path
-    plan = dataclasses.replace(result.plan, faults=())
+    plan = dataclasses.replace(result.plan, faults=(), expectations=())
     begin = time.process_time()
     rehearsal = rehearse(plan, texts=result.texts)
     cpu = time.process_time() - begin

@@ -8,7 +8,16 @@ from pathlib import Path
 
 import pytest
 from hostile_answers import answer
-from hostile_inputs import LASTING, Hostile, drawn, lay_out
+from hostile_inputs import (
+    LASTING,
+    STICK,
+    TAGS,
+    USES_FILES,
+    WAY,
+    Hostile,
+    drawn,
+    lay_out,
+)
 
 FEW = 25
 LONG = 5.0
@@ -71,3 +80,16 @@ def test_an_odd_command_line_is_refused(arguments: tuple[str, ...], place: Path)
     found = answer(Hostile("", {"m.yaml": HEAD}, arguments), place, LONG, lasts=LONG)
     assert found.wrong == ""
     assert found.code == 2
+
+
+def test_a_calibration_without_anything_is_refused(place: Path) -> None:
+    files = {
+        "mission.yaml": USES_FILES.encode(),
+        "cam.yaml": b"# nothing\n",
+        "tags.csv": TAGS.encode(),
+        "way.csv": WAY.encode(),
+        "stick.csv": STICK.encode(),
+    }
+    found = answer(Hostile("", files, ("validate", "mission.yaml")), place, LONG)
+    assert found.wrong == ""
+    assert "KYB371" in found.text

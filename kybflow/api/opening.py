@@ -14,6 +14,7 @@ from kybflow.dsl.plan import InputPlan, PartPlan, Plan, VehiclePlan
 from kybflow.parts import Driver, InputLink, Link, Seat, Session, Stream
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.events import Events
+from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.monitoring.bodies import Bodies
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
 from kybflow.runtime.monitoring.sensing import OpenSensor
@@ -154,6 +155,7 @@ def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
         vehicle.payload,
         vehicle.driver.cls.inner_loop(vehicle.driver.params, vehicle.airframe),
         {other.name: other.start for other in plan.vehicles},
+        plan.groups,
         plan.touchable,
         plan.moving,
     )
@@ -169,6 +171,7 @@ def build_vehicles(
 ) -> list[Vehicle]:
     """A vehicle for each of the plan, with `observer` of its name."""
     links, bodies, fleet = _links(devices), Bodies(), EstimateHistory()
+    broadcasts = _broadcasts(plan)
     built = [
         Vehicle(
             vehicle,
@@ -181,11 +184,21 @@ def build_vehicles(
             bodies,
             fleet,
             inputs,
+            broadcasts,
         )
         for vehicle in plan.vehicles
     ]
     devices.vehicles.update((vehicle.name, vehicle) for vehicle in built)
     return built
+
+
+def _broadcasts(plan: Plan) -> Broadcasts | None:
+    """What the vehicles will publish to each other, None where nobody would listen."""
+    behaviors = {state.behavior.cls for v in plan.vehicles for state in v.states.values()}
+    listening = [cls for cls in behaviors if cls.hears]
+    for cls in listening:
+        cls.prepare()
+    return Broadcasts() if listening else None
 
 
 def clock_for(plan: Plan, speed: float | None) -> Clock:

@@ -46,6 +46,7 @@ COMMANDS = (
     "calibrate",
     "mavlink",
     "emulate",
+    "ardrone",
 )
 """In the order of the help. Each is the `command` of the module of its name."""
 

@@ -44,6 +44,6 @@ def write_whole(path: Path, data: bytes) -> None:
             stream.write(data)
     except BaseException:
         with suppress(OSError):
-            if path.is_file():  # no device, such as /dev/stdout
+            if path.is_symlink() or path.is_file():  # a device, such as /dev/full, stays
                 path.unlink()
         raise

@@ -38,9 +38,11 @@ RESERVED = frozenset(
 )  # fmt: skip
 Tightens = Literal["up", "down"]
 """The direction in which a safety parameter becomes stricter; for a choice, along its list."""
-Named = Literal["vehicle", "estimator", "input"]
-"""What in the mission a text may name: another vehicle, one of the vehicle's estimators, or an
-input."""
+Named = Literal["vehicle", "estimator", "input", "group"]
+"""What in the mission a text may name: another vehicle, one of the vehicle's estimators, an input,
+or the group with which the vehicle does this together."""
+Room = Literal["across", "up"]
+"""The extent of the fence that a length is held against: its longest side, or its height."""
 Reads = Callable[[File], object]
 """A part's reader for a file; raises FileError when the part can't use it."""
 
@@ -57,6 +59,7 @@ class _Facts:
     names: Named | None
     reads: Reads | None
     limited_by: str | None
+    room: Room | None
 
 
 def param(
@@ -72,6 +75,7 @@ def param(
     names: Named | None = None,
     reads: Reads | None = None,
     limited_by: str | None = None,
+    room: Room | None = None,
 ) -> Any:
     """Declare one parameter of a `@params` class.
 
@@ -79,9 +83,11 @@ def param(
     change during a run. tightens: in flight it may change in that direction only. names: the
     compiler checks that a text names such a thing. reads: the compiler checks a file with this
     reader. limited_by: the parameter beside it that it may not exceed, or the part never succeeds.
+    room: the length says nothing where it is more than half of the fence's longest side (`across`),
+    or more than its height (`up`).
     """
     facts = _Facts(
-        help, above, at_least, below, at_most, read_only, tightens, names, reads, limited_by
+        help, above, at_least, below, at_most, read_only, tightens, names, reads, limited_by, room
     )
     return dataclasses.field(default=default, metadata={_KEY: facts}, kw_only=True)
 
@@ -126,6 +132,7 @@ class Field:
     names: Named | None = None
     reads: Reads | None = None
     limited_by: str | None = None
+    room: Room | None = None
 
     def loosens(self, before: Any, after: Any) -> bool:
         """Return whether a safety parameter, or any number of it, is less strict than before."""
@@ -194,6 +201,12 @@ def limited_fields(cls: Any) -> tuple[Field, ...]:
 
 
 @functools.cache
+def fields_in_rooms(cls: Any) -> tuple[Field, ...]:
+    """Return the parameters of `cls` that are held against the room."""
+    return tuple(f for f in fields_of(cls) if f.room is not None)
+
+
+@functools.cache
 def _naming(cls: Any, what: Named) -> tuple[Field, ...]:
     return tuple(f for f in fields_of(cls) if f.names == what)
 
@@ -212,7 +225,7 @@ def _field(cls: type, field: dataclasses.Field[Any], hint: Any) -> Field:
     return Field(
         field.name, shape, dimension, choices, optional, required, default,
         facts.help, facts.above, facts.at_least, facts.below, facts.at_most, facts.read_only,
-        facts.tightens, facts.names, facts.reads, facts.limited_by,
+        facts.tightens, facts.names, facts.reads, facts.limited_by, facts.room,
     )  # fmt: skip
 
 

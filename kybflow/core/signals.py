@@ -236,6 +236,7 @@ class CommandKind(Enum):
     ACCELERATION = "acceleration"
     ATTITUDE_THRUST = "attitude_thrust"
     RATES_THRUST = "rates_thrust"
+    TILT_CLIMB = "tilt_climb"
 
 
 class Command(NamedTuple):
@@ -243,7 +244,9 @@ class Command(NamedTuple):
 
     ATTITUDE_THRUST: `attitude` (body to world), `thrust` (newtons along body z) and `rates` (body,
     rad/s), fed forward. RATES_THRUST: `rates` and `thrust`. POSITION, VELOCITY and ACCELERATION:
-    `setpoint`, which has at least that field; its other fields are fed forward. `armed` false stops
+    `setpoint`, which has at least that field; its other fields are fed forward. TILT_CLIMB: the
+    tilt of `attitude`, the heading rate about body z of `rates`, and the climb rate, the velocity
+    of `setpoint` along z. `armed` false stops
     the rotors. heading: the estimated heading, for an on-board filter that can't observe it, as an
     autopilot takes it from external vision; if None, it is unknown, the heading in `attitude` is
     meaningless, and the on-board controller holds its own.
@@ -320,6 +323,17 @@ class Told(NamedTuple):
     fields: dict[str, str | float | bool | None]
 
 
+class PlannedPoint(NamedTuple):
+    """Where a vehicle should be at `time`, as an external planner says it: seconds of the run;
+    position, velocity and acceleration in the world; heading in radians, None to keep it."""
+
+    time: float
+    position: Vec3
+    velocity: Vec3 = (0.0, 0.0, 0.0)
+    acceleration: Vec3 = (0.0, 0.0, 0.0)
+    heading: float | None = None
+
+
 class Event(NamedTuple):
     """Something that happened. at: the mission line that caused it, or empty."""
 
@@ -370,6 +384,32 @@ SeenObstacles = Mapping[str, SeenObstacle]
 NO_OBSTACLES: SeenObstacles = MappingProxyType({})
 
 
+class Heard(NamedTuple):
+    """What a vehicle published to its neighbours at the end of the tick at `time`: its estimate,
+    the setpoint that it followed, and what its behavior `says`; None where there is none."""
+
+    time: Time
+    estimate: Estimate | None
+    setpoint: Setpoint | None
+    said: Measurement | None
+
+
+class Neighbours(Protocol):
+    """What vehicles publish to each other, kept for half a second."""
+
+    def heard(self, vehicle: str, by: Time) -> Heard | None:
+        """Return the newest that the vehicle published at `by` or before; None where it published
+        nothing yet."""
+
+
+class _Nobody:
+    def heard(self, vehicle: str, by: Time) -> Heard | None:
+        return None
+
+
+NOBODY: Neighbours = _Nobody()
+
+
 class Tick(NamedTuple):
     """What a vehicle's parts see in one tick.
 
@@ -379,7 +419,8 @@ class Tick(NamedTuple):
     imu: the newest, if the vehicle subscribes to it. link_age: seconds since the link last
     delivered anything. link_delay: seconds of a round trip to the vehicle, zero while unknown.
     payload: where the payload is, None while unknown. inputs: what the
-    mission's inputs say. moving: the moving obstacles.
+    mission's inputs say. neighbours: what the vehicles have published in earlier ticks. moving: the
+    moving obstacles.
     """
 
     now: Time
@@ -394,6 +435,7 @@ class Tick(NamedTuple):
     link_delay: float = 0.0
     payload: PayloadState | None = None
     inputs: InputReadings = NO_INPUTS
+    neighbours: Neighbours = NOBODY
     moving: SeenObstacles = NO_OBSTACLES
 
     def known(self) -> Estimate:

@@ -142,7 +142,9 @@ def _factor(text: str, number: str, unit: str, dimension: Dimension) -> float:
         if unit in other.units:
             raise UnitError(
                 f"`{text}` is {article(other.name)}, but {article(dimension.name)} is needed",
-                f"write it like `{dimension.example}`",
+                f"minutes are `min`: `{number} min`"
+                if dimension is DURATION and unit == "m"
+                else f"write it like `{dimension.example}`",
             )
     if (typed := as_typed(unit).strip()) in dimension.units:
         raise UnitError(f"`{text}` has another keyboard's characters", f"write `{number} {typed}`")

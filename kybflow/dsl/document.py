@@ -124,10 +124,10 @@ class SensorEntry:
 class VehicleEntry:
     """One vehicle. `begin` is the name of the first state: the one written, else the first
     behavior. `airframe_spans` holds the span of each of the airframe's parameters that was
-    written, `spans` that of each of the vehicle's own keys. Callbacks and flows may request the
-    states `requested` at any time; flows request `requested_first` while the vehicle waits on the
-    ground at its start. `own_tracker` is the mission's, where the target has `tracker` in its
-    place."""
+    written, `spans` that of each of the vehicle's own keys and of its start's `heading`. Callbacks
+    and flows may request the states `requested` at any time; flows request `requested_first` while
+    the vehicle waits on the ground at its start. `own_tracker` is the mission's, where the target
+    has `tracker` in its place."""
 
     name: Text
     airframe: Airframe
@@ -316,7 +316,7 @@ class Parameter:
 @dataclass(frozen=True, slots=True)
 class Document:
     """A whole mission as written. `spans` holds the span of each key of the top level that was
-    written, and of the fence."""
+    written, of the fence and of the world's tags."""
 
     mission: Text
     summary: str

@@ -1,4 +1,4 @@
-"""What a rehearsal finds, as diagnostics: KYB470 to KYB481.
+"""What a rehearsal finds, as diagnostics: KYB470 to KYB482.
 
 A function a code. `kybflow.api.rehearsal` says when; here it is put into words, with the mission
 line of who does it, and as notes those of whoever else has a part in it.
@@ -254,4 +254,17 @@ def stays_down(vehicle: str, check: str, why: str, at: str, texts: Texts) -> Dia
         f"`{vehicle}` would not take off: its preflight check `{check}` stays red",
         span_at(at, texts),
         label=why,
+    )
+
+
+def unmet(expectation: str, at: str, texts: Texts) -> Diagnostic:
+    """KYB482: an expectation does not hold although nothing is broken and everything else is in
+    order. It is told of missions without faults in which no person acts."""
+    return Diagnostic(
+        "KYB482",
+        f"`{expectation}` does not hold on ideal vehicles",
+        span_at(at, texts),
+        label="not met",
+        help="expect something else, or let the mission do it",
+        severity=Severity.WARNING,
     )

@@ -8,9 +8,9 @@ from math import cos, sin, sqrt
 from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, heading_of, rotate_back, sub
 from kybflow.core.params import param, params
 from kybflow.core.signals import Command, Estimate, Imu, MeasurementKind, Setpoint, Tick
-from kybflow.core.units import Frequency, Number
+from kybflow.core.units import Frequency
 from kybflow.flight.disturbance import DisturbanceObserver
-from kybflow.flight.loops.design import FASTEST, Gains, designed
+from kybflow.flight.loops.design import FASTEST, DesignedGains, Gains, completed
 from kybflow.flight.loops.response import OuterLoop
 from kybflow.flight.steering import Steering
 from kybflow.flight.steering_params import SteeringParams
@@ -30,20 +30,7 @@ AGEING = 1.0
 
 
 @params
-class GeometricParams(SteeringParams):
-    proportional: Number | None = param(
-        "Acceleration per metre of position error; by default as the loop on board allows, 16 at"
-        " most.",
-        default=None, above=0,
-    )  # fmt: skip
-    derivative: Number | None = param(
-        "Acceleration per m/s of velocity error; by default likewise, 9 at most.",
-        default=None, above=0,
-    )  # fmt: skip
-    integral: Number | None = param(
-        "Acceleration per metre and second of position error; by default likewise, 8 at most.",
-        default=None, at_least=0,
-    )  # fmt: skip
+class GeometricParams(DesignedGains, SteeringParams):
     observer: Frequency = param(
         "Bandwidth at which disturbances are estimated from the accelerometer, 0 for not at all.",
         default=2.0, at_least=0.0, at_most=20.0, read_only=True,
@@ -65,11 +52,8 @@ def outer_loop(
     """The loop that the law closes; gains that are not given follow from `inner`. attitude: the
     rates per angle of the attitude's error of a tracker that closes that loop too, 1/s."""
     p = params
-    found = OuterLoop(*FASTEST, p.trim, airframe.drag, period, p.observer, attitude)
-    given = (p.proportional, p.derivative, p.integral)
-    own = found[:3] if inner is None or None not in given else designed(found, inner)
-    k, d, i = (a if b is None else b for a, b in zip(own, given, strict=True))
-    return found._replace(proportional=k, derivative=d, integral=i)
+    law = OuterLoop(*FASTEST, p.trim, airframe.drag, period, p.observer, attitude)
+    return completed(law, p, inner)
 
 
 class GeometricLaw:

@@ -21,7 +21,7 @@ from kybflow.parts.behavior import (
     Origin,
 )
 from kybflow.parts.chain import Estimator, Processor, Supervisor, Tracker
-from kybflow.parts.driver import Driver, Seat, Session
+from kybflow.parts.driver import Charge, Driver, Seat, Session
 from kybflow.parts.fault import Effect, Fault, Filter, Rig
 from kybflow.parts.input import AXES, Input, InputLink
 from kybflow.parts.link import Check, ForeignCommand, Link, Override, StatusText
@@ -35,6 +35,7 @@ __all__ = [
     "Action",
     "ActionContext",
     "Behavior",
+    "Charge",
     "Check",
     "Claim",
     "Driver",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import Any, ClassVar, NamedTuple
 
@@ -17,7 +17,9 @@ from kybflow.core.signals import (
     Failed,
     Grip,
     InputReadings,
+    Measurement,
     MeasurementKind,
+    PlannedPoint,
     Setpoint,
     SetpointKind,
     Tick,
@@ -25,7 +27,7 @@ from kybflow.core.signals import (
     Told,
 )
 from kybflow.flight.motion import Motion
-from kybflow.parts.base import P, Part
+from kybflow.parts.base import Objection, P, Part
 from kybflow.world.vehicle_context import VehicleContext
 
 SPEED_SHARE = 0.95
@@ -123,6 +125,7 @@ class Footprint(NamedTuple):
     one that its curves need, m/s^2. path: corners of a polyline within 1 cm of the path, empty if
     unknown (but two `points` are the path). origin: where a path from a file is described.
     duration: the least time from an entry at rest to its normal end, s; None: see `least_time`.
+    longest: the time after which it has ended in any case, s, None if unknown.
     """
 
     points: tuple[Vec3, ...]
@@ -133,6 +136,7 @@ class Footprint(NamedTuple):
     path: tuple[Vec3, ...] = ()
     origin: Origin | None = None
     duration: float | None = None
+    longest: float | None = None
 
     def least_time(self, entry: Vec3 | None) -> float:
         """Return a lower bound (s) of the time from an entry at rest to the normal end: `duration`,
@@ -165,7 +169,9 @@ class Behavior(Part[P]):
     waits_for: what it waits for, in words, None while it goes on; told as `behavior_waits`.
     lets_go: whether no command is sent now, so that the vehicle's own watchdog brings it down.
     axes: those that the inputs must have which its parameters name. push: what a hand that steers
-    it should feel, along the axes x, y and z.
+    it should feel, along the axes x, y and z. hears: whether it listens to what other vehicles
+    publish. says: what it publishes to them itself, of its latest update; recorded as a
+    measurement of its class.
     """
 
     kind = "behaviors"
@@ -179,6 +185,8 @@ class Behavior(Part[P]):
     lets_go: bool = False
     axes: ClassVar[tuple[str, ...]] = ()
     push: Vec3 = ZERO
+    hears: ClassVar[bool] = False
+    says: Measurement | None = None
 
     def __init_subclass__(
         cls,
@@ -202,6 +210,20 @@ class Behavior(Part[P]):
         """Return the setpoint at `tick.now`, or Done or Failed with the last one; called once a
         tick. A behavior that `emits` commands returns a Command, which bypasses the tracker; one
         that `grips` may return a Grip, one that `tells` events a Told."""
+
+    def take(self, point: PlannedPoint, now: Time) -> str | None:
+        """Take a point of an external planner's trajectory before the update of a tick; return why
+        it is refused, None where it is not."""
+        return "its behavior takes no trajectory"
+
+    @classmethod
+    def prepare(cls) -> None:
+        """Load what takes long to load, before anything flies, of those that hear others."""
+
+    @classmethod
+    def objections(cls, params: P, context: VehicleContext) -> Iterator[Objection]:
+        """Yield what makes these parameters senseless for the vehicle of `context`."""
+        yield from ()
 
     @classmethod
     def footprint(cls, params: P, entry: Vec3 | None) -> Footprint | None:

@@ -24,6 +24,14 @@ class Seat(NamedTuple):
     params: Any
 
 
+class Charge(NamedTuple):
+    """The charge with which a battery begins: the driver's parameter that says it, and its share of
+    a full one."""
+
+    parameter: str
+    share: float
+
+
 class Session(ABC):
     """An open driver: the links of its vehicles, by name, and the world's time."""
 
@@ -43,12 +51,12 @@ class Driver(Part[P]):
 
     accepts: kinds of command. provides: kinds of measurement. simulated: its vehicles are simulated
     and can have faults. lands: its vehicles have a land mode, and their links are `Lands`.
-    lands_blind: that mode descends by a barometer when there is no position. grips: its vehicles
-    may have a servo that holds a payload, and their links are `Grips`. shared: a pilot or another
-    program may command its vehicles too. brings: sensors that the
-    compiler adds if an estimator needs what they measure. preflight_timeout: seconds in which its
-    vehicles must become ready to fly. targets: targets that every mission has without declaring
-    them, each with the driver's parameters.
+    lands_blind: that mode needs no position, and lands a vehicle that doesn't take the commands of
+    the built-in state `land_blind`. grips: its vehicles may have a servo that holds a payload, and
+    their links are `Grips`. shared: a pilot or another program may command its vehicles too.
+    brings: sensors that the compiler adds if an estimator needs what they measure.
+    preflight_timeout: seconds in which its vehicles must become ready to fly. targets: targets that
+    every mission has without declaring them, each with the driver's parameters.
     """
 
     kind = "drivers"
@@ -115,6 +123,11 @@ class Driver(Part[P]):
     def inner_loop(cls, params: P, airframe: Airframe) -> InnerLoop | None:
         """Return what answers a tracker's commands on `airframe`, by which gains are designed; None
         where nothing is known of it."""
+        return None
+
+    @classmethod
+    def charge(cls, params: P) -> Charge | None:
+        """Return the charge with which a vehicle's battery begins; None where it isn't known."""
         return None
 
     @classmethod

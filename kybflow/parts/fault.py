@@ -6,9 +6,10 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import hypot, prod
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from kybflow.core.geometry import ZERO, Vec3, add
+from kybflow.core.params import fields_of
 from kybflow.core.signals import NS, Measurement, MeasurementKind, Time
 from kybflow.parts.base import P, Part
 from kybflow.vision.optics import SOUND, Weakness
@@ -37,7 +38,8 @@ class Effect:
     commands, seconds. body: the vehicle whose poses motion capture reports as this one's. camera:
     the degradation of its simulated cameras. view: the vehicle from whose place its cameras see.
     estimator: the name of the estimator that fails. deaf: nothing from the vehicle arrives over its
-    link. mute: nothing sent over its link reaches the vehicle.
+    link. mute: nothing sent over its link reaches the vehicle. silent: what it publishes to other
+    vehicles is lost.
     """
 
     filter: Filter | None = None
@@ -57,6 +59,7 @@ class Effect:
     estimator: str = ""
     deaf: bool = False
     mute: bool = False
+    silent: bool = False
 
 
 class Rig:
@@ -171,6 +174,11 @@ class Rig:
         return any(e.deaf for e, _ in self._effects)
 
     @property
+    def silent(self) -> bool:
+        """Whether any effect keeps other vehicles from hearing it."""
+        return any(e.silent for e, _ in self._effects)
+
+    @property
     def mute(self) -> bool:
         """Whether any effect cuts the link to the vehicle."""
         return any(e.mute for e, _ in self._effects)
@@ -200,6 +208,14 @@ class Fault(Part[P]):
     def __init__(self, params: P, generator: random.Random) -> None:
         self.params = params
         self.generator = generator
+
+    @classmethod
+    def is_nothing(cls, params: P) -> bool:
+        """Return whether it changes nothing with these parameters, as one whose vectors are all
+        zero."""
+        declared: Any = type(params)
+        vectors = [f.name for f in fields_of(declared) if f.shape == "vector"]
+        return bool(vectors) and all(not any(getattr(params, name)) for name in vectors)
 
     @abstractmethod
     def effects(self, vehicle: str) -> Mapping[str, Effect]:

@@ -9,6 +9,7 @@ from kybflow.report.inputs import input_figures
 from kybflow.report.intervals import shaded
 from kybflow.report.map import path_map
 from kybflow.report.plot import Figure, coloured, dashed, line, over_time, shade
+from kybflow.report.swarm import swarm_figures
 from kybflow.report.timeline import timeline
 
 _BELOW = (
@@ -24,6 +25,7 @@ def figures(run: Run) -> list[Figure]:
     return [
         path_map(run),
         timeline(run),
+        *swarm_figures(run),
         *input_figures(run),
         _errors(run, "position", "m"),
         _errors(run, "velocity", "m/s"),

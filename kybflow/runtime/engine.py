@@ -74,6 +74,7 @@ class Engine:
         self.interrupts = 0
         self.flying = False
         self._sessions, self._observers = tuple(sessions), tuple(observers)
+        self._publishing = tuple(vehicle for vehicle in self.vehicles if vehicle.publishes)
         links = {name: link for session in sessions for name, link in session.links.items()}
         rigs = {name: link.rig for name, link in links.items() if link.rig is not None}
         self.injection = Injection(plan.faults, rigs, self._condition, events, seed)
@@ -148,6 +149,9 @@ class Engine:
         fleet = {vehicle.name: vehicle.sense(now) for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)
+        if self._publishing:
+            for vehicle in self._publishing:
+                vehicle.publish()
         if self.plan.flows:
             self.flows.step(now, dt)
         if self.events.unanswered:

@@ -14,6 +14,7 @@ _FOLLOWED = {
     CommandKind.POSITION: "position",
     CommandKind.VELOCITY: "velocity",
     CommandKind.ACCELERATION: "acceleration",
+    CommandKind.TILT_CLIMB: "velocity",
 }
 """The setpoint field that each kind of command requires."""
 

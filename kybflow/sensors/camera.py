@@ -111,9 +111,7 @@ SILENT = 1.0
 
 
 @params
-class CameraSensorParams:
-    device: int = param("Number of the device.", default=0, at_least=0)
-    video: FilePath | None = param("A file with a recorded video instead.", default=None)
+class WhichCamera:
     camera: str | None = param(
         "Which of the airframe's cameras it is; needed where that has several.", default=None
     )
@@ -121,6 +119,12 @@ class CameraSensorParams:
         "Calibration file of this very camera, in place of the lens that the airframe says.",
         default=None, reads=read_calibration,
     )  # fmt: skip
+
+
+@params
+class CameraSensorParams(WhichCamera):
+    device: int = param("Number of the device.", default=0, at_least=0)
+    video: FilePath | None = param("A file with a recorded video instead.", default=None)
     latency: Duration = param(
         "From the middle of a frame's exposure to its arrival.",
         default=0.03, at_least=0.0, at_most=1.0,
@@ -132,18 +136,14 @@ class CameraSensor(Sensor[CameraSensorParams]):
     packages = OPENCV
 
     @classmethod
-    def seen_by(
-        cls, params: CameraSensorParams, cameras: Mapping[str, Camera]
-    ) -> Mapping[str, Camera]:
+    def seen_by(cls, params: WhichCamera, cameras: Mapping[str, Camera]) -> Mapping[str, Camera]:
         if params.calibration is None:
             return cameras
         lens, name = read_calibration(params.calibration), _name_of(params, cameras)
         return {n: c._replace(lens=lens) if n == name else c for n, c in cameras.items()}
 
     @classmethod
-    def objection(
-        cls, params: CameraSensorParams, cameras: Mapping[str, Camera]
-    ) -> Objection | None:
+    def objection(cls, params: WhichCamera, cameras: Mapping[str, Camera]) -> Objection | None:
         known = ", ".join(f"`{name}`" for name in cameras)
         if not cameras or _name_of(params, cameras) in cameras:
             return None
@@ -154,8 +154,19 @@ class CameraSensor(Sensor[CameraSensorParams]):
         return Objection("camera", reason, f"write `camera: {next(iter(cameras))}`")
 
     @classmethod
-    def claims(cls, params: CameraSensorParams, cameras: Mapping[str, Camera]) -> Sequence[str]:
+    def claims(cls, params: WhichCamera, cameras: Mapping[str, Camera]) -> Sequence[str]:
         return frames_of([_name_of(params, cameras)])
+
+    @classmethod
+    def camera_of(cls, params: WhichCamera, context: VehicleContext) -> Camera:
+        """Return which of the vehicle's cameras it is. Raises DriverError where that can't be
+        told."""
+        objection = cls.objection(params, context.cameras)
+        if objection is not None:
+            raise DriverError(objection.reason)
+        if not context.cameras:
+            raise DriverError(f"the vehicle `{context.vehicle}` has no camera")
+        return context.cameras[_name_of(params, context.cameras)]
 
     @classmethod
     def claim(cls, params: CameraSensorParams, vehicle: str) -> Claim | None:
@@ -173,12 +184,7 @@ class CameraSensor(Sensor[CameraSensorParams]):
         link: Link,
         generator: random.Random,
     ) -> Video | Device:
-        objection, latency = cls.objection(params, context.cameras), round(params.latency * NS)
-        if objection is not None:
-            raise DriverError(objection.reason)
-        if not context.cameras:
-            raise DriverError(f"the vehicle `{context.vehicle}` has no camera")
-        camera = context.cameras[_name_of(params, context.cameras)]
+        camera, latency = cls.camera_of(params, context), round(params.latency * NS)
         if params.video is None:
             return Device(Grabber(lambda: _device(params.device, camera)), camera, latency)
         if not os.path.isfile(params.video):
@@ -186,7 +192,7 @@ class CameraSensor(Sensor[CameraSensorParams]):
         return Video(_opened(params.video, f"the video `{params.video}`"), camera, latency)
 
 
-def _name_of(params: CameraSensorParams, cameras: Mapping[str, Camera]) -> str:
+def _name_of(params: WhichCamera, cameras: Mapping[str, Camera]) -> str:
     """Which of the cameras it is; empty where that can't be told."""
     return params.camera or (next(iter(cameras)) if len(cameras) == 1 else "")
 

@@ -45,7 +45,8 @@ class InnerLoop(NamedTuple):
     gyroscope passes on its way to the loop, Hz; 0 for none. dead_time: from the gyroscope's sample
     to the rotors' control. command_latency: from a command's sending to its use on board.
     pose_latency: the age at which a pose arrives. pose_period: between two poses. imu_delay: by
-    which what the IMU measures lies behind its stamp.
+    which what the IMU measures lies behind its stamp. climb_time: time constant with which a
+    vehicle that is commanded climb rates follows them.
     """
 
     attitude: AttitudeLoop
@@ -56,6 +57,7 @@ class InnerLoop(NamedTuple):
     pose_latency: float = 0.01
     pose_period: float = 1.0 / 120.0
     imu_delay: float = 0.0
+    climb_time: float = 0.0
 
 
 def attitude_loop(

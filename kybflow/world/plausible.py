@@ -1,17 +1,19 @@
 """Whether an airframe's numbers are those of a quadrotor: how they stand to each other.
 
-Each ratio is judged by what was built, from 27 g to 6 kg, and by what could be:
+Each ratio is held against what it is on the airframes of the library, on those of RotorPy (both
+Crazyflies and the Hummingbird), on RotorS's Hummingbird, and on the quadrotor of PX4's simulation
+in hardware as RotorPy has it:
 
-    thrust to weight     1.5 to 5; racers reach 10 and more
-    disc loading         m g / 4 pi r^2: Crazyflie 2 40 N/m^2, MikroKopter 52, Nano+ 80, X500 106, a
-                         racer of 5 inches 155 (Leishman, Helicopter Aerodynamics, sec. 2.6)
-    radius of gyration   sqrt(I / m) over the diameter: 0.20 to 0.27 about x and y, 0.27 to 0.33
-                         about z, on the airframes of the library, the Crazyflie 2 (Foerster, 2015)
-                         and the Hummingbird (RotorS); all of the mass at the hubs: 0.35 and 0.5
-    torque ratio         over the rotor's radius, C_Q / C_T: 0.13 to 0.26 on the same
-    rotor time           12 ms with speed loops to 107 ms without (hector_quadrotor, RotorS)
+    thrust to weight     1.7 to 10.2
+    disc loading         m g / 4 pi r^2, N/m^2: 51 to 108
+    radius of gyration   sqrt(I / m) over the diameter: 0.20 to 0.47 about x and y, 0.27 to 0.51
+                         about z; with all of the mass at the hubs 0.35 and 0.5
+    torque ratio         over the rotor's radius, C_Q / C_T: 0.12 to 1.6
+    drag                 0.12 to 0.45 1/s
+    rotor time           5 to 72 ms; 107 ms without a speed loop (hector_quadrotor)
 
-SI; r is a quarter of the diameter. What is certain can't be or can't fly; the rest is unusual.
+The bounds of what is usual and of what can't be are chosen, with room around these. SI; r is a
+quarter of the diameter.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from collections.abc import Iterator
 from math import cos, pi, sqrt
 from typing import NamedTuple
 
-from kybflow.core.units import DURATION, LENGTH, Dimension, format_quantity
+from kybflow.core.units import DAMPING, DURATION, LENGTH, Dimension, format_quantity
 from kybflow.world.vehicle_context import Airframe, Parcel
 
 
@@ -48,11 +50,12 @@ class Implausible(NamedTuple):
 
 _LOADING = Range(1.0, 10.0, 600.0, 4000.0)
 """N/m^2."""
-_GYRATION = Range(0.04, 0.1, 0.45, 0.75)
-_TORQUE = Range(0.005, 0.03, 0.6, 3.0)
+_GYRATION = Range(0.04, 0.1, 0.55, 0.75)
+_TORQUE = Range(0.005, 0.03, 2.0, 10.0)
 _ROTOR_TIME = Range(0.0005, 0.004, 0.15, 0.4)
+_DRAG = Range(0.0, 0.0, 2.0, 10.0)
 _POWERFUL = 15.0
-"""Thrust to weight that no quadrotor is known to have."""
+"""Half as much again as any of these has."""
 _ENDURANCE = Range(0.0, 30.0, 7200.0, 86400.0)
 _DENSITY = Range(0.0, 2.0, 12000.0, 23000.0)
 """Of a payload, kg/m^3: lead has 11,300, nothing more than 22,600."""
@@ -92,6 +95,7 @@ def _rotors(airframe: Airframe) -> Iterator[Implausible]:
         usual = f"{low * 100:.2g} to {high * 100:.2g} cm for its rotors"
         is_certain = not _TORQUE.has(ratio / radius, True)
         yield Implausible(("torque_ratio",), found, usual, is_certain)
+    yield from _unusual("drag", airframe.drag, _DRAG, DAMPING)
     yield from _unusual("rotor_time", airframe.rotor_time, _ROTOR_TIME, DURATION)
 
 

@@ -114,8 +114,9 @@ class VehicleContext(NamedTuple):
     `go_home` flies, None for the start. obstacles: the world's, by name. diameters: every vehicle's
     airframe diameter, by vehicle. tags: the world's. cameras: the airframe's, by name. payload:
     what the vehicle carries, None for nothing. loop: what its driver declares of the loop that
-    answers commands, None for nothing. starts: every vehicle's declared start, by vehicle.
-    touchable: the obstacles that are there to be touched. moving: those that move.
+    answers commands, None for nothing. starts: every vehicle's declared start, by vehicle. groups:
+    the mission's, each with its vehicles. touchable: the obstacles that are there to be touched.
+    moving: those that move.
     """
 
     vehicle: str
@@ -132,5 +133,6 @@ class VehicleContext(NamedTuple):
     payload: Parcel | None = None
     loop: InnerLoop | None = None
     starts: Mapping[str, Vec3] = MappingProxyType({})
+    groups: Mapping[str, tuple[str, ...]] = MappingProxyType({})
     touchable: frozenset[str] = frozenset()
     moving: Mapping[str, MovingSphere] = MappingProxyType({})

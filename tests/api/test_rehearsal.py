@@ -328,7 +328,7 @@ def test_a_battery_that_ends_before(tmp_path: Path) -> None:
 
 
 def test_a_behavior_that_fails_or_takes_too_long(tmp_path: Path) -> None:
-    text = ALONE.replace("then: own}", "then: own, within: 3 s}")
+    text = ALONE.replace("then: own}", "then: own, within: 4.7 s}")
     once = ALONE.replace("{do: hover, for_time: 4 s", "{do: release_payload").replace(
         "at: [0, 0, 0]}", "at: [0, 0, 0]}\n    payload: {mass: 10 g, size: 3 cm, aboard: false}"
     )
@@ -336,7 +336,7 @@ def test_a_behavior_that_fails_or_takes_too_long(tmp_path: Path) -> None:
     [fails] = rehearsed(once, tmp_path).diagnostics
 
     assert late.code == "KYB476"
-    assert late.message.startswith("`up` of `a` is not done within its time of 3 s, at 3.1 s")
+    assert late.message.startswith("`up` of `a` is not done within its time of 4.7 s, at 4.8 s")
     assert fails.code == "KYB475"
     assert fails.message.startswith("`own` (release_payload) of `a` fails at ")
     assert fails.label == "no payload is on board"
@@ -353,6 +353,37 @@ def test_what_an_input_at_rest_steers_goes_on(tmp_path: Path) -> None:
     assert [a.name for a in one.assumed] == [
         "stick.take", "stick.give", "stick.take", "stick.land"
     ]  # fmt: skip
+
+
+def test_one_that_starts_on_an_obstacle_lands_there(tmp_path: Path) -> None:
+    head = f"{HEAD}  obstacles: {{table: {{box: {{from: [-1, -1, 0], to: [1, 1, 0.5]}}}}}}\n"
+    plan, texts = planned(ALONE.replace("at: [0, 0, 0]", "at: [0, 0, 0.5]"), tmp_path, head)
+
+    assert found(rehearse(plan, texts=texts)) == []
+
+
+def test_an_expectation_that_ideal_vehicles_do_not_meet(tmp_path: Path) -> None:
+    """Where faults are left out, what the mission expects may be about them."""
+    expects = "expect: [finally distance(a to a.start) > 1 m, finally a in landed]\n"
+    fault = "faults: [{at: 2 s, on: a, inject: gust, velocity: [1, 0, 0], for: 1 s}]\n"
+
+    [unmet] = rehearsed(ALONE + expects, tmp_path).diagnostics
+
+    assert unmet.code == "KYB482"
+    assert unmet.message == "`finally distance(a to a.start) > 1 m` does not hold on ideal vehicles"
+    assert found(rehearsed(ALONE + expects + fault, tmp_path)) == []
+
+
+def test_a_watch_that_fails_is_no_clean_rehearsal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def raises(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("kybflow.api.rehearsal.watch.Watch.look", raises)
+
+    with pytest.raises(RuntimeError, match="could not be watched: ZeroDivisionError"):
+        rehearsed(ALONE, tmp_path)
 
 
 def test_it_repeats_exactly(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The examples in the help of `kybflow mavlink` and `kybflow emulate` are command lines."""
+"""The examples in the help of `kybflow mavlink`, `ardrone` and `emulate` are command lines."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import click
 import pytest
 
 from kybflow.cli.app import app
+from kybflow.cli.commands.ardrone import EXAMPLES as JOINING
 from kybflow.cli.commands.emulate import EXAMPLES
 from kybflow.cli.commands.mavlink import LISTEN, SETUP
+from kybflow.cli.emulating.ardrone import EXAMPLES as DRONES
 
-SHOWN = re.findall(r"kybflow [^\n]+", "\n".join((EXAMPLES, LISTEN, SETUP)))
+SHOWN = re.findall(r"kybflow [^\n]+", "\n".join((EXAMPLES, LISTEN, SETUP, JOINING, DRONES)))
 
 
 def test_there_are_examples():

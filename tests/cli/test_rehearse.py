@@ -59,7 +59,7 @@ def test_it_tells_its_figures_and_what_it_assumed(mission: str) -> None:
 
 def test_a_finding_ends_with_1_and_a_wrong_command_line_with_2(mission: str) -> None:
     late = run("rehearse", mission, "--emit", "operator.down@60s")
-    tight = run("rehearse", mission, "--set", "limit=2s")
+    tight = run("rehearse", mission, "--set", "limit=4.7s")
     wrong = run("rehearse", mission, "--emit", "operator.up@1s")
 
     assert (late.exit_code, tight.exit_code, wrong.exit_code) == (1, 1, 2)
@@ -67,23 +67,23 @@ def test_a_finding_ends_with_1_and_a_wrong_command_line_with_2(mission: str) -> 
         late.output
     )
     assert "waits for the event `operator.down`" in late.output
-    assert "error[KYB476]: `up` of `nano` is not done within its time of 2 s" in tight.output
+    assert "error[KYB476]: `up` of `nano` is not done within its time of 4.7 s" in tight.output
     assert "doesn't wait for `operator.up`" in wrong.output
 
 
 def test_it_speaks_json(mission: str) -> None:
-    report = json.loads(run("rehearse", mission, "--format", "json", "--set", "limit=2s").output)
+    report = json.loads(run("rehearse", mission, "--format", "json", "--set", "limit=4.7s").output)
 
     assert (report["mission"], report["clean"]) == ("waits", False)
     assert [d["code"] for d in report["diagnostics"]] == ["KYB476"]
     assert report["diagnostics"][0]["line"] == 14
-    assert report["duration_s"] > 2.0
+    assert report["duration_s"] > 4.7
     assert report["battery"]["vehicle"] == "nano"
 
 
 @pytest.mark.parametrize("form", ["sarif", "github"])
 def test_it_speaks_to_reviews(mission: str, form: str) -> None:
-    assert "KYB476" in run("rehearse", mission, "--format", form, "--set", "limit=2s").output
+    assert "KYB476" in run("rehearse", mission, "--format", form, "--set", "limit=4.7s").output
 
 
 class Opened(Exception):
@@ -103,12 +103,12 @@ def test_hardware_is_not_opened_when_its_rehearsal_goes_wrong(
     words = ["run", mission, "--target", "px4", "--no-report", "--plain"]
     out = [str(tmp_path / name) for name in "abc"]
 
-    stopped = run(*words, "--out", out[0], "--set", "limit=2s")
+    stopped = run(*words, "--out", out[0], "--set", "limit=4.7s")
     assert (stopped.exit_code, opened) == (2, [])
     assert "error[KYB476]" in stopped.output
     assert not Path(out[0]).exists()
 
-    refused = run(*words, "--out", out[1], "--set", "limit=2s", "--no-rehearsal")
+    refused = run(*words, "--out", out[1], "--set", "limit=4.7s", "--no-rehearsal")
     assert (refused.exit_code, opened) == (3, [1])
     assert "rehearsal_skipped" in refused.output
 
@@ -119,7 +119,7 @@ def test_hardware_is_not_opened_when_its_rehearsal_goes_wrong(
 
 
 def test_a_simulation_is_rehearsed_when_asked(mission: str, tmp_path: Path) -> None:
-    words = ["run", mission, "--no-report", "--plain", "--set", "limit=2s"]
+    words = ["run", mission, "--no-report", "--plain", "--set", "limit=4.7s"]
 
     asked = run(*words, "--rehearse", "--out", str(tmp_path / "a"))
 
@@ -128,12 +128,13 @@ def test_a_simulation_is_rehearsed_when_asked(mission: str, tmp_path: Path) -> N
 
 
 def test_the_preflight_has_a_line_of_it(mission: str) -> None:
-    good, bad = run("preflight", mission), run("preflight", mission, "--set", "limit=2s")
+    good, bad = run("preflight", mission), run("preflight", mission, "--set", "limit=4.7s")
 
     assert (good.exit_code, bad.exit_code) == (0, 1)
     assert "green  all   rehearsal    " in good.output
     assert (
-        "RED    all   rehearsal    `up` of `nano` is not done within its time of 2 s" in bad.output
+        "RED    all   rehearsal    `up` of `nano` is not done within its time of 4.7 s"
+        in bad.output
     )
 
 

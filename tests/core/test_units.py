@@ -52,6 +52,12 @@ def test_quantities_are_read_in_si(value, text, dimension):
         ("inf m", LENGTH, "`inf m` is not a length", "1.2 m"),
         ("1e999 m", LENGTH, "`1e999 m` is not finite", "1.2 m"),
         ("1.2.3 m", LENGTH, "`1.2.3 m` is not a length", "1.2 m"),
+        ("1,5 m", LENGTH, "`1,5 m` is not a length", "write `1.5 m`"),
+        ("1 ,5 m", LENGTH, "`1 ,5 m` is not a length", "write `1.5 m`"),
+        ("- 1 m", LENGTH, "`- 1 m` is not a length", "write `-1 m`"),
+        ("\u22121 m", LENGTH, "is not a length", "write `-1 m`"),
+        ("1\u00a0m", LENGTH, "has another keyboard's characters", "write `1 m`"),
+        ("\uff11 m", LENGTH, "is not a length", "write `1 m`"),
     ],
 )
 def test_refusals_say_what_was_found_and_the_way_out(text, dimension, message, hint):

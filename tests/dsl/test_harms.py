@@ -10,7 +10,7 @@ from harms.families import OPERATORS, VALID
 from harms.families import slips as slips_of_the_keyboard
 from harms.mission_text import Mission
 from harms.operator import Operator
-from harms.study import Verdict, verdicts
+from harms.study import JUDGES, Verdict, verdicts
 from mutation_study import MISSIONS, with_library
 
 NOT_YAML = {"KYB004", "KYB007"}
@@ -21,9 +21,12 @@ def missions() -> list[Mission]:
     return [Mission(path) for path in MISSIONS]
 
 
-def judged(missions: list[Mission], operators: tuple[Operator, ...], folder: Path) -> list[Verdict]:
-    whole = with_library(folder)
-    return [v for mission in missions for _, v in verdicts(mission, whole, operators)]
+def judged(
+    missions: list[Mission], operators: tuple[Operator, ...], folder: Path, judges: int = 1
+) -> list[Verdict]:
+    """What the compiler alone makes of the mutants, or the first `judges`."""
+    whole, own = with_library(folder), JUDGES[:judges]
+    return [v for mission in missions for _, v in verdicts(mission, whole, operators, own)]
 
 
 def test_there_are_operators_of_every_label_in_both_halves() -> None:
@@ -41,8 +44,13 @@ def test_every_operator_has_a_place_in_a_mission(missions: list[Mission]) -> Non
     assert [op.name for op in operators if not any(list(op.make(m)) for m in missions)] == []
 
 
-def test_nothing_is_said_of_sensible_variants(missions: list[Mission], tmp_path: Path) -> None:
-    told = [v for v in judged(missions, VALID, tmp_path) if v.told]
+@pytest.mark.parametrize("judges", [1, pytest.param(len(JUDGES), marks=pytest.mark.thorough)])
+def test_nothing_is_said_of_sensible_variants(
+    missions: list[Mission], tmp_path: Path, judges: int
+) -> None:
+    """The rehearsal is asked of up to eight vehicles: of sixteen it takes seconds."""
+    own = [m for m in missions if judges == 1 or len(m.plan.vehicles) <= 8]
+    told = [v for v in judged(own, VALID, tmp_path, judges) if v.told]
     assert [(v.mutant.operator.name, v.mutant.mission, v.findings[0].message) for v in told] == []
 
 

@@ -1,4 +1,4 @@
-"""Airframes that were built are plausible; numbers in another unit are not."""
+"""Airframes that others simulate are plausible; numbers in another unit are not."""
 
 from __future__ import annotations
 
@@ -12,27 +12,31 @@ from kybflow.world.vehicle_context import Airframe, Parcel
 MK = Airframe(mass=1.05, diameter=0.5, inertia=(0.011, 0.011, 0.02), thrust=6.0, rotor_time=0.05)
 BUILT = {
     "mk_quadro": MK,
-    "crazyflie": Airframe(
-        mass=0.027, diameter=0.092, inertia=(1.66e-5, 1.66e-5, 2.93e-5), thrust=0.15,
-        torque_ratio=0.006, rotor_time=0.03,
+    "RotorPy's Crazyflie": Airframe(
+        mass=0.03, diameter=0.086, inertia=(1.43e-5, 1.43e-5, 2.89e-5), thrust=0.144,
+        torque_ratio=0.0339, rotor_time=0.072,
     ),
-    "hummingbird": Airframe(
-        mass=0.5, diameter=0.34, inertia=(2.6e-3, 2.6e-3, 4.5e-3), thrust=3.5,
-        torque_ratio=0.016, rotor_time=0.015,
+    "RotorPy's Crazyflie without brushes": Airframe(
+        mass=0.044, diameter=0.086, inertia=(3.3e-5, 3.6e-5, 5.9e-5), thrust=0.389,
+        torque_ratio=0.0193, rotor_time=0.05,
     ),
-    "racer": Airframe(
-        mass=0.75, diameter=0.25, inertia=(0.0025, 0.0021, 0.0043), thrust=8.5,
-        torque_ratio=0.014, rotor_time=0.03,
+    "RotorPy's Hummingbird": Airframe(
+        mass=0.5, diameter=0.34, inertia=(3.65e-3, 3.68e-3, 7.03e-3), thrust=12.5,
+        torque_ratio=0.0244, rotor_time=0.005,
     ),
-    "matrice": Airframe(
-        mass=6.3, diameter=0.895, inertia=(0.25, 0.25, 0.42), thrust=40.0,
-        torque_ratio=0.03, rotor_time=0.09,
+    "RotorS's Hummingbird": Airframe(
+        mass=0.716, diameter=0.34, inertia=(0.007, 0.007, 0.012), thrust=6.0,
+        torque_ratio=0.016, rotor_time=0.0125,
+    ),
+    "PX4's simulation in hardware": Airframe(
+        mass=1.0, diameter=0.34, inertia=(0.025, 0.025, 0.03), thrust=5.0,
+        torque_ratio=0.02, rotor_time=0.05,
     ),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BUILT)
-def test_what_was_built_is_plausible(name: str) -> None:
+def test_airframes_of_others_are_plausible(name: str) -> None:
     assert [*of_airframe(BUILT[name])] == []
 
 
@@ -49,6 +53,8 @@ def test_what_was_built_is_plausible(name: str) -> None:
         (replace(MK, rotor_time=0.2), "rotor_time", False),
         (replace(MK, thrust=60.0), "mass", False),
         (replace(MK, endurance=10.0), "endurance", False),
+        (replace(MK, drag=60.0), "drag", True),
+        (replace(MK, drag=4.0), "drag", False),
     ],
 )
 def test_another_unit_is_told(changed: Airframe, parameter: str, is_certain: bool) -> None:

@@ -8,7 +8,18 @@ from hypothesis import strategies as st
 
 from kybflow.core.units import LENGTH
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.expressions import And, Compare, Condition, Not, Or, Quantity, Read, Scope, parse
+from kybflow.dsl.expressions import (
+    And,
+    Compare,
+    Condition,
+    InState,
+    Not,
+    Or,
+    Quantity,
+    Read,
+    Scope,
+    parse,
+)
 from kybflow.dsl.expressions.reasoning import (
     Envelopes,
     always_holds,
@@ -91,6 +102,12 @@ def test_what_may_be_unknown_follows_from_nothing_negative() -> None:
     """A comparison with a value that is not known is false, its `not` true."""
     assert not implies(meant("not (state.speed < 1 m/s)"), meant("state.speed >= 1 m/s"))
     assert implies(meant("state.speed >= 1 m/s"), meant("not (state.speed < 1 m/s)"))
+
+
+def test_a_vehicle_in_a_state_of_a_chain_is_in_the_chain() -> None:
+    inside, chain = InState("a", "tour.go"), InState("a", "tour")
+    assert never_holds(And((inside, Not(chain))), NATURE)
+    assert not never_holds(And((chain, Not(inside))), NATURE)
 
 
 def test_what_is_too_long_to_tell_is_not_told() -> None:

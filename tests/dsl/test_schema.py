@@ -150,5 +150,7 @@ def test_an_editor_shows_no_regular_expression() -> None:
 
 
 def _is_shown(path: str, schema: dict[str, object]) -> bool:
-    """Whether a pattern's failure is a report: one of several, as of `chain.NAME`, is not."""
-    return isinstance(schema.get("pattern"), str) and "/anyOf/" not in path
+    """Whether a pattern's failure is a report: one of several, as of `chain.NAME`, and a question
+    are not."""
+    asks = "/anyOf/" in path or "/if/" in path
+    return isinstance(schema.get("pattern"), str) and not asks

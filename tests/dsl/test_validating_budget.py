@@ -26,21 +26,21 @@ PASSES = (
 )
 BUDGET = {
     "figure_eight": {
-        "check": 58760,
+        "check": 83343,
         "shape": 42634,
-        "expressions": 32435,
+        "expressions": 36672,
         "resolve": 32407,
         "read": 25851,
         "judge": 13271,
         "compiler": 1291,
     },
     "survey": {
-        "check": 102280,
+        "check": 129197,
         "resolve": 96395,
-        "shape": 76040,
-        "expressions": 32105,
+        "shape": 70937,
+        "expressions": 37826,
         "read": 29525,
-        "judge": 16304,
+        "judge": 21391,
         "compiler": 1315,
     },
 }

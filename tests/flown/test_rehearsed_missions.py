@@ -46,3 +46,17 @@ def test_its_time_is_that_of_the_simulator(path: Path, tmp_path: Path) -> None:
     flown = fly(dataclasses.replace(plan, faults=()), RunRequest(out=tmp_path))
 
     assert rehearsal.duration == pytest.approx(flown.summary["sim_time_s"], rel=OFF)
+
+
+def test_a_mission_may_name_ideal_vehicles(tmp_path: Path) -> None:
+    text = MISSIONS[0].with_name("first_flight.yaml").read_text(encoding="utf-8")
+    text = text.replace("library/airframes.yaml", "kybflow/airframes")
+    mission = tmp_path / "mine.yaml"
+    mission.write_text(f"{text}\ntargets:\n  ideal: {{all: {{driver: {{use: kinematic}}}}}}\n")
+    plan = compile_mission(mission, catalog=load_catalog(), target="ideal").plan
+    assert plan is not None
+
+    summary = fly(plan, RunRequest(out=tmp_path / "run")).summary
+
+    assert summary["outcome"] == "succeeded"
+    assert summary["sim_time_s"] == pytest.approx(12.4, rel=OFF)

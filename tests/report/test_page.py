@@ -100,7 +100,8 @@ def test_the_summary_agrees_with_the_recording(folder):
 def test_the_figures_are_those_of_the_papers_and_more(folder):
     drawn = {figure.name: figure for figure in figures(read_run(folder))}
     assert list(drawn) == [
-        "path", "timeline", "position_error", "velocity_error", "to_target", "height", "battery",
+        "path", "timeline", "from_above", "distances", "position_error", "velocity_error",
+        "to_target", "height", "battery",
     ]  # fmt: skip
     path = drawn["path"]
     assert path.layout["yaxis"]["scaleanchor"] == "x"

@@ -368,8 +368,9 @@ MISSIONS = Path(__file__).parents[2] / "missions"
 def test_the_command_prints_a_line_for_each_check(tmp_path):
     done = kybflow(str(MISSIONS / "first_flight.yaml"))
     assert done.returncode == 0
-    lines = done.stdout.splitlines()
+    *lines, rehearsal = done.stdout.splitlines()
     assert all(line.startswith("green  nano  ") and "[" in line for line in lines)
+    assert rehearsal.startswith("green  all   rehearsal    ")
     assert len(lines) >= 7
     assert not (tmp_path / "runs").exists()
 

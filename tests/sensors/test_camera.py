@@ -16,6 +16,7 @@ from kybflow.core.errors import DriverError
 from kybflow.core.files import File, FilePath
 from kybflow.core.signals import NS, Frame, Measurement, Time
 from kybflow.parts import Link
+from kybflow.parts.base import Objection
 from kybflow.sensors.camera import CameraSensor, CameraSensorParams, Captured, Device, Grabber
 from kybflow.world.cameras import Camera, Lens
 
@@ -102,12 +103,12 @@ def test_what_is_no_video_is_refused(tmp_path: Path) -> None:
 def test_it_says_which_camera_it_can_not_be() -> None:
     two = {"down": DOWN, "front": DOWN._replace(name="front")}
     assert CameraSensor.objection(CameraSensorParams(camera="front"), two) is None
-    assert CameraSensor.objection(CameraSensorParams(), two) == (
+    assert CameraSensor.objection(CameraSensorParams(), two) == Objection(
         "camera",
         "`camera` must say which it is; the airframe has `down`, `front`",
         "write `camera: down`",
     )
-    assert CameraSensor.objection(CameraSensorParams(camera="dwon"), two) == (
+    assert CameraSensor.objection(CameraSensorParams(camera="dwon"), two) == Objection(
         "camera",
         "the airframe has no camera `dwon`; it has `down`, `front`",
         "did you mean `down`?",

@@ -1,9 +1,9 @@
 """The plan of a rehearsal: the same mission on ideal vehicles.
 
 Drivers become `kinematic`; estimators and trackers become those below, which know the truth and
-pass each setpoint on, under the names and with the options of the mission's. Sensors, faults and
-expectations are left out; processors, supervisors, behaviors and flows stay as they are. An input
-that a person moves rests at its centre.
+pass each setpoint on, under the names and with the options of the mission's. Sensors and faults are
+left out, and with faults the expectations, which may be about them; processors, supervisors,
+behaviors and flows stay as they are. An input that a person moves rests at its centre.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def ideal(plan: Plan) -> Plan:
         simulated=True,
         control_rate=min(RATE, plan.control_rate),
         vehicles=tuple(_vehicle(vehicle) for vehicle in plan.vehicles),
-        expectations=(),
+        expectations=() if plan.faults else plan.expectations,
         faults=(),
     )
 

@@ -12,7 +12,7 @@ from kybflow.api.rehearsal.ideal import at_rest, ideal
 from kybflow.api.rehearsal.person import Assumed, Person
 from kybflow.api.rehearsal.watch import LeastCharge, LeastSeparation, Watch
 from kybflow.core.errors import PartFailed
-from kybflow.core.signals import NS
+from kybflow.core.signals import Event
 from kybflow.dsl import rehearsed
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, has_errors, in_order
 from kybflow.dsl.plan import Plan
@@ -21,6 +21,7 @@ from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.events import Events
+from kybflow.runtime.expectations import Verdict
 from kybflow.runtime.fleet.inputs import Inputs
 from kybflow.runtime.making import parts_of
 from kybflow.runtime.observer import VehicleObserver
@@ -59,45 +60,74 @@ def rehearse(
     be assumed. options: changes of parts' parameters before take-off. texts: the mission's files,
     for the spans of findings. Raises EventRefused and OptionRefused for those that can't be."""
     check_emitted(plan, (name for _, name in emitted))
-    flown, watch = ideal(plan), Watch(plan, texts)
-    commands = CommandQueue(emitted)
+    watch, commands = Watch(plan, texts), CommandQueue(emitted)
     person = Person(plan, commands, (name for _, name in emitted))
-    events, score = Events((watch.hear,)), Score(flown)
-    again = at_rest(plan)
-    devices = open_devices(flown, 0, again)
-    inputs = Inputs(flown.inputs, devices.inputs, events)
-    duration = 0.0
+    duration, verdicts = 0.0, tuple[Verdict, ...]()
     try:
+        duration, verdicts = _flown(plan, watch, person, commands, options)
+        found = watch.diagnostics
+        if not (found or person.assumed or at_rest(plan)):
+            found = tuple(rehearsed.unmet(v.text, v.at, texts) for v in verdicts if not v.held)
+    except PartFailed as failure:
+        found = (_not_made(plan, failure, texts),)
+    return Rehearsal(
+        plan.mission, plan.target, in_order(found), duration, watch.separation, watch.charge,
+        tuple(person.assumed),
+    )  # fmt: skip
+
+
+def _flown(
+    plan: Plan,
+    watch: Watch,
+    person: Person,
+    commands: CommandQueue,
+    options: Sequence[tuple[str, str]],
+) -> tuple[float, tuple[Verdict, ...]]:
+    """Fly the ideal plan to its end; return how long it took, seconds, and what became of its
+    expectations."""
+    flown, blind = ideal(plan), _Blind()
+    events = Events((watch.hear, blind.hear))
+    clock, score = SimulatedClock(flown.control_rate), Score(flown)
+    devices = open_devices(flown, 0, at_rest(plan))
+    try:
+        inputs = Inputs(flown.inputs, devices.inputs, events)
         vehicles = build_vehicles(
             flown, devices, events, lambda _: VehicleObserver(), score, inputs.readings
         )
         judge = PlanEntryJudge(plan)
         for vehicle in vehicles:
             vehicle.requests.judge = judge
-        clock = SimulatedClock(flown.control_rate)
+        observers = (watch.look, person)
         engine = Engine(
-            flown, clock, devices.sessions, vehicles, events, (watch.look, person), 0, commands,
-            inputs,
-        )  # fmt: skip
+            flown, clock, devices.sessions, vehicles, events, observers, 0, commands, inputs
+        )
         for name, value in options:
             engine.options.set(name, value, "command line")
         watch.begin(engine)
-        engine.run()
+        unfinished = engine.run()
         watch.end(engine)
-        duration, found = clock.now / NS, watch.diagnostics
-    except PartFailed as failure:
-        found = (_not_made(plan, failure, texts),)
+        blind.judge()
     finally:
         devices.close()
-    return Rehearsal(
-        plan.mission,
-        plan.target,
-        in_order(found),
-        duration,
-        watch.separation,
-        watch.charge,
-        tuple(person.assumed),
-    )
+    seconds = engine.seconds()
+    return seconds, engine.judge.verdicts(None if unfinished else seconds)
+
+
+class _Blind:
+    """Hears when something that looks on was left out because it raised: no finding is trusted
+    then."""
+
+    def __init__(self) -> None:
+        self._reason = ""
+
+    def hear(self, event: Event) -> None:
+        if event.name == "observer_failed":
+            self._reason = str(event.fields["reason"])
+
+    def judge(self) -> None:
+        """Raises RuntimeError when something was left out, which is a mistake of this program."""
+        if self._reason:
+            raise RuntimeError(f"the rehearsal could not be watched: {self._reason}")
 
 
 def _not_made(plan: Plan, failure: PartFailed, texts: Mapping[str, str]) -> Diagnostic:

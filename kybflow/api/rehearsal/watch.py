@@ -262,7 +262,10 @@ class Watch:
         return tuple(self._doing(vehicle).note for vehicle in self._vehicles.values())
 
     def _doing(self, vehicle: Vehicle) -> Doing:
-        return self._doing_in(vehicle, vehicle.activity.state)
+        plan, activity = vehicle.plan, vehicle.activity
+        return self._doing_in(
+            vehicle, activity.state if activity.begun else plan.states[plan.begin]
+        )
 
     def _doing_in(self, vehicle: Vehicle, state: StatePlan) -> Doing:
         assert self._engine is not None

@@ -62,6 +62,8 @@ def command(words: tuple[str, ...], take: bool, as_json: bool) -> None:
     reset [VEHICLE ...]               out of `fault`, on the ground
     land [VEHICLE ...]                land for the rest of the run
     stop [REASON]                     land everything and end the run
+    track VEHICLE time=S position=[X, Y, Z] ...
+                                      a point of the trajectory that it takes
     release                           give up the lease
     state                             what it does and what is legal now
     watch                             events as they come

@@ -1,27 +1,27 @@
-"""`kybflow emulate`: autopilots on simulated vehicles, for any MAVLink client."""
+"""`kybflow emulate`: autopilots and drones on simulated vehicles, for any client of theirs."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import click
 from click.exceptions import Exit
 
 from kybflow.cli.arguments import PATH, FiniteRange, Subcommand, examples, seed_option
+from kybflow.cli.emulating.ardrone import ardrone
+from kybflow.cli.emulating.serving import given, seats_of, serve
 from kybflow.cli.output import echo
-from kybflow.core.exit_codes import DRIVER_FAILED, INVALID
+from kybflow.core.exit_codes import DRIVER_FAILED
 from kybflow.drivers import firmware_names
 
 if TYPE_CHECKING:
-    from kybflow.core.signals import Time
     from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
     from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
-    from kybflow.drivers.emulation.breaking import Break
     from kybflow.drivers.emulation.fleet import Fleet
     from kybflow.parts import Seat
     from kybflow.parts.catalog import PartSpec
@@ -32,29 +32,14 @@ EXAMPLES = examples(
     "kybflow emulate autopilot --vehicle ardupilot --mission missions/courier.yaml --no-gps",
     "kybflow emulate autopilot --vehicle px4 --address udpin:127.0.0.1:14600 --fail blind@20",
 )
-RATE = 250
-APART = 2.0
-"""Metres between vehicles that no mission places."""
-MISSION = """kybflow: 1
-mission: emulated
-import: {{std: kybflow/airframes}}
-vehicles:
-{vehicles}
-"""
-VEHICLE = """  v{number}:
-    like: std.{airframe}
-    start: {{at: [0, {y}, 0]}}
-    behaviors:
-      up: {{do: take_off, height: 1 m, then: down}}
-      down: {{do: land}}
-"""
-Given = TypeVar("Given")
-Read = TypeVar("Read")
 
 
 @click.group("emulate", no_args_is_help=True)
 def command() -> None:
     """Stand in for something that isn't there."""
+
+
+command.add_command(ardrone)
 
 
 @command.command("autopilot", cls=Subcommand, epilog=EXAMPLES)
@@ -145,10 +130,10 @@ def autopilot(
     from kybflow.drivers.emulation.breaking import read_break
     from kybflow.drivers.mavlink.protocol.signing import read_key
 
-    breaks = [_given("--fail", partial(read_break, kind=AutopilotFailures), text) for text in fail]
-    changes = dict(_given("--param", _setting, text) for text in parameters)
-    secret = None if key is None else _given("--key", read_key, key)
-    seats = _seats(mission, airframe, count)
+    breaks = [given("--fail", partial(read_break, kind=AutopilotFailures), text) for text in fail]
+    changes = dict(given("--param", _setting, text) for text in parameters)
+    secret = None if key is None else given("--key", read_key, key)
+    seats = seats_of(mission, airframe, count, _driver())
     places = address or _defaults(vehicle)
     try:
         from kybflow.drivers.emulated_autopilot.firmware import SetupPlan, check_names
@@ -158,7 +143,7 @@ def autopilot(
         with ExitStack() as stack:
             fleet = _opened(stack, seats, plan, places, system, secret, seed)
             sys.stdout.flush()
-            _serve(fleet, breaks, speed)
+            serve(fleet, breaks, speed)
     except DriverError as error:
         echo(f"error: {error}", err=True)
         raise Exit(DRIVER_FAILED) from None
@@ -195,20 +180,6 @@ def _opened(
     return fleet
 
 
-def _serve(fleet: Fleet[MavlinkEndpoint], breaks: Sequence[Break], speed: float) -> None:
-    """Go on in the wall's time until Ctrl-C."""
-    from kybflow.core.signals import NS
-    from kybflow.runtime.clock import SimulatedClock
-
-    def tell(failure: Break, now: Time) -> None:
-        echo(f"{now / NS:.1f} s: {failure}")
-        sys.stdout.flush()
-
-    clock = SimulatedClock(RATE, speed)
-    with suppress(KeyboardInterrupt):
-        fleet.serve(iter(clock.step, None), breaks, tell)
-
-
 def _own_address(firmware: str, number: int = 0) -> str:
     """Where the firmware's own simulator speaks to a driver. number: of several, from 0."""
     from kybflow.drivers.mavlink.firmware import profile_of
@@ -233,46 +204,9 @@ def _shifted(place: str, number: int) -> str:
     for firmware in firmware_names("emulated_autopilot"):
         if place == _own_address(firmware):
             return _own_address(firmware, number)
-    address = _given("--address", read_address, place)
+    address = given("--address", read_address, place)
     step = 10 if address.kind in LISTENING else 0
     return str(address._replace(number=address.number + step * number))
-
-
-def _seats(mission: Path | None, airframe: str, count: int) -> list[Seat]:
-    """The vehicles of a mission, or `count` of one kind."""
-    from tempfile import TemporaryDirectory
-
-    if mission is not None:
-        return _compiled(mission, mission)
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "emulated.yaml"
-        vehicles = "".join(
-            VEHICLE.format(number=number + 1, airframe=airframe, y=APART * number)
-            for number in range(count)
-        )
-        path.write_text(MISSION.format(vehicles=vehicles), encoding="utf-8")
-        return _compiled(path, None)
-
-
-def _compiled(path: Path, mission: Path | None) -> list[Seat]:
-    """The seats of a mission; ends with what is wrong with it."""
-    from kybflow.api.opening import context_of
-    from kybflow.api.validation import findings
-    from kybflow.dsl.compiler import compile_mission
-    from kybflow.parts import Seat
-    from kybflow.parts.catalog import load_catalog
-
-    result = compile_mission(path, catalog=load_catalog())
-    if result.plan is None and mission is None:
-        raise click.BadParameter(
-            "the standard library has no such airframe", param_hint="--airframe"
-        )
-    if result.plan is None:
-        for text in findings(result, path):
-            echo(text, err=True)
-        raise Exit(INVALID)
-    plan, params = result.plan, _driver().params()
-    return [Seat(context_of(plan, vehicle), params) for vehicle in plan.vehicles]
 
 
 def _driver() -> PartSpec:
@@ -291,12 +225,3 @@ def _setting(text: str) -> tuple[str, float]:
         return name.strip(), float(value)
     except ValueError:
         raise DriverError(f"`{text}` is not NAME=VALUE, with a number") from None
-
-
-def _given(option: str, read: Callable[[Given], Read], given: Given) -> Read:
-    from kybflow.core.errors import DriverError
-
-    try:
-        return read(given)
-    except DriverError as error:
-        raise click.BadParameter(str(error), param_hint=option) from None

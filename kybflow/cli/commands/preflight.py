@@ -58,8 +58,8 @@ def _inspect(plan: Plan, texts: dict[str, str], seed: int) -> int:
     from kybflow.cli.printing.rehearsal import preflight_line
     from kybflow.core.errors import DriverError, PartFailed
 
-    rehearsed = preflight_line(rehearse(plan, texts=texts))
     try:
+        rehearsed = preflight_line(rehearse(plan, texts=texts))
         found = inspect(plan, seed)
     except DriverError as error:
         echo(f"error: {error}", err=True)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from kybflow.core.signals import CommandKind, Pose
+from kybflow.core.signals import Pose
 from kybflow.drivers import firmware_names
 from kybflow.drivers.mavlink import Mavlink
 from kybflow.drivers.mavlink.params import AutopilotLinkParams
@@ -45,7 +45,7 @@ class EmulatedAutopilotParams(AutopilotLinkParams, SimParams):
 class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
     """MuJoCo and pymavlink are imported when it is opened."""
 
-    accepts = frozenset(CommandKind)
+    accepts = Mavlink.accepts
     provides = Mavlink.provides | {Pose}
     simulated: ClassVar[bool] = True
     lands: ClassVar[bool] = True

@@ -63,7 +63,8 @@ class Fleet(Generic[Onboard]):
     """The emulated vehicles of one world: `members`, in the order of the seats.
 
     build: makes the computer of a seat, by its place from 0, its body and its source of chance, and
-    says whether the vehicle has GPS. Raises DriverError as the simulator does.
+    says whether the vehicle has GPS. period: how often the computers step at most. Raises
+    DriverError as the simulator does.
     """
 
     def __init__(
@@ -71,7 +72,9 @@ class Fleet(Generic[Onboard]):
         seats: Sequence[Seat],
         generator: random.Random,
         build: Callable[[int, SimulatedBody, random.Random], tuple[Onboard, bool]],
+        period: Time = PERIOD,
     ) -> None:
+        self._period = period
         self._world = SimulatedWorld(seats, generator)
         self.members: list[EmulatedVehicle[Onboard]] = []
         for number, seat in enumerate(seats):
@@ -89,7 +92,7 @@ class Fleet(Generic[Onboard]):
         """Let the world go on until `now`."""
         self._world.advance(now)
         if now >= self._due:
-            self._due = now + PERIOD
+            self._due = now + self._period
             for member in self.members:
                 member.step(now)
 

@@ -32,6 +32,7 @@ class Kinematic(Driver[KinematicParams]):
     accepts = frozenset(CommandKind)
     provides = frozenset({Battery, Imu, Odometry, Pose, Position})
     simulated: ClassVar[bool] = True
+    shared: ClassVar[bool] = False
     grips: ClassVar[bool] = True
 
     @classmethod

@@ -33,7 +33,7 @@ REPORTED: Time = NS // 10
 LIFTED = 0.01
 """Metres above the ground from which a touch of it is a new one."""
 NOISE = 1e-6
-"""A specific force, m/s^2: an IMU that says the same twice counts as stuck."""
+"""m/s^2, m: an IMU or a body that is twice the same counts as stuck."""
 
 
 class IdealVehicle(Link):
@@ -71,7 +71,7 @@ class IdealVehicle(Link):
         if Odometry in self._kinds:
             arrived.append(Odometry(now, place, velocity, attitude, rates, 0.0))
         if Pose in self._kinds:
-            arrived.append(Pose(now, place, attitude))
+            arrived.append(Pose(now, add(place, (0.0, 0.0, self._noise)), attitude))
         if Position in self._kinds:
             arrived.append(Position(now, place, ZERO))
         if now >= self._due:
@@ -107,7 +107,7 @@ class IdealVehicle(Link):
 
     def move(self, now: Time, dt: float) -> None:
         """Do for `dt` seconds, which end at `now`, what was commanded last."""
-        command, before = self._command, self.state
+        command, before, self._noise = self._command, self.state, -self._noise
         if command is None or (self.is_down and not command.armed):
             self.state = stopped(before, before.position, dt)
         else:
@@ -120,7 +120,7 @@ class IdealVehicle(Link):
         before = self.state
         self.state = state = moved(before, command, self.context.airframe, self._mass, dt)
         x, y, z = state.position
-        ground = self._ground(state.position, dt)
+        ground = self._ground(state.position, before.position[2])
         self.is_down = z <= ground
         self._has_lifted = self._has_lifted or z > ground + LIFTED
         if not self.is_down:
@@ -130,11 +130,11 @@ class IdealVehicle(Link):
             self.tell_touch(Touch("the floor", carries=True))
         self.state = stopped(before, (x, y, ground), dt)
 
-    def _ground(self, place: Vec3, dt: float) -> float:
-        """Return the height of what would carry the vehicle at `place`, where it has sunk to in the
-        last `dt` seconds."""
+    def _ground(self, place: Vec3, height: float) -> float:
+        """Return the height of what would carry the vehicle at `place`, where it came to from
+        `height`."""
         x, y, z = place
-        from_above = z - min(self.state.velocity[2], 0.0) * dt + LEGS
+        from_above = max(z, height) + LEGS
         context = self.context
         arm, (sx, sy, start) = context.airframe.arm, context.start
         highest = min(FLOOR, start)
@@ -148,7 +148,6 @@ class IdealVehicle(Link):
 
     def _felt(self, now: Time, dt: float) -> Imu:
         ax, ay, az = self.state.acceleration
-        self._noise = -self._noise
         force = rotate_back(self.state.attitude, (ax, ay, az + GRAVITY + self._noise))
         return Imu(now, dt, force, self.state.rates)
 
@@ -156,7 +155,7 @@ class IdealVehicle(Link):
         """Return where a payload that is let go at `place` comes to rest, its centre."""
         assert self.context.payload is not None
         (x, y, z), (vx, vy, _) = place, self.state.velocity
-        ground = self._ground(place, 0.0)
+        ground = self._ground(place, z)
         falls = sqrt(2.0 * max(0.0, z - ground) / GRAVITY)
         return (x + vx * falls, y + vy * falls, ground - LEGS + 0.5 * self.context.payload.size)
 

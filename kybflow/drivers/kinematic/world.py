@@ -12,7 +12,6 @@ from kybflow.drivers.kinematic.vehicle import IdealVehicle
 from kybflow.parts import Link, Seat, Session
 from kybflow.parts.link import Touch
 from kybflow.world.shapes import Shape
-from kybflow.world.vehicle_context import LEGS
 
 ROUND = tuple((cos(n * pi / 4), sin(n * pi / 4)) for n in range(8))
 """Where the edge of a vehicle is looked at."""
@@ -23,8 +22,7 @@ class KinematicWorld(Session):
     """Moves every vehicle to each tick's end.
 
     Two vehicles touch where their centres are nearer to each other than an arm of each. A vehicle
-    touches an obstacle with the disc of its hubs, or with its legs below; on one that carries it,
-    it stands.
+    touches an obstacle with the disc of its hubs; its legs stand on one below.
     """
 
     def __init__(self, seats: Sequence[Seat]) -> None:
@@ -58,14 +56,14 @@ class KinematicWorld(Session):
         for vehicle in self._vehicles:
             place, arm = vehicle.state.position, vehicle.context.airframe.arm
             for name, shape in vehicle.context.obstacles.items():
-                if shape.distance(place) < arm + LEGS and _meets(shape, place, arm):
+                if shape.distance(place) < arm and _meets(shape, place, arm):
                     yield vehicle, name
 
 
 def _meets(shape: Shape, place: Vec3, arm: float) -> bool:
-    """Return whether a vehicle at `place` is in a shape: its centre, the edge of its disc or of its
-    legs. One that stands on it is not."""
+    """Return whether a vehicle at `place` is in a shape: its centre or the edge of its disc. Its
+    legs stand on what is below."""
     x, y, z = place
-    low = z - LEGS + 1e-6
-    edge = ((x + arm * c, y + arm * s, h) for h in (z, low) for c, s in ROUND)
-    return shape.distance((x, y, low)) < 0.0 or any(shape.distance(p) < 0.0 for p in edge)
+    if shape.distance(place) < 0.0:
+        return True
+    return any(shape.distance((x + arm * c, y + arm * s, z)) < 0.0 for c, s in ROUND)

@@ -32,6 +32,7 @@ OFTEN = 40.0
 SLOW, QUICK = 100, 250
 """Ticks a second, for setpoints of position or acceleration: up to one in two ticks of the former,
 and above. The attitude loop, which needs more, is the autopilot's."""
+THRUSTS = frozenset({CommandKind.ATTITUDE_THRUST, CommandKind.RATES_THRUST})
 DEAD_TIME, LINK = 0.005, 0.01
 """Seconds from an autopilot's gyroscope to its rotors, and from here to there."""
 
@@ -39,7 +40,7 @@ DEAD_TIME, LINK = 0.005, 0.01
 class Mavlink(Driver[MavlinkParams]):
     """pymavlink is imported when it is opened."""
 
-    accepts = frozenset(CommandKind)
+    accepts = frozenset(CommandKind) - {CommandKind.TILT_CLIMB}
     provides = frozenset(
         {
             Battery, Imu, Odometry,
@@ -54,6 +55,12 @@ class Mavlink(Driver[MavlinkParams]):
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {
         name: {"autopilot": name, "simulator": True} for name in firmware_names("mavlink")
     }
+
+    @classmethod
+    def takes(cls, params: MavlinkParams) -> frozenset[CommandKind]:
+        """Those with a thrust only where they are asked for: what it does with them is not known
+        well enough. The failsafe's landing by the IMU sends them all the same."""
+        return cls.accepts if params.attitude else cls.accepts - THRUSTS
 
     @classmethod
     def tracker(cls, params: AutopilotLinkParams) -> Mapping[str, str]:

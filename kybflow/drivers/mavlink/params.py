@@ -62,6 +62,12 @@ class MavlinkParams(AutopilotLinkParams):
         " watch.",
         default=False, read_only=True,
     )  # fmt: skip
+    attitude: bool = param(
+        "Experimental: whether it is sent attitudes or body rates with a thrust by trackers that"
+        " give them. In the firmwares' own simulators every flight so on ArduPilot fell after the"
+        " take-off, and PX4 swung by 10 to 20 cm.",
+        default=False, read_only=True,
+    )  # fmt: skip
     key: str | None = param(
         "File with the secret of signed messages: 32 bytes, or a passphrase. Unsigned ones are"
         " dropped then.",

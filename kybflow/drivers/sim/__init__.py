@@ -29,7 +29,7 @@ from kybflow.core.units import (
     Speed,
     Velocity,
 )
-from kybflow.parts import Driver, Seat, Session, param, params
+from kybflow.parts import Charge, Driver, Seat, Session, param, params
 from kybflow.world.inner_loop import InnerLoop
 from kybflow.world.vehicle_context import Airframe
 
@@ -224,6 +224,10 @@ class Sim(Driver[SimParams]):
     @classmethod
     def world(cls, params: SimParams) -> str:
         return "still air" if params.calm else "a lab"
+
+    @classmethod
+    def charge(cls, params: SimParams) -> Charge:
+        return Charge("battery", params.battery)
 
     @classmethod
     def inner_loop(cls, params: SimParams, airframe: Airframe) -> InnerLoop:

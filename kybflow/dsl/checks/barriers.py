@@ -122,9 +122,9 @@ def _least_wait(
     slowest = ("", Way(0.0))
     run = runs_of(case, phase)
     for name, state in said_states(case.condition(transition.when, case.scopes.flow())):
-        vehicle = case.document.vehicles[name]
         if name not in run or name not in states or is_in(states[name], state):
             continue
+        vehicle = case.document.vehicles[name]
         goal = vehicle.goal(run[name])
         first = [FlightNode(goal, leg.start) for leg in case.legs(vehicle, goal)]
         way = quickest_into(ways_from(case, vehicle, first), state)

@@ -1,9 +1,10 @@
 """Time and energy: what a mission asks for against what it allows, as lower bounds for a flight in
-which nothing fails: KYB430 to KYB435."""
+which nothing fails: KYB430 to KYB435, KYB448, KYB455 and KYB456."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import inf
 
 from kybflow.core.params import limited_fields
 from kybflow.core.units import RATIO, format_quantity
@@ -15,6 +16,7 @@ from kybflow.dsl.checks.durations import (
     disturbances,
     exceeds,
     least_time,
+    longest_time,
     no_way_exceeds,
     quickest_into,
     seconds_of,
@@ -22,6 +24,7 @@ from kybflow.dsl.checks.durations import (
     ways_from,
 )
 from kybflow.dsl.checks.reachability import FlightNode, endless_states, entries_of, flight_graph
+from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.document import (
@@ -32,14 +35,20 @@ from kybflow.dsl.document import (
 from kybflow.dsl.expressions import (
     Eventually,
     Expression,
+    Finally,
     Finished,
     GroupInState,
     InState,
     parse,
 )
 from kybflow.dsl.names.built_in import end_of
-from kybflow.parts import GROUND
+from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in
+
+_BEYOND = 3.0
+"""Times what a behavior can last, up to which a wait may be meant as a bound."""
+_AT_ONCE = 0.1
+"""Seconds in which no vehicle has moved."""
 
 
 def within_too_short(case: Case) -> Iterator[Diagnostic]:
@@ -104,6 +113,65 @@ def cut_short(case: Case) -> Iterator[Diagnostic]:
             )
 
 
+def after_its_end(case: Case) -> Iterator[Diagnostic]:
+    """KYB455: a `next` waits for more than three times as long as the behavior can last, so that it
+    is never taken (a warning). One that waits a little longer bounds it."""
+    for vehicle, state, transition in () if case.cached(disturbances) else case.cached(_timed):
+        longest = inf if transition.since else longest_time(vehicle, state)
+        wait = transition.after or 0.0
+        if transition.cause == "next" and _BEYOND * longest < wait < case.document.time_limit:
+            yield Diagnostic(
+                "KYB455",
+                f"`{state.name.text}` has ended before this way out is taken",
+                transition.span,
+                label=f"after {seconds_of(wait)}",
+                notes=(f"`{state.part.name.text}` lasts {seconds_of(longest)} at most",),
+                help="wait for less, or let the behavior last longer",
+                severity=Severity.WARNING,
+            )
+
+
+def left_at_once(case: Case) -> Iterator[Diagnostic]:
+    """KYB448: a behavior in the air is left within 0.1 s of its entry, before it has done anything
+    (a warning)."""
+    for vehicle, state in case.states():
+        for transition in state.transitions:
+            if transition.after is None or not _is_at_once(transition):
+                continue
+            is_flown = any(leg.end is AIR for leg in state.part.spec.cls.flight)
+            if not is_flown or _is_told(case, vehicle, state, transition):
+                continue
+            yield Diagnostic(
+                "KYB448",
+                f"`{transition.since or state.name.text}` is left before it has done anything",
+                transition.span,
+                label=f"after {seconds_of(transition.after or 0.0)}",
+                help="wait longer, or remove this way out",
+                severity=Severity.WARNING,
+            )
+
+
+def _is_at_once(transition: TransitionEntry) -> bool:
+    """Whether a transition asks for a time alone, and for hardly any."""
+    is_alone = transition.when is None and transition.event is None
+    return is_alone and transition.after is not None and transition.after < _AT_ONCE
+
+
+def _is_told(
+    case: Case, vehicle: VehicleEntry, state: StateEntry, transition: TransitionEntry
+) -> bool:
+    """Whether KYB430 or KYB431 says more of it, or another state of its chain does."""
+    if transition.since and vehicle.goal(transition.since) != state.name.text:
+        return True
+    if (vehicle, state, transition) not in case.cached(_timed):
+        return False
+    then = next((t for t in state.transitions if t.cause == "then" and not t.since), None)
+    is_cut = then is not None and then.target.text != transition.target.text
+    is_judged = transition.cause == "within" or (is_cut and not transition.since)
+    least = least_time(case, vehicle, state)
+    return is_judged and exceeds(least, transition.after or 0.0)
+
+
 def _timed(case: Case) -> Iterator[tuple[VehicleEntry, StateEntry, TransitionEntry]]:
     """Every transition with a time out of a state that is reached and that has an end, and those of
     chains."""
@@ -165,12 +233,37 @@ def out_of_energy(case: Case) -> Iterator[Diagnostic]:
     no less than hovering for as long.
     """
     for vehicle in case.cached(_left_alone):
-        reserve = max((s.spec.cls.reserve(s.params) for s in vehicle.supervisors), default=0.0)
+        reserve = _reserve(vehicle)
         lasts = (1.0 - reserve) * vehicle.airframe.endurance
         for way in () if no_way_exceeds(case, vehicle, lasts) else _flights(case, vehicle):
             if exceeds(way.seconds, lasts):
                 yield _drained(case, vehicle, way, reserve)
                 break
+
+
+def begins_empty(case: Case) -> Iterator[Diagnostic]:
+    """KYB456: the battery of a vehicle begins with no more than the charge below which a supervisor
+    lands it: its preflight check stays red, or it comes down as soon as it has taken off (a
+    warning)."""
+    for vehicle in case.vehicles():
+        driver = vehicle.driver
+        charge = driver.spec.cls.charge(driver.params)
+        if charge is None or charge.share >= 1.0 or charge.share > _reserve(vehicle):
+            continue
+        yield Diagnostic(
+            "KYB456",
+            f"the battery of `{vehicle.name.text}` is empty at the start",
+            driver.spans.get(charge.parameter, driver.name.span),
+            label=f"begins with {format_quantity(charge.share, RATIO)}",
+            notes=(f"it is landed at {format_quantity(_reserve(vehicle), RATIO)}",),
+            help="begin with more",
+            severity=Severity.WARNING,
+        )
+
+
+def _reserve(vehicle: VehicleEntry) -> float:
+    """The charge at which a supervisor lands the vehicle."""
+    return max((s.spec.cls.reserve(s.params) for s in vehicle.supervisors), default=0.0)
 
 
 def _drained(case: Case, vehicle: VehicleEntry, way: Way, reserve: float) -> Diagnostic:
@@ -265,11 +358,23 @@ def _first(vehicle: VehicleEntry) -> FlightNode:
 
 def _left_alone(case: Case) -> Iterator[VehicleEntry]:
     """The vehicles that fly as their own states say: no flow or callback asks them for anything,
-    and no fault may end their flight early."""
+    and no fault may end their flight early, unless it is expected to land in spite of it."""
     broken = {fault.vehicle.text for fault in case.document.faults}
+    broken -= set(_expected_to_land(case)) if broken else set()
     for vehicle in () if case.cached(disturbances) else case.vehicles():
         if not vehicle.requested and vehicle.name.text not in broken:
             yield vehicle
+
+
+def _expected_to_land(case: Case) -> Iterator[str]:
+    """The vehicles that end as their mission says, whatever faults break: in `landed`, where a
+    failsafe would leave them in `fault`."""
+    for text in case.document.expect:
+        match parse(text, case.scopes.expectation())[0]:
+            case Finally(InState(name, "landed")):
+                yield name
+            case Finally(GroupInState("all", _, names, "landed")):
+                yield from names
 
 
 def _rests(vehicle: VehicleEntry, node: FlightNode) -> bool:
@@ -285,6 +390,7 @@ def _over(case: Case, vehicle: VehicleEntry, way: Way, limit: float) -> Diagnost
         label=f"flies for {seconds_of(way.seconds)} at least",
         notes=(sum_of(way), f"its `time_limit` is {seconds_of(limit)}"),
         help="fly less, or write a longer `time_limit`",
+        related=the_time_limit(case),
     )
 
 

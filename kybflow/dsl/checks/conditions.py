@@ -11,6 +11,7 @@ from typing import NamedTuple
 from kybflow.core.signals import Battery, Sticks
 from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.checks.transitions import reached_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Text
@@ -90,6 +91,7 @@ def after_the_end(case: Case) -> Iterator[Diagnostic]:
             label="the run is over before",
             notes=(f"its `time_limit` is {_seconds(limit)}",),
             help="wait for less, or write a longer `time_limit`",
+            related=the_time_limit(case),
         )
 
 
@@ -170,7 +172,7 @@ def never_entered(case: Case) -> Iterator[Diagnostic]:
     if not any(never.values()):
         return
     for typed in (*case.cached(conditions_of), *case.cached(expected_conditions)):
-        for vehicle, state in _states(typed):
+        for vehicle, state in named_states(typed.condition, typed.own):
             if state in never.get(vehicle, ()):
                 yield Diagnostic(
                     "KYB257",
@@ -191,8 +193,9 @@ def _never(vehicle: VehicleEntry) -> frozenset[str]:
     return frozenset(known - entered)
 
 
-def _states(typed: TypedCondition) -> Iterator[tuple[str, str]]:
-    for node in nodes(typed.condition):
+def named_states(condition: Condition, own: str | None) -> Iterator[tuple[str, str]]:
+    """(vehicle, state) of each state that a condition names; `own` is the vehicle that asks."""
+    for node in nodes(condition):
         match node:
             case InState(vehicle, state):
                 yield vehicle, state
@@ -201,7 +204,7 @@ def _states(typed: TypedCondition) -> Iterator[tuple[str, str]]:
             case Aggregate(_, _, str(vehicle), str(state)):
                 yield vehicle, state
             case Compare(_, Read(vehicle, "behavior"), Word(state)):
-                yield vehicle or typed.own or "", state
+                yield vehicle or own or "", state
 
 
 def not_measured(case: Case) -> Iterator[Diagnostic]:

@@ -16,6 +16,7 @@ def contexts(case: Case) -> Iterator[tuple[VehicleEntry, VehicleContext]]:
     obstacles = {use.name.text: use.shape for use in document.obstacles}
     diameters = {name: vehicle.airframe.diameter for name, vehicle in vehicles}
     starts = {name: vehicle.start for name, vehicle in vehicles}
+    groups = {name: tuple(m.text for m in of) for name, of in document.groups.items()}
     for name, vehicle in vehicles:
         driver, airframe = vehicle.driver, vehicle.airframe
         context = VehicleContext(
@@ -25,5 +26,6 @@ def contexts(case: Case) -> Iterator[tuple[VehicleEntry, VehicleContext]]:
             payload=vehicle.payload,
             loop=driver.spec.cls.inner_loop(driver.params, airframe),
             starts=starts,
+            groups=groups,
         )  # fmt: skip
         yield vehicle, context

@@ -5,7 +5,7 @@ measurement ─► estimator          behavior ─► processors ─► tracker 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
@@ -48,9 +48,15 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
             key = kind, any(leg.start is leg.end for leg in case.legs(vehicle, name))
             if key not in walked:
                 walked[key] = _refusal(vehicle, *key)
-            if (refusal := walked[key]) is not None:
+            if (refusal := walked[key]) is not None and not _lands_itself(vehicle, name, kind):
                 origin = f"{name}` ({part_of(vehicle, name)})"
                 yield _gap(refusal.part, refusal.what, origin, refusal.takes)
+
+
+def _lands_itself(vehicle: VehicleEntry, name: str, kind: SetpointKind | CommandKind) -> bool:
+    """Whether the vehicle lands blind by its own mode in place of the built-in state."""
+    is_command = isinstance(kind, CommandKind)
+    return is_command and name in BUILT_IN and vehicle.driver.spec.cls.lands_blind
 
 
 class _Refusal(NamedTuple):
@@ -84,15 +90,29 @@ def _refusal(
 
 
 def _fitting_tracker(case: Case, vehicle: VehicleEntry, takes: frozenset[CommandKind]) -> str:
-    """A tracker, as it comes, whose commands the driver takes; empty where there is none."""
+    """The tracker that the driver asks for, else one, as it comes, whose commands it takes; empty
+    where there is none."""
+    asked = vehicle.driver.spec.cls.tracker(vehicle.driver.params)
+    if asked is not None:
+        return _with_tracker(case, vehicle, _written(asked))
     for name in case.catalog.names("trackers"):
         spec = _loaded(case, "trackers", name)
         if spec is None or any(field.required for field in spec.fields):
             continue
         if spec.cls.kinds(spec.params()) <= takes:
-            own = f"{vehicle.name.text}: {{tracker: {name}}}"
-            return f"write `targets: {{{case.document.target.text}: {{{own}}}}}`"
+            return _with_tracker(case, vehicle, name)
     return ""
+
+
+def _with_tracker(case: Case, vehicle: VehicleEntry, tracker: str) -> str:
+    own = f"{vehicle.name.text}: {{tracker: {tracker}}}"
+    return f"write `targets: {{{case.document.target.text}: {{{own}}}}}`"
+
+
+def _written(asked: Mapping[str, str]) -> str:
+    if len(asked) == 1:
+        return asked["use"]
+    return f"{{{', '.join(f'{name}: {value}' for name, value in asked.items())}}}"
 
 
 def _gap(part: PartUse, what: str, origin: str, takes: Collection[Enum]) -> Diagnostic:

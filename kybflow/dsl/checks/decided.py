@@ -1,8 +1,9 @@
-"""Conditions and expectations whose answer is known before the flight: KYB253, KYB254 and KYB410 to
-KYB414."""
+"""Conditions and expectations whose answer is known before the flight: KYB253, KYB254, KYB410 to
+KYB414 and KYB423 to KYB425."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from math import inf
@@ -10,27 +11,44 @@ from typing import NamedTuple
 
 from kybflow.core.units import DURATION, Dimension, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.conditions import TypedCondition, all_conditions, nodes
+from kybflow.dsl.checks.conditions import TypedCondition, all_conditions, named_states, nodes
+from kybflow.dsl.checks.durations import disturbances, longest_time
 from kybflow.dsl.checks.envelopes import reaches_of
+from kybflow.dsl.checks.flows import phases
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.document import StateEntry, TransitionEntry, VehicleEntry
 from kybflow.dsl.expressions import (
     Aggregate,
     Always,
+    And,
     Compare,
     Condition,
     Distance,
     Eventually,
     Expression,
+    Finally,
     Finished,
+    InState,
+    Not,
     Quantity,
     Read,
     Separation,
+    Word,
     parse,
 )
 from kybflow.dsl.expressions.describe import quantity, shown_value
-from kybflow.dsl.expressions.reasoning import always_holds, never_holds, physical_bounds
+from kybflow.dsl.expressions.reasoning import (
+    Bounds,
+    always_holds,
+    never_holds,
+    physical_bounds,
+)
 from kybflow.dsl.expressions.tree import Value
+from kybflow.parts import AIR
+
+_OF_STATES = re.compile(r"\b(?:in|behavior|elapsed)\b")
+"""What the state in which a condition is asked may decide."""
 
 
 class _Decided(NamedTuple):
@@ -50,6 +68,106 @@ def _decided(case: Case) -> Iterator[_Decided]:
             if is_known(typed.condition, usual):
                 yield _Decided(typed, holds, is_known(typed.condition, certain))
                 break
+
+
+class _Asked(NamedTuple):
+    """A condition that the state decides in which it is asked; `why` says how, `hint` what to do
+    where it never holds. holds: it always does, False: it never does, None: it may."""
+
+    text: Text
+    holds: bool | None
+    why: str = ""
+    hint: str = ""
+
+
+def _decided_in_states(case: Case) -> Iterator[_Asked]:
+    """The conditions that are decided in every state in which they are asked."""
+    found: dict[Span, list[_Asked]] = {}
+    told = {one.typed.text.span for one in case.cached(_decided)}
+    for vehicle, state in case.states():
+        for transition in state.transitions:
+            if transition.when is not None and _OF_STATES.search(transition.when.text):
+                one = _asked_in(case, vehicle, state, transition, transition.when)
+                found.setdefault(transition.when.span, []).append(one)
+    for span, several in found.items():
+        answers = {one.holds for one in several}
+        if span not in told and len(answers) == 1 and None not in answers:
+            yield several[0]
+
+
+def _asked_in(
+    case: Case, vehicle: VehicleEntry, state: StateEntry, transition: TransitionEntry, text: Text
+) -> _Asked:
+    own, where = vehicle.name.text, transition.since or state.name.text
+    condition = case.condition(text, case.scopes.condition(own))
+    longest = inf if transition.since else _longest(case, vehicle, state)
+    if condition is None:
+        return _Asked(text, None)
+    here = (InState(own, where), Compare("==", Read(None, "behavior"), Word(where)))
+    bounds = _within(own, longest, reaches_of(case)(own).usual)
+    why = f"asked in `{where}`, and a vehicle is in one state at a time"
+    hint = "ask for another vehicle's state or for an event, or remove this way out"
+    if longest < inf and "elapsed" in text.text:
+        why = f"`{where}` has ended by then: it lasts {quantity(longest, DURATION)} at most"
+        hint = "ask for less, or let the behavior last longer"
+    if never_holds(And((condition, *here)), bounds):
+        return _Asked(text, False, why, hint)
+    always = never_holds(And((Not(condition), *here)), bounds)
+    return _Asked(text, True if always else None, why)
+
+
+def _longest(case: Case, vehicle: VehicleEntry, state: StateEntry) -> float:
+    """How long a state may last; callbacks and requests that bring values may make it longer."""
+    is_other = case.cached(disturbances) or (vehicle.requested and any(case.cached(_valued)))
+    return inf if is_other else longest_time(vehicle, state)
+
+
+def _valued(case: Case) -> Iterator[bool]:
+    """Of each phase whether it enters states with values."""
+    return (bool(phase.values) for _, phase in phases(case.document))
+
+
+def _within(own: str, longest: float, usual: Bounds) -> Bounds:
+    """The usual bounds, with those of the time in a state that lasts no longer."""
+
+    def bounds(value: object) -> tuple[float, float]:
+        match value:
+            case Read(who, "elapsed") if who in (None, own):
+                return 0.0, min(longest, usual(value)[1])
+        return usual(value)
+
+    return bounds
+
+
+def never_true_there(case: Case) -> Iterator[Diagnostic]:
+    """KYB423: the `when` of a transition can't hold in the state that it leaves: it asks for its
+    vehicle in another state, or for a time in the state that is longer than the state lasts."""
+    for asked in case.cached(_decided_in_states):
+        if asked.holds is False:
+            yield Diagnostic(
+                "KYB423",
+                f"`{asked.text.as_written}` never holds here",
+                asked.text.span,
+                label="this way out is never taken",
+                notes=(asked.why,),
+                help=asked.hint,
+            )
+
+
+def always_true_there(case: Case) -> Iterator[Diagnostic]:
+    """KYB424: the `when` of a transition always holds in the state that it leaves, so that the
+    state is left in its first tick (a warning)."""
+    for asked in case.cached(_decided_in_states):
+        if asked.holds:
+            yield Diagnostic(
+                "KYB424",
+                f"`{asked.text.as_written}` always holds here",
+                asked.text.span,
+                label="the state is left at once",
+                notes=(asked.why,),
+                help="ask for what happens in this state, such as `elapsed > 3 s`",
+                severity=Severity.WARNING,
+            )
 
 
 def never_true(case: Case) -> Iterator[Diagnostic]:
@@ -182,6 +300,37 @@ def _expected(case: Case) -> Iterator[tuple[Text, Expression]]:
         expression = parse(text, case.scopes.expectation())[0]
         if expression is not None:
             yield text, expression
+
+
+def ends_in_the_air(case: Case) -> Iterator[Diagnostic]:
+    """KYB425: a `finally` that the end of a run decides: a run ends when everybody is on the
+    ground, so that nobody is in a state that is flown."""
+    for text, expression in _expected(case):
+        if isinstance(expression, Finally):
+            condition, aloft = expression.condition, tuple(_aloft(case, expression.condition))
+            is_false = bool(aloft) and never_holds(And((condition, *aloft)), _unknown)
+            is_true = bool(aloft) and never_holds(And((Not(condition), *aloft)), _unknown)
+            if is_false or is_true:
+                yield Diagnostic(
+                    "KYB425",
+                    f"`{text.as_written}` {'fails' if is_false else 'holds'} whatever is flown",
+                    text.span,
+                    label="a run ends on the ground",
+                    help="ask for `landed`, or for a state on the way: `eventually a in hold`",
+                )
+
+
+def _aloft(case: Case, condition: Condition) -> Iterator[Condition]:
+    """Of each state that a condition names and that is flown from the air into the air: that its
+    vehicle isn't in it."""
+    for vehicle, state in named_states(condition, None):
+        legs = case.legs(case.document.vehicles[vehicle], state)
+        if legs and all(leg.end is AIR for leg in legs):
+            yield Not(InState(vehicle, state))
+
+
+def _unknown(_: object) -> tuple[float, float]:
+    return -inf, inf
 
 
 def longer_than_the_run(case: Case) -> Iterator[Diagnostic]:

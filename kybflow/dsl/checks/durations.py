@@ -11,6 +11,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from heapq import heappop, heappush
 from itertools import count
+from math import inf
 from typing import NamedTuple, TypeVar
 
 from kybflow.core.geometry import Vec3
@@ -33,6 +34,8 @@ from kybflow.parts.observables import is_in
 
 _SPARE = 0.95
 """The share of a least time that must fit: where a behavior begins is known to some centimetres."""
+_BEGINS = 3.0
+"""Seconds in which what is entered in motion comes to rest, before its own time begins."""
 _MOST_SHOWN = 5
 _HOVERS = frozenset({"brake", "hover"})
 """Built-in states that come down after the hover limit."""
@@ -131,6 +134,17 @@ def least_from(case: Case, state: StateEntry, entry: Vec3 | None) -> float:
     return footprint.least_time(entry)
 
 
+def longest_time(vehicle: VehicleEntry, state: StateEntry) -> float:
+    """The seconds after which the behavior of a state has surely ended; infinite where it doesn't
+    say."""
+    entries = entries_of(vehicle).get(state.name.text)
+    footprints = [state.footprint(entry) for entry in entries.candidates()] if entries else []
+    ends = [
+        inf if found is None or found.longest is None else found.longest for found in footprints
+    ]
+    return max(ends, default=inf) + _BEGINS
+
+
 def _lands(state: StateEntry) -> bool:
     return any(leg.end is GROUND and leg.start is not GROUND for leg in state.part.spec.cls.flight)
 
@@ -200,7 +214,7 @@ def _built_in_ahead(case: Case, node: FlightNode) -> Iterator[_Edge]:
 
 def _ahead(case: Case, vehicle: VehicleEntry) -> dict[FlightNode, list[_Edge]]:
     """The nodes that follow each node of the vehicle's own states, with the least seconds until
-    then."""
+    then. What a fault breaks may fail at once."""
     if "ahead" not in vehicle.known:
         vehicle.known["ahead"] = _followers(case, vehicle)
     found: dict[FlightNode, list[_Edge]] = vehicle.known["ahead"]
@@ -209,9 +223,11 @@ def _ahead(case: Case, vehicle: VehicleEntry) -> dict[FlightNode, list[_Edge]]:
 
 def _followers(case: Case, vehicle: VehicleEntry) -> dict[FlightNode, list[_Edge]]:
     flights, endless = flight_graph(case, vehicle), endless_states(vehicle)
+    is_broken = any(fault.vehicle.text == vehicle.name.text for fault in case.document.faults)
     found: dict[FlightNode, list[_Edge]] = {}
     for link in flights.links:
-        if _is_foreseen(link.transition, link.source.state in endless):
+        fails = is_broken and link.transition.cause == "failed"
+        if fails or _is_foreseen(link.transition, link.source.state in endless):
             target = FlightNode(link.transition.target.text, link.flight)
             spent = _least_before(case, vehicle, link)
             found.setdefault(link.source, []).append((target, spent))

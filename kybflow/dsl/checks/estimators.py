@@ -1,5 +1,5 @@
 """Estimators that are never used, not for long, or not there: KYB255, KYB256, KYB305, KYB361,
-KYB362 and KYB419."""
+KYB362, KYB419 and KYB439."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from kybflow.core.signals import Frame, Imu, Pose
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION
 from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.space import the_cameras
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import EstimatorEntry, VehicleEntry
 from kybflow.dsl.expressions.describe import quantity
@@ -70,6 +71,7 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
                 label=f"its estimate is {quantity(most, DURATION)} old before the next measurement",
                 help=f"allow for some that are missing: `age < {_allowed(most)}`",
                 severity=Severity.ERROR if is_never else Severity.WARNING,
+                related=the_cameras(vehicle),
             )
 
 
@@ -156,3 +158,21 @@ def alone_for_a_time(case: Case) -> Iterator[Diagnostic]:
                 help="leave `for_at_most` away, or put an estimator before it",
                 severity=Severity.WARNING,
             )
+
+
+def never_again(case: Case) -> Iterator[Diagnostic]:
+    """KYB439: an estimator that was lost once is never used again: its `recover_after` is longer
+    than the run (a warning)."""
+    limit = case.document.time_limit
+    for vehicle in case.vehicles():
+        for use in vehicle.estimators if len(vehicle.estimators) > 1 else ():
+            if use.recover_after >= limit:
+                yield Diagnostic(
+                    "KYB439",
+                    f"`{use.part.label}` of `{vehicle.name.text}` never recovers",
+                    use.part.span,
+                    label=f"must be healthy for {quantity(use.recover_after, DURATION)} first",
+                    notes=(f"the mission's `time_limit` is {quantity(limit, DURATION)}",),
+                    help="write a shorter `recover_after`, such as `1 s`",
+                    severity=Severity.WARNING,
+                )

@@ -1,5 +1,5 @@
 """Events: which of them a mission can hear, and those that transitions and callbacks wait for in
-vain: KYB208, KYB209 and KYB415."""
+vain: KYB208, KYB209, KYB415 and KYB449."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.contexts import contexts
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import Document, TransitionEntry, VehicleEntry
+from kybflow.dsl.document import Document, StateEntry, TransitionEntry, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members
+from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import (
     ALARM_FIELDS,
     EVENT_FIELDS,
@@ -133,6 +134,27 @@ def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Itera
         )
 
 
+def not_in_the_air(case: Case) -> Iterator[Diagnostic]:
+    """KYB449: a behavior that flies from the air into the air waits for its own vehicle to have
+    landed, which comes only when another behavior has brought it down."""
+    for vehicle, state in case.states():
+        for event in [t.event for t in state.transitions if t.event is not None and not t.since]:
+            own = {LANDED} if state.inherited else {LANDED, f"{vehicle.name.text}.{LANDED}"}
+            if event.text in own and _stays_in_the_air(state):
+                yield Diagnostic(
+                    "KYB449",
+                    f"`{event.text}` never comes in `{state.name.text}`",
+                    event.span,
+                    label=f"`{state.part.name.text}` stays in the air",
+                    help="let it lead to a landing, and hear the event there",
+                )
+
+
+def _stays_in_the_air(state: StateEntry) -> bool:
+    legs = state.part.spec.cls.flight
+    return all(leg.start is not GROUND and leg.end is AIR for leg in legs)
+
+
 def _lacks(case: Case, name: str, event: str) -> str:
     """What a vehicle lacks to have an event; empty when it lacks nothing."""
     vehicle = case.document.vehicles[name]
@@ -185,6 +207,8 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
 
 
 ANY = "any"
+LANDED = "landed"
+"""The event of a vehicle whose landing has ended."""
 _OF_VEHICLES = frozenset(EVENTS.keys() - OF_THE_RUN)
 OPERATOR = "operator."
 """How the name of an event begins that a person gives."""

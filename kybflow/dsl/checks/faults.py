@@ -1,11 +1,15 @@
-"""Faults: whom they break, when, and where that can be done: KYB330 to KYB336."""
+"""Faults: whom they break, when, and where that can be done: KYB330 to KYB336, KYB438 and
+KYB457."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import hypot, tan
+from random import Random
 
+from kybflow.core.geometry import GRAVITY
 from kybflow.core.params import Named, named_in
-from kybflow.core.signals import kind_name
+from kybflow.core.signals import NS, Time, kind_name
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
@@ -13,6 +17,10 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.document import FaultEntry
 from kybflow.dsl.expressions import parse
+from kybflow.parts.fault import Rig
+
+_LATE: Time = 1000 * NS
+"""When whatever rises has risen."""
 
 
 def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
@@ -123,6 +131,66 @@ def of_no_effect(case: Case) -> Iterator[Diagnostic]:
             label=f"it flies on {known}",
             help="break another vehicle, or remove the fault",
         )
+
+
+def of_no_size(case: Case) -> Iterator[Diagnostic]:
+    """KYB438: a fault whose parameters leave nothing of it, such as a gust of `[0, 0, 0]` (a
+    warning). Each fault says so of itself."""
+    for fault in case.document.faults:
+        part = fault.part
+        if part.spec.cls.is_nothing(part.params):
+            yield Diagnostic(
+                "KYB438",
+                f"`{part.name.text}` changes nothing",
+                next(iter(part.spans.values()), part.name.span),
+                label="leaves everything as it is",
+                help="give it a size, or remove the fault",
+                severity=Severity.WARNING,
+            )
+
+
+def too_strong(case: Case) -> Iterator[Diagnostic]:
+    """KYB457: a fault is more than the vehicle can hold against (a warning).
+
+    With what the fault adds, the rotors must lift it, and its largest tilt must outweigh what
+    pushes it across: g tan(tilt) against the drag of the wind and a push. Weak rotors and wrong
+    sensors are not judged: what becomes of them is what such a mission is for.
+    """
+    for fault in case.document.faults:
+        vehicle = case.document.vehicles.get(fault.vehicle.text)
+        if vehicle is None:
+            continue
+        frame, rig = vehicle.airframe, _rig_under(fault)
+        (wx, wy, _), (px, py, up) = rig.wind(_LATE), rig.push
+        heavy = (rig.mass * frame.mass * (1.0 - up / GRAVITY) + rig.payload) * GRAVITY
+        across = hypot(frame.drag * wx + px, frame.drag * wy + py)
+        able = GRAVITY * tan(frame.tilt)
+        if heavy > frame.max_thrust:
+            why = f"its rotors lift {frame.max_thrust:.3g} N of {heavy:.3g} N"
+        elif across > able:
+            why = f"it is pushed with {across:.3g} m/s^2, and its tilt allows {able:.3g} m/s^2"
+        else:
+            continue
+        yield Diagnostic(
+            "KYB457",
+            f"`{vehicle.name.text}` can't hold against `{fault.part.name.text}`",
+            next(iter(fault.part.spans.values()), fault.part.name.span),
+            label=why,
+            help="make the fault smaller, unless that is what the mission is to show",
+            severity=Severity.WARNING,
+        )
+
+
+def _rig_under(fault: FaultEntry) -> Rig:
+    """The vehicle's rig with the fault's effects."""
+    rig = Rig(fault.vehicle.text)
+    try:
+        effects = fault.part.spec.cls(fault.part.params, Random(0)).effects(rig.vehicle)
+    except Exception:  # a part may raise anything: `fault_failed` tells it when it is injected
+        return rig
+    if rig.vehicle in effects:
+        rig.begin(effects[rig.vehicle], 0)
+    return rig
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:

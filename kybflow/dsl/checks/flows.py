@@ -1,5 +1,5 @@
 """Groups and flows: their names, their phases, and that none of these blocks for ever: KYB190 to
-KYB197 and KYB240."""
+KYB197, KYB240 and KYB454."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import WORDS, Case, wrong_goal
 from kybflow.dsl.checks.events import given_by_a_person
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry, VehicleEntry
 from kybflow.dsl.expressions import parse
@@ -92,6 +92,23 @@ def phase_transitions(case: Case) -> Iterator[Diagnostic]:
             message = f"the flow `{flow.name.text}` has no phase `{goal.text}`"
             hint = did_you_mean(goal.text, [*flow.phases, END])
             yield Diagnostic("KYB195", message, goal.span, label="unknown", help=hint)
+
+
+def tries_for_ever(case: Case) -> Iterator[Diagnostic]:
+    """KYB454: a phase that did not get through in its time begins anew, and so on for ever (a
+    warning)."""
+    for _, phase in phases(case.document):
+        for transition in phase.transitions:
+            goal = transition.target.text
+            if transition.cause == "within" and goal == phase.name.text and goal != END:
+                yield Diagnostic(
+                    "KYB454",
+                    f"`{phase.name.text}` tries again for ever",
+                    transition.target.span,
+                    label="leads back to itself",
+                    help="let it lead to a phase that lands everybody",
+                    severity=Severity.WARNING,
+                )
 
 
 def unreachable_phases(case: Case) -> Iterator[Diagnostic]:

@@ -1,4 +1,4 @@
-"""Inputs and who is steered by them: KYB401 to KYB407."""
+"""Inputs and who is steered by them: KYB401 to KYB407 and KYB447."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from typing import NamedTuple
 
 from kybflow.core.params import named_in
 from kybflow.core.text import did_you_mean
+from kybflow.core.units import DURATION
 from kybflow.dsl.checks.case import WORDS, Case
 from kybflow.dsl.checks.conditions import conditions_of, nodes
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import StateEntry
 from kybflow.dsl.expressions import Axis
+from kybflow.dsl.expressions.describe import quantity
 
 LOST = "input_lost"
 
@@ -151,3 +153,23 @@ def not_as_told(case: Case) -> Iterator[Diagnostic]:
 
 def _listed(names: tuple[str, ...]) -> str:
     return ", ".join(f"`{name}`" for name in names) or "none"
+
+
+_SILENT = 5.0
+"""Seconds for which nobody may be steered by what an input said before."""
+
+
+def silent_for_long(case: Case) -> Iterator[Diagnostic]:
+    """KYB447: an input that falls silent steers on with what it said last for more than 5 s (a
+    warning)."""
+    steering = {name.text for _, name in case.cached(_steered)}
+    for name, use in case.document.inputs.items():
+        if name in steering and use.silent_after > _SILENT:
+            silent = quantity(use.silent_after, DURATION)
+            yield Diagnostic(
+                "KYB447",
+                f"`{name}` steers on for {silent} after it has fallen silent",
+                use.spans.get("silent_after", use.part.name.span),
+                help="write less, such as `silent_after: 300 ms`",
+                severity=Severity.WARNING,
+            )

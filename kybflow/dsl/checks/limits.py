@@ -123,7 +123,16 @@ def too_heavy(case: Case) -> Iterator[Diagnostic]:
             frame.place("thrust", "mass"),
             label=f"it weighs {format_quantity(weight, FORCE)}",
             notes=(_STEER,),
+            help=_meant_in_grams(frame.airframe),
         )
+
+
+def _meant_in_grams(frame: Airframe) -> str:
+    """A mass a thousandth as large is what was meant where only that can fly."""
+    meant = replace(frame, mass=frame.mass / 1000.0)
+    if _lifts(meant) and frame.mass >= 10.0:
+        return f"write `mass: {frame.mass:g} g` if grams are meant"
+    return "give it less `mass` or more `thrust`, which is that of one rotor"
 
 
 def implausible(case: Case) -> Iterator[Diagnostic]:
@@ -131,7 +140,7 @@ def implausible(case: Case) -> Iterator[Diagnostic]:
     diameter in millimetres or rotors that take seconds.
 
     Judged are disc loading, radius of gyration, torque ratio and rotor time, and of a payload its
-    size under the airframe and its density, by what was ever built (`kybflow.world.plausible`).
+    size under the airframe and its density (`kybflow.world.plausible`).
     """
     for doubt in case.cached(_implausible):
         if doubt.found.is_certain:

@@ -1,5 +1,5 @@
 """Obstacles and where the vehicles stand, fly and return to, and what they keep away from: KYB340
-to KYB343, KYB345, KYB510 and KYB511."""
+to KYB343, KYB345, KYB453, KYB510 and KYB511."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, the_fence, values_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
 from kybflow.dsl.document import ObstacleEntry, StateEntry, VehicleEntry
-from kybflow.parts import GROUND, Footprint
+from kybflow.parts import AIR, GROUND, Footprint
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape
 
 _ROUNDING = 1e-6
 _STANDS = 0.05
 """How far above its ground a start may be told: where its frame is, is not where its legs are."""
+_LANDS = 0.15
+"""How far above what is under it a landing may be told to end: a pad that no obstacle describes."""
 _STEPS = 60
 _RATIO = 0.6180339887498949  # of the golden section
 
@@ -49,11 +51,7 @@ def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
     for vehicle in case.vehicles():
         if any(_starts_in(obstacle, vehicle) for obstacle in case.document.obstacles):
             continue
-        below, what = 0.0, "the ground"
-        for obstacle in case.document.obstacles:
-            top, inside = _top(obstacle, vehicle.start)
-            if inside >= 0.0 and below < top <= vehicle.start[2] + _ROUNDING:
-                below, what = top, f"`{obstacle.name.text}`"
+        below, what = _support(case, vehicle.start)
         above = vehicle.start[2] - below
         if abs(above) > _STANDS + _ROUNDING:
             side = "above" if above > 0 else "below"
@@ -63,6 +61,36 @@ def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
                 vehicle.start_span,
                 label=f"{format_quantity(abs(above), LENGTH)} {side} {what}",
                 help=f"start at a height of {format_quantity(below, LENGTH)}; `take_off` climbs",
+                severity=Severity.WARNING,
+            )
+
+
+def _support(case: Case, place: Vec3) -> tuple[float, str]:
+    """The height of what is under a place, and what that is."""
+    below, what = 0.0, "the ground"
+    for obstacle in case.document.obstacles:
+        top, inside = _top(obstacle, place)
+        if inside >= 0.0 and below < top <= place[2] + _ROUNDING:
+            below, what = top, f"`{obstacle.name.text}`"
+    return below, what
+
+
+def lands_in_the_air(case: Case) -> Iterator[Diagnostic]:
+    """KYB453: a landing ends on a point that is more than 15 cm above whatever is under it (a
+    warning)."""
+    for vehicle, state, _, footprint in case.cached(footprints):
+        legs = state.part.spec.cls.flight
+        if footprint.exit is None or not any((leg.start, leg.end) == (AIR, GROUND) for leg in legs):
+            continue
+        below, what = _support(case, footprint.exit)
+        above = footprint.exit[2] - below
+        if above > _LANDS:
+            yield Diagnostic(
+                "KYB453",
+                f"`{state.name.text}` of `{vehicle.name.text}` lands in the air",
+                aim_of(state, footprint),
+                label=f"{format_quantity(above, LENGTH)} above {what}",
+                help=f"land at a height of {format_quantity(below, LENGTH)}",
                 severity=Severity.WARNING,
             )
 
@@ -90,7 +118,7 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
                 aim_of(state, footprint),
                 label=f"at {shown_point(point)}, {_near(vehicle, room)}",
                 notes=(_stands(obstacle), *footprint.line_of(point)),
-                help="lead it round with `follow_path`, or further away",
+                help=f"lead it round by points beside `{obstacle.name.text}`, or further away",
                 related=values_of(state.part),
             )
             break

@@ -1,4 +1,4 @@
-"""Whether a vehicle that finds its way by printed tags sees any where it goes: KYB422."""
+"""Whether a vehicle that finds its way by printed tags sees any: KYB422 and KYB445."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from kybflow.core.signals import Frame
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.estimators import reckons
-from kybflow.dsl.checks.space import aim_of, footprints, shown_point
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import EstimatorEntry, VehicleEntry
+from kybflow.dsl.checks.space import aim_of, footprints, shown_point, the_cameras
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
+from kybflow.dsl.document import CameraEntry, EstimatorEntry, VehicleEntry
 from kybflow.world.cameras import LEAST_SIDE, Camera
 from kybflow.world.tags import Tag
 
@@ -21,6 +21,8 @@ _LOW = 0.3
 """Metres above its start up to which a vehicle takes off and lands, on what it saw there."""
 _DOWNWARD = -0.95
 """The z of the axis of a camera that looks down, level."""
+_LEVEL = -0.5
+"""The z of the axis of a camera that looks down by 30 degrees."""
 
 
 def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
@@ -49,18 +51,60 @@ def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
                     notes=(f"at {shown_point(place)}",),
                     help="go where tags are, at another height, or print others",
                     severity=Severity.WARNING,
+                    related=(*the_cameras(vehicle), *_tags(case)),
                 )
                 break
 
 
+def looks_past_the_tags(case: Case) -> Iterator[Diagnostic]:
+    """KYB445: a vehicle flies on tags alone, which all lie flat, and none of its cameras looks down
+    by 30 degrees or more (a warning)."""
+    for vehicle in case.vehicles() if case.document.tags else ():
+        if not vehicle.cameras or not _knows_tags_alone(vehicle):
+            continue
+        tags = chain.from_iterable(use.tags for use in case.document.tags)
+        if min(map(_axis, vehicle.cameras)) > _LEVEL and all(map(_lies_flat, tags)):
+            camera = vehicle.cameras[0]
+            yield Diagnostic(
+                "KYB445",
+                f"`{camera.name.text}` of `{vehicle.name.text}` looks past the tags",
+                camera.spans.get("facing", camera.span),
+                label="looks to the side",
+                notes=("every tag of the world lies flat",),
+                help="write `facing: down`, or print tags for the walls",
+                severity=Severity.WARNING,
+                related=_tags(case),
+            )
+
+
+def _tags(case: Case) -> tuple[Related, ...]:
+    """Where the mission itself describes the tags."""
+    span = case.document.spans.get("tags")
+    return () if span is None else (Related(span, "the tags"),)
+
+
+def _axis(use: CameraEntry) -> float:
+    """The z of a camera's axis, in a level vehicle: -1 where it looks down."""
+    return rotate(use.camera.attitude, (0.0, 0.0, 1.0))[2]
+
+
+def _lies_flat(tag: Tag) -> bool:
+    return rotate(tag.attitude, (0.0, 0.0, 1.0))[2] > -_DOWNWARD
+
+
 def _flies_on_tags(vehicle: VehicleEntry) -> bool:
     """Whether nothing but tags and dead reckoning tells where it is, by cameras that look down."""
-    down = [rotate(c.camera.attitude, (0.0, 0.0, 1.0))[2] < _DOWNWARD for c in vehicle.cameras]
+    down = [_axis(use) < _DOWNWARD for use in vehicle.cameras]
+    return bool(down) and all(down) and _knows_tags_alone(vehicle)
+
+
+def _knows_tags_alone(vehicle: VehicleEntry) -> bool:
+    """Whether nothing but tags and dead reckoning tells where it is."""
     sees = [_sees_tags(use) for use in vehicle.estimators]
     known = (
         is_by_tags or reckons(use) for is_by_tags, use in zip(sees, vehicle.estimators, strict=True)
     )
-    return bool(down) and all(down) and any(sees) and all(known)
+    return any(sees) and all(known)
 
 
 def _sees_tags(use: EstimatorEntry) -> bool:

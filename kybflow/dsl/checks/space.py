@@ -223,11 +223,23 @@ def the_fence(case: Case) -> tuple[Related, ...]:
     return () if span is None else (Related(span, "the fence"),)
 
 
+def the_time_limit(case: Case) -> tuple[Related, ...]:
+    """Where the mission's time is written, beside what is over too late for it."""
+    span = case.document.spans.get("time_limit")
+    return () if span is None else (Related(span, "the mission's time"),)
+
+
 def the_limit(vehicle: VehicleEntry, name: str) -> tuple[Related, ...]:
     """Where the mission itself writes a limit of the airframe, beside what is beyond it."""
     span = vehicle.airframe_spans.get(name)
     is_own = span is not None and span.file == vehicle.name.span.file
     return (Related(span, f"the {name} of its airframe"),) if span is not None and is_own else ()
+
+
+def the_cameras(vehicle: VehicleEntry) -> tuple[Related, ...]:
+    """Where the mission itself describes the cameras of a vehicle."""
+    own = (use for use in vehicle.cameras if use.span.file == vehicle.name.span.file)
+    return tuple(Related(use.span, f"its camera `{use.name.text}`") for use in own)
 
 
 def values_of(part: PartUse) -> tuple[Related, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import chain
-from math import floor, sqrt
+from math import sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, conjugate, distance, dot, multiply, rotate, sub
@@ -126,7 +126,7 @@ def _pairs(under: _Floor, over: _Floor) -> Iterator[tuple[Tag, Tag]]:
         return
     if any(low - reach > high for low, high in zip(over.low, under.high, strict=True)):
         return
-    cells: dict[tuple[int, int], list[tuple[int, Tag]]] = {}
+    cells: dict[tuple[float, float], list[tuple[int, Tag]]] = {}
     for index, tag in enumerate(over.tags):
         cells.setdefault(_cell(tag, reach), []).append((index, tag))
     for first, a in enumerate(under.tags):
@@ -137,8 +137,8 @@ def _pairs(under: _Floor, over: _Floor) -> Iterator[tuple[Tag, Tag]]:
                 yield a, b
 
 
-def _cell(tag: Tag, side: float) -> tuple[int, int]:
-    return floor(tag.position[0] / side), floor(tag.position[1] / side)
+def _cell(tag: Tag, side: float) -> tuple[float, float]:
+    return tag.position[0] // side, tag.position[1] // side
 
 
 def overlap(a: Tag, b: Tag) -> bool:

@@ -18,7 +18,7 @@ from kybflow.dsl.expressions import Condition
 from kybflow.dsl.expressions.reasoning import implies
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.shaping.flows import GROUNDED
-from kybflow.parts import GROUND, MOVING, Leg
+from kybflow.parts import AIR, GROUND, MOVING, Leg
 from kybflow.parts.observables import chains_of
 
 
@@ -107,15 +107,18 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
     """KYB204: no transition, callback or flow leads to a behavior, so it can never be flown.
 
     Behaviors that came through `like` are excepted: a template may offer more than one mission
-    uses. Where a transition leads to an unknown name, nothing is said before that is mended.
+    uses. Where a transition leads to an unknown name, nothing is said before that is mended; of
+    behaviors that lead to each other the first is told.
     """
     for vehicle in case.vehicles() if all_known(case.document) else ():
         reached = reached_states(vehicle)
         if not reached <= {*vehicle.states, *TARGETS}:
             continue
+        led_to = set[str]()
         for state in vehicle.states.values():
-            if state.name.text in reached or state.inherited:
+            if state.name.text in reached or state.inherited or state.name.text in led_to:
                 continue
+            led_to |= reached_states(vehicle, (state.name.text,))
             name, span = _unreached(vehicle, state, reached)
             if vehicle.goal(name) != state.name.text:
                 continue  # told for the chain's first state
@@ -124,6 +127,7 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
                 f"`{name}` is never reached",
                 span,
                 label="no transition leads here",
+                notes=tuple(_open_ends(vehicle, reached)),
                 help=f"let another behavior go there, as `then: {name}`, or remove it",
             )
 
@@ -140,12 +144,21 @@ def _unreached(
     return name, span
 
 
-def reached_states(vehicle: VehicleEntry) -> set[str]:
-    """The states that a transition leads to, or that something may ask for; unknown names too."""
-    waiting, reached = (
-        [vehicle.begin.text, *vehicle.requested],
-        {vehicle.begin.text, *vehicle.requested},
-    )
+def _open_ends(vehicle: VehicleEntry, reached: AbstractSet[str]) -> Iterator[str]:
+    """A note for each behavior of the vehicle's own that is reached and says not what follows."""
+    for state in vehicle.states.values():
+        name, legs = state.name, state.part.spec.cls.flight
+        is_own = not state.inherited and not any(chains_of(name.text))
+        is_open = all(t.cause in {"within", "failed"} for t in state.transitions)
+        if name.text in reached and is_own and is_open and any(leg.end is AIR for leg in legs):
+            yield f"`{name.text}` has no `then` ({name.span.at})"
+
+
+def reached_states(vehicle: VehicleEntry, since: tuple[str, ...] = ()) -> set[str]:
+    """The states that a transition leads to from those in `since`, else from those in which the
+    vehicle begins or for which something may ask; unknown names too."""
+    waiting = list(since or (vehicle.begin.text, *vehicle.requested))
+    reached = set(waiting)
     while waiting:
         state = vehicle.states.get(waiting.pop())
         for transition in state.transitions if state else ():

@@ -1,15 +1,19 @@
-"""What watches a vehicle: bounds that are crossed at once or never (KYB416 and KYB417), and rotors
-that stop in the air (KYB418)."""
+"""What watches a vehicle: bounds that are crossed at once or never (KYB416 and KYB417), alarms for
+which nobody lands (KYB446), and rotors that stop in the air (KYB418)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import sqrt
+from typing import Any
 
 from kybflow.core.geometry import GRAVITY
+from kybflow.core.signals import Reaction
 from kybflow.core.units import LENGTH, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.contexts import contexts
+from kybflow.dsl.checks.flows import phases
 from kybflow.dsl.checks.space import footprints
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.document import PartUse, VehicleEntry
@@ -50,6 +54,61 @@ def _finding(code: str, part: PartUse, objection: Objection, severity: Severity)
         help=objection.hint,
         severity=severity,
     )
+
+
+def nobody_lands_it(case: Case) -> Iterator[Diagnostic]:
+    """KYB446: a supervisor that would bring a vehicle down only warns, no second one of its kind
+    lands, and nothing in the mission answers it: no event of its own is heard, and of a battery no
+    condition asks (a warning)."""
+    for vehicle in case.vehicles():
+        for part in vehicle.supervisors:
+            alike = (other for other in vehicle.supervisors if other.spec is part.spec)
+            if not all(map(_only_warns, alike)):
+                continue
+            if any(event in part.spec.cls.events for event in case.cached(_answered)):
+                continue
+            yield Diagnostic(
+                "KYB446",
+                f"nothing brings `{vehicle.name.text}` down when `{part.label}` tells",
+                part.spans["reaction"],
+                label="only warns",
+                help="leave `reaction` out, or let a transition answer its event",
+                severity=Severity.WARNING,
+            )
+
+
+def _only_warns(part: PartUse) -> bool:
+    """Whether it would land by default and is told to warn."""
+    if "reaction" not in part.spans or part.params.reaction != "warn":
+        return False
+    return Reaction[_usual(part).reaction.upper()] >= Reaction.LAND
+
+
+def _answered(case: Case) -> Iterator[str]:
+    """The bare name of each event that something answers; a condition on the battery answers
+    all that a supervisor tells of it."""
+    document = case.document
+    ways = [state.transitions for _, state in case.states()]
+    ways += [phase.transitions for _, phase in phases(document)]
+    transitions = [transition for several in ways for transition in several]
+    asked = [t.when for t in transitions] + [callback.when for callback in document.callbacks]
+    if any(text is not None and "battery." in text.text for text in asked):
+        yield from (
+            event
+            for v in case.vehicles()
+            for p in v.supervisors
+            if p.spec.cls.reserve(_usual(p)) > 0.0
+            for event in p.spec.cls.events
+        )
+    heard = [t.event for t in transitions]
+    heard += [c.event for c in document.callbacks if any(a.name.text != "log" for a in c.actions)]
+    yield from (event.text.rpartition(".")[2] for event in heard if event is not None)
+
+
+def _usual(part: PartUse) -> Any:
+    """Its parameters with the reaction that it has by default, if it has one."""
+    usual = {f.name: f.default for f in part.spec.fields if f.name == "reaction"}
+    return replace(part.params, **usual)
 
 
 def falls(case: Case) -> Iterator[Diagnostic]:

@@ -211,10 +211,13 @@ def _contradicts(group: _Group, bounds: Bounds) -> bool:
 
 def _is_empty(facts: list[_Fact], bounds: tuple[float, float]) -> bool:
     equal = {fact.bound for fact in facts if fact.operator == "=="}
-    if equal & {fact.bound for fact in facts if fact.operator == "!="}:
+    unequal = {fact.bound for fact in facts if fact.operator == "!="}
+    if equal & unequal:
         return True
     names = sorted(bound for bound in equal if isinstance(bound, str))
     if not all(is_in(b, a) for a, b in pairwise(names)):
+        return True
+    if any(is_in(name, other) for name in names for other in unequal if isinstance(other, str)):
         return True
     (low, high), open_low, open_high = bounds, False, False
     for _, operator, bound, _ in facts:

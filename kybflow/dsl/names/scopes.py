@@ -24,7 +24,7 @@ class Scopes:
         self._carriers = frozenset(name for name, v in vehicles if v.payload is not None)
         self._scopes: dict[tuple[str, str | None], Scope] = {}
         self._groups = {
-            name: tuple(member.text for member in members)
+            name: tuple(m.text for m in members if m.text in document.vehicles)
             for name, members in document.groups.items()
         }
         self._inputs = {name: use.axes for name, use in document.inputs.items()}

@@ -33,7 +33,7 @@ from kybflow.dsl.reading.nodes import (
     is_cut,
 )
 from kybflow.dsl.reading.slips import doubled_colon, empty, is_doubled, without_colon
-from kybflow.dsl.reading.yaml_errors import not_yaml
+from kybflow.dsl.reading.yaml_errors import CLOSE, not_yaml
 
 CODES = {
     "KYB005": "The file is empty.",
@@ -103,8 +103,7 @@ class _Composer:
             return self._alias(event)
         self.total += 1
         if depth > MAX_DEPTH:
-            hint = "close the brackets that were opened before"
-            raise self._stop("KYB011", f"nested deeper than {MAX_DEPTH} levels", event, hint)
+            raise self._stop("KYB011", f"nested deeper than {MAX_DEPTH} levels", event, CLOSE)
         if self.total > MAX_NODES:
             raise self._too_many(event)
         if event.tag is not None and event.tag != "!":

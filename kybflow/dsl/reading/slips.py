@@ -30,6 +30,8 @@ _TWO_WORDS = re.compile(r"([A-Za-z_]\w*)(?:\s*=\s*|\s+)([^\s=<>].*)\Z", re.ASCII
 _LAST_NUMBER = re.compile(r"(?:^|.*[\s<>=(\[])[-+]?\d+\Z", re.DOTALL)
 _DIGITS = re.compile(r"\d+(?!\w*[.:])")
 _THOUSANDS = re.compile(r"\d{3}\b")
+_IN_PARENTHESES = re.compile(r"\([-+\d.][^()]*\)\Z")
+"""A list that another language writes so."""
 _SHOWN = 60
 
 
@@ -40,6 +42,10 @@ def without_colon(before: MappingEntry | None, keys: Sequence[Scalar]) -> Iterat
     name = before.key.text if before else ""
     text = value.text if isinstance(value, Scalar) else ""
     first, hint = keys[0], ""
+    row = ", ".join([text, *(key.text for key in keys)])
+    if _IN_PARENTHESES.match(row):
+        yield _cut(name, text, first, f"write `{name}: [{row[1:-1]}]`")
+        return
     if is_cut(Scalar(text, first.span)):
         hint = no_commas(f"{text}, {first.text}")
     elif _LAST_NUMBER.match(text) and _DIGITS.match(first.text):

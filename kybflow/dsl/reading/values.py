@@ -200,8 +200,8 @@ def _wrong(node: Node, field: Field) -> Diagnostic:
     text = f" `{node.text[:_LONGEST]}`" if isinstance(node, Scalar) else ""
     message = f"`{field.name}` must be {needed}, but this is {describe(node)}{size}{text}"
     hint = "" if isinstance(node, Mapping) or dimension is None else _example(field, dimension)
-    if isinstance(node, Sequence) and field.shape == "vector":
-        hint = _decimal_commas(node) or hint
+    if field.shape == "vector":
+        hint = _three_numbers(node) or hint
     point = _POINT.match(node.text) if isinstance(node, Scalar) else None
     if point is not None and field.shape == "vector":
         hint = f"did you mean `{PREFIX}{point[1]}`?"
@@ -209,6 +209,17 @@ def _wrong(node: Node, field: Field) -> Diagnostic:
 
 
 _PIECE = re.compile(r"[-+]?\d+\Z", re.ASCII)
+
+
+def _three_numbers(node: Node) -> str:
+    """The hint for three numbers that are not three items of a list: without commas, or with some
+    that were meant as decimal points; empty for anything else."""
+    alone = node.items[0] if isinstance(node, Sequence) and len(node.items) == 1 else node
+    if isinstance(alone, Scalar):
+        numbers = alone.text.strip("()[] ").replace(",", " ").split()
+        is_row = len(numbers) == 3 and all(_BARE.match(number) for number in numbers)
+        return f"write `[{', '.join(numbers)}]`" if is_row else ""
+    return _decimal_commas(node) if isinstance(node, Sequence) else ""
 
 
 def _decimal_commas(node: Sequence) -> str:

@@ -20,6 +20,9 @@ _OPEN = {
     "while parsing a flow mapping": ("{", "}"),
     "while parsing a flow sequence": ("[", "]"),
 }
+_TOO_DEEP = "exceeded maximum nesting depth"
+"""The parser's own limit, which reading ahead reaches first in a long line of brackets."""
+CLOSE = "close the brackets that were opened before"
 _DASHES = re.compile(r"(?:- +)*")
 _KEY = re.compile(r"\s*(?:- +)*([^\s:]+):\s")
 _APART = re.compile(r"- +(?=[\d.])")
@@ -73,6 +76,8 @@ def not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
     start = None if began is None else (began.line, began.column)
     stop = _Stop(file, text.splitlines(), mark.line, mark.column, start)
     at_fault = stop.line[: _indent(stop.line)] + stop.character
+    if problem == _TOO_DEEP:
+        return replace(stop.finding("nested deeper than a mission needs", CLOSE), code="KYB011")
     if "\t" in at_fault:  # elsewhere it is a space like any other
         return stop.finding("a tab can't indent YAML", "indent with spaces")
     if context in _OPEN and start is not None:
@@ -112,12 +117,24 @@ def _second_colon(stop: _Stop) -> Diagnostic | None:
         return None
     if _indent(stop.lines[above]) >= _indent(stop.line) or not _KEY.match(stop.lines[above]):
         return _colonless(stop, above)
+    return _too_deep(stop, above)
+
+
+def _too_deep(stop: _Stop, above: int) -> Diagnostic:
+    """A line that is indented more than the one above it, which has a value already."""
     key, outer = stop.line.strip().partition(":")[0], _KEY.match(stop.lines[above])
-    wanted = _columns(stop.lines[above])[-1]
+    wanted, own = _columns(stop.lines[above])[-1], _indent(stop.line)
     has = f"`{outer[1]}` of line {above + 1} has a value" if outer else "the line above is no key"
     message = f"`{key[:_SHOWN]}` is indented too deep: {has}"
-    hint = f"indent it by {wanted}, as line {above + 1}"
-    return stop.finding(message, hint, (stop.row, _indent(stop.line)), len(key))
+    hint = f"indent it by {wanted}, as line {above + 1}, or that one by {own}"
+    return stop.finding(message, hint, (stop.row, own), len(key))
+
+
+def _deeper(stop: _Stop) -> Diagnostic | None:
+    above = _above(stop.lines, stop.row)
+    if above is None or not _KEY.match(stop.lines[above]):
+        return None
+    return _too_deep(stop, above) if _indent(stop.lines[above]) < _indent(stop.line) else None
 
 
 def _closes_nothing(stop: _Stop) -> Diagnostic | None:
@@ -249,7 +266,7 @@ _EXPLAINERS: dict[str, tuple[Callable[[_Stop], Diagnostic | None], ...]] = {
     "could not find expected ':'": (_no_colon,),
     "mapping values are not allowed in this context": (_second_colon,),
     "did not find expected key": (
-        _closes_nothing, _behind_a_value, _entry_in_mapping, _nameless, _indentation,
+        _closes_nothing, _behind_a_value, _entry_in_mapping, _nameless, _indentation, _deeper,
     ),
     "did not find expected '-' indicator": (
         _closes_nothing, _behind_a_value, _indentation, _key_in_list,

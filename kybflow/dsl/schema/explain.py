@@ -146,8 +146,19 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
         "KYB103",
         f"{place} must be {wanted}, but this is {describe(node)}{shown}",
         node.span,
-        help=hint,
+        help=hint or _reshaped(node, types, name.rpartition("[")[0] or name),
     )
+
+
+def _reshaped(node: Node, types: list[str], name: str) -> str:
+    """How a list, or a mapping, is written that is the other one or a bare text."""
+    if types == ["object"] and isinstance(node, Sequence):
+        return f"write it in braces: `{name}: {{...}}`" if name else ""
+    if types == ["array"] and isinstance(node, Mapping):
+        return f"write it in brackets: `{name}: [{{...}}]`" if name else ""
+    if types == ["array"] and isinstance(node, Scalar) and node.text:
+        return "write it as a list: each on a line of its own, behind `- `"
+    return ""
 
 
 def _field(name: str, schema: dict[str, Any]) -> Field | None:
@@ -239,6 +250,8 @@ def meant(part: str, key: str, node: Mapping, known: Schemas, beside: frozenset[
     parameters, the one parameter that fits the value; else every parameter."""
     if not known:
         return f"`{part}` has no parameters"
+    if key.lower() in known and key.lower() in node.entries:
+        return f"`{key.lower()}` is written, too: remove one of them"
     one = nearest(key, known) or nearest(key, beside, _SURE)
     near = [one] if one else []
     if not near and "for" in beside:  # a fault: what it is to do could be meant as well as when

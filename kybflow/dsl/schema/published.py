@@ -134,7 +134,7 @@ def _chosen(catalog: Catalog, kind: str, use: Schema, word: str = "use") -> Sche
     named = {**own[word], "anyOf": choices}
     cases: list[Schema] = [
         {
-            "if": {"properties": {word: {"const": name}}, "required": [word]},
+            "if": {"properties": {word: _written(name)}, "required": [word]},
             "then": _case(catalog, kind, name, {**own, word: True}),
         }
         for name in names
@@ -142,6 +142,12 @@ def _chosen(catalog: Catalog, kind: str, use: Schema, word: str = "use") -> Sche
     bare = {"anyOf": [{"enum": names}, {"not": {"type": "string"}}]}
     more = bare if "string" in use["type"] else {}
     return {**use, "properties": {**own, word: named}, **more, "allOf": cases}
+
+
+def _written(name: str) -> Schema:
+    """The name and no other. A language server takes the beginning of a constant for the whole
+    while it completes, `follow` for `follow_path`; a pattern it takes as it stands."""
+    return {"const": name, "pattern": f"^{name}$"}
 
 
 def _constant(catalog: Catalog, kind: str, name: str) -> Schema:

@@ -98,10 +98,10 @@ def _placed(root: Mapping, before: Mapping | None) -> Diagnosed[None]:
 
 
 def _spans(root: Mapping) -> dict[str, Span]:
-    """The span of each key of the top level, and of the fence."""
-    fence = entries_of(root.get("world")).get("fence")
+    """The span of each key of the top level, of the fence and of the world's tags."""
+    world = entries_of(root.get("world"))
     spans = {key: entry.key.span for key, entry in root.entries.items()}
-    return spans if fence is None else {**spans, "fence": fence.key.span}
+    return spans | {key: world[key].key.span for key in ("fence", "tags") if key in world}
 
 
 def _text(root: Mapping, key: str) -> Text:

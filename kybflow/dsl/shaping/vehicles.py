@@ -52,7 +52,7 @@ def vehicle_of(
         airframe_spans={key: e.value.span for key, e in entries_of(body.get("airframe")).items()},
         home=None if home is None else (yield from decode(home, home_at)),
         home_span=None if home is None else home.span,
-        spans={key: e.key.span for key, e in body.entries.items()},
+        spans={**{key: e.key.span for key, e in body.entries.items()}, **_heading_span(body)},
         chains=states.chains,
         cameras=(yield from cameras_of(body.get("airframe"))),
         payload=(yield from _payload(body)),
@@ -89,6 +89,12 @@ def _start(name: Scalar, body: Mapping) -> Diagnosed[tuple[Any, float, Span]]:
     start = ZERO if place is None else (yield from decode(place, at))
     heading = 0.0 if turn is None else (yield from decode(turn, angle))
     return start, heading or 0.0, node.span if place is None else place.span
+
+
+def _heading_span(body: Mapping) -> dict[str, Span]:
+    start = body.get("start")
+    turn = start.get("heading") if isinstance(start, Mapping) else None
+    return {} if turn is None else {"heading": turn.span}
 
 
 def _tracker(name: Scalar, body: Mapping, uses: PartDecoder) -> Diagnosed[PartUse | None]:

@@ -24,12 +24,32 @@ from bisect import bisect_left
 from functools import lru_cache
 from math import radians
 
+from kybflow.core.params import param, params
+from kybflow.core.units import Number
 from kybflow.flight.loops.margins import UNSTABLE, Margins, margins
 from kybflow.flight.loops.response import OuterLoop, horizontal, on_board, vertical
 from kybflow.world.inner_loop import InnerLoop
 
 Gains = tuple[float, float, float]
 """P, D and I."""
+
+
+@params
+class DesignedGains:
+    proportional: Number | None = param(
+        "Acceleration per metre of position error; by default as the loop on board allows, 16 at"
+        " most.",
+        default=None, above=0,
+    )  # fmt: skip
+    derivative: Number | None = param(
+        "Acceleration per m/s of velocity error; by default likewise, 9 at most.",
+        default=None, above=0,
+    )  # fmt: skip
+    integral: Number | None = param(
+        "Acceleration per metre and second of position error; by default likewise, 8 at most.",
+        default=None, at_least=0,
+    )  # fmt: skip
+
 
 DAMPING = 1.125
 INTEGRAL_TIME = 2.0
@@ -80,6 +100,14 @@ def designed(outer: OuterLoop, inner: InnerLoop, bound: Margins = PLANNED) -> Ga
         return not holds(margins_of(tried, inner), bound)
 
     return shaped(FREQUENCIES[max(0, bisect_left(FREQUENCIES, True, key=fails) - 1)])
+
+
+def completed(outer: OuterLoop, given: DesignedGains, inner: InnerLoop | None) -> OuterLoop:
+    """The law with the gains that are given, and those of the design on `inner` for the rest."""
+    written = (given.proportional, given.derivative, given.integral)
+    own = FASTEST if inner is None or None not in written else designed(outer, inner)
+    k, d, i = (a if b is None else b for a, b in zip(own, written, strict=True))
+    return outer._replace(proportional=k, derivative=d, integral=i)
 
 
 def asked_of(outer: OuterLoop, inner: InnerLoop) -> Margins:

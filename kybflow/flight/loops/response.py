@@ -10,9 +10,11 @@ The loop is cut at u: an attitude and the rates that go with it arrive together,
 commands is one of u. Vertically the plant is a double integrator behind the rotors alone.
 
 Poses pass the alpha-beta filter of `kybflow.flight.tracked_pose`, written in z = e^(s period), are
-old, and are predicted to now, as `mocap` comes. A command stays for one period of the control. The
-observer changes nothing horizontally; vertically it compares what was felt with what was asked of
-the rotors (`kybflow.flight.disturbance`). The estimated mass is left out, which is far slower.
+old, and are predicted to now, as `mocap` comes. A vehicle that is commanded climb rates follows
+them as 1 / (T s + 1): its vertical plant is that and an integrator. A command stays for one period
+of the control. The observer changes nothing horizontally; vertically it compares what was felt with
+what was asked of the rotors (`kybflow.flight.disturbance`). The estimated mass is left out, which
+is far slower.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ class OuterLoop(NamedTuple):
     which the on-board attitude's error is estimated. observer: its bandwidth, Hz; 0 for none.
     attitude: rates per angle of the attitude's error, 1/s, where the tracker closes that loop
     itself. turning: the part of the change of its feedback that it commands as rates. drag: 1/s.
-    period: of the control, s."""
+    period: of the control, s. climb: climb rate per error of the height, 1/s, where the tracker
+    commands that instead of thrust."""
 
     proportional: float
     derivative: float
@@ -46,6 +49,7 @@ class OuterLoop(NamedTuple):
     observer: float = 0.0
     attitude: float | None = None
     turning: float = 1.0
+    climb: float | None = None
 
 
 def on_board(outer: OuterLoop, inner: InnerLoop) -> Response:
@@ -65,8 +69,8 @@ def on_board(outer: OuterLoop, inner: InnerLoop) -> Response:
 
 def horizontal(outer: OuterLoop, inner: InnerLoop) -> Response:
     """The response of the loop along x or y."""
-    k, d, i, trim, drag, period, _, own, turning = outer
-    loop, rotor_time, cut_off, dead_time, late, age, pose_period, _ = inner
+    k, d, i, trim, drag, period, _, own, turning, _ = outer
+    loop, rotor_time, cut_off, dead_time, late, age, pose_period, *_ = inner
     p, rate, integral = loop.proportional, loop.derivative, loop.integral
     if own is not None:
         p = integral = 0.0
@@ -96,14 +100,18 @@ def horizontal(outer: OuterLoop, inner: InnerLoop) -> Response:
 
 def vertical(outer: OuterLoop, inner: InnerLoop) -> Response:
     """The response of the loop along z."""
-    k, d, _, _, _, period, observer, _, _ = outer
-    loop, rotor_time, _, dead_time, late, age, pose_period, _ = inner
+    k, d, _, _, _, period, observer, _, _, climb = outer
+    loop, rotor_time, _, dead_time, late, age, pose_period, _, climb_time = inner
     age, bandwidth, lag = age + 0.5 * pose_period, tau * observer, rotor_time / loop.lead
     late += dead_time + 0.5 * period
 
     def response(s: complex) -> complex:
         rotors, old = exp(-s * late) / (1.0 + s * lag), exp(-s * age)
         z = exp(s * pose_period)
+        if climb is not None:
+            height = 1.0 / (s * (1.0 + s * climb_time))
+            place, speed = _tracked(z, pose_period, FILTERS.velocity_bandwidth, height, 0.0)
+            return climb * exp(-s * late) * old * (place + age * speed)
         place, speed = _tracked(z, pose_period, FILTERS.velocity_bandwidth, 1.0 / (s * s), 0.0)
         seen = bandwidth / (s + bandwidth) * WASHOUT * s / (1.0 + WASHOUT * s)
         law = old * (d * speed + k * (place + age * speed))

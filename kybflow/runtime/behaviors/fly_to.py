@@ -43,7 +43,9 @@ class FlyToParams:
     turn_rate: AngularRate = param(
         "Largest rate of turning to the heading.", default=1.0, above=0.0, read_only=True
     )
-    tolerance: Length = param("Distance that counts as there.", default=0.02, above=0.0)
+    tolerance: Length = param(
+        "Distance that counts as there.", default=0.02, above=0.0, room="across"
+    )
     heading_tolerance: Angle | None = param(
         "Angle from the heading that counts as there; without it the heading may be any.",
         default=None, above=0.0,

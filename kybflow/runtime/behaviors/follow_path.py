@@ -30,7 +30,9 @@ class FollowPathParams:
     acceleration: Acceleration = param(
         "Largest acceleration and deceleration.", default=0.7, above=0.0
     )
-    tolerance: Length = param("Distance that counts as at a corner.", default=0.05, above=0.0)
+    tolerance: Length = param(
+        "Distance that counts as at a corner.", default=0.05, above=0.0, room="across"
+    )
     heading: Angle | None = param(
         "Heading on the path; without it the heading is kept.", default=None, read_only=True
     )

@@ -39,6 +39,7 @@ class FollowTrajectoryParams:
         default=0.5,
         above=0.0,
         read_only=True,
+        room="across",
     )
     approach: Speed = param(
         "Largest speed on the way to the first point.", default=0.5, above=0.0, read_only=True
@@ -53,7 +54,7 @@ class FollowTrajectoryParams:
         "Largest rate of turning to the first yaw.", default=1.0, above=0.0, read_only=True
     )
     tolerance: Length = param(
-        "Distance that counts as at the first point.", default=0.05, above=0.0
+        "Distance that counts as at the first point.", default=0.05, above=0.0, room="across"
     )
     slower_than: Speed = param("Speed that counts as at rest there.", default=0.1, above=0.0)
     dwell: Duration = param(

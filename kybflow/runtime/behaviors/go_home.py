@@ -31,12 +31,15 @@ class GoHomeParams:
         default=1.0,
         above=0.0,
         read_only=True,
+        room="up",
     )
     speed: Speed = param("Largest speed.", default=0.5, above=0.0, read_only=True)
     acceleration: Acceleration = param(
         "Largest acceleration and deceleration.", default=0.7, above=0.0, read_only=True
     )
-    tolerance: Length = param("Distance that counts as there.", default=0.1, above=0.0)
+    tolerance: Length = param(
+        "Distance that counts as there.", default=0.1, above=0.0, room="across"
+    )
     patience: Duration = param(
         "Time past the planned end when it is done in any case.", default=5.0, at_least=0.0
     )

@@ -39,4 +39,5 @@ class Hover(Behavior[HoverParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
     @classmethod
     def footprint(cls, params: HoverParams, entry: Vec3 | None) -> Footprint | None:
         points = () if entry is None else (entry,)
-        return Footprint(points, 0.0, entry, params.for_time is None, duration=params.for_time)
+        time = params.for_time
+        return Footprint(points, 0.0, entry, time is None, duration=time, longest=time)

@@ -78,6 +78,7 @@ class LandParams:
         "Distance from the vertical through the position that counts as above it.",
         default=0.05,
         above=0.0,
+        room="across",
     )
     patience: Duration = param(
         "Time past the planned arrival above the position after which it has failed; the longest "

@@ -78,4 +78,5 @@ class ReleasePayload(
 
     @classmethod
     def footprint(cls, params: ReleasePayloadParams, entry: Vec3 | None) -> Footprint | None:
-        return Footprint(() if entry is None else (entry,), 0.0, entry)
+        longest = params.patience + params.settle
+        return Footprint(() if entry is None else (entry,), 0.0, entry, longest=longest)

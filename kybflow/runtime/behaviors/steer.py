@@ -31,7 +31,7 @@ from typing import ClassVar, Literal
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, norm, scale, sub, wrap
-from kybflow.core.signals import NS, Failed, InputReading, Setpoint, SetpointKind, Tick, Time
+from kybflow.core.signals import Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Angle, AngularRate, Duration, Length, Speed
 from kybflow.flight.avoidance.clearance import Surface, bounded, reach_of, stopping_speed, walls
 from kybflow.flight.avoidance.surroundings import Nearby
@@ -39,6 +39,7 @@ from kybflow.flight.governor import shortened
 from kybflow.flight.motion import Motion
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, param, params
 from kybflow.parts.behavior import SPEED_SHARE
+from kybflow.runtime.behaviors._hand import Hand
 from kybflow.world.shapes import Box
 
 _HARD = 2.5
@@ -47,8 +48,6 @@ _TURNING = 4.0
 """The largest change of the rate of turning, rad/s^2."""
 _FELT = 0.5
 """Metres from which a hand feels what the setpoint comes near to."""
-_HELD = 1.5
-"""Ticks without an update after which the vehicle was held."""
 
 
 @params
@@ -67,12 +66,18 @@ class SteerParams:
     tilt: Angle = param(
         "Tilt of a full stick.", default=6 * pi / 180, above=0.0, below=0.6, read_only=True
     )
-    margin: Length = param("Kept from the fence.", default=0.3, at_least=0.0, tightens="up")
+    margin: Length = param(
+        "Kept from the fence.", default=0.3, at_least=0.0, tightens="up", room="across"
+    )
     clearance: Length = param(
-        "Kept between hubs and obstacles.", default=0.3, above=0.0, tightens="up"
+        "Kept between hubs and obstacles.", default=0.3, above=0.0, tightens="up", room="across"
     )
     lowest: Length = param(
-        "Least height above the ground of the start.", default=0.4, above=0.0, tightens="up"
+        "Least height above the ground of the start.",
+        default=0.4,
+        above=0.0,
+        tightens="up",
+        room="up",
     )
     patience: Duration = param(
         "How long it brakes for a lost input until it fails.", default=2.0, at_least=0.0
@@ -90,32 +95,14 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         self._context, self._surroundings = entry.context, Nearby(entry.context)
         self._position, self._velocity = entry.motion.position, entry.motion.velocity
         self._heading, self._rate = entry.heading, 0.0
-        self._obeys = reading.is_centred(AXES)
-        self._lost: float | None = None
-        self._last: Time = entry.now
+        self._hand = Hand(params.input, entry)
 
     def update(self, tick: Tick) -> Setpoint | Failed:
-        reading = tick.inputs.get(self.params.input)
-        setpoint = self._moved(self._sticks(reading, tick), tick)
-        self._lost = None if reading is not None else (self._lost or 0.0) + tick.dt
-        if self._lost is not None and self._lost > self.params.patience:
+        setpoint = self._moved(self._hand.axes(tick), tick)
+        self.waits_for = self._hand.waits_for or None
+        if self._hand.lost > self.params.patience:
             return Failed(setpoint, f"`{self.params.input}` is lost")
         return setpoint
-
-    def _sticks(self, reading: InputReading | None, tick: Tick) -> tuple[float, ...] | None:
-        """The four axes, None while the vehicle brakes."""
-        was_held = (tick.now - self._last) / NS > _HELD * tick.dt
-        self._last = tick.now
-        if reading is None or was_held:
-            self._obeys = False
-        if reading is None:
-            return None
-        self._obeys = self._obeys or reading.is_centred(AXES)
-        centred = f"the sticks of `{self.params.input}` to be at their centres"
-        self.waits_for = None if self._obeys else centred
-        if not (self._obeys and reading.engaged):
-            return None
-        return tuple(reading.axes[axis] for axis in AXES)
 
     def _moved(self, sticks: tuple[float, ...] | None, tick: Tick) -> Setpoint:
         """Move the setpoint by a tick."""

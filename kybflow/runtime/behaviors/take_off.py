@@ -34,7 +34,7 @@ class TakeOffParams:
         "Largest vertical acceleration.", default=0.5, above=0.0, read_only=True
     )
     tolerance: Length = param(
-        "Distance from the height that counts as there.", default=0.1, above=0.0
+        "Distance from the height that counts as there.", default=0.1, above=0.0, room="up"
     )
     dwell: Duration = param(
         "How long it must be there.", default=0.3, at_least=0.0, limited_by="patience"

@@ -38,6 +38,7 @@ from kybflow.runtime.commanding.orders import (
     ReleaseLease,
     ResetOrder,
     ResumeOrder,
+    TrackOrder,
     VehicleOrder,
     text,
     word,
@@ -167,6 +168,8 @@ class Commander:
                 answered(Answer(True))
             case ReleaseLease():
                 answered(Answer(True))
+            case TrackOrder(vehicle, point):
+                _as_answer(answered)(self._requests(vehicle).track(point))
             case order:
                 self._ask_vehicles(order, answered)
 

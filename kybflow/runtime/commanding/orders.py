@@ -7,6 +7,7 @@
     resume [VEHICLE ...]                     reset [VEHICLE ...]
     land [VEHICLE ...]                       stop [REASON]
     release
+    track mk time=12.5 position=[1, 0, 1.2] [velocity=... acceleration=... heading=...]
 
 The command line, the socket and the record of a run use these words. What a callback may do too is
 the plan's value for it (`kybflow.dsl.plan`); its names are checked when the command is heard.
@@ -17,9 +18,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from kybflow.core.errors import CommandUnreadable
+from kybflow.core.signals import PlannedPoint
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.plan import Emit, Enable, EnterPhase, SetOption, Stop, Switch
 
@@ -61,8 +63,26 @@ class ReleaseLease:
     """Give up the lease, so that the next commander needn't take it."""
 
 
+@dataclass(frozen=True, slots=True)
+class TrackOrder:
+    """Give a vehicle a point of the trajectory that its behavior takes; all numbers SI."""
+
+    vehicle: str
+    point: PlannedPoint
+
+
 VehicleOrder = PauseOrder | ResumeOrder | ResetOrder | LandOrder
-Order = Emit | Switch | SetOption | Enable | EnterPhase | VehicleOrder | Stop | ReleaseLease
+Order = (
+    Emit
+    | Switch
+    | SetOption
+    | Enable
+    | EnterPhase
+    | VehicleOrder
+    | Stop
+    | ReleaseLease
+    | TrackOrder
+)
 
 
 class Answer(NamedTuple):
@@ -115,6 +135,8 @@ def text(order: Order) -> str:
             words = ["stop", reason]
         case ReleaseLease():
             words = ["release"]
+        case TrackOrder(vehicle, point):
+            words = ["track", vehicle, *_written(point)]
         case _:
             words = [word(order), *order.vehicles]
     return " ".join(" ".join(words).split())
@@ -165,6 +187,44 @@ def _switch(rest: list[str]) -> Switch | None:
     return Switch(rest[0], rest[1], tuple(zip(names, written, strict=True)))
 
 
+def _track(rest: list[str]) -> TrackOrder | None:
+    """Numbers are not judged: who takes the point says what is wrong with it."""
+    before, *pairs = _ASSIGNED.split(" ".join(rest[1:]))
+    names, written = pairs[::2], pairs[1::2]
+    if not rest or before or len(set(names)) < len(names) or not {"time", "position"} <= {*names}:
+        return None
+    try:
+        values = {name: _numbers(text) for name, text in zip(names, written, strict=True)}
+        return TrackOrder(rest[0], _point(values))
+    except (ValueError, TypeError):
+        return None
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    return tuple(float(number) for number in text.strip().strip("[]").split(","))
+
+
+def _point(values: Mapping[str, tuple[float, ...]]) -> PlannedPoint:
+    """Raises TypeError or ValueError for an unknown name or too many or few numbers."""
+    known: dict[str, Any] = {}
+    for name, numbers in values.items():
+        if name in ("time", "heading"):
+            (known[name],) = numbers
+        else:
+            x, y, z = numbers
+            known[name] = (x, y, z)
+    return PlannedPoint(**known)
+
+
+def _written(point: PlannedPoint) -> list[str]:
+    """A point in the words that `_track` reads back exactly."""
+    vectors = (("position", point.position), ("velocity", point.velocity),
+               ("acceleration", point.acceleration))  # fmt: skip
+    words = [f"time={point.time!r}"]
+    words += [f"{name}=[{x!r}, {y!r}, {z!r}]" for name, (x, y, z) in vectors]
+    return words if point.heading is None else [*words, f"heading={point.heading!r}"]
+
+
 _ASSIGNED = re.compile(r"(?:^| )([A-Za-z_]\w*)=")
 _FORMS: Mapping[str, _Form] = {
     "emit": _Form(" EVENT", lambda rest: named(rest[0]) if len(rest) == 1 else None),
@@ -178,6 +238,10 @@ _FORMS: Mapping[str, _Form] = {
     "phase": _Form(" FLOW PHASE", lambda rest: EnterPhase(*rest) if len(rest) == 2 else None),
     **{word: _of_vehicles(kind) for word, kind in OF_VEHICLES.items()},
     "stop": _Form(" [REASON]", lambda rest: Stop(" ".join(rest))),
+    "track": _Form(
+        " VEHICLE time=SECONDS position=[X, Y, Z] [velocity=... acceleration=... heading=...]",
+        _track,
+    ),
     "release": _Form("", lambda rest: None if rest else ReleaseLease()),
 }
 WORDS = tuple(_FORMS)

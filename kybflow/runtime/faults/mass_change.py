@@ -22,5 +22,9 @@ class MassChangeParams:
 
 
 class MassChange(Fault[MassChangeParams]):
+    @classmethod
+    def is_nothing(cls, params: MassChangeParams) -> bool:
+        return params.factor == 1.0 and params.added == 0.0
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(mass=self.params.factor, payload=self.params.added)}

@@ -28,6 +28,10 @@ class MocapNoise(Fault[MocapNoiseParams]):
     spoils = Pose
     ours = True
 
+    @classmethod
+    def is_nothing(cls, params: MocapNoiseParams) -> bool:
+        return params.position == 0.0 and params.attitude == 0.0
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         return {vehicle: Effect(filter=self._shake)}
 

@@ -26,6 +26,10 @@ class RotorWeakParams:
 
 
 class RotorWeak(Fault[RotorWeakParams]):
+    @classmethod
+    def is_nothing(cls, params: RotorWeakParams) -> bool:
+        return params.left == 1.0
+
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
         a, b, c, d = (self.params.left if r == self.params.rotor else 1.0 for r in _ROTORS)
         return {vehicle: Effect(rotors=(a, b, c, d))}

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import PartFailed, Refused, described
 from kybflow.core.geometry import Vec3
-from kybflow.core.signals import Reaction, Time
+from kybflow.core.signals import PlannedPoint, Reaction, Time
 from kybflow.dsl.plan import StatePlan, Values, VehiclePlan
 from kybflow.flight.motion import Coast
 from kybflow.parts import GROUND
@@ -136,6 +136,13 @@ class Requests:
         """Request one of the vehicle's states."""
         self._switches.append(SwitchRequest(state, by, at, answered, values))
         self.waiting = True
+
+    def track(self, point: PlannedPoint) -> str | None:
+        """Give the active behavior a point of a planner's trajectory; return why it is refused."""
+        activity = self._activity
+        if activity.hold is not None:
+            return "it is held"
+        return activity.behavior.take(point, self._events.now)
 
     def read(self, state: str, written: Values) -> Values:
         """Return the values (SI) that a person wrote for a state. Raises Refused."""

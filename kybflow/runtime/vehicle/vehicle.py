@@ -14,11 +14,13 @@ from kybflow.core.params import named_in
 from kybflow.core.signals import (
     NO_INPUTS,
     NO_OBSTACLES,
+    NOBODY,
     NS,
     Alarm,
     Battery,
     Command,
     Estimate,
+    Heard,
     InputReadings,
     Reaction,
     SeenObstacles,
@@ -32,6 +34,7 @@ from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import AIR, GROUND, Entry, Link
 from kybflow.runtime.events import Events
+from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.making import make, parts_of
 from kybflow.runtime.monitoring.bodies import Bodies
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
@@ -80,6 +83,7 @@ class Vehicle:
         bodies: Bodies | None = None,
         fleet: EstimateHistory | None = None,
         inputs: InputReadings = NO_INPUTS,
+        broadcasts: Broadcasts | None = None,
     ) -> None:
         self.plan, self.name, self.context = plan, plan.name, context
         self.now: Time = 0
@@ -88,6 +92,7 @@ class Vehicle:
         self._contact: GroundContact | None = None
         self._flies = False
         self._observer, self._score, self._inputs = observer, score, inputs
+        self._broadcasts, self._neighbours = broadcasts, broadcasts or NOBODY
         self._fleet: dict[str, Estimate | None] = {}
         self._params = params = {part.label: part.params for part in parts_of(plan)}
         self._supervisors = {p.label: make(p, p.params, context) for p in plan.supervisors}
@@ -248,6 +253,22 @@ class Vehicle:
             commanded = self._control.steer(tick)
         return commanded
 
+    @property
+    def publishes(self) -> bool:
+        """Whether any vehicle listens to what others publish."""
+        return self._broadcasts is not None
+
+    def publish(self) -> None:
+        """Publish what neighbours may hear from the next tick on, and record what the behavior
+        says."""
+        broadcasts, rig = self._broadcasts, self.knowledge.link_in.rig
+        if broadcasts is None or (rig is not None and rig.silent):
+            return
+        said = self.activity.behavior.says if self.activity.begun else None
+        if said is not None and said.time == self.now:
+            self._observer.measurement(self.now, said)
+        broadcasts.note(self.name, Heard(self.now, self.estimate, self.followed, said))
+
     def entry(self) -> Entry:
         """Return the conditions in which a behavior would be entered now."""
         thrust, flight = self._control.hover_thrust(), self.activity.flight
@@ -307,7 +328,7 @@ class Vehicle:
             Tick,
             (
                 now, dt, elapsed, estimate, battery, followed, fleet, imu, health.age, health.delay,
-                payload, self._inputs, self.moving,
+                payload, self._inputs, self._neighbours, self.moving,
             ),
         )  # fmt: skip
 

@@ -119,10 +119,12 @@ def test_the_floor_and_what_stands_on_it_carry_it() -> None:
     world.run(2.0, at(2.0, 0.0, 1.0))
     world.run(3.0, at(0.0, 0.0, 1.0))
     top = world.run(4.0, sinks)
+    pushed = world.run(1.0, at(0.0, 0.0, 0.4))
 
     assert floor.position == (2.0, 0.0, 0.0)
     assert top.position == pytest.approx((0.0, 0.0, 0.6 + LEGS))
     assert top.velocity == ZERO
+    assert pushed.position == top.position
     assert world.touched == [Touch("the floor", True)] * 2
 
 

@@ -74,6 +74,14 @@ def test_two_foreign_targets_in_three_seconds_are_told_once_and_by_whom(
     ]
 
 
+def test_what_px4_does_by_itself_on_the_ground_is_nobody_elses(others: OtherCommanders) -> None:
+    nothing = (float("nan"),) * 3
+    for step in range(10):
+        others.sent(sent(ACCELERATION, *STILL, *STILL, 0.1, 0.0, 1.0), step * NS // 5)
+        others.follows(followed(PX4, *nothing, *nothing, 0.0, 0.0, 100.0), step * NS // 5)
+    assert others.take() == []
+
+
 def test_a_single_odd_target_is_not_told(others: OtherCommanders) -> None:
     for step in range(0, 60, 10):
         others.follows(followed(POSITION, 2.0, 0.0, -1.0, *STILL, *STILL), step * NS)

@@ -40,6 +40,7 @@ def driver(**more: Any) -> PartUse:
         "provides": frozenset({Pose}),
         "step_rate": lambda _: 500.0,
         "shows": lambda _: False,
+        "tracker": lambda _: None,
     }
     return use("bench", **{**facts, **more})
 

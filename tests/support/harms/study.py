@@ -1,7 +1,7 @@
 """Makes the mutants of the operators and judges them: whether each is told of, and at its line.
 
-A judge is `(path, mutant) -> findings`: `validated` asks the compiler. The rehearsal is another of
-the same kind, see `JUDGES`.
+A judge is `(path, mutant) -> findings`: `validated` asks the compiler, `rehearsed` flies the
+mission on ideal vehicles.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 from harms.mission_text import Mission, edited
 from harms.operator import Operator
-from kybflow.dsl.compiler import check_mission
+from kybflow.api.rehearsal.rehearse import rehearse
+from kybflow.dsl.compiler import check_mission, compile_mission
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.parts.catalog import load_catalog
 
@@ -75,28 +76,42 @@ def validated(path: Path, mutant: Mutant) -> tuple[Finding, ...]:
 
 def _finding(diagnostic: Diagnostic, file: str) -> Finding:
     span = diagnostic.span
-    spans = [s for s in (span, *span.used, *span.via, span.given) if s is not None]
+    others = (other.span for other in diagnostic.related)
+    spans = [s for s in (span, *span.used, *span.via, span.given, *others) if s is not None]
     lines = {s.line for s in spans if s.file == file}
     for text in (diagnostic.message, diagnostic.label, *diagnostic.notes, diagnostic.help):
         lines |= {int(n) for n in re.findall(rf"(?:\blines? |{re.escape(file)}:)(\d+)", text)}
     return Finding(diagnostic.code, diagnostic.message, frozenset(lines))
 
 
-JUDGES: tuple[tuple[str, Judge], ...] = (("validate", validated),)
-"""Who judges, in order. A rehearsal that is added here is asked of what nobody before it told."""
+def rehearsed(path: Path, mutant: Mutant) -> tuple[Finding, ...]:
+    """What the rehearsal of a mission without findings says."""
+    compiled = compile_mission(path, catalog=load_catalog(), target=mutant.target)
+    assert compiled.plan is not None, "the rehearsal is asked last"
+    found = rehearse(compiled.plan, texts=compiled.texts).diagnostics
+    return tuple(_finding(diagnostic, str(path)) for diagnostic in found)
+
+
+JUDGES: tuple[tuple[str, Judge], ...] = (("validate", validated), ("rehearse", rehearsed))
+"""Who judges, in order. Each is asked of what nobody before it told."""
 
 
 Told = tuple[str, Verdict]
 """Who told of a mutant, empty where nobody did, and what."""
 
 
-def verdicts(mission: Mission, folder: Path, operators: Iterable[Operator]) -> Iterator[Told]:
+def verdicts(
+    mission: Mission,
+    folder: Path,
+    operators: Iterable[Operator],
+    judges: tuple[tuple[str, Judge], ...] = JUDGES,
+) -> Iterator[Told]:
     """Each mutant of a mission and who told of it, empty where nobody did. `folder` has the
     library."""
     for mutant in mutants(mission, operators):
         path = folder / mutant.mission
         path.write_text(mutant.text, encoding="utf-8")
-        for name, judge in JUDGES:
+        for name, judge in judges:
             findings = judge(path, mutant)
             if findings:
                 yield name, Verdict(mutant, findings)

@@ -6,7 +6,8 @@ and forward to us no more than the others' heartbeats. So this looks at what the
 - the target that it says to follow (POSITION_TARGET_LOCAL_NED), while it follows set-points in the
   air: its highest field, position, velocity or acceleration, must be near one that we sent in the
   last second, or near our last one. Both firmwares take turns between two senders, and report what
-  they follow. No velocity and no acceleration is nobody's: so Copter rests once set-points stop;
+  they follow. No velocity and no acceleration is nobody's: so Copter rests once set-points stop.
+  Nor is 100 m/s^2 downwards: with that PX4 replaces every target while it feels the ground;
 - answers to commands that are addressed to others (PX4 sends them to everybody);
 - parameters that keep it safe and are read again in flight: none of them changes by itself;
 - commands that are overheard on a wire that is shared.
@@ -47,6 +48,8 @@ NEAR = (0.3, 0.3, 1.0)
 """How far it may be from that: metres, m/s, m/s^2."""
 RESTS = 0.05
 """A velocity or an acceleration below is that of a rest, m/s or m/s^2."""
+NO_THRUST: Vec3 = (0.0, 0.0, 100.0)
+"""The acceleration with which PX4's position controller makes sure of no thrust (NED)."""
 OFTEN, WITHIN = 2, 3 * NS
 """So many foreign targets within so long are told."""
 AGAIN: Time = 10 * NS
@@ -167,7 +170,8 @@ def _target(message: Message) -> _Target | None:
 
 
 def _rests(target: _Target) -> bool:
-    return target.field > 0 and norm(target.value) <= RESTS
+    field, value = target
+    return (field > 0 and norm(value) <= RESTS) or (field == 2 and value == NO_THRUST)
 
 
 def _is_near(target: _Target, ours: _Target | None) -> bool:

@@ -264,10 +264,11 @@ def set_to_a_standstill(mission: Mission) -> Changes:
 
 @dangerous
 def abort_without_a_landing(mission: Mission) -> Changes:
-    """`abort` asks for the turn again, not for the landing."""
-    for _, key, phase in _phases(mission):
+    """`landing` asks for the turn again, not for the landing."""
+    turns = any(state.key.value == "turn" for state in mission.states("circle"))
+    for _, key, phase in _phases(mission) if turns else ():
         run = _run(mission, phase)
-        if key.value == "abort" and run is not None:
+        if key.value == "landing" and run is not None:
             down = next(s.key for s in mission.states("land"))
             yield change(put(run[0], "turn"), also=(key, down))
 

@@ -46,8 +46,8 @@ def a_little_lower(mission: Mission) -> Changes:
 
 @valid
 def a_fifth_slower(mission: Mission) -> Changes:
-    """It flies a fifth slower than before."""
-    yield from _scaled(mission, "speed", 0.8, "circle", "fly_to", "follow_path", "steer")
+    """It flies a fifth slower than before; where hands lead it then, is another matter."""
+    yield from _scaled(mission, "speed", 0.8, "circle", "fly_to", "follow_path")
 
 
 @valid
@@ -219,11 +219,12 @@ def the_other_airframe(mission: Mission) -> Changes:
 
 @valid
 def the_other_fitting_tracker(mission: Mission) -> Changes:
-    """The tracker `velocity` or `geometric`, as they come."""
+    """The tracker `geometric`, as it comes, or `velocity` where it leaves enough of a margin."""
     for vehicle in mission.own():
         if mission.at("tracker", of=vehicle.node) is None:
             yield change(add(vehicle.node, "tracker: {use: geometric}"))
-            yield change(add(vehicle.node, "tracker: velocity"))
+            if mission.word("like", of=vehicle.node) in {"std.mk_quadro", "std.nano_plus"}:
+                yield change(add(vehicle.node, "tracker: velocity"))
 
 
 @valid
@@ -280,12 +281,12 @@ def sensible_supervisors(mission: Mission) -> Changes:
 
 @valid
 def a_severer_reaction(mission: Mission) -> Changes:
-    """It flies home when it leaves the fence; a tilted one cuts its rotors, as the docs advise."""
+    """It flies home when it leaves the fence, and lands when its estimate jumps."""
     for vehicle in mission.own():
         if mission.at("supervisors", of=vehicle.node) is None and not _library(
             mission, vehicle.node
         ):
-            entries = "{use: fence, reaction: go_home}, {use: tilt, limit: 70 deg, reaction: cut}"
+            entries = "{use: fence, reaction: go_home}, {use: jump, reaction: land}"
             yield change(add(vehicle.node, f"supervisors: [{entries}]"))
 
 
@@ -319,21 +320,22 @@ def an_obstacle_in_a_corner(mission: Mission) -> Changes:
 
 @valid
 def a_larger_room(mission: Mission) -> Changes:
-    """A fence half a metre wider and higher."""
+    """A fence half a metre wider and higher, in which nobody steers against it."""
     corner = mission.at("world", "fence", "to")
-    if corner is not None:
+    if corner is not None and "do: steer" not in mission.text:
         texts = ", ".join(f"{float(n.value) + 0.5:g}" for n in corner.value)
         yield change(put(corner, f"[{texts}]"))
 
 
 @valid
 def a_start_a_little_aside(mission: Mission) -> Changes:
-    """A start 5 cm aside, and turned to the north."""
+    """A start 5 cm aside, and turned to the north where nobody follows a heading."""
+    turned = "" if "leader: " in mission.text else ", heading: 90 deg"
     for vehicle in mission.own():
         start, at = (mission.at(*k, of=vehicle.node) for k in (("start",), ("start", "at")))
         if start is not None and at is not None and at.id == "sequence":
             x, y, z = mission.planned(vehicle.name).start
-            place = f"{{at: [{x + 0.05:g}, {y:g}, {z:g}], heading: 90 deg}}"
+            place = f"{{at: [{x + 0.05:g}, {y:g}, {z:g}]{turned}}}"
             yield change(put(start, place))
 
 

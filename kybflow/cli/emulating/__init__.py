@@ -1,0 +1,1 @@
+"""What the commands of `kybflow emulate` share, and those beside `autopilot`."""

@@ -1,0 +1,74 @@
+"""Parrot AR.Drone 2.0 over Wi-Fi: AT commands out, navigation data back.
+
+The drone takes off and lands by itself, keeps its height itself, and follows a tilt, a climb rate
+and a heading rate, each a fraction of a limit that is configured from the mission. Its navigation
+data comes at 15 Hz (`demo`) or 200 Hz (`full`). A thread sends the newest command at a fixed rate:
+a command older than 200 ms is replaced by hovering, and after 250 ms nothing is sent, so that the
+drone's own watchdog lands it should this program stop. Several drones have an address each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+from kybflow.core.geometry import Vec3
+from kybflow.core.signals import Battery, CommandKind, Imu, Odometry
+from kybflow.drivers.ardrone.params import ArdroneLinkParams, ArdroneParams
+from kybflow.parts import Claim, Driver, Objection, Seat, Session
+from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import Airframe, Parcel
+
+if TYPE_CHECKING:
+    import random
+
+TRACKER = {"use": "tilt_climb"}
+CLIMB_TIME = 1.0 / 1.4
+"""Seconds; with 1.4 1/s tum_ardrone predicts the climb (Engel, Sturm and Cremers, IROS 2012)."""
+DEAD_TIME = 0.005
+
+
+class Ardrone(Driver[ArdroneParams]):
+    """Sockets are opened when it is."""
+
+    accepts = frozenset({CommandKind.TILT_CLIMB})
+    provides = frozenset({Battery, Imu, Odometry})
+    lands: ClassVar[bool] = True
+    lands_blind: ClassVar[bool] = True
+    preflight_timeout = 30.0
+    targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {"ardrone": {}}
+
+    @classmethod
+    def tracker(cls, params: ArdroneLinkParams) -> Mapping[str, str]:
+        return TRACKER
+
+    @classmethod
+    def control_rate(cls, params: ArdroneLinkParams) -> int:
+        return 100
+
+    @classmethod
+    def inner_loop(cls, params: ArdroneLinkParams, airframe: Airframe) -> InnerLoop:
+        """The airframe's loop behind a radio link; a command waits for half a period on average."""
+        late = params.latency + 0.5 / params.rate
+        loop, lag = airframe.attitude_loop, airframe.rotor_time
+        return InnerLoop(loop, lag, 0.0, DEAD_TIME, late, climb_time=CLIMB_TIME)
+
+    @classmethod
+    def objection(
+        cls, params: ArdroneParams, start: Vec3, payload: Parcel | None
+    ) -> Objection | None:
+        from kybflow.drivers.ardrone.transport.udp import is_address
+
+        if not is_address(params.host):
+            return Objection("host", f"`{params.host}` is no IPv4 address")
+        return None
+
+    @classmethod
+    def claim(cls, params: ArdroneParams, vehicle: str, number: int) -> Claim:
+        return Claim("host", f"the drone at `{params.host}`")
+
+    @classmethod
+    def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
+        from kybflow.drivers.ardrone.session import open_session
+
+        return open_session(seats, generator)

@@ -1,0 +1,4 @@
+"""What is asked of a drone: moves, taking off and landing, and its configuration.
+
+Plain objects that take the drone's status and the time; they know no socket.
+"""

@@ -1,0 +1,155 @@
+"""Writing the configuration, one value at a time, and reading it back.
+
+For each value: the acknowledge bit is cleared by CTRL 5; CONFIG is sent until the bit is set; next.
+A value that belongs to us goes with CONFIG_IDS before it in its datagram. Without the first value,
+`general:navdata_demo`, a fresh drone stays in bootstrap and sends no options. At the end CTRL 4
+asks for the whole configuration, and each value is compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.ardrone.control.moves import Limits
+from kybflow.drivers.ardrone.params import ArdroneLinkParams
+from kybflow.drivers.ardrone.protocol.at import (
+    RESET_ACKNOWLEDGE,
+    SEND_CONFIGURATION,
+    Ids,
+    Line,
+    config,
+    config_ids,
+    ctrl,
+)
+from kybflow.drivers.ardrone.protocol.configuration import agrees, read_configuration
+from kybflow.drivers.ardrone.protocol.navdata.layouts import OptionTag
+
+RESENDS: Time = NS // 4
+"""How often a value is sent again until it is acknowledged."""
+READS: Time = NS
+"""How often the configuration is asked for until it comes."""
+OPTIONS = sum(
+    1 << tag
+    for tag in (
+        OptionTag.DEMO,
+        OptionTag.TIME,
+        OptionTag.RAW_MEASURES,
+        OptionTag.PHYS_MEASURES,
+        OptionTag.MAGNETO,
+        OptionTag.WIFI,
+    )
+)
+FIRST = "general:navdata_demo"
+VERSION = "general:num_version_soft"
+WATCHDOG = "general:com_watchdog"
+LONGEST_WATCHDOG = 2.0
+"""Seconds without a command after which the drone must land; as it comes."""
+
+H264_360P = "129"
+"""The codec of the video: H.264 at 640 x 360."""
+
+Values = tuple[tuple[str, str], ...]
+
+
+def values_of(params: ArdroneLinkParams, limits: Limits, ids: Ids) -> Values:
+    """What is written, in this order."""
+    p = params
+    return (
+        (FIRST, _truth(p.navdata == "demo")),
+        ("custom:session_id", ids.session),
+        ("custom:application_id", ids.application),
+        ("custom:profile_id", ids.user),
+        ("general:navdata_demo", _truth(p.navdata == "demo")),
+        ("general:navdata_options", str(OPTIONS)),
+        ("control:outdoor", _truth(p.outdoor)),
+        ("control:flight_without_shell", _truth(not p.hull)),
+        ("control:altitude_max", str(round(p.altitude_max * 1000.0))),
+        ("control:euler_angle_max", f"{limits.tilt:.6f}"),
+        ("control:control_vz_max", str(round(limits.climb * 1000.0))),
+        ("control:control_yaw", f"{limits.turn:.6f}"),
+        ("video:video_codec", H264_360P),
+        ("video:video_channel", "1" if p.video == "down" else "0"),
+        ("pic:ultrasound_freq", "7" if p.ultrasound == "22 Hz" else "8"),
+    )
+
+
+class Configuring:
+    """Writes and reads the configuration of one drone. `found`: what it was read to be, None
+    before. post: sends lines once. listen: opens the connection on which it comes."""
+
+    def __init__(
+        self,
+        values: Values,
+        ids: Ids,
+        post: Callable[..., None],
+        listen: Callable[[], None],
+    ) -> None:
+        self._values, self._ids, self._post, self._listen = values, ids, post, listen
+        self.found: Mapping[str, str] | None = None
+        self._at = 0
+        self._sent: Time | None = None
+        self._clears = True
+        self._asked: Time | None = None
+
+    def begin_anew(self) -> None:
+        """Write all of it again: the drone has started again."""
+        self._at, self._sent, self._clears, self._asked = 0, None, True, None
+        self.found = None
+
+    @property
+    def waits_for(self) -> str:
+        """What is not acknowledged or not read yet; empty when all is done."""
+        if self._at < len(self._values):
+            return f"`{self._values[self._at][0]}` is not acknowledged"
+        return "" if self.found is not None else "the drone has not sent its configuration"
+
+    @property
+    def mismatches(self) -> Sequence[str]:
+        """The values that the drone does not have as they were written."""
+        found = self.found or {}
+        return [
+            f"`{key}` is {found[key]}, not {value}"
+            for key, value in dict(self._values).items()
+            if key in found and not agrees(value, found[key])
+        ]
+
+    def update(self, acknowledges: bool, now: Time) -> None:
+        """Go on; called once a tick. acknowledges: whether the bit is set."""
+        if self._at < len(self._values):
+            self._write(acknowledges, now)
+        elif self.found is None and self._is_due(self._asked, READS, now):
+            self._listen()
+            self._asked = now
+            self._post(ctrl(SEND_CONFIGURATION))
+        elif self.found is not None and acknowledges and self._is_due(self._sent, RESENDS, now):
+            self._sent = now
+            self._post(ctrl(RESET_ACKNOWLEDGE))
+
+    def read(self, data: bytes) -> None:
+        """Take the configuration that the drone has sent."""
+        if self._at == len(self._values):
+            self.found = read_configuration(data)
+
+    def _write(self, acknowledges: bool, now: Time) -> None:
+        if self._clears and not acknowledges:
+            self._clears, self._sent = False, None
+        elif not self._clears and acknowledges and self._sent is not None:
+            self._at, self._clears, self._sent = self._at + 1, True, None
+        if self._at < len(self._values) and self._is_due(self._sent, RESENDS, now):
+            self._sent = now
+            self._post(*self._lines())
+
+    def _lines(self) -> tuple[Line, ...]:
+        if self._clears:
+            return (ctrl(RESET_ACKNOWLEDGE),)
+        line = config(*self._values[self._at])
+        return (line,) if self._at == 0 else (config_ids(self._ids), line)
+
+    @staticmethod
+    def _is_due(before: Time | None, period: Time, now: Time) -> bool:
+        return before is None or now - before >= period
+
+
+def _truth(value: bool) -> str:
+    return "TRUE" if value else "FALSE"

@@ -1,0 +1,148 @@
+"""One drone as the engine sees it.
+
+`control.flight` decides what is asked of it, `control.configuring` writes its configuration,
+`telemetry` reads what it says, and `transport` carries the bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS, Command, Measurement, Time
+from kybflow.drivers.ardrone.control.configuring import Configuring, values_of
+from kybflow.drivers.ardrone.control.flight import FlightControl
+from kybflow.drivers.ardrone.control.moves import limits_of
+from kybflow.drivers.ardrone.preflight import checks
+from kybflow.drivers.ardrone.protocol.at import Ids, comwdg, ftrim
+from kybflow.drivers.ardrone.protocol.configuration import identity
+from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
+from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
+from kybflow.drivers.ardrone.telemetry.measurements import Measurements
+from kybflow.drivers.ardrone.telemetry.status import DroneStatus
+from kybflow.drivers.ardrone.transport.wire import DroneWire
+from kybflow.parts import Check, Link, Seat, StatusText
+
+ASKS_AGAIN: Time = NS // 5
+"""How often navigation data is asked for while none comes."""
+SILENT: Time = NS
+"""A silence after which it is asked for anew."""
+NEVER_HEARD: Time = 10 * NS
+"""How long the drone may be silent after opening."""
+ANSWERS: Time = NS // 20
+"""How often the watchdog's bit is answered."""
+
+
+class ArdroneLink(Link):
+    """The link to one drone; the session calls `update` once a tick. session: the id of this run,
+    8 hexadecimal digits."""
+
+    def __init__(self, seat: Seat, wire: DroneWire, session: str) -> None:
+        context, params = seat.context, seat.params
+        self.wire = wire
+        self._airframe = context.airframe
+        self._limits = limits_of(params, context.airframe)
+        ids = Ids(session, identity(params.profile), identity(params.application))
+        self.status = DroneStatus()
+        self._measurements = Measurements(context)
+        self.configuring = Configuring(
+            values_of(params, self._limits, ids),
+            ids,
+            wire.stream.post,
+            wire.listen_for_configuration,
+        )
+        self.flight = FlightControl(self.status, wire.stream, self._limits, params.take_off_time)
+        self._opened: Time | None = None
+        self._asked: Time | None = None
+        self._answered: Time | None = None
+        self._is_flown = self._is_configured = False
+        self._trims = params.flat_trim
+        self.armed = None
+
+    def update(self, now: Time) -> None:
+        """Take in what has arrived, and see to the connection. Raises DriverError."""
+        self.wire.poll(now)
+        self._opened = now if self._opened is None else self._opened
+        arrived = self.wire.take(now)
+        for at, packet in arrived:
+            self._hear(packet, at)
+        self.is_heard = bool(arrived)
+        self._reconnect(now)
+        if not self._is_flown:
+            self.flight.wait(now)
+        self._configure(now)
+        self.flight.watch(now)
+        self.override = self.flight.override
+        self.armed = None if self.status.heard is None else self.status.flies
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        opened = now if self._opened is None else self._opened
+        if self.status.heard is None and now - opened > NEVER_HEARD:
+            why = self.wire.trouble or "no navigation data has arrived"
+            way_out = "join its network, or set the driver's `host`"
+            raise DriverError(f"the drone was not heard for 10 s: {why}; {way_out}")
+        return self._measurements.take()
+
+    def send(self, command: Command, now: Time) -> None:
+        self._is_flown = True
+        self.flight.send(command, now)
+
+    def arm(self, command: Command, now: Time) -> bool:
+        self._is_flown = True
+        return self.flight.arm(now)
+
+    def cut(self, now: Time) -> None:
+        self._is_flown = True
+        self.flight.cut(now)
+
+    def land(self, now: Time) -> bool:
+        self._is_flown = True
+        return self.flight.land(now)
+
+    def checks(self, now: Time) -> Sequence[Check]:
+        if self.status.is_in_emergency and self.status.stands:
+            self.flight.reset_emergency(now)
+        trouble = self.wire.trouble
+        return [*checks(self.status, self.configuring, self._limits, self._airframe, trouble, now)]
+
+    def status_texts(self) -> Sequence[StatusText]:
+        return self.status.texts()
+
+    def close(self) -> None:
+        self.wire.close()
+
+    def _hear(self, packet: Packet, at: Time) -> None:
+        self.status.hear(packet, at)
+        self._measurements.hear(packet, at)
+        is_warned = DroneState.COMMUNICATION_WATCHDOG in packet.state
+        if is_warned and (self._answered is None or at - self._answered >= ANSWERS):
+            self._answered = at
+            self.wire.gate.begin_anew()
+            if DroneState.BOOTSTRAP not in packet.state:
+                self.wire.stream.post(comwdg())
+
+    def _reconnect(self, now: Time) -> None:
+        """Ask for navigation data while none comes, and begin anew after a silence."""
+        heard = self.status.heard
+        if heard is not None and now - heard <= SILENT:
+            return
+        if self._asked is None or now - self._asked >= ASKS_AGAIN:
+            self._asked = now
+            self.wire.ask()
+            if heard is not None:
+                self.wire.stream.begin_anew()
+
+    def _configure(self, now: Time) -> None:
+        status, data = self.status, self.wire.configuration()
+        if data is not None:
+            self.configuring.read(data)
+        if status.heard is None:
+            return
+        in_bootstrap = DroneState.BOOTSTRAP in status.state
+        if in_bootstrap and self._is_configured:
+            self.configuring.begin_anew()
+        self._is_configured = not self.configuring.waits_for and not in_bootstrap
+        self.configuring.update(status.acknowledges, now)
+        if self._trims and self._is_configured and status.stands:
+            self._trims = False
+            self.wire.stream.post(ftrim())

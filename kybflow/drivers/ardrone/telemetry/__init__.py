@@ -1,0 +1,1 @@
+"""What a drone says: its status, and measurements in SI, ENU and FLU."""

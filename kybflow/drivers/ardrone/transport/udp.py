@@ -1,0 +1,207 @@
+"""One drone over the network: UDP for commands and navigation data, TCP for its configuration.
+
+A thread of its own sends what is due at a fixed rate, and in between waits for what arrives; it
+takes a bounded number of datagrams a period, so that a flood costs no more than that. Packets are
+admitted here and handed to the tick as immutable values. Each drone has its own ports here, given
+by the system, so that any number fits on one computer.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from ipaddress import AddressValueError, IPv4Address
+
+from kybflow.core.errors import DriverError, described
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.ardrone.protocol.configuration import END, MOST
+from kybflow.drivers.ardrone.transport.wire import ASKS, AT, CONTROL, NAVDATA, Arrived, DroneWire
+
+LONGEST = 8192
+MOST_A_PERIOD = 64
+"""Datagrams that are taken in one period: at 25 Hz and 200 Hz of data there are 8."""
+ROOM = 1 << 17
+"""Bytes that the system keeps for us between two periods."""
+MOST_HELD = 4096
+CONNECTS: Time = NS
+"""The pause between two attempts to connect."""
+
+
+def is_address(text: str) -> bool:
+    """Whether it is an IPv4 address."""
+    try:
+        IPv4Address(text)
+    except AddressValueError:
+        return False
+    return True
+
+
+class UdpWire(DroneWire):
+    """A thread of its own serves it from the start until `close`. rate: of the commands, Hz.
+    clock: the time by which commands age, ns."""
+
+    def __init__(
+        self, host: str, rate: float, clock: Callable[[], Time] = time.monotonic_ns
+    ) -> None:
+        """Raises DriverError."""
+        super().__init__(clock)
+        self._host, self._clock, self._period = host, clock, round(NS / rate)
+        self._arrived: deque[Arrived] = deque(maxlen=MOST_HELD)
+        self._file: bytes | None = None
+        self._trouble = ""
+        self._failure: str | None = None
+        self._over = False
+        self._commands, self._data = _socket(host), _socket(host)
+        self._control = _ControlChannel(host)
+        self._thread = threading.Thread(target=self._run, name=f"ardrone {host}", daemon=True)
+        self._thread.start()
+
+    def poll(self, now: Time) -> None:
+        """The thread does everything."""
+
+    def take(self, now: Time) -> Sequence[Arrived]:
+        if self._failure is not None:
+            raise DriverError(f"the connection to {self._host} has ended: {self._failure}")
+        offset, taken = now - self._clock(), []
+        while self._arrived:
+            at, packet = self._arrived.popleft()
+            taken.append((min(now, at + offset), packet))
+        return taken
+
+    def ask(self) -> None:
+        if not self.mute:
+            self._send(self._data, ASKS, NAVDATA)
+
+    def listen_for_configuration(self) -> None:
+        self._control.wanted = True
+
+    def configuration(self) -> bytes | None:
+        found, self._file = self._file, None
+        return found
+
+    @property
+    def trouble(self) -> str:
+        return self._trouble
+
+    def close(self) -> None:
+        self._over = True
+        self._thread.join(2.0)
+        self._control.close()
+        self._commands.close()
+        self._data.close()
+
+    def _run(self) -> None:
+        """The thread; the tick hears of what ends it."""
+        try:
+            self._serve()
+        except Exception as error:
+            self._failure = described(error)
+
+    def _serve(self) -> None:
+        """What is due, what arrives, until it is over."""
+        due = self._clock()
+        while not self._over:
+            now = self._clock()
+            if now >= due:
+                for data in self.stream.due():
+                    if not self.mute:
+                        self._send(self._commands, data, AT)
+                due = due + self._period if now - due < self._period else now + self._period
+            self._receive(due)
+            found = self._control.poll(now)
+            self._file = found or self._file
+
+    def _receive(self, due: Time) -> None:
+        """Take what arrives until `due`, and no more than a period's share."""
+        for _ in range(MOST_A_PERIOD):
+            waits = max(0, due - self._clock()) / NS
+            if not select.select((self._data,), (), (), waits)[0]:
+                return
+            try:
+                data, sender = self._data.recvfrom(LONGEST)
+            except OSError as error:
+                self._trouble = _words(error)
+                continue
+            if self.deaf:
+                continue
+            now = self._clock()
+            packet = self.gate.admit(data, sender == (self._host, NAVDATA), now)
+            if packet is not None:
+                self._trouble = ""
+                self._arrived.append((now, packet))
+        time.sleep(max(0, due - self._clock()) / NS)
+
+    def _send(self, through: socket.socket, data: bytes, port: int) -> None:
+        """Send a datagram, or lose it."""
+        try:
+            through.sendto(data, (self._host, port))
+        except OSError as error:
+            self._trouble = _words(error)
+
+
+class _ControlChannel:
+    """The TCP connection on which configurations come, opened again where it was lost. Used by the
+    wire's thread alone, but for `wanted`."""
+
+    def __init__(self, host: str) -> None:
+        self.wanted = False
+        self._host = host
+        self._socket: socket.socket | None = None
+        self._data = b""
+        self._next: Time = 0
+
+    def poll(self, now: Time) -> bytes | None:
+        """A configuration that is whole now; never waits."""
+        if not self.wanted:
+            return None
+        if self._socket is None:
+            if now >= self._next:
+                self._next = now + CONNECTS
+                self._socket, self._data = _socket(self._host, socket.SOCK_STREAM), b""
+                self._socket.connect_ex((self._host, CONTROL))
+            return None
+        try:
+            data = self._socket.recv(MOST)
+        except BlockingIOError:
+            return None
+        except OSError:
+            data = b""
+        if not data or len(self._data) > MOST:
+            self.close()
+            return None
+        whole, end, rest = (self._data + data).rpartition(END)
+        self._data = rest
+        return whole.rpartition(END)[2] if end else None
+
+    def close(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+def _socket(host: str, kind: socket.SocketKind = socket.SOCK_DGRAM) -> socket.socket:
+    try:
+        opened = socket.socket(socket.AF_INET, kind)
+        opened.setblocking(False)
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
+        if kind is socket.SOCK_DGRAM:
+            opened.bind((_own_address(host), 0))
+    except OSError as error:
+        raise DriverError(f"no socket for the drone at {host}: {_words(error)}") from None
+    return opened
+
+
+def _own_address(host: str) -> str:
+    """Our address in the network in which the drone is. Raises OSError."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.connect((host, AT))
+        return str(probe.getsockname()[0])
+
+
+def _words(error: OSError) -> str:
+    return os.strerror(error.errno).lower() if error.errno else str(error).lower()

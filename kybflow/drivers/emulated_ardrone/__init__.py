@@ -1,0 +1,102 @@
+"""AR.Drones, emulated on simulated quadrotors: for tests, rehearsals, and any client.
+
+The vehicles are those of `sim`, in one MuJoCo world; on each sits enough of a drone's computer: AT
+commands, navigation data, configuration, watchdogs, its own take-off, hovering and landing. The
+driver for real ones flies them, in memory and in lockstep with the engine's clock, or with
+`network` over the loopback addresses 127.0.0.2, 127.0.0.3 and so on, as real ones over Wi-Fi. It is
+no judge of a real drone; that foreign clients take it for one is tested.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+from kybflow.core.signals import Pose
+from kybflow.core.units import Duration, Ratio
+from kybflow.drivers.ardrone import CLIMB_TIME, Ardrone
+from kybflow.drivers.ardrone.params import ArdroneLinkParams
+from kybflow.drivers.sim import Sim, SimParams
+from kybflow.parts import Driver, Seat, Session, param, params
+from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import Airframe
+
+if TYPE_CHECKING:
+    import random
+
+    from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint
+    from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
+    from kybflow.drivers.emulation.fleet import Fleet
+
+
+@params
+class EmulatedArdroneParams(ArdroneLinkParams, SimParams):
+    wifi_latency: Duration = param(
+        "How late what is sent arrives, each way.",
+        default=0.015, at_least=0.0, at_most=0.5, read_only=True,
+    )  # fmt: skip
+    wifi_jitter: Duration = param(
+        "By how much it is later or earlier at most, uniformly.",
+        default=0.01,
+        at_least=0.0,
+        at_most=0.2,
+        read_only=True,
+    )
+    wifi_loss: Ratio = param(
+        "Datagrams that never arrive.", default=0.01, at_least=0.0, at_most=0.9, read_only=True
+    )
+    network: bool = param(
+        "Over sockets on loopback addresses, in real time, not in memory: needs `--speed 1`.",
+        default=False, read_only=True,
+    )  # fmt: skip
+
+
+class EmulatedArdrone(Driver[EmulatedArdroneParams]):
+    """MuJoCo is imported when it is opened."""
+
+    accepts = Ardrone.accepts
+    provides = Ardrone.provides | {Pose}
+    simulated: ClassVar[bool] = True
+    lands: ClassVar[bool] = True
+    lands_blind: ClassVar[bool] = True
+    brings = ("simulated_camera",)
+    preflight_timeout = Ardrone.preflight_timeout
+    targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {"emulated_ardrone": {}}
+
+    @classmethod
+    def tracker(cls, params: EmulatedArdroneParams) -> Mapping[str, str]:
+        return Ardrone.tracker(params)
+
+    @classmethod
+    def control_rate(cls, params: EmulatedArdroneParams) -> int:
+        return Ardrone.control_rate(params)
+
+    @classmethod
+    def world(cls, params: EmulatedArdroneParams) -> str:
+        return f"{Sim.world(params)}, as emulated AR.Drones"
+
+    @classmethod
+    def inner_loop(cls, params: EmulatedArdroneParams, airframe: Airframe) -> InnerLoop:
+        """The simulator's loop behind the radio link."""
+        own, radio = Sim.inner_loop(params, airframe), Ardrone.inner_loop(params, airframe)
+        late = own.command_latency + radio.command_latency
+        return own._replace(command_latency=late, climb_time=CLIMB_TIME)
+
+    @classmethod
+    def step_rate(cls, params: EmulatedArdroneParams) -> float | None:
+        return params.physics
+
+    @classmethod
+    def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
+        from kybflow.drivers.emulated_ardrone.session import EmulatedDroneSession
+
+        return EmulatedDroneSession(seats, generator)
+
+    @classmethod
+    def fleet(
+        cls, seats: Sequence[Seat], radio: Radio, generator: random.Random
+    ) -> Fleet[DroneEndpoint]:
+        """The drones, for any client; the caller gives them their ports. Raises DriverError."""
+        from kybflow.drivers.emulated_ardrone.session import open_fleet
+
+        return open_fleet(seats, [radio] * len(seats), generator)

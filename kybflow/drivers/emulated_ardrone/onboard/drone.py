@@ -1,0 +1,276 @@
+"""An emulated drone: hears AT commands, minds its watchdogs, flies, and says what it is doing.
+
+Who sent the first command has the drone until it is silent for `com_watchdog`; what others send
+is counted and not obeyed, as of a drone that is paired. A command whose number is not above the
+last is dropped, unless it begins anew. Without a command for 50 ms the watchdog's bit is set and
+the drone hovers until commands come; the bit stays until COMWDG. Without one for `com_watchdog`
+the communication is lost: it lands, and everybody must begin anew.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable
+from dataclasses import dataclass
+from math import degrees, isfinite
+
+from kybflow.core.geometry import to_euler
+from kybflow.core.signals import NS, Battery, Imu, Measurement, Time
+from kybflow.drivers.ardrone.protocol import at
+from kybflow.drivers.ardrone.protocol.at import AtCommand, Ids, Move
+from kybflow.drivers.ardrone.protocol.navdata.options import Demo
+from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, Phase
+from kybflow.drivers.emulated_ardrone.onboard.configuration import EmulatedConfiguration
+from kybflow.drivers.emulated_ardrone.onboard.estimator import DroneEstimator
+from kybflow.drivers.emulated_ardrone.onboard.flight import (
+    LEVEL_ENOUGH,
+    REST,
+    DroneFlight,
+    tilt_of_drone,
+)
+from kybflow.drivers.emulation.body import BatteryMonitor, SimulatedBody
+from kybflow.drivers.emulation.breaking import Failures
+from kybflow.world.vehicle_context import VehicleContext
+
+WATCHDOG: Time = NS // 20
+BEGINS = frozenset({0, 1})
+"""The numbers with which a client begins to count."""
+LOW, EMPTY = 0.2, 0.05
+"""The charges at which it won't take off, and at which it lands."""
+HEALTHY = (
+    DroneState.VIDEO_THREAD | DroneState.NAVDATA_THREAD | DroneState.AT_THREAD
+    | DroneState.ACQUISITION_THREAD | DroneState.PIC_VERSION_OK | DroneState.ALTITUDE_CONTROL
+)  # fmt: skip
+
+
+@dataclass
+class DroneFailures(Failures):
+    """What can fail of a drone beside. cutout: a rotor is stopped by force: an emergency."""
+
+    cutout: bool = False
+
+
+class OnboardDrone:
+    """The computer of one drone. `accepted`: commands that have no effect here, by name. `ignored`:
+    what was not obeyed, by reason. `is_lost`: nobody has it; `times_lost`: how often somebody had
+    it and was silent for too long. `on_configuration`: called when the configuration is asked for.
+    """
+
+    def __init__(
+        self, context: VehicleContext, body: SimulatedBody, generator: random.Random
+    ) -> None:
+        self.failures = DroneFailures()
+        self.configuration = EmulatedConfiguration()
+        self.battery = BatteryMonitor(self.failures)
+        self.estimator = DroneEstimator(body.look, generator)
+        self.flight = DroneFlight(context.airframe, self.estimator, body)
+        self.accepted: Counter[str] = Counter()
+        self.ignored: Counter[str] = Counter()
+        self.on_configuration: Callable[[], None] = lambda: None
+        self.is_lost, self.times_lost = True, 0
+        self._body = body
+        self._owner: Hashable = None
+        self._sequence = -1
+        self._heard: Time | None = None
+        self._warned = self._acknowledges = False
+        self._in_bootstrap = True
+        self._emergency = self._toggle = False
+        self._causes = DroneState(0)
+        self._ids: Ids | None = None
+        self._now: Time = 0
+        self._stepped: Time = 0
+        self._obey: dict[str, Callable[[AtCommand], None]] = {
+            "REF": self._ref, "PCMD": self._pcmd, "PCMD_MAG": self._pcmd, "CONFIG": self._config,
+            "CONFIG_IDS": self._config_ids, "CTRL": self._ctrl, "COMWDG": self._comwdg,
+            "FTRIM": self._accept, "CALIB": self._accept, "ANIM": self._accept,
+            "LED": self._accept, "PMODE": self._accept, "MISC": self._accept,
+        }  # fmt: skip
+
+    def feel(self, measured: Measurement, now: Time) -> None:
+        """Take what the simulated sensors measured."""
+        if isinstance(measured, Imu):
+            self.estimator.feel(measured)
+        elif isinstance(measured, Battery):
+            self.battery.measure(measured)
+
+    def hear(self, datagram: bytes, sender: Hashable, now: Time) -> None:
+        """Obey the commands of a datagram."""
+        self._now = now
+        commands = at.read_commands(datagram)
+        if not commands:
+            self.ignored["no command"] += 1
+            return
+        if self._owner is None:
+            self._owner = sender
+        if sender != self._owner:
+            self.ignored["from elsewhere"] += len(commands)
+            return
+        for command in commands:
+            self._take(command, now)
+
+    def step(self, now: Time) -> None:
+        """Estimate, mind the watchdogs, fly."""
+        self._now = now
+        dt, self._stepped = (now - self._stepped) / NS, now
+        self.estimator.see(now)
+        self._mind(now)
+        self._guard(now)
+        if self.flight.flies:
+            self._limit()
+            self._body.drive(self.flight.step(now, dt), now)
+        else:
+            self._body.drive(REST, now)
+
+    def state(self) -> DroneState:
+        """Its state mask."""
+        bits = {
+            DroneState.FLYING: self.flight.flies,
+            DroneState.ANGULAR_SPEED_CONTROL: self.flight.flies,
+            DroneState.COMMAND_ACKNOWLEDGED: self._acknowledges,
+            DroneState.DEMO: self.configuration.truth("general:navdata_demo"),
+            DroneState.BOOTSTRAP: self._in_bootstrap,
+            DroneState.COMMUNICATION_LOST: self.is_lost and not self._in_bootstrap,
+            DroneState.BATTERY_LOW: self.battery.remaining < LOW,
+            DroneState.COMMUNICATION_WATCHDOG: self._warned,
+            DroneState.EMERGENCY: self._emergency,
+        }
+        state = HEALTHY | self._causes
+        for bit, is_set in bits.items():
+            state |= bit if is_set else DroneState(0)
+        return state
+
+    def demo(self) -> Demo:
+        """What the demo option says."""
+        attitude, velocity = self.estimator.attitude, self.estimator.velocity
+        roll, pitch, heading = to_euler(attitude.value)
+        forward, left, _ = (1000.0 * v for v in velocity)
+        return Demo(
+            self.flight.phase, round(100.0 * self.battery.remaining),
+            -1000.0 * degrees(pitch), 1000.0 * degrees(roll), -1000.0 * degrees(heading),
+            max(0, round(1000.0 * self.estimator.height)),
+            (forward, -left, -1000.0 * self.estimator.climb),
+        )  # fmt: skip
+
+    @property
+    def is_in_bootstrap(self) -> bool:
+        return self._in_bootstrap
+
+    def _take(self, command: AtCommand, now: Time) -> None:
+        obey = self._obey.get(command.name)
+        if command.sequence <= self._sequence and command.sequence not in BEGINS:
+            self.ignored["not newer"] += 1
+        elif obey is None:
+            self.ignored["unknown"] += 1
+        else:
+            self._sequence, self._heard, self.is_lost = command.sequence, now, False
+            try:
+                obey(command)
+            except (ValueError, TypeError, IndexError):
+                self.ignored["wrong arguments"] += 1
+
+    def _ref(self, command: AtCommand) -> None:
+        (bits,) = _integers(command.arguments, 1)
+        is_set = bool(bits & at.EMERGENCY)
+        if is_set and not self._toggle:
+            self._switch_emergency()
+        self._toggle = is_set
+        if not bits & at.FLY:
+            self.flight.land(self._now)
+        elif not self._emergency and self.flight.phase is Phase.LANDED and self._may_fly():
+            self.flight.take_off(self._now)
+
+    def _may_fly(self) -> bool:
+        return self.battery.remaining >= LOW and not self._in_bootstrap
+
+    def _pcmd(self, command: AtCommand) -> None:
+        flag, *bits = _integers(command.arguments, 7 if command.name == "PCMD_MAG" else 5)
+        values = [at.float_of(value) for value in bits[:4]]
+        if not all(map(isfinite, values)):
+            raise ValueError("not a number")
+        right, backward, up, clockwise = (max(-1.0, min(1.0, value)) for value in values)
+        if self.flight.phase in (Phase.HOVERING, Phase.FLYING):
+            self.flight.moves = (
+                Move(right, backward, up, clockwise) if flag & at.PROGRESSIVE else None
+            )
+
+    def _config(self, command: AtCommand) -> None:
+        key, value = _words(command.arguments, 2)
+        ids, self._ids = self._ids, None
+        self._acknowledges = self.configuration.write(key, value, ids) or self._acknowledges
+        if key.lower() == "general:navdata_demo":
+            self._in_bootstrap = False
+
+    def _config_ids(self, command: AtCommand) -> None:
+        self._ids = Ids(*_words(command.arguments, 3))
+
+    def _ctrl(self, command: AtCommand) -> None:
+        mode = _integers(command.arguments, 0)[0]
+        if mode in (0, at.RESET_ACKNOWLEDGE):
+            self._acknowledges = False
+        elif mode == at.SEND_CONFIGURATION:
+            self._acknowledges = True
+            self.on_configuration()
+
+    def _comwdg(self, command: AtCommand) -> None:
+        self._warned = False
+
+    def _accept(self, command: AtCommand) -> None:
+        self.accepted[command.name] += 1
+
+    def _switch_emergency(self) -> None:
+        if not self._emergency:
+            self._stop(DroneState.USER_EMERGENCY)
+        elif tilt_of_drone(self.estimator) < LEVEL_ENOUGH and not self.failures.cutout:
+            self._emergency, self._causes = False, DroneState(0)
+
+    def _stop(self, cause: DroneState) -> None:
+        self._emergency, self._causes = True, self._causes | cause
+        self.flight.stop(self._now)
+
+    def _mind(self, now: Time) -> None:
+        """The watchdogs of the communication."""
+        silence = now if self._heard is None else now - self._heard
+        if self._owner is None:
+            return
+        if silence > WATCHDOG:
+            self._warned = True
+            self.flight.moves = None
+        if silence > self.configuration.number("general:com_watchdog") * NS and not self.is_lost:
+            self.is_lost, self._owner, self._sequence = True, None, -1
+            self.times_lost += 1
+            self.flight.land(now)
+
+    def _guard(self, now: Time) -> None:
+        """Emergencies of its own, and the battery."""
+        if self.failures.cutout and not self._emergency:
+            self._stop(DroneState.CUT_OUT)
+        if self.flight.flies and tilt_of_drone(self.estimator) > LEVEL_ENOUGH:
+            self._stop(DroneState.ANGLES_OUT_OF_RANGE)
+        if self.battery.remaining < EMPTY:
+            self.flight.land(now)
+
+    def _limit(self) -> None:
+        """Take the configured limits."""
+        flight, values = self.flight, self.configuration
+        flight.tilt_most = values.number("control:euler_angle_max")
+        flight.climb_most = values.number("control:control_vz_max") / 1000.0
+        flight.turn_most = values.number("control:control_yaw")
+        flight.highest = values.number("control:altitude_max") / 1000.0
+
+
+def _integers(arguments: Iterable[int | str], count: int) -> list[int]:
+    """All of them, which must be integers; `count` of them, or any number where that is 0. Raises
+    ValueError."""
+    found = [value for value in arguments if isinstance(value, int)]
+    if len(found) != len(tuple(arguments)) or (count and len(found) != count):
+        raise ValueError("other arguments are expected")
+    return found
+
+
+def _words(arguments: Iterable[int | str], count: int) -> list[str]:
+    """All of them, which must be `count` words. Raises ValueError."""
+    found = [value for value in arguments if isinstance(value, str)]
+    if len(found) != count:
+        raise ValueError("other arguments are expected")
+    return found

@@ -1,0 +1,83 @@
+"""How an emulated drone estimates its motion: attitude, height, and speed over the ground.
+
+Attitude from its IMU and magnetometer (`kybflow.drivers.emulation.estimation`). The height from its
+ultrasound, the speed from the optical flow of its camera below; both correct what the accelerometer
+sums up, at the rates below. Metres, ENU.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+
+from kybflow.core.geometry import (
+    GRAVITY,
+    ZERO,
+    Vec3,
+    add,
+    from_heading,
+    heading_of,
+    rotate,
+    rotate_back,
+    scale,
+)
+from kybflow.core.signals import NS, Imu, Time, Truth
+from kybflow.drivers.emulation.body import CompassAndBarometer
+from kybflow.drivers.emulation.estimation import AttitudeFilter
+
+FLOW, FLOW_NOISE = NS // 60, 0.03
+"""The period of the optical flow, and the standard deviation of its speed, m/s."""
+ECHO, ECHO_NOISE = NS // 25, 0.01
+"""The same of the ultrasound and its height, m."""
+FOLLOWS_FLOW, FOLLOWS_ECHO, CLIMB_BY_ECHO = 3.0, 6.0, 9.0
+"""How fast the speed follows the flow, 1/s, the height the echo, 1/s, and the climb, 1/s^2."""
+
+
+class DroneEstimator:
+    """The motion of one drone. `height`, `climb`: above where it started. `velocity`: horizontal,
+    by its own heading: forward and to the left. `felt`: the newest sample of its IMU."""
+
+    def __init__(self, look: Callable[[], Truth], generator: random.Random) -> None:
+        self._look, self._generator = look, generator
+        self.attitude = AttitudeFilter(heading_of(look().attitude))
+        self._compass = CompassAndBarometer(look, generator)
+        self._zero = look().position[2]
+        self._flow: Time = 0
+        self._echo: Time = 0
+        self.height = self.climb = 0.0
+        self.velocity: Vec3 = ZERO
+        self.felt: Imu | None = None
+
+    def feel(self, imu: Imu) -> None:
+        """Propagate with a sample of the IMU."""
+        self.felt = imu
+        self.attitude.feel(imu, None)
+        level = from_heading(self.attitude.heading)
+        force = rotate(self.attitude.value, imu.specific_force)
+        x, y, _ = rotate_back(level, force)
+        spin = self.attitude.rate[2] * imu.dt
+        vx, vy, _ = self.velocity
+        self.velocity = (vx + x * imu.dt + spin * vy, vy + y * imu.dt - spin * vx, 0.0)
+        pull = force[2] - GRAVITY
+        self.height += imu.dt * (self.climb + 0.5 * imu.dt * pull)
+        self.climb += imu.dt * pull
+
+    def see(self, now: Time) -> None:
+        """Correct by the sensors that have something new."""
+        if self._compass.read(now):
+            self.attitude.see(self._compass.heading)
+        truth, noise = self._look(), self._generator.gauss
+        if now >= self._flow:
+            self._flow, share = now + FLOW, FOLLOWS_FLOW * FLOW / NS
+            x, y, _ = rotate_back(from_heading(heading_of(truth.attitude)), truth.velocity)
+            seen = (x + noise(0.0, FLOW_NOISE), y + noise(0.0, FLOW_NOISE), 0.0)
+            self.velocity = add(scale(self.velocity, 1.0 - share), scale(seen, share))
+        if now >= self._echo:
+            self._echo, dt = now + ECHO, ECHO / NS
+            off = truth.position[2] - self._zero + noise(0.0, ECHO_NOISE) - self.height
+            self.height += FOLLOWS_ECHO * dt * off
+            self.climb += CLIMB_BY_ECHO * dt * off
+
+    def rest(self) -> None:
+        """It stands."""
+        self.velocity, self.height, self.climb = ZERO, 0.0, 0.0

@@ -1,0 +1,55 @@
+"""The radio link of an emulated drone: what is sent arrives late, not evenly, and not always.
+
+Nothing overtakes. Seconds.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from collections.abc import Iterable
+from typing import Generic, NamedTuple, TypeVar
+
+from kybflow.core.signals import NS, Time
+
+T = TypeVar("T")
+
+
+class Radio(NamedTuple):
+    """latency: of a datagram, s. jitter: by how much it is longer or shorter at most, s, uniformly.
+    loss: the share that never arrives."""
+
+    latency: float = 0.0
+    jitter: float = 0.0
+    loss: float = 0.0
+
+
+class DelayLine(Generic[T]):
+    """One direction of a link. `more`: nanoseconds by which it is later, which a fault sets."""
+
+    more: Time = 0
+
+    def __init__(self, radio: Radio, generator: random.Random) -> None:
+        self._radio, self._generator = radio, generator
+        self._on_the_way: deque[tuple[Time, T]] = deque()
+        self._last: Time = 0
+
+    def send(self, message: T, now: Time) -> None:
+        """Send one message, which may be lost."""
+        latency, jitter, loss = self._radio
+        if loss > 0.0 and self._generator.random() < loss:
+            return
+        late = latency + jitter * (2.0 * self._generator.random() - 1.0)
+        self._last = max(self._last, now + self.more + round(max(0.0, late) * NS))
+        self._on_the_way.append((self._last, message))
+
+    def send_all(self, messages: Iterable[T], now: Time) -> None:
+        for message in messages:
+            self.send(message, now)
+
+    def arrived(self, now: Time) -> list[T]:
+        """What arrives by now."""
+        found = []
+        while self._on_the_way and self._on_the_way[0][0] <= now:
+            found.append(self._on_the_way.popleft()[1])
+        return found

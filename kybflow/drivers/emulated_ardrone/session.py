@@ -1,0 +1,130 @@
+"""Emulated drones in lockstep: the world goes on, then they do, then the links read them."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from operator import attrgetter
+
+from kybflow.core.signals import NS, Measurement, Time, Truth
+from kybflow.drivers.ardrone.link import ArdroneLink
+from kybflow.drivers.ardrone.transport.udp import UdpWire
+from kybflow.drivers.ardrone.transport.wire import DroneWire
+from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint
+from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
+from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
+from kybflow.drivers.emulated_ardrone.ports.memory import DroneMemoryWire, MemoryPorts
+from kybflow.drivers.emulated_ardrone.ports.ports import Ports
+from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
+from kybflow.drivers.emulation.body import SimulatedBody
+from kybflow.drivers.emulation.fleet import EmulatedVehicle, Fleet
+from kybflow.parts import Link, Seat, Session
+from kybflow.parts.link import Touch
+
+PERIOD: Time = NS // 250
+"""How often the drones step at most: navigation data comes 200 times a second."""
+
+
+def open_fleet(
+    seats: Sequence[Seat], radios: Sequence[Radio], generator: random.Random
+) -> Fleet[DroneEndpoint]:
+    """The drones, without ports yet. Raises DriverError."""
+
+    def build(
+        number: int, body: SimulatedBody, chance: random.Random
+    ) -> tuple[DroneEndpoint, bool]:
+        drone = OnboardDrone(seats[number].context, body, chance)
+        return DroneEndpoint(drone, radios[number], chance), False
+
+    return Fleet(seats, generator, build, PERIOD)
+
+
+class EmulatedDroneLink(ArdroneLink):
+    """A link as to a real drone, with the poses of simulated motion capture beside it. `drone`:
+    what is at the other end."""
+
+    def __init__(
+        self, seat: Seat, wire: DroneWire, session: str, emulated: EmulatedVehicle[DroneEndpoint]
+    ) -> None:
+        super().__init__(seat, wire, session)
+        self._emulated = emulated
+        self.rig, self.is_calm = emulated.vehicle.rig, emulated.vehicle.is_calm
+
+    @property
+    def drone(self) -> OnboardDrone:
+        return self._emulated.onboard.drone
+
+    def update(self, now: Time) -> None:
+        rig = self._emulated.vehicle.rig
+        self.wire.deaf, self.wire.mute = rig.deaf, rig.mute
+        self._emulated.onboard.put_off(round(rig.late * NS))
+        super().update(now)
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        told, poses = super().read(now), self._emulated.poses()
+        return sorted([*told, *poses], key=attrgetter("time")) if poses else told
+
+    def truth(self) -> Truth | None:
+        return self._emulated.vehicle.truth()
+
+    def view(self) -> Truth | None:
+        return self._emulated.vehicle.view()
+
+    def report_touches(self, tell: Callable[[Touch], None]) -> None:
+        self._emulated.vehicle.report_touches(tell)
+
+
+class EmulatedDroneSession(Session):
+    """The session of a run. Raises DriverError as the simulator does."""
+
+    def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
+        radios = [
+            Radio(s.params.wifi_latency, s.params.wifi_jitter, s.params.wifi_loss) for s in seats
+        ]
+        self._fleet = open_fleet(seats, radios, generator)
+        self._links: list[EmulatedDroneLink] = []
+        self._now: Time = -PERIOD
+        self._ports: list[Ports] = []
+        try:
+            for number, (seat, emulated) in enumerate(zip(seats, self._fleet.members, strict=True)):
+                ports, wire = _connected(seat, number)
+                self._ports.append(ports)
+                emulated.onboard.connect(ports)
+                session = f"{generator.getrandbits(32):08x}"
+                self._links.append(EmulatedDroneLink(seat, wire, session, emulated))
+        except BaseException:
+            self.close()
+            raise
+        self.links: dict[str, Link] = {
+            seat.context.vehicle: link for seat, link in zip(seats, self._links, strict=True)
+        }
+
+    def advance(self, now: Time) -> None:
+        """However long a tick is, the drones step and the wires send at their own rates."""
+        while self._now < now:
+            self._now = min(now, self._now + PERIOD)
+            self._fleet.advance(self._now)
+            for link in self._links:
+                link.wire.poll(self._now)
+        for link in self._links:
+            link.update(now)
+
+    def close(self) -> None:
+        for link in self._links:
+            link.close()
+        for ports in self._ports:
+            ports.close()
+        self._fleet.close()
+
+
+def _connected(seat: Seat, number: int) -> tuple[Ports, DroneWire]:
+    """The drone's ports and the driver's wire to them. Raises DriverError."""
+    if not seat.params.network:
+        memory = MemoryPorts()
+        return memory, DroneMemoryWire(memory, seat.params.rate)
+    ports = SocketPorts(host_of(number))
+    try:
+        return ports, UdpWire(ports.host, seat.params.rate)
+    except BaseException:
+        ports.close()
+        raise

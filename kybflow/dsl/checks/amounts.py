@@ -1,0 +1,192 @@
+"""Parameters whose size makes no sense, such as angles of many turns and distances larger than the
+room: KYB426 to KYB429 and KYB444."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from math import pi, tan
+from typing import Any, NamedTuple
+
+from kybflow.core.geometry import GRAVITY
+from kybflow.core.params import Field, fields_in_rooms, fields_of
+from kybflow.core.units import (
+    ACCELERATION,
+    ANGLE,
+    DURATION,
+    LENGTH,
+    SPEED,
+)
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.limits import LIMITS
+from kybflow.dsl.checks.space import footprints
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.document import PartUse, VehicleEntry
+from kybflow.dsl.expressions.describe import quantity
+from kybflow.parts import AIR, GROUND
+from kybflow.world.shapes import Box
+from kybflow.world.vehicle_context import Airframe
+
+_ROUNDING = 1e-6
+_TURN = 2.0 * pi
+_CRAWL = 0.02
+"""Speed below which nothing is flown, m/s: a metre in nearly a minute."""
+_CLIMBS = 0.1
+"""The least climb of a take-off, m: a vehicle this high may still stand."""
+
+
+def several_turns(case: Case) -> Iterator[Diagnostic]:
+    """KYB426: an angle of more than one turn, such as `90 rad` for `90 deg` (a warning)."""
+    for span, name, value in _angles(case):
+        if abs(value) > _TURN + _ROUNDING:
+            yield Diagnostic(
+                "KYB426",
+                f"`{name}` is more than a turn",
+                span,
+                label=f"{abs(value) / _TURN:.3g} turns",
+                help=f"did you mean `{value:g} deg`?",
+                severity=Severity.WARNING,
+            )
+
+
+def _angles(case: Case) -> Iterator[tuple[Span, str, float]]:
+    """Every angle that is written, rad: where, its name, and its value."""
+    for vehicle in case.vehicles():
+        yield vehicle.spans.get("heading", vehicle.start_span), "heading", vehicle.heading
+    for number in case.cached(_written):
+        if number.field.dimension is ANGLE:
+            yield number.part.spans[number.field.name], number.field.name, number.value
+
+
+class _Number(NamedTuple):
+    """A number that is written for a behavior."""
+
+    vehicle: VehicleEntry
+    part: PartUse
+    field: Field
+
+    @property
+    def value(self) -> float:
+        value: float | None = getattr(self.part.params, self.field.name)
+        return 0.0 if value is None else value
+
+
+def _written(case: Case) -> Iterator[_Number]:
+    """Every angle and every acceleration that is written for a behavior."""
+    for vehicle, state in case.states():
+        part = state.part
+        judged = _judged(part.params.__class__)
+        for name in part.spans:
+            if name in judged:
+                yield _Number(vehicle, part, judged[name])
+
+
+@functools.cache
+def _judged(params: Any) -> dict[str, Field]:
+    kinds = (ANGLE, ACCELERATION)
+    return {f.name: f for f in fields_of(params) if f.dimension in kinds and f.shape == "scalar"}
+
+
+def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
+    """KYB427: a length that the fence leaves without a meaning: a tolerance of more than half of
+    the fence's longest side, within which it is everywhere, or a height above its top (a
+    warning)."""
+    fence = case.document.fence
+    for _, state in case.states() if fence is not None else ():
+        part = state.part
+        for field in fields_in_rooms(part.params.__class__):
+            if fence is None or field.name not in part.spans:
+                continue
+            value = getattr(part.params, field.name)
+            if value is None or value <= _room(fence, field):
+                continue
+            extent = quantity(max(_sides(fence, field)), LENGTH)
+            usual = quantity(_usual(field), LENGTH)
+            yield Diagnostic(
+                "KYB427",
+                f"`{field.name}` of `{state.name.text}` says nothing in this room",
+                part.spans[field.name],
+                label=quantity(value, LENGTH),
+                notes=(f"the fence is {extent} {'high' if field.room == 'up' else 'wide'}",),
+                help=f"write less, such as `{field.name}: {usual}`",
+                severity=Severity.WARNING,
+            )
+
+
+def _room(fence: Box, field: Field) -> float:
+    most = max(_sides(fence, field))
+    return most if field.room == "up" else 0.5 * most
+
+
+def _sides(fence: Box, field: Field) -> tuple[float, ...]:
+    return fence.size[2:] if field.room == "up" else fence.size
+
+
+def _usual(field: Field) -> float:
+    return 1.0 if field.default is None else field.default
+
+
+def beyond_any_tilt(case: Case) -> Iterator[Diagnostic]:
+    """KYB428: a behavior's `acceleration` is more than the airframe has in any direction, by its
+    tilt or by its thrust (a warning)."""
+    for number in case.cached(_written):
+        vehicle, part, field = number
+        most = _most_acceleration(vehicle.airframe)
+        if field.dimension is ACCELERATION and number.value > most + _ROUNDING:
+            usual = quantity(_usual(field), ACCELERATION)
+            yield Diagnostic(
+                "KYB428",
+                f"`{vehicle.name.text}` can't accelerate like that",
+                part.spans[field.name],
+                label=quantity(number.value, ACCELERATION),
+                notes=(f"its tilt and its rotors give {quantity(most, ACCELERATION)} at most",),
+                help=f"write less, such as `{field.name}: {usual}`",
+                severity=Severity.WARNING,
+            )
+
+
+def _most_acceleration(airframe: Airframe) -> float:
+    return max(GRAVITY * tan(airframe.tilt), airframe.max_thrust / airframe.mass - GRAVITY)
+
+
+def crawls(case: Case) -> Iterator[Diagnostic]:
+    """KYB429: a `speed` or `climb` below 2 cm/s, at which nothing gets anywhere (a warning)."""
+    uses = [state.part for _, state in case.states()]
+    uses += [part for vehicle in case.vehicles() for part in vehicle.processors]
+    for part in uses:
+        for name in LIMITS & part.spans.keys():
+            field = next(f for f in part.spec.fields if f.name == name)
+            value = getattr(part.params, name)
+            if field.dimension is not SPEED or not value or abs(value) >= _CRAWL:
+                continue
+            faster = quantity(field.default or 0.5, SPEED)
+            yield Diagnostic(
+                "KYB429",
+                f"`{name}` of `{part.label}` gets nowhere",
+                part.spans[name],
+                label=f"a metre takes {quantity(round(1.0 / abs(value), 1), DURATION)}",
+                help=f"write more, such as `{name}: {faster}`",
+                severity=Severity.WARNING,
+            )
+
+
+def hardly_climbs(case: Case) -> Iterator[Diagnostic]:
+    """KYB444: a take-off climbs less than 10 cm, where a vehicle may still stand (a warning)."""
+    for _, state, entry, footprint in case.cached(footprints):
+        legs = state.part.spec.cls.flight
+        if (GROUND, AIR) not in legs or entry is None or footprint.exit is None:
+            continue
+        climb = footprint.exit[2] - entry[2]
+        if climb < _CLIMBS - _ROUNDING:
+            part = state.part
+            lengths = [f.name for f in part.spec.fields if f.dimension is LENGTH and f.required]
+            written = (part.spans[name] for name in lengths if name in part.spans)
+            yield Diagnostic(
+                "KYB444",
+                f"`{state.name.text}` hardly leaves the ground",
+                next(written, part.name.span),
+                label=f"climbs {quantity(climb, LENGTH)}",
+                help="climb higher; a metre keeps it clear of the ground",
+                severity=Severity.WARNING,
+            )

@@ -1,0 +1,120 @@
+"""What callbacks ask at a moment at which it can't be done, or ends what it should serve: KYB450 to
+KYB452."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.events import LANDED, KnownEvents, known_events
+from kybflow.dsl.checks.reachability import PHRASES
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.document import ActionEntry, CallbackEntry, VehicleEntry
+from kybflow.dsl.names.option_names import members
+from kybflow.parts import AIR, GROUND, MOVING, Flight
+
+_STARTED, _ENDED, _TOOK_OFF = "behavior_started", "behavior_ended", "took_off"
+_AFTER = {LANDED: (GROUND, MOVING), _TOOK_OFF: (AIR, MOVING)}
+"""How a vehicle may be found when an event is heard: its next behavior has begun."""
+_BEFORE_ALL = frozenset({"run_started", "preflight_passed", _TOOK_OFF})
+"""Events before anything of a mission is flown."""
+
+
+def always_refused(case: Case) -> Iterator[Diagnostic]:
+    """KYB450: a callback asks for a state that its vehicle can't enter when the event is heard, so
+    that the request is always refused.
+
+    Known is where a vehicle is when one of its behaviors has begun, and when it has taken off or
+    landed: a take-off or a landing that is broken off leaves it moving, which only a landing and
+    `brake` accept.
+    """
+    for callback, action, vehicle in case.cached(_switched):
+        flights = _found(case, callback, vehicle)
+        goal = vehicle.goal(action.value.text)
+        legs = case.legs(vehicle, goal)
+        if flights and legs and not any(case.accepts(vehicle, goal, f) for f in flights):
+            starts = " or ".join(dict.fromkeys(PHRASES[leg.start] for leg in legs))
+            yield Diagnostic(
+                "KYB450",
+                f"`{action.value.text}` can't be entered at this event",
+                action.value.span,
+                label=f"starts {starts}",
+                notes=(f"`{vehicle.name.text}` is {PHRASES[flights[0]]} then",),
+                help="ask for a state that fits, or at another event",
+            )
+
+
+def never_goes_on(case: Case) -> Iterator[Diagnostic]:
+    """KYB451: a callback asks for a state again whenever it has ended, so that nothing that follows
+    it is ever flown (a warning)."""
+    for callback, action, vehicle in case.cached(_switched):
+        state = _behavior(callback)
+        is_whenever = callback.when is None and len(callback.fields) == 1
+        if _bare(callback) != _ENDED or not is_whenever:
+            continue
+        if state in vehicle.states and vehicle.goal(action.value.text) == state:
+            yield Diagnostic(
+                "KYB451",
+                f"`{state}` never comes to what follows it",
+                action.value.span,
+                label="begins again whenever it has ended",
+                help="ask for another state, or add a `when` that ends it",
+                severity=Severity.WARNING,
+            )
+
+
+def stopped_at_the_beginning(case: Case) -> Iterator[Diagnostic]:
+    """KYB452: a callback stops the run before anything of the mission is flown: at its begin or at
+    a take-off (a warning)."""
+    for callback in case.document.callbacks:
+        if callback.event is None or callback.when is not None or callback.fields:
+            continue
+        stops = [action for action in callback.actions if action.name.text == "stop"]
+        if stops and _bare(callback) in _BEFORE_ALL:
+            yield Diagnostic(
+                "KYB452",
+                f"`stop` at `{callback.event.text}` leaves nothing to fly",
+                stops[0].name.span,
+                label="lands everybody at once",
+                help="stop at a later event, or add a `when`",
+                severity=Severity.WARNING,
+            )
+
+
+def _switched(case: Case) -> Iterator[tuple[CallbackEntry, ActionEntry, VehicleEntry]]:
+    """Every request of a callback that hears the very vehicle that it asks."""
+    document = case.document
+    for callback in document.callbacks:
+        asked = [action for action in callback.actions if action.name.text == "switch"]
+        if callback.event is None or not asked:
+            continue
+        heard = _heard(case, callback)
+        for action in asked:
+            assert action.target is not None
+            if heard == members(document, action.target.text) and len(heard) == 1:
+                yield callback, action, document.vehicles[heard[0]]
+
+
+def _heard(case: Case, callback: CallbackEntry) -> tuple[str, ...]:
+    events: KnownEvents
+    (events,) = case.cached(known_events)
+    return () if callback.event is None else events.sources(callback.event.text)
+
+
+def _bare(callback: CallbackEntry) -> str:
+    return "" if callback.event is None else callback.event.text.rpartition(".")[2]
+
+
+def _behavior(callback: CallbackEntry) -> str:
+    """The behavior of which alone the callback hears; empty where it hears of several."""
+    named = [value.text for field, value in callback.fields if field.text == "behavior"]
+    return named[0] if named else ""
+
+
+def _found(case: Case, callback: CallbackEntry, vehicle: VehicleEntry) -> tuple[Flight, ...]:
+    """How the vehicle may be found at the callback's event; empty where that is not known."""
+    event, state = _bare(callback), _behavior(callback)
+    if event == _STARTED:
+        legs = case.legs(vehicle, state)
+        return tuple(leg.end if leg.start is leg.end else MOVING for leg in legs)
+    return _AFTER.get(event, ())

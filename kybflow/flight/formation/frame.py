@@ -1,0 +1,243 @@
+"""The frame of a formation: a point with a heading, both moving; places lie in it.
+
+With the heading psi, its rate w and the place o(t) of a vehicle in the frame, R turning by psi,
+
+    p = c + R o,    v = c' + w x R o + R o',    a = c'' + w x (w x R o) + 2 w x R o' + R o''
+
+(the change of w is left out: it is small and lasts a tick). Each member moves a frame of its own by
+the same rule, and lets it drift towards those that its neighbours publish,
+
+    c_i' = u + k/(n+1) sum_j (c_j - c_i),
+
+so that what one heard otherwise or later does not stay. World frame, metres, radians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import atan2, cos, hypot, sin, sqrt
+from typing import NamedTuple
+
+from kybflow.core.geometry import ZERO, Vec3, add, distance, dot, norm, scale, sub, wrap
+from kybflow.flight.avoidance.clearance import Surface, bounded, stopping_speed
+from kybflow.flight.governor import shortened
+from kybflow.flight.motion import Coast, Motion
+from kybflow.flight.profiles import STEEPEST, smoothstep
+
+AGREEING = 1.0
+"""The rate k at which frames come together, 1/s."""
+_TURNING = 4.0
+"""The largest change of the rate of turning, rad/s^2."""
+_HARD = 2.5
+"""The largest acceleration (m/s^2) with which a frame is kept away from something."""
+_FASTEST = 0.3
+"""The largest speed (m/s) at which a frame drifts to the others'."""
+_SHARPEST = 10.0 / sqrt(3.0)
+"""The largest second derivative of the smoothstep."""
+
+
+class MovingFrame(NamedTuple):
+    """Where a formation is and how it moves. drift: the part of its motion that only brings it to
+    where the others have theirs."""
+
+    centre: Vec3
+    velocity: Vec3 = ZERO
+    acceleration: Vec3 = ZERO
+    heading: float = 0.0
+    rate: float = 0.0
+    drift: Vec3 = ZERO
+
+    def after(self, dt: float) -> MovingFrame:
+        """Return the frame `dt` seconds later, if it goes on as it does."""
+        (x, y, z), (vx, vy, vz), acceleration, heading, rate, drift = self
+        ahead = (x + vx * dt, y + vy * dt, z + vz * dt)
+        return MovingFrame(ahead, self.velocity, acceleration, heading + rate * dt, rate, drift)
+
+    def turned(self, vector: Vec3) -> Vec3:
+        """Return a vector of the frame in the world."""
+        c, s = cos(self.heading), sin(self.heading)
+        x, y, z = vector
+        return (c * x - s * y, s * x + c * y, z)
+
+    def all_turned(self, vectors: Iterable[Vec3]) -> list[Vec3]:
+        """Return vectors of the frame in the world."""
+        c, s = cos(self.heading), sin(self.heading)
+        return [(c * x - s * y, s * x + c * y, z) for x, y, z in vectors]
+
+    def motion(self, place: Motion) -> Motion:
+        """Return the motion in the world of a place that may move in the frame."""
+        w = self.rate
+        o, u, b = (self.turned(v) for v in (place.position, place.velocity, place.acceleration))
+        velocity = add(add(self.velocity, self.drift), (u[0] - w * o[1], u[1] + w * o[0], u[2]))
+        inward = (-w * w * o[0] - 2.0 * w * u[1], -w * w * o[1] + 2.0 * w * u[0], 0.0)
+        acceleration = add(self.acceleration, add(inward, b))
+        return Motion(add(self.centre, o), velocity, acceleration)
+
+    def place(self, motion: Motion) -> Motion:
+        """Return the position and velocity in the frame of a motion in the world."""
+        c, s, w = cos(self.heading), sin(self.heading), self.rate
+        x, y, z = sub(motion.position, self.centre)
+        u, v, r = sub(motion.velocity, self.velocity)
+        u, v = u + w * y, v - w * x
+        return Motion((c * x + s * y, c * y - s * x, z), (c * u + s * v, c * v - s * u, r))
+
+
+class Shift:
+    """A way in the frame from where a vehicle is to its place: it brings its velocity to rest, and
+    at the same time goes from rest to rest within `duration` seconds.
+
+    s(t) = S(t / T) with the quintic smoothstep S, whose largest slope is 15/8 and whose largest
+    second derivative is 10/sqrt(3)."""
+
+    def __init__(self, start: Motion, place: Vec3, duration: float) -> None:
+        self._coast = Coast.after(start)
+        self._from, self._way = self._coast.end, sub(place, self._coast.end)
+        self._span, self._place = duration, place
+        self.duration = max(duration, self._coast.duration)
+
+    @staticmethod
+    def time_for(length: float, speed: float, acceleration: float) -> float:
+        """Return the seconds that such a way needs within these limits."""
+        return max(STEEPEST * length / speed, sqrt(_SHARPEST * length / acceleration))
+
+    def at(self, time: float) -> Motion:
+        """Return the motion in the frame `time` seconds after the start."""
+        if time >= self.duration:
+            return Motion(self._place)
+        way, span = self._way, self._span
+        if time >= span or span <= 0.0:
+            motion = Motion(self._place)
+        else:
+            _, value, slope, bend = smoothstep(max(time, 0.0) / span)
+            motion = Motion(
+                add(self._from, scale(way, value)),
+                scale(way, slope / span),
+                scale(way, bend / (span * span)),
+            )
+        return motion.plus(self._coast.shift(time)) if time < self._coast.duration else motion
+
+
+class FrameLimits(NamedTuple):
+    """How fast a frame may move and turn: m/s level and vertical, rad/s, m/s^2."""
+
+    speed: float
+    climb: float
+    turn_rate: float
+    acceleration: float
+
+
+class Asked(NamedTuple):
+    """What a frame is asked to do: a velocity in the world, and a rate of turning."""
+
+    velocity: Vec3 = ZERO
+    rate: float = 0.0
+
+
+def moved(
+    frame: MovingFrame,
+    asked: Asked,
+    limits: FrameLimits,
+    dt: float,
+    others: Sequence[MovingFrame] = (),
+    offsets: Iterable[tuple[Vec3, Sequence[Surface]]] = (),
+) -> MovingFrame:
+    """Return the frame a tick later. others: the neighbours' frames, as they are now. offsets: of
+    each place where it is from the centre, in the world's axes, and what is near it."""
+    offsets = tuple(offsets)
+    x, y, z = asked.velocity
+    level = shortened((x, y, 0.0), limits.speed)
+    wanted = (level[0], level[1], max(-limits.climb, min(limits.climb, z)))
+    change = shortened(sub(wanted, frame.velocity), limits.acceleration * dt)
+    wanted, surfaces = add(frame.velocity, change), [s for _, near in offsets for s in near]
+    if surfaces:
+        wanted = bounded(wanted, surfaces)
+        change = shortened(sub(wanted, frame.velocity), _HARD * dt)
+    velocity = add(frame.velocity, change)
+    rate = _turning(frame, asked.rate, limits, offsets, dt)
+    drift, turn = _drift(frame, others)
+    if surfaces:
+        drift = bounded(drift, surfaces)
+    step = add(scale(add(frame.velocity, velocity), 0.5 * dt), scale(drift, dt))
+    return MovingFrame(
+        add(frame.centre, step),
+        velocity,
+        scale(change, 1.0 / dt) if dt > 0.0 else ZERO,
+        wrap(frame.heading + (rate + turn) * dt),
+        rate,
+        drift,
+    )
+
+
+def _turning(
+    frame: MovingFrame,
+    asked: float,
+    limits: FrameLimits,
+    offsets: tuple[tuple[Vec3, Sequence[Surface]], ...],
+    dt: float,
+) -> float:
+    """The rate of turning in the next tick: no place goes round faster than the frame may move, and
+    none faster towards something than half of what stops before it."""
+    reach = max((hypot(o[0], o[1]) for o, _ in offsets), default=0.0)
+    most = limits.turn_rate if reach <= 0.0 else min(limits.turn_rate, limits.speed / reach)
+    asked = max(-most, min(most, asked))
+    step = _TURNING * dt
+    rate = frame.rate + max(-step, min(step, asked - frame.rate))
+    share = 1.0
+    for (x, y, _), surfaces in offsets:
+        for room, normal in surfaces:
+            closing = -dot((-rate * y, rate * x, 0.0), normal)
+            allowed = 0.5 * stopping_speed(room)
+            if closing > allowed:
+                share = min(share, allowed / closing)
+    return rate * share
+
+
+def _drift(frame: MovingFrame, others: Sequence[MovingFrame]) -> tuple[Vec3, float]:
+    """The velocity and the rate at which a frame comes to where the others are."""
+    if not others:
+        return ZERO, 0.0
+    gain = AGREEING / (len(others) + 1)
+    x = y = z = turn = 0.0
+    for other in others:
+        away = sub(other.centre, frame.centre)
+        x, y, z = x + away[0], y + away[1], z + away[2]
+        turn += wrap(other.heading - frame.heading)
+    return shortened((gain * x, gain * y, gain * z), _FASTEST), gain * turn
+
+
+def mean_frame(frames: Sequence[MovingFrame]) -> MovingFrame:
+    """Return what at least one frame has in common."""
+    n = float(len(frames))
+    c = s = rate = 0.0
+    centre, velocity = ZERO, ZERO
+    for frame in frames:
+        centre, velocity = add(centre, frame.centre), add(velocity, frame.velocity)
+        c, s, rate = c + cos(frame.heading), s + sin(frame.heading), rate + frame.rate
+    return MovingFrame(
+        scale(centre, 1.0 / n), scale(velocity, 1.0 / n), ZERO, mean_heading(c, s), rate / n
+    )
+
+
+def mean_heading(c: float, s: float) -> float:
+    """Return the mean of headings whose cosines and sines have these sums; zero where they have
+    none."""
+    return atan2(s, c) if hypot(c, s) > 1e-6 else 0.0
+
+
+def distance_error(here: Vec3, place: Vec3, others: Iterable[tuple[Vec3, Vec3]]) -> float:
+    """Return the mean error of a vehicle's distances to others, each given with its place; zero
+    without others."""
+    errors = [abs(distance(here, p) - distance(place, o)) for p, o in others]
+    return sum(errors) / len(errors) if errors else 0.0
+
+
+def longest(ways: Iterable[tuple[Vec3, Vec3]]) -> float:
+    """Return the length of the longest way, given by their ends."""
+    return max((norm(sub(b, a)) for a, b in ways), default=0.0)
+
+
+def approach_speed(gap: float, acceleration: float) -> float:
+    """Return the speed towards a goal `gap` away from which it can be reached at rest, with a
+    linear end of 2 1/s; of radians too."""
+    linear = acceleration / 8.0
+    return 2.0 * gap if gap <= linear else sqrt(2.0 * acceleration * (gap - 0.5 * linear))

@@ -1,0 +1,111 @@
+"""Who takes which place of a formation, and where it is laid.
+
+Among all assignments of vehicles to places that with the least sum of squared ways is taken: with
+ways of one duration, on straight lines, no two vehicles meet that are far enough apart before and
+after (Turpin, Michael, Kumar: CAPT, IJRR 2014). A formation that says nothing of how it is turned
+is turned about the vertical so that the ways are shortest: from each of a few angles assignment and
+angle are bettered in turn. For the same data every vehicle finds the same. World frame, metres,
+radians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from math import atan2, cos, pi, sin
+from typing import NamedTuple
+
+from kybflow.core.geometry import Vec3, add, sub
+from kybflow.flight.formation.shapes import centroid
+
+_ANGLES, _ROUNDS = 12, 4
+_BETTER = 1e-9
+_FINE = 1e-6
+"""Metres to which ways are told apart, so that rounding does not choose among equal ones."""
+
+
+class Laid(NamedTuple):
+    """Where a formation is laid: its centre, how it is turned from its frame's heading, and the
+    place of each vehicle."""
+
+    centre: Vec3
+    turned: float
+    taken: tuple[int, ...]
+
+
+def turned_by(angle: float, point: Vec3) -> Vec3:
+    """Return a point turned about the vertical."""
+    c, s = cos(angle), sin(angle)
+    x, y, z = point
+    return (c * x - s * y, s * x + c * y, z)
+
+
+def assigned(here: Sequence[Vec3], places: Sequence[Vec3]) -> tuple[int, ...]:
+    """Return the place of each vehicle: at least as many places as vehicles."""
+    from scipy.optimize import linear_sum_assignment  # slow to load, and seldom needed
+
+    costs = [[_squared(a, b) for b in places] for a in here]
+    _, columns = linear_sum_assignment(costs)
+    return tuple(int(column) for column in columns)
+
+
+@lru_cache(maxsize=4)
+def laid(
+    here: tuple[Vec3, ...],
+    places: tuple[Vec3, ...],
+    heading: float,
+    centre: Vec3 | None = None,
+    turned: float | None = None,
+) -> Laid:
+    """Lay a formation whose frame has this heading where the vehicles are, at `centre` and `turned`
+    where those are given. All members ask in one tick, and only the first has to work it out."""
+    middle, origin = centroid(here), centroid(places)
+    starts = (heading,) if turned is not None else _angles(heading)
+    best, least = None, 0.0
+    for start in starts:
+        angle = start + (turned or 0.0)
+        for _ in range(_ROUNDS):
+            at = centre or sub(middle, turned_by(angle, origin))
+            goals = [add(at, turned_by(angle, place)) for place in places]
+            taken = assigned(here, goals)
+            cost = sum(_squared(a, goals[i]) for a, i in zip(here, taken, strict=True))
+            found = Laid(at, angle - heading, taken)
+            if best is None or cost < least - _BETTER:
+                best, least = found, cost
+            before, angle = angle, _best_angle(here, [places[i] for i in taken], centre, angle)
+            if turned is not None or abs(angle - before) < _BETTER:
+                break
+    assert best is not None
+    return best
+
+
+def _angles(heading: float) -> tuple[float, ...]:
+    """Where to begin: first as it is, then each way round."""
+    steps = sorted(range(_ANGLES), key=lambda i: min(i, _ANGLES - i))
+    return tuple(heading + 2.0 * pi * step / _ANGLES for step in steps)
+
+
+def _best_angle(
+    here: Sequence[Vec3], places: Sequence[Vec3], centre: Vec3 | None, before: float
+) -> float:
+    """The angle at which assigned places are nearest: atan2(sum a x b, sum a . b) of the level
+    vectors from the middle of each, or from the given centre."""
+    from_here = centre or centroid(tuple(here))
+    from_places = (0.0, 0.0, 0.0) if centre is not None else centroid(tuple(places))
+    across = along = 0.0
+    for point, place in zip(here, places, strict=True):
+        (bx, by, _), (ax, ay, _) = sub(point, from_here), sub(place, from_places)
+        across += ax * by - ay * bx
+        along += ax * bx + ay * by
+    return atan2(across, along) if abs(across) + abs(along) > _BETTER else before
+
+
+def _squared(a: Vec3, b: Vec3) -> float:
+    """The squared distance, in whole steps."""
+    x, y, z = sub(a, b)
+    return round((x * x + y * y + z * z) / _FINE) * _FINE
+
+
+def prepare() -> None:
+    """Load the solver."""
+    assigned(((0.0, 0.0, 0.0),), ((0.0, 0.0, 0.0),))

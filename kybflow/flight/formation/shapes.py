@@ -1,0 +1,87 @@
+"""The places of a formation in its own frame: x forward, y to the left, z up, metres.
+
+`side` is the distance between two places that are next to each other. The centroid is the origin,
+but for one's own points, which are taken as they are.
+
+    line         any number, side by side
+    square       n^2 places in n rows
+    triangle     n (n + 1) / 2 places in n rows, the first row's single place ahead
+    tetrahedron  four: a triangle, and one above its middle
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations
+from math import inf, isqrt, sqrt
+
+from kybflow.core.geometry import Vec3, distance, scale, sub
+
+_ROW = sqrt(3.0) / 2.0
+"""Distance between two rows of an equilateral triangle, as a share of its side."""
+
+
+def _line(count: int) -> tuple[Vec3, ...]:
+    return tuple((0.0, -float(i), 0.0) for i in range(count))
+
+
+def _square(count: int) -> tuple[Vec3, ...]:
+    rows = isqrt(count)
+    return tuple((-float(i // rows), -float(i % rows), 0.0) for i in range(count))
+
+
+def _triangle(count: int) -> tuple[Vec3, ...]:
+    rows = (isqrt(8 * count + 1) - 1) // 2
+    return tuple((-_ROW * i, 0.5 * i - j, 0.0) for i in range(rows) for j in range(i + 1))
+
+
+def _tetrahedron(count: int) -> tuple[Vec3, ...]:
+    base = _centred(_triangle(3))
+    return (*base, (0.0, 0.0, sqrt(2.0 / 3.0)))[:count]
+
+
+def _fits_square(count: int) -> bool:
+    return isqrt(count) ** 2 == count
+
+
+def _fits_triangle(count: int) -> bool:
+    return isqrt(8 * count + 1) ** 2 == 8 * count + 1
+
+
+SHAPES: dict[str, tuple[Callable[[int], tuple[Vec3, ...]], Callable[[int], bool], str]] = {
+    "line": (_line, lambda count: count > 0, "any number of"),
+    "square": (_square, _fits_square, "4, 9, 16, ..."),
+    "triangle": (_triangle, _fits_triangle, "3, 6, 10, ..."),
+    "tetrahedron": (_tetrahedron, lambda count: count == 4, "4"),
+}
+"""How the places of each shape are made for a number of vehicles, which numbers it takes, and those
+in words."""
+
+
+def objection(shape: str, count: int) -> str | None:
+    """Return why a shape has no places for so many vehicles; None where it has."""
+    _, fits, numbers = SHAPES[shape]
+    return None if fits(count) else f"a {shape} has places for {numbers} vehicles, not for {count}"
+
+
+def places_of(shape: str, side: float, count: int) -> tuple[Vec3, ...]:
+    """Return the places of a shape for `count` vehicles, fewer or more where it has none for so
+    many."""
+    make = SHAPES[shape][0]
+    return tuple(scale(place, side) for place in _centred(make(count)))
+
+
+def closest(places: tuple[Vec3, ...]) -> float:
+    """Return the least distance of two places; infinite for one."""
+    return min((distance(a, b) for a, b in combinations(places, 2)), default=inf)
+
+
+def centroid(points: tuple[Vec3, ...]) -> Vec3:
+    """Return the mean of at least one point."""
+    x, y, z = (sum(axis) / len(points) for axis in zip(*points, strict=True))
+    return (x, y, z)
+
+
+def _centred(places: tuple[Vec3, ...]) -> tuple[Vec3, ...]:
+    middle = centroid(places)
+    return tuple(sub(place, middle) for place in places)

@@ -1,0 +1,134 @@
+"""What moves a formation's frame: a hand, a path, a leader, or nothing."""
+
+from __future__ import annotations
+
+from math import copysign, cos, sin
+from typing import Protocol
+
+from kybflow.core.geometry import Vec3, add, norm, scale, sub, wrap
+from kybflow.core.signals import Tick
+from kybflow.flight.formation.frame import Asked, FrameLimits, MovingFrame, approach_speed
+from kybflow.parts import Entry
+from kybflow.runtime.behaviors._hand import Hand
+from kybflow.runtime.behaviors._leader import Leader, Leading
+
+_CORNER = 0.03
+"""Metres from a corner of its path at which a frame goes on to the next."""
+
+
+class Drive(Protocol):
+    """waits_for: what it waits for, in words. trouble: why nothing has been asked for `lost`
+    seconds. ended: whether the frame is where it was to come to."""
+
+    waits_for: str
+    trouble: str
+    lost: float
+    ended: bool
+
+    def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
+        """Return what the frame is asked to do. Called once a tick."""
+
+
+class Still:
+    """Stays."""
+
+    waits_for, trouble, lost, ended = "", "", 0.0, False
+
+    def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
+        return Asked()
+
+
+class ByHand:
+    """Moves as the axes of an input say. axes: what they said last."""
+
+    ended = False
+
+    def __init__(self, name: str, entry: Entry, *, in_world: bool) -> None:
+        self.waits_for, self.trouble, self.lost = "", "", 0.0
+        self.axes: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+        self._hand, self._in_world, self._name = Hand(name, entry), in_world, name
+
+    def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
+        axes = self._hand.axes(tick)
+        self.waits_for, self.lost = self._hand.waits_for, self._hand.lost
+        self.trouble = f"`{self._name}` is lost" if self.lost else ""
+        self.axes = axes or (0.0, 0.0, 0.0, 0.0)
+        x, y, z, turn = self.axes
+        level = scale((x, y, 0.0), limits.speed)
+        if not self._in_world:
+            level = frame.turned(level)
+        return Asked((level[0], level[1], z * limits.climb), turn * limits.turn_rate)
+
+    def felt(self, velocity: Vec3, frame: MovingFrame, limits: FrameLimits) -> Vec3:
+        """Return what the hand should feel: how the swarm's velocity differs from the one that is
+        asked, as a share of the largest, along the axes."""
+        turned = 0.0 if self._in_world else frame.heading
+        c, s, (vx, vy, vz), (x, y, z, _) = cos(turned), sin(turned), velocity, self.axes
+        return (
+            (c * vx + s * vy) / limits.speed - x,
+            (c * vy - s * vx) / limits.speed - y,
+            vz / limits.climb - z,
+        )
+
+
+class AlongPath:
+    """Moves the centre from corner to corner, and turns to a heading."""
+
+    waits_for, trouble, lost = "", "", 0.0
+
+    def __init__(self, path: tuple[Vec3, ...], heading: float | None) -> None:
+        self._path, self._heading, self._corner = path, heading, 0
+        self.ended = False
+
+    def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
+        gap = sub(self._path[self._corner], frame.centre)
+        length = norm(gap)
+        off = 0.0 if self._heading is None else wrap(self._heading - frame.heading)
+        if length < _CORNER:
+            if self._corner + 1 < len(self._path):
+                self._corner += 1
+            else:
+                self.ended = abs(off) < _CORNER
+        speed = min(limits.speed, approach_speed(length, limits.acceleration))
+        velocity = scale(gap, speed / length) if length > 0.0 else gap
+        turn = copysign(approach_speed(abs(off), limits.turn_rate), off)
+        return Asked(velocity, turn)
+
+
+class BehindLeader:
+    """Moves the centre as another vehicle moves, at an offset in its frame, and turns as it
+    does."""
+
+    waits_for, ended = "", False
+
+    def __init__(self, name: str, offset: Vec3) -> None:
+        self._leader, self._offset = Leader(name), offset
+        self.trouble, self.lost = "", 0.0
+        self.leading: Leading | None = None
+
+    def hear(self, tick: Tick, delay: float, freshness: float) -> MovingFrame | None:
+        """Return the frame of the leader, None while it can't be told. Called once a tick, before
+        `asked`."""
+        self.leading = leading = self._leader.heard(tick, delay, freshness)
+        self.trouble, self.lost = self._leader.trouble, self._leader.lost
+        if leading is None:
+            return None
+        frame = MovingFrame(leading.position, leading.velocity, heading=leading.heading)
+        return frame._replace(
+            centre=add(leading.position, frame.turned(self._offset)), rate=leading.rate
+        )
+
+    def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
+        leading = self.leading
+        if leading is None:
+            return Asked()
+        turned = MovingFrame(leading.position, heading=leading.heading).turned(self._offset)
+        gap = sub(add(leading.position, turned), frame.centre)
+        length, swing = norm(gap), (-leading.rate * turned[1], leading.rate * turned[0], 0.0)
+        velocity = add(leading.velocity, swing)
+        if length > 0.0:
+            speed = min(limits.speed, approach_speed(length, 0.5 * limits.acceleration))
+            velocity = add(velocity, scale(gap, speed / length))
+        off = wrap(leading.heading - frame.heading)
+        turn = copysign(approach_speed(abs(off), limits.turn_rate), off)
+        return Asked(velocity, leading.rate + turn)

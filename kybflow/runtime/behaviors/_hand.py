@@ -1,0 +1,45 @@
+"""What a hand asks of the behavior that it steers: the axes, once they have been centred."""
+
+from __future__ import annotations
+
+from kybflow.core.signals import NS, Tick, Time
+from kybflow.parts import AXES, Entry
+
+_HELD = 1.5
+"""Ticks without an update after which the vehicle was held."""
+
+
+def was_held(last: Time, tick: Tick) -> bool:
+    """Return whether the vehicle was held between its update at `last` and this one."""
+    return (tick.now - last) / NS > _HELD * tick.dt
+
+
+class Hand:
+    """The sticks of an input. lost: seconds for which it has been lost. waits_for: what it waits
+    for, in words, None while it is obeyed.
+
+    An input that comes back, and that of a vehicle that was held, is obeyed once its sticks have
+    been at their centres.
+    """
+
+    def __init__(self, name: str, entry: Entry) -> None:
+        reading = entry.inputs.get(name)
+        self.lost, self.waits_for = 0.0, ""
+        self._name, self._last = name, entry.now
+        self._obeys = reading is not None and reading.is_centred(AXES)
+
+    def axes(self, tick: Tick) -> tuple[float, ...] | None:
+        """Return the four axes, None while the vehicle brakes. Called once a tick."""
+        reading = tick.inputs.get(self._name)
+        if reading is None or was_held(self._last, tick):
+            self._obeys = False
+        self._last = tick.now
+        self.lost = 0.0 if reading is not None else self.lost + tick.dt
+        if reading is None:
+            return None
+        self._obeys = self._obeys or reading.is_centred(AXES)
+        centred = f"the sticks of `{self._name}` to be at their centres"
+        self.waits_for = "" if self._obeys else centred
+        if not (self._obeys and reading.engaged):
+            return None
+        return tuple(reading.axes[axis] for axis in AXES)

@@ -1,0 +1,142 @@
+"""Follow another vehicle at an offset, in its frame or the world's.
+
+The goal is p + R o: the other vehicle's setpoint while it is within 0.3 m of it, else its estimate,
+as it publishes them, moved on by the age of the news; R turns the offset by its heading, and is the
+identity with `frame: world`. The setpoint follows the goal within `speed` and `acceleration`
+(`kybflow.flight.governor`), and once it has caught up moves as the goal does.
+
+While the other is silent for longer than `freshness`, or has no estimate, it brakes and waits;
+after `patience` it has failed. News is `delay` old at least, where a radio is simulated. Refuses to
+follow itself. World frame, metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from kybflow.core.errors import Refused
+from kybflow.core.geometry import Vec3, add, norm, scale, sub, wrap
+from kybflow.core.signals import Failed, Setpoint, SetpointKind, Tick
+from kybflow.core.units import Acceleration, Duration, Length, Position, Speed
+from kybflow.flight.formation.places import turned_by
+from kybflow.flight.governor import CAUGHT_UP, Follower
+from kybflow.flight.motion import Motion
+from kybflow.parts import AIR, Behavior, Entry, Footprint, Objection, param, params
+from kybflow.runtime.behaviors._leader import Leader, Leading
+from kybflow.world.vehicle_context import VehicleContext
+
+_TURN_RATE = 1.0
+
+
+@params
+class FollowParams:
+    vehicle: str = param("The vehicle that is followed.", names="vehicle", read_only=True)
+    offset: Position = param(
+        "Where to be, seen from it: forward, to the left, up.", default=(-1.0, 0.0, 0.0)
+    )
+    frame: Literal["heading", "world"] = param(
+        "Whether the offset turns with its heading, and so does the vehicle; or points east, north"
+        " and up.",
+        default="heading", read_only=True,
+    )  # fmt: skip
+    speed: Speed = param("Largest speed.", default=0.8, above=0.0)
+    acceleration: Acceleration = param("Largest acceleration.", default=1.0, above=0.0)
+    clearance: Length = param(
+        "Least distance between the centres of the two that the offset may have.",
+        default=0.6, above=0.0,
+    )  # fmt: skip
+    delay: Duration = param(
+        "Least age of what it hears, to simulate a radio.", default=0.0, at_least=0.0, below=0.4
+    )
+    freshness: Duration = param(
+        "Age of the news from which the other is silent.", default=0.3, above=0.0, at_most=5.0
+    )
+    patience: Duration = param(
+        "How long it waits for a silent vehicle until it has failed.", default=2.0, at_least=0.0
+    )
+
+
+class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    hears = True
+
+    def __init__(self, params: FollowParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        if params.vehicle == entry.context.vehicle:
+            raise Refused("a vehicle can't follow itself")
+        self._leader = Leader(params.vehicle)
+        self._heading, self._rate = entry.heading, 0.0
+        self._speed = entry.cruise_speed(params.speed)
+        self._follower = Follower()
+        self._follower.join(*entry.motion[:2])
+        self._stop: Vec3 | None = None
+
+    def update(self, tick: Tick) -> Setpoint | Failed:
+        p, follower = self.params, self._follower
+        leading = self._leader.heard(tick, p.delay, p.freshness)
+        if leading is None:
+            self._stop = self._stop or self._resting_place()
+            goal, self._rate = Motion(self._stop), 0.0
+        else:
+            self._stop, goal = None, self._goal_at(leading)
+            self._turn(leading, tick.dt)
+        self.waits_for = None if leading is not None else f"news, as {self._leader.trouble}"
+        before = follower.position, follower.velocity
+        motion = follower.follow(goal, self._speed, p.acceleration, tick.dt)
+        if _caught_up(goal, *before, p.acceleration, tick.dt):
+            follower.join(goal.position, goal.velocity)
+            motion = goal
+        setpoint = motion.setpoint(self._heading, self._rate)
+        if self._leader.lost > p.patience:
+            return Failed(setpoint, self._leader.trouble)
+        return setpoint
+
+    def _resting_place(self) -> Vec3:
+        """Where the setpoint comes to rest if it brakes now."""
+        position, velocity = self._follower.position, self._follower.velocity
+        return add(position, scale(velocity, norm(velocity) / self.params.acceleration))
+
+    def _goal_at(self, leading: Leading) -> Motion:
+        p = self.params
+        if p.frame == "world":
+            place = add(leading.position, p.offset)
+            return Motion(place, leading.velocity, leading.acceleration)
+        w = leading.rate
+        x, y, z = turned_by(leading.heading, p.offset)
+        return Motion(
+            add(leading.position, (x, y, z)),
+            add(leading.velocity, (-w * y, w * x, 0.0)),
+            add(leading.acceleration, (-w * w * x, -w * w * y, 0.0)),
+        )
+
+    def _turn(self, leading: Leading, dt: float) -> None:
+        """Turn as the other does."""
+        self._rate = 0.0
+        if self.params.frame == "heading":
+            off = wrap(leading.heading - self._heading)
+            self._rate = max(-_TURN_RATE, min(_TURN_RATE, leading.rate + 2.0 * off))
+            self._heading = wrap(self._heading + self._rate * dt)
+
+    @classmethod
+    def objections(cls, params: FollowParams, context: VehicleContext) -> Iterator[Objection]:
+        if params.vehicle == context.vehicle:
+            yield Objection("vehicle", "is the vehicle itself", "name another")
+        elif norm(params.offset) < params.clearance:
+            reason = f"is {norm(params.offset):.3g} m, closer than `clearance`"
+            yield Objection("offset", reason, f"stay {params.clearance:.3g} m away, or say less")
+
+    @classmethod
+    def footprint(cls, params: FollowParams, entry: Vec3 | None) -> Footprint | None:
+        points = () if entry is None else (entry,)
+        return Footprint(
+            points, params.speed, None, is_endless=True, acceleration=params.acceleration
+        )
+
+
+def _caught_up(
+    goal: Motion, position: Vec3, velocity: Vec3, acceleration: float, dt: float
+) -> bool:
+    """Whether moving as the goal does would make no step."""
+    ahead = add(position, scale(add(velocity, goal.velocity), 0.5 * dt))
+    close = norm(sub(goal.position, ahead)) <= CAUGHT_UP
+    return close and norm(sub(goal.velocity, velocity)) <= acceleration * dt

@@ -1,0 +1,126 @@
+"""Fly the trajectory that an external planner sends, point by point, while it flies.
+
+A point says where to be at a time of the run, with velocity, acceleration and heading
+(`kybflow.core.signals.PlannedPoint`); it comes as the command `track`, over the socket or by
+`kybflow command`. Between two points the setpoint follows the quintic that has the position,
+velocity and acceleration of both; to the first point it begins where it is. Without a point it
+rests at the place of entry.
+
+Refused, with the reason, is a point that is not finite, not later than the last one, no longer
+ahead (stale), more than `horizon` ahead, outside of the fence, or so far from the last one that it
+takes more than the airframe's speed. When the last point is over, it brakes, and after `timeout`
+without a new one it has failed; so it has when none comes for so long. World frame, metres.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import isfinite
+
+from kybflow.core.geometry import Vec3, distance, norm, wrap
+from kybflow.core.signals import NS, Failed, PlannedPoint, Setpoint, SetpointKind, Tick, Time
+from kybflow.core.units import Duration
+from kybflow.flight.motion import Coast, Motion
+from kybflow.flight.trajectory import Knot, Quintic
+from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
+
+_MOST = 2000
+_QUICKEST = 1.05
+"""The share of the airframe's speed that the mean speed to a point may have."""
+
+
+@params
+class TrajectoryInputParams:
+    timeout: Duration = param(
+        "How long it waits for a point until it has failed.", default=2.0, above=0.0
+    )
+    horizon: Duration = param(
+        "How far ahead a point may be.", default=10.0, above=0.0, at_most=600.0
+    )
+
+
+class TrajectoryInput(
+    Behavior[TrajectoryInputParams], flight=AIR >> AIR, emits=SetpointKind.POSITION
+):
+    def __init__(self, params: TrajectoryInputParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self._context = entry.context
+        self._points: deque[PlannedPoint] = deque()
+        self._coast, self._coasts_since = Coast.after(entry.motion), entry.now / NS
+        self._now, self._before = entry.now / NS, entry.motion
+        self._from: PlannedPoint | None = None
+        self._heading, self._rate = entry.heading, 0.0
+
+    def take(self, point: PlannedPoint, now: Time) -> str | None:
+        reason = self._objection(point, now / NS)
+        if reason is None:
+            if self._from is None:
+                x, v, a, _ = self._before
+                self._from = PlannedPoint(self._now, x, v, a, self._heading)
+            self._points.append(point)
+        return reason
+
+    def _objection(self, point: PlannedPoint, now: float) -> str | None:
+        numbers = (*point.position, *point.velocity, *point.acceleration, point.heading or 0.0)
+        if not all(map(isfinite, (point.time, *numbers))):
+            return "the point is not finite"
+        before = self._points[-1] if self._points else self._from
+        if self._points and point.time <= self._points[-1].time:
+            return f"it is not later than the last point, of {self._points[-1].time:.3f} s"
+        if point.time <= now:
+            return f"it is stale: it is {now:.3f} s already"
+        if point.time > now + self.params.horizon or len(self._points) >= _MOST:
+            return f"it is {point.time - now:.1f} s ahead, {self.params.horizon:g} s are allowed"
+        fence = self._context.fence
+        if fence is not None and (outside := fence.outside_by(point.position)) > 0.0:
+            return f"it is {outside:.2f} m outside of the fence"
+        start, since = (self._before.position, now) if before is None else (before[1], before.time)
+        speed = distance(start, point.position) / max(point.time - since, 1e-6)
+        most = self._context.airframe.speed
+        fastest = max(speed / _QUICKEST, norm(point.velocity))
+        if fastest > most:
+            return f"it needs {max(speed, norm(point.velocity)):.2f} m/s, {most:g} are allowed"
+        return None
+
+    def update(self, tick: Tick) -> Setpoint | Failed:
+        self._now = now = tick.now / NS
+        while self._points and self._points[0].time <= now:
+            self._from = self._points.popleft()
+        start = self._from
+        if start is not None and self._points:
+            motion = self._between(start, self._points[0], now)
+            self._coast, self._coasts_since = Coast.after(motion), now
+            self.waits_for = None
+        else:
+            self._from, self._rate = None, 0.0
+            motion = self._coast.at(now - self._coasts_since)
+            self.waits_for = "a point of its trajectory"
+        self._before = motion
+        setpoint = motion.setpoint(self._heading, self._rate)
+        if self.waits_for is not None and now - self._coasts_since > self.params.timeout:
+            return Failed(setpoint, f"no point has come for {self.params.timeout:g} s")
+        return setpoint
+
+    def _between(self, a: PlannedPoint, b: PlannedPoint, now: float) -> Motion:
+        span = b.time - a.time
+        self._rate = 0.0
+        if b.heading is not None:
+            since = self._heading if a.heading is None else a.heading
+            self._rate = wrap(b.heading - since) / span
+            self._heading = wrap(since + self._rate * (now - a.time))
+        axes = [
+            Quintic.between(start, end, span).at(now - a.time)
+            for start, end in zip(_axes(a), _axes(b), strict=True)
+        ]
+        position, velocity, acceleration, jerk = zip(*axes, strict=True)
+        return Motion(position, velocity, acceleration, jerk)
+
+    @classmethod
+    def footprint(cls, params: TrajectoryInputParams, entry: Vec3 | None) -> Footprint | None:
+        return Footprint(() if entry is None else (entry,), 0.0, None, is_endless=True)
+
+
+def _axes(point: PlannedPoint) -> list[Knot]:
+    """The point along each axis."""
+    _, position, velocity, acceleration, _ = point
+    return [Knot(*axis) for axis in zip(position, velocity, acceleration, strict=True)]

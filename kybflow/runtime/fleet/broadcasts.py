@@ -1,0 +1,39 @@
+"""What vehicles publish to each other: each one's estimate, setpoint and what its behavior says.
+
+Every vehicle publishes at the end of a tick, so that nobody hears in a tick what was said in it, in
+whichever order the vehicles act. Who listens says how old the news must be, which is the delay of a
+radio where one is simulated.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from kybflow.core.signals import NS, Heard, Time
+
+_KEPT = NS // 2
+
+
+class Broadcasts:
+    """The news of the last half second, by vehicle, and the newest before it."""
+
+    def __init__(self) -> None:
+        self._kept: dict[str, deque[Heard]] = {}
+        self._found: dict[tuple[str, Time], Heard | None] = {}
+
+    def note(self, vehicle: str, news: Heard) -> None:
+        """Keep what a vehicle publishes."""
+        kept = self._kept.setdefault(vehicle, deque())
+        kept.append(news)
+        while len(kept) > 1 and kept[1].time < news.time - _KEPT:
+            kept.popleft()
+        if self._found:
+            self._found.clear()
+
+    def heard(self, vehicle: str, by: Time) -> Heard | None:
+        """Return the newest of `vehicle` at `by` or before."""
+        key = (vehicle, by)
+        if key not in self._found:
+            kept = reversed(self._kept.get(vehicle, ()))
+            self._found[key] = next((news for news in kept if news.time <= by), None)
+        return self._found[key]

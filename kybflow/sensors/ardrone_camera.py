@@ -1,0 +1,116 @@
+"""The camera of an AR.Drone 2.0, over its network (PaVE with H.264, TCP 5555).
+
+The drone sends one of its two cameras at 640 x 360; which, the driver's `video` says. Frames are
+decoded in a thread, from the first key frame on; each was taken `latency` before it arrived. A
+stream that is lost is opened again every second.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from kybflow.core.errors import DriverError
+from kybflow.core.params import param, params
+from kybflow.core.signals import NS, Frame
+from kybflow.core.units import Duration
+from kybflow.parts import Link, Objection, Sensor
+from kybflow.sensors.camera import CameraSensor, Device, Grabber, WhichCamera
+from kybflow.vision.video import PYAV, WAY_OUT
+from kybflow.vision.video.pave import FrameCutter
+from kybflow.world.cameras import Camera
+from kybflow.world.vehicle_context import VehicleContext
+
+if TYPE_CHECKING:
+    import random
+
+    from kybflow.vision.video.codec import FrameDecoder
+
+PORT = 5555
+PATIENCE = 2.0
+"""Seconds without a byte after which the stream is lost."""
+CHUNK = 1 << 16
+
+
+@params
+class ArdroneCameraParams(WhichCamera):
+    host: str = param("The drone's IPv4 address.", default="192.168.1.1")
+    latency: Duration = param(
+        "From the middle of a frame's exposure to its arrival.",
+        default=0.1, at_least=0.0, at_most=1.0,
+    )  # fmt: skip
+
+
+class ArdroneCamera(Sensor[ArdroneCameraParams]):
+    """Which camera it is, is told as of a camera on this computer."""
+
+    provides = frozenset({Frame})
+    packages = PYAV
+
+    @classmethod
+    def seen_by(
+        cls, params: ArdroneCameraParams, cameras: Mapping[str, Camera]
+    ) -> Mapping[str, Camera]:
+        return CameraSensor.seen_by(params, cameras)
+
+    @classmethod
+    def objection(
+        cls, params: ArdroneCameraParams, cameras: Mapping[str, Camera]
+    ) -> Objection | None:
+        return CameraSensor.objection(params, cameras)
+
+    @classmethod
+    def claims(cls, params: ArdroneCameraParams, cameras: Mapping[str, Camera]) -> Sequence[str]:
+        return CameraSensor.claims(params, cameras)
+
+    @classmethod
+    def real_time(cls, params: ArdroneCameraParams) -> bool:
+        return True
+
+    @classmethod
+    def open(
+        cls,
+        params: ArdroneCameraParams,
+        context: VehicleContext,
+        link: Link,
+        generator: random.Random,
+    ) -> Device:
+        try:
+            from kybflow.vision.video.codec import FrameDecoder
+        except ImportError as error:
+            raise DriverError(f"an AR.Drone's video needs PyAV ({error}); {WAY_OUT}") from None
+        camera = CameraSensor.camera_of(params, context)
+        host, latency = params.host, round(params.latency * NS)
+        return Device(Grabber(lambda: VideoCapture(host, FrameDecoder())), camera, latency)
+
+
+class VideoCapture:
+    """What `Grabber` reads. Raises DriverError where nobody answers."""
+
+    def __init__(self, host: str, decoder: FrameDecoder) -> None:
+        try:
+            self._socket = socket.create_connection((host, PORT), PATIENCE)
+        except OSError as error:
+            words = os.strerror(error.errno).lower() if error.errno else str(error)
+            raise DriverError(f"no video from the drone at {host}: {words}") from None
+        self._cutter, self._decoder = FrameCutter(), decoder
+        self._images: deque[Any] = deque()
+
+    def read(self) -> tuple[bool, Any]:
+        """The next image; false where the stream has ended."""
+        while not self._images:
+            try:
+                data = self._socket.recv(CHUNK)
+            except OSError:
+                return False, None
+            if not data:
+                return False, None
+            for frame in self._cutter.take(data):
+                self._images.extend(self._decoder.decode(frame))
+        return True, self._images.popleft()
+
+    def release(self) -> None:
+        self._socket.close()

@@ -1,0 +1,70 @@
+"""H.264, decoded and coded by PyAV: grey pictures, (height, width) uint8."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import av
+
+from kybflow.vision.video.pave import H264, FrameType, VideoFrame
+
+BLOCK = 16
+"""Pixels of which the sides of a coded picture are multiples."""
+
+
+class FrameDecoder:
+    """Decodes the frames of one stream, from the first key frame on. `broken`: how many could not
+    be decoded."""
+
+    def __init__(self) -> None:
+        self._codec: Any = av.CodecContext.create("h264", "r")
+        self._began = False
+        self.broken = 0
+
+    def decode(self, frame: VideoFrame) -> list[Any]:
+        """The pictures that are whole with this frame."""
+        self._began = self._began or frame.is_key
+        if not self._began or frame.codec != H264:
+            return []
+        try:
+            pictures = self._codec.decode(av.Packet(frame.payload))
+        except av.FFmpegError:
+            self.broken += 1
+            return []
+        cut = slice(frame.height), slice(frame.width)
+        return [picture.to_ndarray(format="gray")[cut] for picture in pictures]
+
+
+class FrameEncoder:
+    """Codes pictures of one size, each by itself, so that a viewer may begin with any. rate: Hz."""
+
+    def __init__(self, width: int, height: int, rate: int) -> None:
+        self._size = width, height
+        codec: Any = av.CodecContext.create("libx264", "w")
+        codec.width, codec.height = (-(-side // BLOCK) * BLOCK for side in self._size)
+        codec.pix_fmt, codec.time_base = "yuv420p", Fraction(1, rate)
+        codec.options = {
+            "preset": "ultrafast", "tune": "zerolatency", "profile": "baseline", "g": "1",
+        }  # fmt: skip
+        self._codec, self._number = codec, 0
+
+    def encode(self, picture: Any, milliseconds: int) -> list[VideoFrame]:
+        """The frames of a picture: one."""
+        width, height = self._size
+        padded = picture
+        if (self._codec.width, self._codec.height) != self._size:
+            import numpy
+
+            grown = (self._codec.height - height, self._codec.width - width)
+            padded = numpy.pad(picture, ((0, grown[0]), (0, grown[1])), mode="edge")
+        coded = av.VideoFrame.from_ndarray(padded, format="gray").reformat(format="yuv420p")
+        frames = []
+        for packet in self._codec.encode(coded):
+            frames.append(
+                VideoFrame(
+                    H264, width, height, self._number, milliseconds, FrameType.IDR, bytes(packet)
+                )
+            )
+            self._number += 1
+        return frames

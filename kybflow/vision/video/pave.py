@@ -1,0 +1,101 @@
+"""PaVE: the header before each frame of the video stream (SDK 2.0, `video_encapsulation.h`).
+
+Little-endian; 64 bytes, 68 and more in some firmwares, as its own field says. The payload of codec
+4 is H.264. A stream is cut into frames wherever it begins: what is not yet one is kept, what is no
+header is skipped.
+"""
+
+from __future__ import annotations
+
+import struct
+from enum import IntEnum
+from typing import NamedTuple
+
+SIGNATURE = b"PaVE"
+H264 = 4
+_LAYOUT = struct.Struct("<4sBBHIHHHHIIBBB")
+SHORTEST, LONGEST_HEADER = 64, 1024
+LARGEST = 1 << 20
+"""Bytes of a frame that is believed."""
+
+
+class FrameType(IntEnum):
+    """How a frame is coded."""
+
+    UNKNOWN = 0
+    IDR = 1
+    I = 2  # noqa: E741  the codec's name
+    P = 3
+    HEADERS = 4
+
+
+class VideoFrame(NamedTuple):
+    """One coded frame. width, height: as shown; the coded ones are multiples of 16. milliseconds:
+    since the drone's start."""
+
+    codec: int
+    width: int
+    height: int
+    number: int
+    milliseconds: int
+    kind: int
+    payload: bytes
+
+    @property
+    def is_key(self) -> bool:
+        """Whether decoding can begin with it."""
+        return self.kind in (FrameType.IDR, FrameType.I)
+
+
+class FrameCutter:
+    """Cuts a stream into frames. `skipped`: bytes that belonged to none."""
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+        self.skipped = 0
+
+    def take(self, data: bytes) -> list[VideoFrame]:
+        """The frames that are whole with these bytes."""
+        self._data += data
+        frames = []
+        while self._seek():
+            frame, size = _frame(self._data)
+            if size == 0:
+                break
+            if frame is not None:
+                frames.append(frame)
+            else:
+                self.skipped += size
+            del self._data[:size]
+        return frames
+
+    def _seek(self) -> bool:
+        """Drop what comes before a header; whether one may be whole."""
+        at = self._data.find(SIGNATURE)
+        drop = at if at >= 0 else max(0, len(self._data) - len(SIGNATURE) + 1)
+        self.skipped += drop
+        del self._data[:drop]
+        return len(self._data) >= SHORTEST
+
+
+def _frame(data: bytearray) -> tuple[VideoFrame | None, int]:
+    """The frame at the start and its bytes, 0 while some are missing; None where it is none."""
+    (
+        _, _, codec, header, payload, _, _, width, height, number, at, _, _, kind,
+    ) = _LAYOUT.unpack_from(data)  # fmt: skip
+    if not SHORTEST <= header <= LONGEST_HEADER or payload > LARGEST:
+        return None, len(SIGNATURE)
+    size = header + payload
+    if len(data) < size:
+        return None, 0
+    return VideoFrame(codec, width, height, number, at, kind, bytes(data[header:size])), size
+
+
+def write_frame(frame: VideoFrame) -> bytes:
+    """A frame as a drone sends it."""
+    header = _LAYOUT.pack(
+        SIGNATURE, 2, frame.codec, SHORTEST, len(frame.payload),
+        -(-frame.width // 16) * 16, -(-frame.height // 16) * 16, frame.width, frame.height,
+        frame.number, frame.milliseconds & 0xFFFF_FFFF, 1, 0, frame.kind,
+    )  # fmt: skip
+    return header.ljust(SHORTEST, b"\0") + frame.payload

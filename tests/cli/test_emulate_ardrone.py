@@ -1,0 +1,22 @@
+"""`kybflow emulate ardrone` says what is wrong with its command line."""
+
+from __future__ import annotations
+
+import pytest
+from click.testing import CliRunner
+
+from kybflow.cli.app import app
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["--host", "192.168.1.1"], 3, "192.168.1.1 is no loopback address"),
+        (["--host", "drone"], 3, "`drone` is no IPv4 address"),
+        (["--fail", "nonsense"], 2, "nothing called `nonsense` can fail"),
+        (["--loss", "2"], 2, "--loss"),
+    ],
+)
+def test_what_is_wrong_is_said(arguments, code, said):
+    found = CliRunner().invoke(app, ["emulate", "ardrone", *arguments])
+    assert (found.exit_code, said in found.output) == (code, True), found.output

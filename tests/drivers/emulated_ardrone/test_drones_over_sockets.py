@@ -1,0 +1,97 @@
+"""The driver for real drones over sockets, in real time: in another program than the drone, killed
+in flight, and beside one in memory."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from ardrone_flights import flown, mission
+from served_drones import served
+from waiting import HANGS, until
+
+from kybflow.api.flight import RunRequest
+
+pytestmark = pytest.mark.thorough
+MISSION = """kybflow: 1
+mission: by_its_own_odometry
+import: {{std: kybflow/airframes}}
+world: {{fence: {{from: [-3, -3, 0], to: [3, 3, 2.5]}}}}
+targets:
+  there: {{all: {{driver: {{use: ardrone, host: {host}, rate: 50 Hz}}}}}}
+vehicles:
+  a:
+    like: std.ardrone
+    start: {{at: [0, 0, 0]}}
+    estimators: [{{use: autopilot}}]
+    behaviors:
+      up:   {{do: take_off, height: 1 m, then: away, within: 20 s}}
+      away: {{do: fly_to, position: [0.8, 0, 1], then: hold}}
+      hold: {{do: hover, for_time: {hold} s, then: down}}
+      down: {{do: land}}
+"""
+
+
+def program(host, hold, folder):
+    """`kybflow run` on the drone at `host`, on its own odometry."""
+    path = folder / "flight.yaml"
+    path.write_text(MISSION.format(host=host, hold=hold), encoding="utf-8")
+    command = [sys.executable, "-m", "kybflow", "run", str(path), "--target", "there"]
+    return subprocess.Popen(
+        [*command, "--out", str(folder / "run")],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=os.environ,
+    )  # fmt: skip
+
+
+def test_a_mission_flies_on_a_drone_s_own_odometry_through_a_bad_network(tmp_path):
+    with served("--loss", "0.05", "--latency", "0.02", "--jitter", "0.02") as drones:
+        flight = program(drones.host, 3, tmp_path)
+        said, _ = flight.communicate(timeout=HANGS)
+        assert flight.returncode == 0, said
+        assert drones.has_said("v1 is landed")
+
+
+def test_killed_in_flight_the_drone_lands_itself_and_nobody_sends(tmp_path):
+    with served() as drones:
+        flight = program(drones.host, 120, tmp_path)
+        try:
+            until(lambda: drones.has_said("v1 is flying") or flight.poll(), "flight")
+            assert flight.poll() is None, flight.stdout.read()
+            flight.send_signal(signal.SIGKILL)
+            flight.wait()
+            until(lambda: drones.has_said("v1 is landing"), "the watchdog")
+            until(lambda: drones.has_said("v1 is landed"), "the ground")
+        finally:
+            flight.kill()
+            flight.wait()
+            flight.stdout.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [30, 100, 200])
+def test_three_drones_for_a_minute_over_sockets(rate, tmp_path):
+    bad = {"wifi_latency": 0.02, "wifi_jitter": 0.02, "wifi_loss": 0.05}
+    request = RunRequest(out=tmp_path / "run", speed=1.0)
+    text = mission(["a", "b", "c"], 60.0)
+    flight, told, session = flown(text, tmp_path, request=request, rate=rate, network=True, **bad)
+    assert flight.summary["outcome"] == "succeeded", told
+    for link in session.links.values():
+        assert not link.drone.times_lost
+        assert not link.wire.stream.ended
+
+
+def test_over_sockets_it_flies_as_in_memory(tmp_path):
+    errors = []
+    for network in (False, True):
+        out = tmp_path / str(network)
+        out.mkdir()
+        request = RunRequest(out=out / "run", speed=1.0 if network else None)
+        flight, told, _ = flown(mission(["a", "b"], 16.0), out, request=request, network=network)
+        assert flight.summary["outcome"] == "succeeded", told
+        records = flight.summary["vehicles"].values()
+        errors.append([r["position_error_m"]["mean"] for r in records])
+    for memory, sockets in zip(*errors, strict=True):
+        assert sockets == pytest.approx(memory, rel=0.2)

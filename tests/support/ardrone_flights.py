@@ -1,0 +1,107 @@
+"""Missions on emulated AR.Drones, with what their session was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from kybflow.api.flight import RunRequest, fly
+from kybflow.core.signals import NS
+from kybflow.drivers.ardrone.protocol.at import read_commands
+from kybflow.drivers.ardrone.transport.stream import CommandStream
+from kybflow.drivers.emulated_ardrone import EmulatedArdrone
+from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
+from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
+
+HEAD = """kybflow: 1
+mission: drones
+import: {std: kybflow/airframes}
+world: {fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}}
+vehicles:
+"""
+VEHICLE = """  {name}:
+    like: std.ardrone
+    start: {{at: [{x}, 0, 0]}}
+    behaviors:
+      up: {{do: take_off, height: 1 m, then: turn, within: 20 s}}
+      turn: {{do: circle, center: [{x}, 0.5, 1], radius: 50 cm, speed: 40 cm/s, laps: {laps},
+             then: down}}
+      down: {{do: land}}
+"""
+
+
+def mission(names, seconds):
+    """Each takes off, circles for about so long, and lands."""
+    laps = max(1, round(seconds * 0.4 / 3.14))
+    vehicles = (
+        VEHICLE.format(name=name, x=1.5 * number - 1.5, laps=laps)
+        for number, name in enumerate(names)
+    )
+    return HEAD + "".join(vehicles)
+
+
+def flown(text, out, *, ages=None, request=None, seed=0, breaks=(), watch=None, **params):
+    """The flight, its events, and the session. breaks: (seconds, failures of the drone `a`).
+    watch: takes (seconds, truth) of the drone `a`, once a tick."""
+    path = out / "drones.yaml"
+    path.write_text(text, encoding="utf-8")
+    result = compile_mission(path, catalog=load_catalog(), target="emulated_ardrone", sets=())
+    assert result.plan is not None, result.diagnostics
+    sessions = []
+
+    class Kept(EmulatedArdrone):
+        @classmethod
+        def open(cls, seats, generator):
+            sessions.append(broken(EmulatedArdrone.open(seats, generator), breaks, watch))
+            return sessions[-1]
+
+    def on(vehicle):
+        changed = replace(vehicle.driver.params, **params)
+        return replace(vehicle, driver=replace(vehicle.driver, cls=Kept, params=changed))
+
+    plan = replace(result.plan, vehicles=tuple(map(on, result.plan.vehicles)))
+    told = []
+    request = request or RunRequest(out=out / "run", seed=seed)
+    flight = fly(plan, request, (told.append,))
+    return flight, told, sessions[0]
+
+
+def broken(session, breaks, watch):
+    """The session, whose drone `a` fails at these times."""
+    advance, waiting = session.advance, sorted(breaks, key=lambda one: one[0])
+
+    def breaking(now):
+        while waiting and waiting[0][0] * NS <= now:
+            for name, value in waiting.pop(0)[1].items():
+                setattr(session.links["a"].drone.failures, name, value)
+        advance(now)
+        if watch is not None:
+            watch.append((now / NS, session.links["a"].truth()))
+
+    session.advance = breaking
+    return session
+
+
+class AgesOnReceipt:
+    """How old each move was as a drone took it: `seconds`, from the tick that made it."""
+
+    def __init__(self, monkeypatch):
+        self.seconds, self._made = [], {}
+        due, take = CommandStream.due, OnboardDrone._take
+
+        def noting_due(stream):
+            sent = due(stream)
+            for data in sent:
+                for command in read_commands(data):
+                    if command.name == "PCMD":
+                        self._made[command.sequence, command.arguments] = stream._held.at
+            return sent
+
+        def noting_take(drone, command, now):
+            made = self._made.get((command.sequence, command.arguments))
+            if made is not None:
+                self.seconds.append((now - made) / NS)
+            take(drone, command, now)
+
+        monkeypatch.setattr(CommandStream, "due", noting_due)
+        monkeypatch.setattr(OnboardDrone, "_take", noting_take)
