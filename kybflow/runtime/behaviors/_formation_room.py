@@ -94,9 +94,7 @@ class FormationRoom:
             yield offset, tuple(near)
 
 
-def _solids(
-    place: Vec3, shapes: Iterable[Shape], keep: float, speed: float
-) -> Iterator[Surface]:
+def _solids(place: Vec3, shapes: Iterable[Shape], keep: float, speed: float) -> Iterator[Surface]:
     """Yield what a place that keeps away from the shapes must slow down for at `speed` (m/s)."""
     for shape in shapes:
         room = shape.distance(place) - keep
