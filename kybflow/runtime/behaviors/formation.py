@@ -316,11 +316,14 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         setpoint = self._coast.at(elapsed).setpoint(self._heading)
         come = team.members.keys() - team.troubled.keys()
         missing = [name for name in self._members.others if name not in come]
-        who = " and ".join(f"`{name}`" for name in missing) or f"`{self.params.leader}`"
-        self.waits_for = f"{who} to come"
+        if self.params.leader is not None and not missing:
+            missing = [self.params.leader]
+        who = " and ".join(f"`{name}`" for name in missing)
+        self.waits_for = f"{who} to come" if who else None
         if elapsed > self.params.patience + self._coast.duration:
             verb = "have" if len(missing) > 1 else "has"
-            reason = f"{who} {verb} not come within {self.params.patience:g} s"
+            what = f"{who} {verb} not come" if who else "no place has become free"
+            reason = f"{what} within {self.params.patience:g} s"
             return Failed(setpoint, reason)
         return setpoint
 
