@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.core.geometry import distance, dot, sub
+from kybflow.core.geometry import distance
 from kybflow.core.signals import NEVER, NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
 from kybflow.core.units import Length
 from kybflow.parts import Objection, Supervisor, param, params
@@ -104,8 +104,10 @@ class Proximity(Supervisor[ProximityParams]):
 def _stopping(own: Estimate, other: Estimate, apart: float) -> float:
     """Return the distance (m) in which two vehicles that close in come to rest, as `safety.hold`
     brakes. apart: metres between them."""
-    away = sub(other.position, own.position)
-    closing = dot(sub(own.velocity, other.velocity), away) / max(apart, 1e-6)
-    if closing <= 0.0:
+    (px, py, pz), (qx, qy, qz) = own.position, other.position
+    (ux, uy, uz), (vx, vy, vz) = own.velocity, other.velocity
+    nearing = (ux - vx) * (qx - px) + (uy - vy) * (qy - py) + (uz - vz) * (qz - pz)
+    if nearing <= 0.0:
         return 0.0
+    closing = nearing / max(apart, 1e-6)
     return closing * (_ANSWER + 0.9375 * closing / _DECELERATION)
