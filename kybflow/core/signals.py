@@ -8,7 +8,7 @@ quaternions rotate body to world.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from enum import Enum, IntEnum
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple, Protocol, TypeVar, cast
@@ -394,6 +394,9 @@ class Heard(NamedTuple):
     said: Measurement | None
 
 
+Answer = TypeVar("Answer")
+
+
 class Neighbours(Protocol):
     """What vehicles publish to each other, kept for half a second."""
 
@@ -401,10 +404,17 @@ class Neighbours(Protocol):
         """Return the newest that the vehicle published at `by` or before; None where it published
         nothing yet."""
 
+    def once(self, question: Hashable, answer: Callable[[], Answer]) -> Answer:
+        """Return the `answer` that the news gives to a `question`: asked by many in a tick, it is
+        worked out for the first."""
+
 
 class _Nobody:
     def heard(self, vehicle: str, by: Time) -> Heard | None:
         return None
+
+    def once(self, question: Hashable, answer: Callable[[], Answer]) -> Answer:
+        return answer()
 
 
 NOBODY: Neighbours = _Nobody()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import combinations
-from math import hypot
+from math import hypot, inf
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance, dot, norm, sub
@@ -58,6 +58,7 @@ class Watch:
         self._vehicles: dict[str, Vehicle] = {}
         self._wrong: set[str] = set()
         self._before: dict[str, Vec3] = {}
+        self._widest = 0.0
         self._unfinished: tuple[Waiting | None, tuple[str, ...]] = (None, ())
         self._hearing = {
             "collided": self._collided,
@@ -77,6 +78,7 @@ class Watch:
         """The engine is made."""
         self._engine = engine
         self._vehicles = {vehicle.name: vehicle for vehicle in engine.vehicles}
+        self._widest = 2.0 * max(map(_half_needed, engine.vehicles))
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
@@ -105,11 +107,22 @@ class Watch:
                 self._note_charge(vehicle, battery.remaining)
             if vehicle.name in places and vehicle.airborne:
                 self._look_at_fence(vehicle, places[vehicle.name])
-        for one, other in combinations(engine.vehicles, 2):
-            if (one.airborne or other.airborne) and one.name in before and other.name in before:
-                apart = sub(places[one.name], places[other.name])
-                gap = _least(sub(before[one.name], before[other.name]), apart)
-                self._note_gap(one, other, gap)
+        self._look_at_pairs(before, places)
+
+    def _look_at_pairs(self, before: dict[str, Vec3], places: dict[str, Vec3]) -> None:
+        """Look at each two, but those that were too far apart all the time to tell anything."""
+        known = [
+            (vehicle, vehicle.airborne, places[vehicle.name], before[vehicle.name])
+            for vehicle in self._vehicles.values()
+            if vehicle.name in before and vehicle.name in places
+        ]
+        moved = 2.0 * max((distance(now, then) for *_, now, then in known), default=0.0)
+        for (one, flies, here, was), (other, other_flies, there, went) in combinations(known, 2):
+            telling = inf if self.separation is None else self.separation.metres
+            if distance(here, there) < max(telling, self._widest) + moved and (
+                flies or other_flies
+            ):
+                self._note_gap(one, other, _least(sub(was, went), sub(here, there)))
 
     def end(self, engine: Engine) -> None:
         """The engine has stopped."""
@@ -134,9 +147,8 @@ class Watch:
         assert self._engine is not None
         if self.separation is None or gap < self.separation.metres:
             self.separation = LeastSeparation(gap, self._engine.seconds(), (one.name, other.name))
-        frames = (one.context.airframe, other.context.airframe)
-        needed = sum(frame.arm + 0.5 * frame.rotor_radius for frame in frames)
-        collides = gap < sum(frame.arm for frame in frames)
+        needed = _half_needed(one) + _half_needed(other)
+        collides = gap < one.context.airframe.arm + other.context.airframe.arm
         if gap < needed and not collides and one.airborne and other.airborne:
             own, beside = self._doing(one), self._doing(other)
             found = rehearsed.too_close(own, beside, gap, needed, self._texts)
@@ -284,6 +296,12 @@ class Watch:
             return
         self._wrong.add(vehicle.name)
         self._found.setdefault((vehicle.name, state.name, found.severity.value), found)
+
+
+def _half_needed(vehicle: Vehicle) -> float:
+    """Half of the distance that two such vehicles need between them."""
+    frame = vehicle.context.airframe
+    return frame.arm + 0.5 * frame.rotor_radius
 
 
 def _least(before: Vec3, after: Vec3) -> float:

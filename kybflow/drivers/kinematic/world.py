@@ -30,6 +30,10 @@ class KinematicWorld(Session):
         self.links: dict[str, Link] = {v.context.vehicle: v for v in self._vehicles}
         self._now: Time = 0
         self._touching: frozenset[_Pair] = frozenset()
+        self._pairs = tuple(
+            (one, other, one.context.airframe.arm + other.context.airframe.arm)
+            for one, other in combinations(self._vehicles, 2)
+        )
 
     def advance(self, now: Time) -> None:
         dt, self._now = (now - self._now) / NS, now
@@ -47,8 +51,7 @@ class KinematicWorld(Session):
         """There is nothing to release."""
 
     def _touches(self) -> Iterator[_Pair]:
-        for one, other in combinations(self._vehicles, 2):
-            apart = one.context.airframe.arm + other.context.airframe.arm
+        for one, other, apart in self._pairs:
             near = distance(one.state.position, other.state.position) < apart
             if near and not (one.is_down and other.is_down):
                 yield one, other.context.vehicle

@@ -12,7 +12,7 @@ what then still asks for more, in a corner, slows the whole. World frame, metres
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from math import sqrt
 from typing import NamedTuple
 
@@ -22,6 +22,10 @@ from kybflow.world.shapes import Box
 _STOPPING, _GAIN = 1.0, 2.0
 _LINEAR = 0.5 * _STOPPING / _GAIN**2
 _ROUNDS = 4
+_INWARD: tuple[Vec3, ...] = (
+    (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0),
+    (0.0, 0.0, -1.0),
+)  # fmt: skip
 
 
 class Surface(NamedTuple):
@@ -43,22 +47,24 @@ def reach_of(speed: float) -> float:
     return speed * speed / (2.0 * _STOPPING) + _LINEAR
 
 
-def walls(position: Vec3, box: Box) -> Iterator[Surface]:
-    """Yield the faces of a box around `position`."""
-    for i in range(3):
-        for face, inward in ((box.low[i], 1.0), (box.high[i], -1.0)):
-            x, y, z = (inward if i == axis else 0.0 for axis in range(3))
-            yield Surface(inward * (position[i] - face), (x, y, z))
+def walls(position: Vec3, box: Box) -> tuple[Surface, ...]:
+    """Return the faces of a box around `position`: of each axis the low one, then the high one."""
+    (x, y, z), (x0, y0, z0), (x1, y1, z1) = position, box.low, box.high
+    rooms = (x - x0, x1 - x, y - y0, y1 - y, z - z0, z1 - z)
+    return tuple(map(Surface, rooms, _INWARD))
 
 
 def bounded(velocity: Vec3, surfaces: Iterable[Surface]) -> Vec3:
     """Return the velocity that stops before each of the surfaces."""
     bounds = [(stopping_speed(room), normal) for room, normal in surfaces]
     for _ in range(_ROUNDS):
+        before = velocity
         for allowed, normal in bounds:
             excess = -dot(velocity, normal) - allowed
             if excess > 0.0:
                 velocity = add(velocity, scale(normal, excess))
+        if velocity is before:
+            return velocity
     share = 1.0
     for allowed, normal in bounds:
         closing = -dot(velocity, normal)

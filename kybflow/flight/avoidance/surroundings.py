@@ -96,8 +96,7 @@ class Nearby:
                 place, less = (known, slack) if there else (point, 0.0)
                 yield _ball(name, place, seen.position, seen.velocity, radius - less)
         for name, hull in self._hulls.items():
-            other = tick.fleet.get(name)
-            if other is None or now < later.get(name, 0):
+            if now < later.get(name, 0) or (other := tick.fleet.get(name)) is None:
                 continue
             apart = distance(point, other.position)
             beyond = apart - hull - reach_of(speed + norm(other.velocity))

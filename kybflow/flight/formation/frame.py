@@ -5,9 +5,9 @@ With the heading psi, its rate w and the place o(t) of a vehicle in the frame, R
     p = c + R o,    v = c' + w x R o + R o',    a = c'' + w x (w x R o) + 2 w x R o' + R o''
 
 (the change of w is left out: it is small and lasts a tick). Each member moves a frame of its own by
-the same rule, and lets it drift towards those that its neighbours publish,
+the same rule, and lets it drift towards the mean of those that are published,
 
-    c_i' = u + k/(n+1) sum_j (c_j - c_i),
+    c_i' = u + k (mean c_j - c_i),
 
 so that what one heard otherwise or later does not stay. World frame, metres, radians.
 """
@@ -67,7 +67,7 @@ class MovingFrame(NamedTuple):
     def motion(self, place: Motion) -> Motion:
         """Return the motion in the world of a place that may move in the frame."""
         w = self.rate
-        o, u, b = (self.turned(v) for v in (place.position, place.velocity, place.acceleration))
+        o, u, b = self.all_turned((place.position, place.velocity, place.acceleration))
         velocity = add(add(self.velocity, self.drift), (u[0] - w * o[1], u[1] + w * o[0], u[2]))
         inward = (-w * w * o[0] - 2.0 * w * u[1], -w * w * o[1] + 2.0 * w * u[0], 0.0)
         acceleration = add(self.acceleration, add(inward, b))
@@ -138,23 +138,24 @@ def moved(
     asked: Asked,
     limits: FrameLimits,
     dt: float,
-    others: Sequence[MovingFrame] = (),
-    offsets: Iterable[tuple[Vec3, Sequence[Surface]]] = (),
+    mean: MovingFrame | None = None,
+    reach: float = 0.0,
+    near: Sequence[tuple[Vec3, Surface]] = (),
 ) -> MovingFrame:
-    """Return the frame a tick later. others: the neighbours' frames, as they are now. offsets: of
-    each place where it is from the centre, in the world's axes, and what is near it."""
-    offsets = tuple(offsets)
+    """Return the frame a tick later. mean: of all members' frames, as they are now. reach: how far
+    its places are from its axis, metres. near: what is near a place, each with where the place is
+    from the centre, in the world's axes."""
     x, y, z = asked.velocity
     level = shortened((x, y, 0.0), limits.speed)
     wanted = (level[0], level[1], max(-limits.climb, min(limits.climb, z)))
     change = shortened(sub(wanted, frame.velocity), limits.acceleration * dt)
-    wanted, surfaces = add(frame.velocity, change), [s for _, near in offsets for s in near]
+    wanted, surfaces = add(frame.velocity, change), [surface for _, surface in near]
     if surfaces:
         wanted = bounded(wanted, surfaces)
         change = shortened(sub(wanted, frame.velocity), _HARD * dt)
     velocity = add(frame.velocity, change)
-    rate = _turning(frame, asked.rate, limits, offsets, dt)
-    drift, turn = _drift(frame, others)
+    rate = _turning(frame, asked.rate, limits, reach, near, dt)
+    drift, turn = (ZERO, 0.0) if mean is None else _drift(frame, mean)
     if surfaces:
         drift = bounded(drift, surfaces)
     step = add(scale(add(frame.velocity, velocity), 0.5 * dt), scale(drift, dt))
@@ -172,37 +173,29 @@ def _turning(
     frame: MovingFrame,
     asked: float,
     limits: FrameLimits,
-    offsets: tuple[tuple[Vec3, Sequence[Surface]], ...],
+    reach: float,
+    near: Sequence[tuple[Vec3, Surface]],
     dt: float,
 ) -> float:
     """The rate of turning in the next tick: no place goes round faster than the frame may move, and
     none faster towards something than half of what stops before it."""
-    reach = max((hypot(o[0], o[1]) for o, _ in offsets), default=0.0)
     most = limits.turn_rate if reach <= 0.0 else min(limits.turn_rate, limits.speed / reach)
     asked = max(-most, min(most, asked))
     step = _TURNING * dt
     rate = frame.rate + max(-step, min(step, asked - frame.rate))
     share = 1.0
-    for (x, y, _), surfaces in offsets:
-        for room, normal in surfaces:
-            closing = -dot((-rate * y, rate * x, 0.0), normal)
-            allowed = 0.5 * stopping_speed(room)
-            if closing > allowed:
-                share = min(share, allowed / closing)
+    for (x, y, _), (room, normal) in near if rate != 0.0 else ():
+        closing = -dot((-rate * y, rate * x, 0.0), normal)
+        allowed = 0.5 * stopping_speed(room)
+        if closing > allowed:
+            share = min(share, allowed / closing)
     return rate * share
 
 
-def _drift(frame: MovingFrame, others: Sequence[MovingFrame]) -> tuple[Vec3, float]:
-    """The velocity and the rate at which a frame comes to where the others are."""
-    if not others:
-        return ZERO, 0.0
-    gain = AGREEING / (len(others) + 1)
-    x = y = z = turn = 0.0
-    for other in others:
-        away = sub(other.centre, frame.centre)
-        x, y, z = x + away[0], y + away[1], z + away[2]
-        turn += wrap(other.heading - frame.heading)
-    return shortened((gain * x, gain * y, gain * z), _FASTEST), gain * turn
+def _drift(frame: MovingFrame, mean: MovingFrame) -> tuple[Vec3, float]:
+    """The velocity and the rate at which a frame comes to where all are on the mean."""
+    away = scale(sub(mean.centre, frame.centre), AGREEING)
+    return shortened(away, _FASTEST), AGREEING * wrap(mean.heading - frame.heading)
 
 
 def mean_frame(frames: Sequence[MovingFrame]) -> MovingFrame:
@@ -224,10 +217,10 @@ def mean_heading(c: float, s: float) -> float:
     return atan2(s, c) if hypot(c, s) > 1e-6 else 0.0
 
 
-def distance_error(here: Vec3, place: Vec3, others: Iterable[tuple[Vec3, Vec3]]) -> float:
-    """Return the mean error of a vehicle's distances to others, each given with its place; zero
-    without others."""
-    errors = [abs(distance(here, p) - distance(place, o)) for p, o in others]
+def distance_error(here: Vec3, others: Iterable[tuple[Vec3, float]]) -> float:
+    """Return the mean error of a vehicle's distances to others, each given with the distance that
+    it is to have; zero without others."""
+    errors = [abs(distance(here, other) - wanted) for other, wanted in others]
     return sum(errors) / len(errors) if errors else 0.0
 
 

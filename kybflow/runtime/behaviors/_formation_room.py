@@ -3,13 +3,15 @@ are no members."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
-from kybflow.core.geometry import Vec3, add, norm
+from kybflow.core.geometry import ZERO, Vec3, add, dot
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Tick, Time
 from kybflow.core.units import Length
-from kybflow.flight.avoidance.clearance import Surface, stopping_speed, walls
+from kybflow.flight.avoidance.clearance import Surface, reach_of, walls
+from kybflow.flight.formation.frame import MovingFrame
+from kybflow.flight.formation.layout import Layout
 from kybflow.world.shapes import Box, Shape, Sphere
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -59,13 +61,14 @@ class FormationRoom:
             kept.append(middle if low > high else max(low, min(high, centre[axis])))
         return (kept[0], kept[1], kept[2])
 
-    def obstacles(self, tick: Tick, delay: Time, left: Collection[str]) -> tuple[Shape, ...]:
+    def obstacles(self, tick: Tick, delay: Time, left: Iterable[str]) -> tuple[Shape, ...]:
         """Return the world's obstacles, those that move, the vehicles that are no members, and the
-        members that have `left`, from what they publish."""
+        members that have `left`, without the vehicle itself, from what they publish."""
         shapes: list[Shape] = list(self._context.obstacles.values())
         shapes += (Sphere(seen.position, seen.radius) for seen in tick.moving.values())
         for name in (*self._others, *left):
-            news = tick.neighbours.heard(name, tick.now - delay)
+            own = name == self._context.vehicle
+            news = None if own else tick.neighbours.heard(name, tick.now - delay)
             if news is not None and news.estimate is not None:
                 at, v, age = news.estimate.position, news.estimate.velocity, tick.now - news.time
                 s = age / NS
@@ -73,36 +76,30 @@ class FormationRoom:
                 shapes.append(Sphere(moved, 0.5 * self._context.diameters.get(name, 0.0)))
         return tuple(shapes)
 
-    def around(
+    def near(
         self,
-        centre: Vec3,
-        offsets: Sequence[Vec3],
+        frame: MovingFrame,
+        layout: Layout,
         obstacles: tuple[Shape, ...],
         speed: float,
         p: FormationRoomParams,
-    ) -> Iterator[tuple[Vec3, tuple[Surface, ...]]]:
-        """Yield each offset with what a place there must slow down for at `speed` (m/s)."""
-        box, keep = self.box(p), self._context.airframe.arm + p.clearance
-        if not obstacles and (box is None or _is_far(centre, offsets, box, speed)):
-            yield from ((offset, ()) for offset in offsets)
-            return
-        for offset in offsets:
+    ) -> list[tuple[Vec3, Surface]]:
+        """Return what some place must slow down for at `speed` (m/s), each with where that place is
+        from the centre. What is far from all places is told apart at once. Of the ground and the
+        ceiling, which no turn brings nearer, the nearest place tells."""
+        centre, box, keep = frame.centre, self.box(p), self._context.airframe.arm + p.clearance
+        reach, far = reach_of(speed), layout.radius
+        solids = [o for o in obstacles if o.distance(centre) - keep - far < reach]
+        sides: list[Surface] = []
+        found: list[tuple[Vec3, Surface]] = []
+        if box is not None:
+            *sides, (below, up), (above, down) = walls(centre, box)
+            sides = [side for side in sides if side.room - layout.reach < reach]
+            ends = ((below + layout.low, up), (above - layout.high, down))
+            found = [(ZERO, Surface(room, out)) for room, out in ends if room < reach]
+        for offset in frame.all_turned(layout.places) if solids or sides else ():
             place = add(centre, offset)
-            near = list(_solids(place, obstacles, keep, speed)) if obstacles else []
-            if box is not None and stopping_speed(-box.outside_by(place)) < speed:
-                near += (wall for wall in walls(place, box) if stopping_speed(wall.room) < speed)
-            yield offset, tuple(near)
-
-
-def _solids(place: Vec3, shapes: Iterable[Shape], keep: float, speed: float) -> Iterator[Surface]:
-    """Yield what a place that keeps away from the shapes must slow down for at `speed` (m/s)."""
-    for shape in shapes:
-        room = shape.distance(place) - keep
-        if stopping_speed(room) < speed:
-            yield Surface(room, shape.outward(place))
-
-
-def _is_far(centre: Vec3, offsets: Sequence[Vec3], box: Box, speed: float) -> bool:
-    """Whether no place has to slow down for a wall at `speed`."""
-    room = -box.outside_by(centre) - max(norm(offset) for offset in offsets)
-    return stopping_speed(room) >= speed
+            surfaces = [Surface(room + dot(offset, out), out) for room, out in sides]
+            surfaces += [Surface(o.distance(place) - keep, o.outward(place)) for o in solids]
+            found += [(offset, one) for one in surfaces if one.room < reach]
+        return found

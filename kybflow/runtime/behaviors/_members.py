@@ -1,19 +1,23 @@
-"""The members of a formation, as one of them hears the others.
+"""The members of a formation, as one of them hears them.
 
 What a member says of itself is an `InFormation`. A member that says nothing, or speaks of another
 formation, has not come yet or has left. One is in trouble, so that the others stop and wait for it,
 when it has been silent or held for longer than `freshness`, when it has no estimate, and when that
 is further from its place than `doubt`: it jumped, is blown away, or something holds it up.
+
+Each member hears the same of the team, itself included. So what follows from it for any of them is
+a `Team`, worked out for the first that asks in a tick; each then adds only what is its own, and
+the cost of a tick does not grow with the square of the members.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, add, distance, scale
-from kybflow.core.signals import NS, Estimate, Stamp, Tick, Time
-from kybflow.flight.formation.frame import MovingFrame
+from kybflow.core.signals import NS, Estimate, Heard, Stamp, Tick, Time
+from kybflow.flight.formation.frame import MovingFrame, mean_frame
 
 WAITING = -1
 """The place of a member that has none yet."""
@@ -38,8 +42,8 @@ class InFormation(NamedTuple):
 
 
 class Member(NamedTuple):
-    """Another member as it is heard: what it says, `age` seconds ago, its estimate, and why it
-    is in trouble, empty while it is not. lag: how far it is from its point, metres."""
+    """A member as it is heard: what it says, `age` seconds ago, its estimate, and why it is in
+    trouble, empty while it is not. lag: how far it is from its point, metres."""
 
     name: str
     said: InFormation
@@ -62,35 +66,85 @@ class Member(NamedTuple):
         return None if known is None else add(known.position, scale(known.velocity, self.age))
 
 
+class Team(NamedTuple):
+    """The members that have come and not left, by name, in the order of the team, and what follows
+    from what they say.
+
+    troubled: why, of those in trouble. Of those with a place: placed, their names; taken, their
+    places; stopping, who are in trouble; unsettled, who are that or not settled; lag, the largest.
+    Of those among them in no trouble: holders, the first in each place; positions, by place; frame,
+    the mean of theirs, None where there are none. away: who of the team has no place.
+    """
+
+    members: Mapping[str, Member]
+    troubled: Mapping[str, str]
+    placed: frozenset[str]
+    taken: frozenset[int]
+    stopping: frozenset[str]
+    unsettled: frozenset[str]
+    lag: float
+    holders: Mapping[int, str]
+    positions: Mapping[int, Vec3]
+    frame: MovingFrame | None
+    away: tuple[str, ...]
+
+
 class Members:
-    """Listens to the other members of `team`, those that speak of the formation `key`."""
+    """Listens to the members of `team`, those that speak of the formation `key`, for the one that
+    is `own`."""
 
     def __init__(self, team: tuple[str, ...], own: str, key: int) -> None:
         self.others = tuple(name for name in team if name != own)
-        self.key, self._own = key, own
+        self.key, self._team, self._own = key, team, own
+        self._rank = {name: rank for rank, name in enumerate(team)}
         self._troubled: dict[str, str] = {}
-        self._placed: set[str] = set()
+        self._placed: frozenset[str] = frozenset()
 
-    def heard(self, tick: Tick, delay: Time, freshness: float, doubt: float) -> list[Member]:
-        """Return the members that have come and not left, with the news that is `delay` old."""
-        found = []
-        for name in self.others:
-            news = tick.neighbours.heard(name, tick.now - delay)
-            if news is None or not isinstance(news.said, InFormation) or news.said.key != self.key:
-                continue
-            said, known = news.said, news.estimate
-            age, silent = (tick.now - said.time) / NS, (tick.now - news.time) / NS
-            lag = 0.0 if known is None else distance(known.position, said.point)
-            if silent > freshness:
-                trouble = f"silent for {silent:.2f} s"
-            elif age > freshness:
-                trouble = "held"
-            elif known is None:
-                trouble = "without an estimate"
-            else:
-                trouble = f"{lag:.2f} m from its place" if lag > doubt else ""
-            found.append(Member(name, said, age, known, lag, trouble))
-        return found
+    def heard(self, tick: Tick, delay: Time, freshness: float, doubt: float) -> Team:
+        """Return what is heard of the team, with the news that is `delay` old."""
+
+        def listened() -> Team:
+            news = ((name, tick.neighbours.heard(name, tick.now - delay)) for name in self._team)
+            found = (self._member(name, one, tick.now, freshness, doubt) for name, one in news)
+            return _team({m.name: m for m in found if m is not None}, self._team)
+
+        question = (self.key, self._team, tick.now, delay, freshness, doubt)
+        return tick.neighbours.once(question, listened)
+
+    def _member(
+        self, name: str, news: Heard | None, now: Time, freshness: float, doubt: float
+    ) -> Member | None:
+        if news is None or not isinstance(news.said, InFormation) or news.said.key != self.key:
+            return None
+        said, known = news.said, news.estimate
+        age, silent = (now - said.time) / NS, (now - news.time) / NS
+        lag = 0.0 if known is None else distance(known.position, said.point)
+        if silent > freshness:
+            trouble = f"silent for {silent:.2f} s"
+        elif age > freshness:
+            trouble = "held"
+        elif known is None:
+            trouble = "without an estimate"
+        else:
+            trouble = f"{lag:.2f} m from its place" if lag > doubt else ""
+        return Member(name, said, age, known, lag, trouble)
+
+    def but_own(self, team: Team) -> list[Member]:
+        """Return the other members."""
+        return [m for m in team.members.values() if m.name != self._own]
+
+    def is_stopping(self, team: Team) -> bool:
+        """Return whether another member with a place is in trouble."""
+        return not team.stopping <= {self._own}
+
+    def is_settled(self, team: Team) -> bool:
+        """Return whether all others with a place are settled."""
+        return team.unsettled <= {self._own}
+
+    def goes_first(self, place: int, team: Team) -> bool:
+        """Return whether a member that goes first has the same place."""
+        holder = team.holders.get(place, self._own)
+        return holder != self._own and self._rank[holder] < self._rank.get(self._own, -1)
 
     def own_news(self, tick: Tick) -> Member | None:
         """Return what the vehicle itself said of this formation in the last ticks; None where it
@@ -101,17 +155,43 @@ class Members:
         age = (tick.now - news.said.time) / NS
         return Member(self._own, news.said, age, news.estimate, 0.0, "") if age < 0.1 else None
 
-    def changes(self, members: list[Member], *, whole: bool) -> Iterator[tuple[str, str, str]]:
-        """Yield each change since the last call: the event, the neighbour, and the reason. whole:
-        the formation was complete, so that who is in place now has joined it."""
-        troubled = {m.name: m.trouble for m in members if m.trouble}
-        placed = {m.name for m in members if m.said.place != WAITING}
-        for name in sorted(self._placed - {m.name for m in members}):
+    def changes(self, team: Team, *, whole: bool) -> Iterator[tuple[str, str, str]]:
+        """Yield each change of others since the last call: the event, the neighbour, the reason.
+        whole: the formation was complete, so that who is in place now has joined it."""
+        troubled, placed = team.troubled, team.placed
+        if troubled.keys() == self._troubled.keys() and placed == self._placed:
+            return
+        here, own = team.members.keys(), {self._own}
+        for name in sorted(self._placed - here - own):
             yield "neighbour_left", name, ""
-        for name in sorted(placed - self._placed) if whole else ():
+        for name in sorted(placed - self._placed - own) if whole else ():
             yield "neighbour_joined", name, ""
-        for name in sorted(troubled.keys() - self._troubled.keys()):
+        for name in sorted(troubled.keys() - self._troubled.keys() - own):
             yield "neighbour_lost", name, troubled[name]
-        for name in sorted((self._troubled.keys() - troubled.keys()) & {m.name for m in members}):
+        for name in sorted((self._troubled.keys() - troubled.keys() - own) & here):
             yield "neighbour_recovered", name, ""
-        self._troubled, self._placed = troubled, placed
+        self._troubled, self._placed = dict(troubled), placed
+
+
+def _team(members: dict[str, Member], team: tuple[str, ...]) -> Team:
+    placed = [m for m in members.values() if m.said.place != WAITING]
+    formed = [m for m in placed if not m.trouble]
+    holders: dict[int, str] = {}
+    positions: dict[int, Vec3] = {}
+    for m in formed:
+        if holders.setdefault(m.said.place, m.name) == m.name and m.position is not None:
+            positions[m.said.place] = m.position
+    names = frozenset(m.name for m in placed)
+    return Team(
+        members,
+        {m.name: m.trouble for m in members.values() if m.trouble},
+        names,
+        frozenset(m.said.place for m in placed),
+        frozenset(m.name for m in placed if m.trouble),
+        frozenset(m.name for m in placed if m.trouble or not m.said.settled),
+        max((m.lag for m in placed), default=0.0),
+        holders,
+        positions,
+        mean_frame([m.frame for m in formed]) if formed else None,
+        tuple(name for name in team if name not in names),
+    )

@@ -50,6 +50,7 @@ from kybflow.flight.formation.frame import (
     mean_heading,
     moved,
 )
+from kybflow.flight.formation.layout import Layout, laid_out
 from kybflow.flight.motion import Coast, Motion
 from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
@@ -63,7 +64,7 @@ from kybflow.runtime.behaviors._formation_drives import (
 )
 from kybflow.runtime.behaviors._formation_room import FormationRoom, FormationRoomParams
 from kybflow.runtime.behaviors._hand import was_held
-from kybflow.runtime.behaviors._members import WAITING, InFormation, Member, Members
+from kybflow.runtime.behaviors._members import WAITING, InFormation, Member, Members, Team
 from kybflow.world.vehicle_context import VehicleContext
 
 _NOTICE: Time = NS // 10
@@ -179,7 +180,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._untold: deque[tuple[str, dict[str, str | float | bool | None]]] = deque()
         self._last, self._is_new = entry.now, True
         self._frame, self._turned = MovingFrame(entry.position), 0.0
-        self._laid_out = (0.0, self._shape)
+        self._layout_of: tuple[float, int, frozenset[int]] | None = None
         self._wait(entry.motion, entry.heading, entry.now)
 
     def _wait(self, motion: Motion, heading: float, now: Time) -> None:
@@ -195,8 +196,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         if was_held(self._last, tick):
             self._wait(_motion_of(tick), self._heading, tick.now)
         self._last = tick.now
-        members = self._members.heard(tick, self._delay, p.freshness, p.doubt)
-        for event, neighbour, reason in self._members.changes(members, whole=self._is_complete):
+        team = self._members.heard(tick, self._delay, p.freshness, p.doubt)
+        for event, neighbour, reason in self._members.changes(team, whole=self._is_complete):
             why = {"reason": reason} if reason else {}
             self._untold.append((event, {"neighbour": neighbour, **why}))
         if self._is_new:
@@ -206,16 +207,16 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         if isinstance(self._drive, BehindLeader):
             ahead = self._drive.hear(tick, p.delay, p.freshness)
         if self._placed is None:
-            self._placed = self._met(members, ahead, tick)
-        output = self._acting(members, tick)
+            self._placed = self._met(team, ahead, tick)
+        output = self._acting(team, tick)
         if isinstance(output, Setpoint) and self._untold:
             return Told(output, *self._untold.popleft())
         return output
 
-    def _acting(self, members: list[Member], tick: Tick) -> Setpoint | Done | Failed:
+    def _acting(self, team: Team, tick: Tick) -> Setpoint | Done | Failed:
         if self._placed is None:
-            return self._waiting(members, tick)
-        return self._flying(self._placed, members, tick)
+            return self._waiting(team, tick)
+        return self._flying(self._placed, team, tick)
 
     @classmethod
     def prepare(cls) -> None:
@@ -236,10 +237,11 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._placed = self._set_out(before.said.place, way if way > _IN_PLACE else 0.0, tick)
         self._settled = before.said.settled
 
-    def _met(self, members: list[Member], ahead: MovingFrame | None, tick: Tick) -> _Placed | None:
+    def _met(self, team: Team, ahead: MovingFrame | None, tick: Tick) -> _Placed | None:
         """Lay the formation, or join it; None while not all have come whom that needs."""
-        formed = [m for m in members if m.said.place != WAITING and not m.trouble]
-        waiting = [m for m in members if m.said.place == WAITING and not m.trouble]
+        members = [m for m in self._members.but_own(team) if not m.trouble]
+        formed = [m for m in members if m.said.place != WAITING]
+        waiting = [m for m in members if m.said.place == WAITING]
         all_there = len(waiting) == len(self._team) - 1
         if not (formed or all_there) or (self.params.leader is not None and ahead is None):
             return None
@@ -298,42 +300,47 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
 
     def _turned_shape(self) -> tuple[Vec3, ...]:
         """The places in the frame."""
-        if self._laid_out[0] != self._turned:
-            turned = tuple(places.turned_by(self._turned, place) for place in self._shape)
-            self._laid_out = (self._turned, turned)
-        return self._laid_out[1]
+        return tuple(places.turned_by(self._turned, place) for place in self._shape)
 
-    def _waiting(self, members: list[Member], tick: Tick) -> Setpoint | Failed:
+    def _laid_out(self, own: int, taken: frozenset[int]) -> Layout:
+        """The layout of the places that are taken, worked out when others are."""
+        which = (self._turned, own, taken)
+        if self._layout_of != which:
+            self._layout_of, self._layout = which, laid_out(self._turned_shape(), own, taken)
+        return self._layout
+
+    def _waiting(self, team: Team, tick: Tick) -> Setpoint | Failed:
         """Rest, and say so."""
         elapsed = (tick.now - self._entered) / NS
         self._say(tick, WAITING, self._coast.end, MovingFrame(ZERO, heading=self._heading))
         setpoint = self._coast.at(elapsed).setpoint(self._heading)
-        come = {m.name for m in members if not m.trouble}
+        come = team.members.keys() - team.troubled.keys()
         missing = [name for name in self._members.others if name not in come]
-        who = " and ".join(f"`{name}`" for name in missing) or f"`{self.params.leader}`"
-        self.waits_for = f"{who} to come"
+        if self.params.leader is not None and not missing:
+            missing = [self.params.leader]
+        who = " and ".join(f"`{name}`" for name in missing)
+        self.waits_for = f"{who} to come" if who else None
         if elapsed > self.params.patience + self._coast.duration:
             verb = "have" if len(missing) > 1 else "has"
-            reason = f"{who} {verb} not come within {self.params.patience:g} s"
+            what = f"{who} {verb} not come" if who else "no place has become free"
+            reason = f"{what} within {self.params.patience:g} s"
             return Failed(setpoint, reason)
         return setpoint
 
-    def _flying(self, own: _Placed, members: list[Member], tick: Tick) -> Setpoint | Done | Failed:
+    def _flying(self, own: _Placed, team: Team, tick: Tick) -> Setpoint | Done | Failed:
         """Keep the place while the frame moves."""
-        p, drive = self.params, self._drive
-        formed = [m for m in members if m.said.place != WAITING]
-        motion = own.shift.at((tick.now - own.began) / NS)
-        if self._is_taken(own.place, formed):
+        p, drive, motion = self.params, self._drive, own.shift.at((tick.now - own.began) / NS)
+        if self._members.goes_first(own.place, team):
             self._wait(self._frame.motion(motion), self._heading, tick.now)
-            return self._waiting(members, tick)
+            return self._waiting(team, tick)
+        layout = self._laid_out(own.place, team.taken)
         limits = FrameLimits(self._most_speed, p.climb, p.turn_rate, p.acceleration)
-        self._move(own, formed, limits, tick)
-        motion = own.shift.at((tick.now - own.began) / NS)
+        self._move(layout, team, limits, tick)
         wanted = self._frame.motion(motion)
         self._point = wanted.position
         self._turn_with(own, tick)
-        self._let_feel(formed, limits, tick)
-        self._judge(own, formed, tick)
+        self._let_feel(team, limits, tick)
+        self._judge(own, layout, team, tick)
         self._say(tick, own.place, wanted.position, self._frame)
         setpoint = wanted.setpoint(self._heading, self._frame.rate)
         self.waits_for = drive.waits_for or None
@@ -341,35 +348,23 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             return Failed(setpoint, drive.trouble)
         return Done(setpoint) if drive.ended and self._is_complete else setpoint
 
-    def _is_taken(self, place: int, formed: list[Member]) -> bool:
-        """Whether a member that goes first has the same place."""
-        own = self._team.index(self._context.vehicle) if self._context.vehicle in self._team else -1
-        same = (m for m in formed if m.said.place == place and not m.trouble)
-        return any(self._team.index(m.name) < own for m in same)
-
-    def _move(self, own: _Placed, formed: list[Member], limits: FrameLimits, tick: Tick) -> None:
+    def _move(self, layout: Layout, team: Team, limits: FrameLimits, tick: Tick) -> None:
         """Move the frame by a tick: as slowly as the one that lags most needs it."""
-        p, frame, share = self.params, self._frame, self._share(formed, tick)
+        p, frame, share = self.params, self._frame, self._share(team, tick)
         asked = Asked()
         if p.path is None or self._is_complete:
             asked = self._drive.asked(tick, frame, limits)
             asked = Asked(scale(asked.velocity, share), share * asked.rate)
-        shape, placed = self._turned_shape(), {m.name: m.said.place for m in formed}
-        taken = sorted({own.place, *placed.values()})
-        offsets = frame.all_turned(shape[i] for i in taken if i < len(shape))
-        left = [name for name in self._members.others if name not in placed]
-        obstacles = self._room.obstacles(tick, self._delay, left)
+        obstacles = self._room.obstacles(tick, self._delay, team.away)
         fastest = 2.0 * max(limits.speed, limits.climb)
-        around = self._room.around(frame.centre, offsets, obstacles, fastest, p)
-        others = [m.frame for m in formed if not m.trouble]
-        self._frame = moved(frame, asked, limits, tick.dt, others, around)
+        near = self._room.near(frame, layout, obstacles, fastest, p)
+        self._frame = moved(frame, asked, limits, tick.dt, team.frame, layout.reach, near)
 
-    def _share(self, formed: list[Member], tick: Tick) -> float:
+    def _share(self, team: Team, tick: Tick) -> float:
         """The share of the speed at which nobody is left behind."""
-        p = self.params
-        if any(m.trouble for m in formed):
+        p, lag = self.params, team.lag
+        if self._members.is_stopping(team):
             return 0.0
-        lag = max((m.lag for m in formed), default=0.0)
         if self._point is not None:
             lag = max(lag, distance(tick.known().position, self._point))
         slow = _UNHURRIED * p.doubt
@@ -382,23 +377,23 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         left = own.turn * (1.0 - smoothstep(done)[1]) if done < 1.0 else 0.0
         self._heading = wrap(self._frame.heading + left)
 
-    def _judge(self, own: _Placed, formed: list[Member], tick: Tick) -> None:
+    def _judge(self, own: _Placed, layout: Layout, team: Team, tick: Tick) -> None:
         """Find whether it is settled, and tell when all are."""
-        p, shape = self.params, self._shape
-        seen = [(m.position, m.said.place) for m in formed if not m.trouble]
-        others = [(at, shape[i]) for at, i in seen if at is not None and i < len(shape)]
-        error = distance_error(tick.known().position, shape[own.place], others)
+        p, seen = self.params, team.positions
+        others = [(seen[place], wanted) for place, wanted in layout.near if place in seen]
+        error = distance_error(tick.known().position, others)
         arrived = (tick.now - own.began) / NS >= own.shift.duration
         bound = p.tolerance * (_RETRACTED if self._settled else 1.0)
         self._settled = arrived and error <= bound
-        complete = self._settled and all(m.said.settled and not m.trouble for m in formed)
+        complete = self._settled and self._members.is_settled(team)
         if complete and not self._is_complete:
             self._untold.append(("formation_settled", {"error": round(error, 4)}))
         self._is_complete = complete
 
-    def _let_feel(self, formed: list[Member], limits: FrameLimits, tick: Tick) -> None:
+    def _let_feel(self, team: Team, limits: FrameLimits, tick: Tick) -> None:
         """Let the hand feel how the swarm moves, and not as it asked."""
         if isinstance(self._drive, ByHand):
+            formed = [m for m in self._members.but_own(team) if m.name in team.placed]
             known = [tick.known(), *(m.estimate for m in formed if m.estimate is not None)]
             velocity = shapes.centroid(tuple(one.velocity for one in known))
             self.push = self._drive.felt(velocity, self._frame, limits)

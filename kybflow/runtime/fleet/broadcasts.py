@@ -8,8 +8,10 @@ radio where one is simulated.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable, Hashable
+from typing import Any
 
-from kybflow.core.signals import NS, Heard, Time
+from kybflow.core.signals import NS, Answer, Heard, Time
 
 _KEPT = NS // 2
 
@@ -20,6 +22,7 @@ class Broadcasts:
     def __init__(self) -> None:
         self._kept: dict[str, deque[Heard]] = {}
         self._found: dict[tuple[str, Time], Heard | None] = {}
+        self._answers: dict[Hashable, Any] = {}
 
     def note(self, vehicle: str, news: Heard) -> None:
         """Keep what a vehicle publishes."""
@@ -29,6 +32,7 @@ class Broadcasts:
             kept.popleft()
         if self._found:
             self._found.clear()
+            self._answers.clear()
 
     def heard(self, vehicle: str, by: Time) -> Heard | None:
         """Return the newest of `vehicle` at `by` or before."""
@@ -37,3 +41,10 @@ class Broadcasts:
             kept = reversed(self._kept.get(vehicle, ()))
             self._found[key] = next((news for news in kept if news.time <= by), None)
         return self._found[key]
+
+    def once(self, question: Hashable, answer: Callable[[], Answer]) -> Answer:
+        """Return the answer to a question, from the first who asks until there is other news."""
+        if question not in self._answers:
+            self._answers[question] = answer()
+        found: Answer = self._answers[question]
+        return found

@@ -4,8 +4,8 @@ Alarm `too_close` in the air while the distance of the estimates of two vehicles
 than half of both diameters and `margin`, or than `distance` where that is more, and the way in
 which they come to rest, c (0.15 s + 15/16 c / (2 m/s^2)), c being the speed at which they close in;
 once raised it stays until they are 5 cm further apart. A vehicle without an estimate is not seen.
-As nothing closes in faster than 20 m/s, it looks again when the narrowest gap could be gone, after
-0.1 s at the latest; at a vehicle that is more than 5 m away, when it could be nearer. World frame,
+As nothing closes in faster than 20 m/s, it looks at a vehicle again when the gap could be gone,
+after 0.1 s at the latest; at one that is more than 5 m away, when it could be nearer. World frame,
 metres.
 
 The default reaction is `brake`: both vehicles see each other, both hold, and each goes on when the
@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.core.geometry import distance, dot, sub
+from kybflow.core.geometry import distance
 from kybflow.core.signals import NEVER, NS, Alarm, Estimate, Reaction, ReactionName, Tick, Time
 from kybflow.core.units import Length
 from kybflow.parts import Objection, Supervisor, param, params
@@ -71,34 +71,30 @@ class Proximity(Supervisor[ProximityParams]):
         self._touching = {name: 0.5 * (own + size) for name, size in context.diameters.items()}
         self._own = own
         self._close: frozenset[str] = frozenset()
-        self._next: Time = 0
-        self._far: dict[str, Time] = {context.vehicle: NEVER}
+        self._due: dict[str, Time] = {context.vehicle: NEVER}
 
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:
         if len(tick.fleet) < 2 or tick.estimate is None or not airborne:
-            self._close, self._next, self._far = frozenset(), 0, {self._vehicle: NEVER}
+            self._close, self._due = frozenset(), {self._vehicle: NEVER}
             return None
-        now, far = tick.now, self._far
-        if now < self._next:
-            return None
-        params = self.params
-        here, close, room = tick.estimate.position, [], _CLOSING * _LATEST
+        now, due, params = tick.now, self._due, self.params
+        here, close = tick.estimate.position, []
         for name, other in tick.fleet.items():
-            if other is None or now < far.get(name, 0):
+            if now < due.get(name, 0) or other is None:
                 continue
             bound = max(self._touching.get(name, self._own) + params.margin, params.distance)
             apart = distance(here, other.position)
             gap = apart - bound
             if gap >= _FAR:
-                far[name] = now + round((gap - _FAR) / _CLOSING * NS)
+                due[name] = now + round((gap - _FAR) / _CLOSING * NS)
                 continue
-            room = min(room, gap)
             bound += _stopping(tick.estimate, other, apart)
             if apart < bound + (_APART if name in self._close else 0.0):
                 close.append((apart, bound, name))
+            else:
+                due[name] = now + round(min(gap / _CLOSING, _LATEST) * NS)
         self._close = frozenset(name for *_, name in close)
         if not close:
-            self._next = now + round(room / _CLOSING * NS)
             return None
         apart, bound, name = min(close)
         reason = f"{apart:.2f} m from `{name}`, {bound:.2f} m needed"
@@ -108,8 +104,10 @@ class Proximity(Supervisor[ProximityParams]):
 def _stopping(own: Estimate, other: Estimate, apart: float) -> float:
     """Return the distance (m) in which two vehicles that close in come to rest, as `safety.hold`
     brakes. apart: metres between them."""
-    away = sub(other.position, own.position)
-    closing = dot(sub(own.velocity, other.velocity), away) / max(apart, 1e-6)
-    if closing <= 0.0:
+    (px, py, pz), (qx, qy, qz) = own.position, other.position
+    (ux, uy, uz), (vx, vy, vz) = own.velocity, other.velocity
+    nearing = (ux - vx) * (qx - px) + (uy - vy) * (qy - py) + (uz - vz) * (qz - pz)
+    if nearing <= 0.0:
         return 0.0
+    closing = nearing / max(apart, 1e-6)
     return closing * (_ANSWER + 0.9375 * closing / _DECELERATION)

@@ -1,0 +1,137 @@
+"""Formations in which something goes wrong with one: the others slow, keep their distance, and all
+come down. Judged by the simulator's truth."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import inf
+from pathlib import Path
+
+import pytest
+
+from kybflow.api.flight import RunRequest, fly
+from kybflow.core.geometry import Vec3, distance, norm
+from kybflow.core.signals import Event
+from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
+from kybflow.runtime.engine import Engine
+
+MISSION = """
+kybflow: 1
+mission: in_trouble
+import: {{std: kybflow/airframes}}
+world: {{fence: {{from: [-4, -4, 0], to: [4, 4, 2.5]}}}}
+hover_limit: 60 s
+time_limit: 60 s
+groups: {{swarm: [a, b, c, d]}}
+vehicles:
+  a:
+    like: std.nano_plus
+    start: {{at: [-0.6, -1.8, 0]}}
+    behaviors:
+      up:    {{do: take_off, height: 1 m, then: form}}
+      form:
+        {{do: formation, members: swarm, {shape}, path: [[2, 0, 1]], speed: 0.4 m/s, delay: 20 ms,
+         within: 20 s, then: down, failed: down}}
+      down:  {{do: land}}
+    {more}
+  b: {{like: a, start: {{at: [-0.6, -0.6, 0]}}}}
+  c: {{like: a, start: {{at: [-0.6, 0.6, 0]}}}}
+  d: {{like: a, start: {{at: [-0.6, 1.8, 0]}}}}
+on:
+  - {{event: operator.all_down, do: [{{switch: {{a: down, b: down, c: down, d: down}}}}]}}
+faults: {faults}
+"""
+CREDULOUS = "{use: mocap, gate: 2 m, widest_gate: 2 m}"
+FROM = 8.0
+"""Seconds: all are in their places, and on their way."""
+HARD = 0.2
+"""m/s between two looks, 50 ms: no more than a hard brake."""
+
+
+class Seen:
+    """An observer. apart: the least distance of two in the air. speed: of each, the fastest from a
+    second after `FROM` on, for two seconds. step: of each, the largest change of velocity between
+    two looks after `FROM`."""
+
+    def __init__(self) -> None:
+        self.apart, self.speed, self.step = inf, dict[str, float](), dict[str, float]()
+        self.landed: dict[str, Vec3] = {}
+        self._before: dict[str, Vec3] = {}
+
+    def __call__(self, engine: Engine) -> None:
+        flying = [v for v in engine.vehicles if v.airborne and v.truth is not None]
+        for one, other in combinations(flying, 2):
+            self.apart = min(self.apart, distance(one.truth.position, other.truth.position))
+        for vehicle in flying:
+            name, velocity, now = vehicle.name, vehicle.truth.velocity, engine.seconds()
+            if FROM + 1.0 < now < FROM + 3.0:
+                self.speed[name] = max(self.speed.get(name, 0.0), norm(velocity))
+            if FROM < now < FROM + 3.0:
+                change = distance(velocity, self._before.get(name, velocity))
+                self.step[name] = max(self.step.get(name, 0.0), change)
+            self._before[name] = velocity
+        self.landed = {v.name: v.truth.position for v in engine.vehicles if v.truth is not None}
+
+
+def flown(
+    tmp_path: Path,
+    faults: str = "[]",
+    emitted: tuple[tuple[float, str], ...] = (),
+    shape: str = "shape: line, side: 1.2 m",
+    more: str = "",
+) -> tuple[Seen, list[Event]]:
+    path = tmp_path / "mission.yaml"
+    text = MISSION.format(faults=faults, shape=shape, more=more)
+    path.write_text(text, encoding="utf-8")
+    result = compile_mission(path, catalog=load_catalog())
+    assert result.plan is not None, result.diagnostics
+    seen, told = Seen(), list[Event]()
+    request = RunRequest(out=tmp_path / "run", emitted=emitted)
+    fly(result.plan, request, (told.append,), observers=(seen,))
+    assert "collided" not in {event.name for event in told}
+    return seen, told
+
+
+def who(told: list[Event], name: str, **fields: str) -> set[str]:
+    return {e.vehicle for e in told if e.name == name and fields.items() <= e.fields.items()}
+
+
+@pytest.mark.thorough
+def test_the_others_slow_for_one_that_publishes_nothing_and_all_land(tmp_path: Path) -> None:
+    seen, told = flown(tmp_path, f"[{{at: {FROM} s, on: b, inject: neighbours_lost}}]")
+    assert who(told, "neighbour_lost", neighbour="b") == {"a", "c", "d"}
+    assert max(seen.speed[name] for name in "acd") < 0.1
+    assert seen.apart > 0.6
+    assert who(told, "landed") == set("abcd")
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("estimators", "told_of_it"),
+    [("", "position_refused"), (f"estimators: [{CREDULOUS}]", "jumped")],
+)
+def test_the_others_do_not_jump_with_one_whose_estimate_does_and_all_land(
+    tmp_path: Path, estimators: str, told_of_it: str
+) -> None:
+    fault = f"{{at: {FROM} s, on: b, inject: mocap_jump, offset: [0, 1, 0]}}"
+    seen, told = flown(tmp_path, f"[{fault}]", more=estimators)
+    assert who(told, told_of_it) == {"b"}
+    assert max(seen.step[name] for name in "acd") < HARD
+    assert seen.apart > 0.6
+    assert who(told, "landed") == set("abcd")
+
+
+@pytest.mark.thorough
+def test_two_that_brake_each_other_in_formation_land_where_they_are(tmp_path: Path) -> None:
+    seen, told = flown(
+        tmp_path,
+        emitted=((FROM + 4.0, "operator.all_down"),),
+        shape="points: [[0, 1.8, 0], [0, 0.4, 0], [0, -0.4, 0], [0, -1.8, 0]]",
+        more="supervisors: [{use: proximity, distance: 90 cm}]",
+    )
+    assert who(told, "too_close") == {"b", "c"}
+    assert who(told, "landed") == set("abcd")
+    assert seen.apart > 0.6
+    apart = [distance(seen.landed[a], seen.landed[b]) for a, b in combinations("abcd", 2)]
+    assert min(apart) > 0.6
