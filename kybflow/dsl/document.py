@@ -179,14 +179,23 @@ class AirframeEntry:
     spans: dict[str, Span]
 
 
+class Scan(NamedTuple):
+    """The parameters of a point cloud, as declared, and where its file is named."""
+
+    params: Any
+    span: Span
+
+
 @dataclass(frozen=True, slots=True)
 class ObstacleEntry:
-    """One entry of `world.obstacles`. may_touch: it is there to be touched."""
+    """One entry of `world.obstacles`. may_touch: it is there to be touched. scan: what a point
+    cloud is made of."""
 
     name: Text
     shape: Shape
     span: Span
     may_touch: bool = False
+    scan: Scan | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, th
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
 from kybflow.dsl.document import ObstacleEntry, StateEntry, VehicleEntry
 from kybflow.parts import AIR, GROUND, Footprint
+from kybflow.world.point_cloud import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape
 
 _ROUNDING = 1e-6
@@ -100,7 +101,8 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
 
     The path between the points of a behavior, where that is known, must stay further from every
     obstacle than the vehicle's arm. An obstacle that carries the vehicle before a take-off or after
-    a landing is none to it, nor is one that it is too close to already.
+    a landing is none to it, nor is one that it is too close to already. Where a processor leads it
+    round obstacles, only the points themselves must be clear.
     """
     for vehicle, state, entry, footprint in (
         case.cached(footprints) if case.document.obstacles else ()
@@ -109,7 +111,7 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
         for obstacle in kept_from(case):
             if entry is not None and obstacle.shape.distance(entry) < arm:
                 continue
-            room, point = nearest(path, obstacle.shape, arm)
+            room, point = nearest(path, obstacle.shape, arm, lines=not _goes_round(vehicle, state))
             if room >= arm or (_is_vertical(state) and _carries(obstacle, path[0], vehicle)):
                 continue
             yield Diagnostic(
@@ -208,11 +210,13 @@ def path_of(footprint: Footprint) -> tuple[Vec3, ...]:
     return footprint.path or (footprint.points if len(footprint.points) <= 2 else ())
 
 
-def nearest(path: tuple[Vec3, ...], shape: Shape, enough: float) -> tuple[float, Vec3]:
-    """The least distance of a path from a shape, and where. Lines that keep `enough` away are not
-    looked at closely."""
+def nearest(
+    path: tuple[Vec3, ...], shape: Shape, enough: float, *, lines: bool = True
+) -> tuple[float, Vec3]:
+    """The least distance of a path from a shape, and where; without its `lines` of its points
+    alone. Lines that keep `enough` away are not looked at closely."""
     found = min(((shape.distance(p), p) for p in path), default=(inf, (0.0, 0.0, 0.0)))
-    for a, b in pairwise(path):
+    for a, b in pairwise(path) if lines else ():
         middle = _between(a, b, 0.5)
         if shape.distance(middle) - distance(a, b) / 2 < min(enough, found[0]):
             found = min(found, _on_line(a, b, shape, enough))
@@ -222,6 +226,8 @@ def nearest(path: tuple[Vec3, ...], shape: Shape, enough: float) -> tuple[float,
 def _on_line(a: Vec3, b: Vec3, shape: Shape, enough: float) -> tuple[float, Vec3]:
     """The least distance of a line from a shape, by golden section: that of a convex solid has one
     minimum along a line. Ends as soon as it is sure that the line keeps `enough` away."""
+    if isinstance(shape, PointCloud):
+        return shape.nearest_on(a, b)
     low, high, length = 0.0, 1.0, distance(a, b)
     for _ in range(_STEPS):
         left, right = high - _RATIO * (high - low), low + _RATIO * (high - low)
@@ -239,6 +245,11 @@ def _on_line(a: Vec3, b: Vec3, shape: Shape, enough: float) -> tuple[float, Vec3
 def _between(a: Vec3, b: Vec3, part: float) -> Vec3:
     (ax, ay, az), (bx, by, bz) = a, b
     return ax + part * (bx - ax), ay + part * (by - ay), az + part * (bz - az)
+
+
+def _goes_round(vehicle: VehicleEntry, state: StateEntry) -> bool:
+    """Whether something leads the vehicle round what is in the way: it does so in the air only."""
+    return not _is_vertical(state) and any(use.spec.cls.goes_round for use in vehicle.processors)
 
 
 def _is_vertical(state: StateEntry) -> bool:

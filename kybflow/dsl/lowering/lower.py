@@ -248,19 +248,26 @@ def files_of(document: Document) -> tuple[File, ...]:
 
 def _named(document: Document) -> Iterator[tuple[File, str]]:
     """Each file that a parameter names, and the folder beside which it does."""
-    for use in _uses(document):
-        for field in use.spec.fields:
-            file = getattr(use.params, field.name)
-            if isinstance(file, File):
-                yield file, os.path.dirname(use.spans[field.name].file)
+    yield from _named_by_parts(document)
     for tags in document.tags:
         if isinstance(tags.params, TagFile):
             yield tags.params.file, os.path.dirname(tags.span.file)
+    for obstacle in document.obstacles:
+        if obstacle.scan is not None:
+            yield obstacle.scan.params.file, os.path.dirname(obstacle.scan.span.file)
     for vehicle in document.vehicles.values():
         for camera in vehicle.cameras:
             if camera.params.calibration is not None:
                 beside = os.path.dirname(camera.spans["calibration"].file)
                 yield camera.params.calibration, beside
+
+
+def _named_by_parts(document: Document) -> Iterator[tuple[File, str]]:
+    for use in _uses(document):
+        for field in use.spec.fields:
+            file = getattr(use.params, field.name)
+            if isinstance(file, File):
+                yield file, os.path.dirname(use.spans[field.name].file)
 
 
 def _uses(document: Document) -> Iterator[PartUse]:

@@ -29,6 +29,7 @@ from kybflow.core.units import (
     Speed,
 )
 from kybflow.dsl.reading.calibration import read_calibration
+from kybflow.dsl.reading.point_cloud import read_points
 from kybflow.dsl.reading.tag_table import LARGEST, read_tags
 from kybflow.dsl.schema.building import (
     Schema,
@@ -129,6 +130,27 @@ class MovingSphereParams:
 
 
 @declared
+class PointCloudParams:
+    file: File = param(
+        "Its points: PLY (ASCII or binary), a table with x, y and z, or three numbers a line.",
+        reads=read_points, binary=True,
+    )  # fmt: skip
+    radius: Length = param(
+        "How far around each point it is solid: half the greatest gap in the scan, or more.",
+        above=0.0, at_most=1.0,
+    )  # fmt: skip
+    units: Literal["m", "mm"] = param("What the file measures in.", default="m")
+    at: Position = param("Where the scan's origin is, world frame.", default=ZERO)
+    heading: Angle = param(
+        "The scan turned about the vertical by this, counter-clockwise from above.", default=0.0
+    )
+    above: Length | None = param(
+        "Points that are not higher than this are left out, world frame: the floor's.",
+        default=None,
+    )
+
+
+@declared
 class TagFile:
     file: File = param(
         "A table of tags: `family, id, size, x, y, z, heading [deg]`, a row a tag.",
@@ -182,7 +204,7 @@ def _obstacle() -> Schema:
     facing = vector(NUMBER, "Its direction, of any length; what is behind it is solid.")
     return mapping(
         "obstacle",
-        "One solid: a box, a cylinder, a sphere, a plane or a moving sphere.",
+        "One solid: a box, a cylinder, a sphere, a plane, a point cloud or a moving sphere.",
         {
             **params_schema(fields_of(ObstacleParams), "obstacle")["properties"],
             "box": _solid("box", "A box along the axes.", {"from": low, "to": high}),
@@ -191,6 +213,9 @@ def _obstacle() -> Schema:
             ),
             "sphere": _solid("sphere", "A ball.", {"at": at, "radius": radius}),
             "plane": _solid("plane", "A wall without end.", {"at": point, "facing": facing}),
+            "point_cloud": _declared(
+                PointCloudParams, "point_cloud", "What a scanner saw: balls around points."
+            ),
             "moving_sphere": _solid(
                 "moving_sphere",
                 "A ball that goes along lines, there and back.",

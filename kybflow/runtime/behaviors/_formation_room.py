@@ -9,8 +9,8 @@ from kybflow.core.geometry import Vec3, add, norm
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Tick, Time
 from kybflow.core.units import Length
-from kybflow.flight.avoidance.clearance import Surface, stopping_speed, walls
-from kybflow.world.shapes import Box, Shape, Sphere
+from kybflow.flight.avoidance.clearance import Surface, reach_of, stopping_speed, walls
+from kybflow.world.shapes import Box, Shape, Sphere, around
 from kybflow.world.vehicle_context import VehicleContext
 
 
@@ -97,9 +97,10 @@ class FormationRoom:
 def _solids(place: Vec3, shapes: Iterable[Shape], keep: float, speed: float) -> Iterator[Surface]:
     """Yield what a place that keeps away from the shapes must slow down for at `speed` (m/s)."""
     for shape in shapes:
-        room = shape.distance(place) - keep
-        if stopping_speed(room) < speed:
-            yield Surface(room, shape.outward(place))
+        for apart, outward in around(shape, place, keep + reach_of(speed)):
+            room = apart - keep
+            if stopping_speed(room) < speed:
+                yield Surface(room, outward)
 
 
 def _is_far(centre: Vec3, offsets: Sequence[Vec3], box: Box, speed: float) -> bool:
