@@ -1,5 +1,5 @@
 """Obstacles and where the vehicles stand, fly and return to, and what they keep away from: KYB340
-to KYB343, KYB345, KYB453, KYB510 and KYB511."""
+to KYB343, KYB345, KYB453, KYB510, KYB511 and KYB546."""
 
 from __future__ import annotations
 
@@ -124,6 +124,27 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
                 related=values_of(state.part),
             )
             break
+
+
+def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
+    """KYB546: no point of a scan is in the fence (a warning): it is in another unit, or its origin
+    is elsewhere."""
+    fence = case.document.fence
+    for obstacle in case.document.obstacles if fence is not None else ():
+        if obstacle.scan is None or not isinstance(obstacle.shape, PointCloud):
+            continue
+        points = obstacle.shape.array
+        if not ((points >= fence.low) & (points <= fence.high)).all(axis=1).any():
+            low, high = obstacle.shape.bounds
+            yield Diagnostic(
+                "KYB546",
+                f"no point of `{obstacle.name.text}` is in the fence",
+                obstacle.scan.span,
+                label=f"it reaches from {shown_point(low)} to {shown_point(high)}",
+                notes=(extent(fence),),
+                help="give its `units`, or where its origin is as `at`",
+                severity=Severity.WARNING,
+            )
 
 
 def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
