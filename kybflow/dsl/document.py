@@ -4,6 +4,7 @@ are gone."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -200,11 +201,24 @@ class ObstacleEntry:
 
 @dataclass(frozen=True, slots=True)
 class MovingEntry:
-    """One entry of `world.obstacles` that moves."""
+    """One entry of `world.obstacles` that moves. body: its name in motion capture, where that is
+    another."""
 
     name: Text
     sphere: MovingSphere
     span: Span
+    body: str | None = None
+
+    def eye(self, vehicles: Iterable[VehicleEntry]) -> tuple[VehicleEntry, PartUse, Any] | None:
+        """The first sensor that can tell where it is, with its vehicle and the parameters for it;
+        None where there is none."""
+        body = self.body or self.name.text
+        for vehicle in vehicles:
+            for sensor in vehicle.sensors:
+                params = sensor.part.spec.cls.tracking(sensor.part.params, body)
+                if params is not None:
+                    return vehicle, sensor.part, params
+        return None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """Obstacles and where the vehicles stand, fly and return to, and what they keep away from: KYB340
-to KYB343, KYB345, KYB453, KYB510, KYB511 and KYB546."""
+to KYB343, KYB345, KYB453, KYB510, KYB511, KYB546 and
+KYB547."""
 
 from __future__ import annotations
 
@@ -130,8 +131,8 @@ def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
     """KYB546: no point of a scan is in the fence (a warning): it is in another unit, or its origin
     is elsewhere."""
     fence = case.document.fence
-    for obstacle in case.document.obstacles if fence is not None else ():
-        if obstacle.scan is None or not isinstance(obstacle.shape, PointCloud):
+    for obstacle in case.document.obstacles:
+        if fence is None or obstacle.scan is None or not isinstance(obstacle.shape, PointCloud):
             continue
         points = obstacle.shape.array
         if not ((points >= fence.low) & (points <= fence.high)).all(axis=1).any():
@@ -161,18 +162,40 @@ def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
 
 
 def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
-    """KYB511: an obstacle moves, and the target's vehicles are real: the simulator alone moves it
-    and sees it."""
+    """KYB511: an obstacle moves, the target's vehicles are real, and none has a sensor that could
+    tell where it is: motion capture."""
     if all(vehicle.driver.spec.cls.simulated for vehicle in case.vehicles()):
         return
     for moving in case.document.moving:
-        yield Diagnostic(
-            "KYB511",
-            f"nothing sees where `{moving.name.text}` is",
-            moving.span,
-            label="it moves in the simulator only",
-            help="fly it on a simulated target, or remove it",
-        )
+        if moving.eye(case.vehicles()) is None:
+            yield Diagnostic(
+                "KYB511",
+                f"nothing sees where `{moving.name.text}` is",
+                moving.span,
+                label="no vehicle is tracked by motion capture",
+                help="give one the sensor `vrpn` or `motion_capture`, or fly a simulated target",
+            )
+
+
+def seen_as_another(case: Case) -> Iterator[Diagnostic]:
+    """KYB547: an obstacle that moves has the body in motion capture of a vehicle, or of another
+    obstacle: it would be where that one is."""
+    taken: dict[str, str] = {}
+    for vehicle in case.vehicles() if case.document.moving else ():
+        for sensor in vehicle.sensors:
+            claim = sensor.part.spec.cls.claim(sensor.part.params, vehicle.name.text)
+            if claim is not None:
+                taken.setdefault(claim.what, vehicle.name.text)
+    for moving in case.document.moving:
+        name, eye = moving.name.text, moving.eye(case.vehicles())
+        claim = None if eye is None else eye[1].spec.cls.claim(eye[2], name)
+        if claim is not None and taken.setdefault(claim.what, name) != name:
+            yield Diagnostic(
+                "KYB547",
+                f"`{name}` has {claim.what}, as `{taken[claim.what]}` has",
+                moving.span,
+                help="give it its own `body`",
+            )
 
 
 def kept_from(case: Case) -> Iterator[ObstacleEntry]:

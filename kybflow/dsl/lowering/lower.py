@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.files import File
@@ -75,6 +76,7 @@ def lower(
         resolved=resolved,
         obstacles={use.name.text: use.shape for use in document.obstacles},
         moving={use.name.text: use.sphere for use in document.moving},
+        watching=dict(_watching(document)),
         touchable=frozenset(use.name.text for use in document.obstacles if use.may_touch),
         points=document.points,
         tags=TagMap(tag for use in document.tags for tag in use.tags),
@@ -85,6 +87,16 @@ def lower(
         inputs=tuple(_input(use) for use in document.inputs.values()),
         files=files_of(document),
     )
+
+
+def _watching(document: Document) -> Iterator[tuple[str, tuple[str, PartPlan]]]:
+    """The first sensor that can tell where a moving obstacle is, and its vehicle."""
+    for moving in document.moving:
+        eye = moving.eye(document.vehicles.values())
+        if eye is not None:
+            vehicle, use, params = eye
+            part = replace(_part(use, f"obstacles.{moving.name.text}"), params=params)
+            yield moving.name.text, (vehicle.name.text, part)
 
 
 def _input(use: InputEntry) -> InputPlan:

@@ -124,9 +124,13 @@ class ObstacleParams:
 
 @declared
 class MovingSphereParams:
-    along: Path = param("The points through which its centre goes.")
+    along: Path = param("The points through which its centre goes, where it is simulated.")
     radius: Length = param("Its radius.", above=0.0)
-    speed: Speed = param("How fast it goes.", above=0.0, at_most=2.0)
+    speed: Speed = param("How fast it goes, at most.", above=0.0, at_most=2.0)
+    body: str | None = param(
+        "Its name in motion capture, which sees where it is; the obstacle's by default.",
+        default=None,
+    )
 
 
 @declared

@@ -149,7 +149,7 @@ def _moving(node: Node | None) -> Diagnosed[tuple[MovingEntry, ...]]:
         of = yield from params_of(MovingSphereParams, own.value, _MOVING, own.key.span)
         if of is not None:
             sphere = MovingSphere(of.along, of.radius, of.speed)
-            found.append(MovingEntry(entry.key.as_text, sphere, entry.key.span))
+            found.append(MovingEntry(entry.key.as_text, sphere, entry.key.span, of.body))
     return tuple(found)
 
 

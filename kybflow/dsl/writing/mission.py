@@ -136,7 +136,8 @@ def world_lines(document: Document) -> Iterator[YamlLine]:
         along, radius, speed = moving.sphere
         points = ", ".join(vector(point, LENGTH) for point in along)
         size = f"radius: {quantity(radius, LENGTH)}, speed: {quantity(speed, SPEED)}"
-        text = f"{{moving_sphere: {{along: [{points}], {size}}}}}"
+        body = f", body: {quoted(moving.body)}" if moving.body else ""
+        text = f"{{moving_sphere: {{along: [{points}], {size}{body}}}}}"
         yield f"    {moving.name.text}: {text}", moving.span.at
     if document.tags:
         yield "  tags:", at
