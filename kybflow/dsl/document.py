@@ -201,18 +201,16 @@ class ObstacleEntry:
 
 @dataclass(frozen=True, slots=True)
 class MovingEntry:
-    """One entry of `world.obstacles` that moves. body: its name in motion capture, where that is
-    another."""
+    """One entry of `world.obstacles` that moves."""
 
     name: Text
     sphere: MovingSphere
     span: Span
-    body: str | None = None
 
     def eye(self, vehicles: Iterable[VehicleEntry]) -> tuple[VehicleEntry, PartUse, Any] | None:
         """The first sensor that can tell where it is, with its vehicle and the parameters for it;
         None where there is none."""
-        body = self.body or self.name.text
+        body = self.sphere.body or self.name.text
         for vehicle in vehicles:
             for sensor in vehicle.sensors:
                 params = sensor.part.spec.cls.tracking(sensor.part.params, body)

@@ -180,11 +180,13 @@ _TURNING = 1.5
 
 class MovingSphere(NamedTuple):
     """A ball that goes along straight lines through `along`, there and back, at up to `speed`
-    (m/s); it starts and stops with 1.5 m/s^2 at each point."""
+    (m/s); it starts and stops with 1.5 m/s^2 at each point. body: its name in motion capture, None
+    where that is its own."""
 
     along: tuple[Vec3, ...]
     radius: float
     speed: float
+    body: str | None = None
 
     def at(self, seconds: float) -> Vec3:
         """Return where its centre is so long after the start."""

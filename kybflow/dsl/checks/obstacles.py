@@ -172,7 +172,7 @@ def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
                 "KYB511",
                 f"nothing sees where `{moving.name.text}` is",
                 moving.span,
-                label="no vehicle is tracked by motion capture",
+                label="motion capture tracks no vehicle",
                 help="give one the sensor `vrpn` or `motion_capture`, or fly a simulated target",
             )
 

@@ -148,8 +148,8 @@ def _moving(node: Node | None) -> Diagnosed[tuple[MovingEntry, ...]]:
             continue
         of = yield from params_of(MovingSphereParams, own.value, _MOVING, own.key.span)
         if of is not None:
-            sphere = MovingSphere(of.along, of.radius, of.speed)
-            found.append(MovingEntry(entry.key.as_text, sphere, entry.key.span, of.body))
+            sphere = MovingSphere(of.along, of.radius, of.speed, of.body)
+            found.append(MovingEntry(entry.key.as_text, sphere, entry.key.span))
     return tuple(found)
 
 

@@ -133,11 +133,11 @@ def world_lines(document: Document) -> Iterator[YamlLine]:
             contact = ", contact: allowed" if use.may_touch else ""
             yield f"    {use.name.text}: {{{_solid(use)}{contact}}}", use.span.at
     for moving in document.moving:
-        along, radius, speed = moving.sphere
+        along, radius, speed, body = moving.sphere
         points = ", ".join(vector(point, LENGTH) for point in along)
         size = f"radius: {quantity(radius, LENGTH)}, speed: {quantity(speed, SPEED)}"
-        body = f", body: {quoted(moving.body)}" if moving.body else ""
-        text = f"{{moving_sphere: {{along: [{points}], {size}{body}}}}}"
+        named = f", body: {quoted(body)}" if body else ""
+        text = f"{{moving_sphere: {{along: [{points}], {size}{named}}}}}"
         yield f"    {moving.name.text}: {text}", moving.span.at
     if document.tags:
         yield "  tags:", at
