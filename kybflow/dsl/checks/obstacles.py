@@ -112,7 +112,9 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
         for obstacle in kept_from(case):
             if entry is not None and obstacle.shape.distance(entry) < arm:
                 continue
-            room, point = nearest(path, obstacle.shape, arm, lines=not _goes_round(vehicle, state))
+            room, point = nearest(path, obstacle.shape, arm)
+            if room < arm and _goes_round(vehicle, state):
+                room, point = min((obstacle.shape.distance(p), p) for p in path)
             if room >= arm or (_is_vertical(state) and _carries(obstacle, path[0], vehicle)):
                 continue
             yield Diagnostic(
@@ -254,13 +256,11 @@ def path_of(footprint: Footprint) -> tuple[Vec3, ...]:
     return footprint.path or (footprint.points if len(footprint.points) <= 2 else ())
 
 
-def nearest(
-    path: tuple[Vec3, ...], shape: Shape, enough: float, *, lines: bool = True
-) -> tuple[float, Vec3]:
-    """The least distance of a path from a shape, and where; without its `lines` of its points
-    alone. Lines that keep `enough` away are not looked at closely."""
+def nearest(path: tuple[Vec3, ...], shape: Shape, enough: float) -> tuple[float, Vec3]:
+    """The least distance of a path from a shape, and where. Lines that keep `enough` away are not
+    looked at closely."""
     found = min(((shape.distance(p), p) for p in path), default=(inf, (0.0, 0.0, 0.0)))
-    for a, b in pairwise(path) if lines else ():
+    for a, b in pairwise(path):
         middle = _between(a, b, 0.5)
         if shape.distance(middle) - distance(a, b) / 2 < min(enough, found[0]):
             found = min(found, _on_line(a, b, shape, enough))
